@@ -1,0 +1,40 @@
+"""One error class a stage, so that a caller can tell bad input from a failed solution."""
+
+
+class TurnoutError(Exception):
+    """Base of everything that turnout raises on purpose; its text is fit for the screen."""
+
+
+class FileError(TurnoutError):
+    """A file cannot be read or written; the text names the path and the remedy."""
+
+
+class PanelError(TurnoutError):
+    """A panel, an override or a foreign object is not valid.
+
+    Parameters
+    ----------
+    problems : sequence of str
+        Every problem found, each naming the key's path, the value and what is allowed.
+    source : str
+        Where the values came from (a file, a library panel, an option).
+    """
+
+    def __init__(self, problems: list[str] | tuple[str, ...], *, source: str = "panel") -> None:
+        self.problems = tuple(problems)
+        self.source = source
+        count = len(self.problems)
+        heading = f"{source}: {count} problem{'s' if count != 1 else ''}"
+        super().__init__("\n  - ".join((heading, *self.problems)))
+
+
+class MechanicsError(TurnoutError):
+    """A mesh, a reduction or a mechanism cannot be built from what was given."""
+
+
+class SolverError(TurnoutError):
+    """A simulation ended early; see `turnout.integrate.outcome` for what it carries."""
+
+
+class ResponseError(TurnoutError):
+    """A response cannot be made, read or written."""
