@@ -1,0 +1,1 @@
+"""Shear-flexible beams on a straight reference line: elements, meshes, sparse matrices."""

@@ -1,0 +1,203 @@
+"""Sparse matrices of a whole beam, with its DOFs addressed by position and name."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+
+from turnout.beam.element import element_gravity_load, element_mass, element_stiffness
+from turnout.beam.material import Material
+from turnout.beam.mesh import MERGE_DISTANCE
+from turnout.errors import MechanicsError
+from turnout.section.properties import SectionProperties
+
+FloatArray = npt.NDArray[np.float64]
+
+DOF = ("ux", "uy", "uz", "rx", "ry", "rz")
+"""Names of a node's degrees of freedom, in their order."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BeamModel:
+    """Matrices of an unsupported beam; DOF ``6 i + k`` is ``DOF[k]`` of node i.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Increasing node positions on the reference line [m].
+    stiffness : csr_array, shape (6 n, 6 n)
+        Singular: six rigid-body modes [N/m, N, N m].
+    mass : csr_array, shape (6 n, 6 n)
+        Consistent mass [kg, kg m, kg m^2].
+    gravity_load : ndarray, shape (6 n,)
+        Nodal loads of the own weight [N, N m].
+    name : str
+        Name for messages.
+    """
+
+    x: FloatArray
+    stiffness: sp.csr_array
+    mass: sp.csr_array
+    gravity_load: FloatArray
+    name: str = "beam"
+
+
+def assemble_beam(
+    x: npt.ArrayLike,
+    sections: SectionProperties,
+    material: Material,
+    *,
+    gravity: float = 9.81,
+    name: str = "beam",
+) -> BeamModel:
+    """Assemble a straight beam.
+
+    Parameters
+    ----------
+    x : array_like, shape (n,)
+        Increasing node positions [m].
+    sections : SectionProperties, shape (n - 1,)
+        Properties at the middle of each element; the error of a smooth taper is of second order.
+    material : Material
+    gravity : float
+        Acceleration [m/s^2]; a positive value pulls along -z.
+    name : str
+        Name for messages.
+
+    Returns
+    -------
+    BeamModel
+
+    Examples
+    --------
+    >>> steel = Material(youngs_modulus=2e11, poisson_ratio=0.25, density=8000.0)
+    >>> two, nil = np.ones(2), np.zeros(2)
+    >>> section = SectionProperties(1e-2 * two, *[1e-5 * two] * 2, nil, *[two] * 3, *[nil] * 4)
+    >>> beam = assemble_beam([0.0, 1.0, 2.0], section, steel, gravity=10.0)
+    >>> round(float(beam.gravity_load[2::6].sum()), 6)  # 2 m of 80 kg/m
+    -1600.0
+    """
+    nodes = np.asarray(x, dtype=float)
+    length = np.diff(nodes)
+    if nodes.ndim != 1 or nodes.size < 2 or not np.all(length > 0.0):
+        msg = f"{name}: node positions must be two or more and increase"
+        raise MechanicsError(msg)
+    if sections.area.size != length.size:
+        msg = f"{name}: {length.size} elements need as many sections, not {sections.area.size}"
+        raise MechanicsError(msg)
+    dofs = 6 * np.arange(length.size)[:, None] + np.arange(12)
+    load = np.zeros(6 * nodes.size)
+    np.add.at(load, dofs, element_gravity_load(length, sections, material, gravity=gravity))
+    return BeamModel(
+        x=nodes,
+        stiffness=_assemble(element_stiffness(length, sections, material), dofs, load.size),
+        mass=_assemble(element_mass(length, sections, material), dofs, load.size),
+        gravity_load=load,
+        name=name,
+    )
+
+
+def node_index(model: BeamModel, x: float) -> int:
+    """Find the node at position x [m].
+
+    Raises
+    ------
+    MechanicsError
+        If no node lies within `turnout.beam.mesh.MERGE_DISTANCE`; the text names the nearest.
+    """
+    nearest = int(np.argmin(np.abs(model.x - x)))
+    if not abs(model.x[nearest] - x) <= MERGE_DISTANCE:
+        msg = (
+            f"{model.name}: there is no node at x = {x} m; the nearest is at "
+            f"{model.x[nearest]:.6g} m; force the position when meshing"
+        )
+        raise MechanicsError(msg)
+    return nearest
+
+
+def dof_index(model: BeamModel, x: float, direction: str) -> int:
+    """Find the index of a node's DOF by position and name.
+
+    Parameters
+    ----------
+    model : BeamModel
+    x : float
+        Position of the node [m].
+    direction : str
+        One of `DOF`.
+
+    Raises
+    ------
+    MechanicsError
+        If there is no node at x or no such DOF.
+
+    Examples
+    --------
+    >>> steel = Material(youngs_modulus=2e11, poisson_ratio=0.25, density=8000.0)
+    >>> one, nil = np.ones(1), np.zeros(1)
+    >>> section = SectionProperties(*[one] * 3, nil, *[one] * 3, *[nil] * 4)
+    >>> dof_index(assemble_beam([0.0, 1.0], section, steel), 1.0, "uy")
+    7
+    """
+    return 6 * node_index(model, x) + _component(direction)
+
+
+def point_row(
+    model: BeamModel, x: float, direction: str, *, y: float = 0.0, z: float = 0.0
+) -> FloatArray:
+    r"""Form the row that takes nodal displacements to those of a point fixed to the section.
+
+    Transposed, it takes a force at that point to nodal forces and moments. With the offset
+    r = (0, y, z) and the rotation theta the point moves by u + theta x r:
+
+    .. math::
+
+        u_{px} = u_x + r_y z - r_z y, \quad u_{py} = u_y - r_x z, \quad u_{pz} = u_z + r_x y.
+
+    Parameters
+    ----------
+    model : BeamModel
+    x : float
+        Position of the node [m].
+    direction : str
+        One of `DOF`. A rotation is that of the section, whatever the offset.
+    y, z : float
+        Offset of the point from the reference line [m].
+
+    Returns
+    -------
+    ndarray, shape (6 n,)
+
+    Examples
+    --------
+    >>> steel = Material(youngs_modulus=2e11, poisson_ratio=0.25, density=8000.0)
+    >>> one, nil = np.ones(1), np.zeros(1)
+    >>> section = SectionProperties(*[one] * 3, nil, *[one] * 3, *[nil] * 4)
+    >>> beam = assemble_beam([0.0, 1.0], section, steel)
+    >>> point_row(beam, 0.0, "uy", z=0.3)[:6].tolist()
+    [0.0, 1.0, 0.0, -0.3, 0.0, 0.0]
+    """
+    first = 6 * node_index(model, x)
+    component = _component(direction)
+    arms = {0: {4: z, 5: -y}, 1: {3: -z}, 2: {3: y}}.get(component, {})
+    row = np.zeros(model.gravity_load.size)
+    row[first + component] = 1.0
+    for rotation, arm in arms.items():
+        row[first + rotation] = arm
+    return row
+
+
+def _component(direction: str) -> int:
+    if direction not in DOF:
+        msg = f"there is no degree of freedom {direction!r}; allowed are {', '.join(DOF)}"
+        raise MechanicsError(msg)
+    return DOF.index(direction)
+
+
+def _assemble(blocks: FloatArray, dofs: npt.NDArray[np.intp], size: int) -> sp.csr_array:
+    rows = np.repeat(dofs, 12, axis=1).ravel()
+    columns = np.tile(dofs, (1, 12)).ravel()
+    matrix = sp.coo_array((blocks.ravel(), (rows, columns)), shape=(size, size)).tocsr()
+    matrix.eliminate_zeros()
+    return matrix

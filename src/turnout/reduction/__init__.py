@@ -1,0 +1,1 @@
+"""Reduction of linear structures: matrices in, smaller matrices out; knows no rails."""
