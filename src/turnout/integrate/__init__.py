@@ -1,0 +1,1 @@
+"""Static equilibrium and implicit time stepping of a mechanism: arrays in, arrays out."""

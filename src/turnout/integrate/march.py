@@ -1,0 +1,227 @@
+"""The time loop: steps, halved steps, stored instants.
+
+Kernels change `State` in place and return an outcome code; they never raise and never print.
+"""
+
+from typing import NamedTuple
+
+from turnout.integrate.columns import rebuild, refresh_inverse
+from turnout.integrate.energy import (
+    account_friction,
+    account_laws,
+    account_modal,
+    stored_energy,
+    switch_laws,
+)
+from turnout.integrate.solve import (
+    CONVERGED,
+    Tolerances,
+    Work,
+    equilibrium_residual,
+    restore_set,
+    settle,
+    update_marked,
+)
+from turnout.integrate.system import COUNT_HALVED, COUNT_RECENT, Floats, State, System
+from turnout.law.compiled import compiled
+from turnout.law.table import LawTable
+
+REBUILD_AFTER = 500
+
+
+class Stepping(NamedTuple):
+    """Step size and generalised-alpha coefficients."""
+
+    step: float
+    alpha_m: float
+    alpha_f: float
+    beta: float
+    gamma: float
+    halvings: int
+    stride: int
+
+
+class Record(NamedTuple):
+    """Stored instants, one row each, and the running checks."""
+
+    q: Floats
+    g: Floats
+    friction: Floats
+    law: Floats
+    stored: Floats
+    ledger: Floats
+    residual: Floats
+
+
+@compiled
+def _coefficients(stepping: Stepping, h: float) -> tuple[float, float]:
+    """Return what multiplies identity and damping in the matrix of the implicit step."""
+    kappa = (1.0 - stepping.alpha_f) / (1.0 - stepping.alpha_m)
+    return 1.0 / (h * h * stepping.beta * kappa), stepping.gamma / (h * stepping.beta)
+
+
+@compiled
+def _predict(system: System, state: State, work: Work, stepping: Stepping, h: float) -> None:
+    """Save the state and write the right side of the implicit step."""
+    inertia, viscosity = _coefficients(stepping, h)
+    share = 1.0 / (1.0 - stepping.alpha_m)
+    n_modes = state.q.size
+    for i in range(n_modes):
+        work.q[i] = state.q[i]
+        work.v[i] = state.v[i]
+        work.a[i] = state.a[i]
+        work.acceleration[i] = state.acceleration[i]
+        known = share * (stepping.alpha_f * state.acceleration[i] - stepping.alpha_m * state.a[i])
+        work.predicted[i] = (
+            state.q[i]
+            + h * state.v[i]
+            + h * h * ((0.5 - stepping.beta) * state.a[i] + stepping.beta * known)
+        )
+        work.velocity[i] = state.v[i] + h * (
+            (1.0 - stepping.gamma) * state.a[i] + stepping.gamma * known
+        )
+    for i in range(n_modes):
+        total = inertia * work.predicted[i] + system.load[i]
+        row = system.damping[i]
+        for j in range(n_modes):
+            total += row[j] * (viscosity * work.predicted[j] - work.velocity[j])
+        work.right_side[i] = total
+
+
+@compiled
+def _correct(state: State, work: Work, stepping: Stepping, h: float) -> None:
+    """Complete velocity and accelerations from the solved coordinates."""
+    inertia, viscosity = _coefficients(stepping, h)
+    share = 1.0 / (1.0 - stepping.alpha_m)
+    for i in range(state.q.size):
+        change = state.q[i] - work.predicted[i]
+        state.v[i] = work.velocity[i] + viscosity * change
+        state.acceleration[i] = inertia * change
+        state.a[i] = share * (
+            (1.0 - stepping.alpha_f) * state.acceleration[i]
+            + stepping.alpha_f * work.acceleration[i]
+            - stepping.alpha_m * work.a[i]
+        )
+
+
+@compiled
+def _try_step(
+    system: System,
+    table: LawTable,
+    state: State,
+    work: Work,
+    tolerances: Tolerances,
+    stepping: Stepping,
+    h: float,
+) -> int:
+    """Take one step of length `h`; on failure leave the state as it was."""
+    _predict(system, state, work, stepping, h)
+    work.g[:] = state.g
+    work.old_segment[:] = state.segment
+    work.old_friction[:] = state.friction
+    code = settle(system, table, state, work, tolerances)
+    if code == CONVERGED:
+        _correct(state, work, stepping, h)
+        return code
+    state.q[:] = work.q
+    state.g[:] = work.g
+    restore_set(system, table, state, work)
+    return code
+
+
+@compiled
+def _advance(
+    system: System,
+    table: LawTable,
+    state: State,
+    work: Work,
+    tolerances: Tolerances,
+    stepping: Stepping,
+    inputs: tuple[Floats, Floats],
+    time: float,
+) -> int:
+    """Cover one nominal step from `time`, in one piece or in halved pieces."""
+    old, new = inputs
+    marks = 1 << stepping.halvings
+    position, level = 0, 0
+    begin = state.inputs.copy()
+    while position < marks:
+        size = marks >> level
+        h = stepping.step * size / marks
+        share = (position + size) / marks
+        begin[:] = state.inputs
+        for k in range(new.size):
+            state.inputs[k] = old[k] + share * (new[k] - old[k])
+        code = _try_step(system, table, state, work, tolerances, stepping, h)
+        if code != CONVERGED:
+            state.inputs[:] = begin
+            level += 1
+            if level > stepping.halvings:
+                return code
+            state.counters[COUNT_HALVED] += 1
+            inertia, viscosity = _coefficients(stepping, stepping.step / (1 << level))
+            rebuild(system, table, state, inertia, viscosity, work.row)
+            continue
+        account_modal(system, state, work)
+        account_laws(table, state, begin, time + share * stepping.step)
+        account_friction(table, state)
+        position += size
+    if level > 0:
+        inertia, viscosity = _coefficients(stepping, stepping.step)
+        refresh_inverse(system, state, inertia, viscosity)
+    return CONVERGED
+
+
+@compiled
+def store(
+    system: System, table: LawTable, state: State, work: Work, record: Record, at: int
+) -> None:
+    """Store the present instant."""
+    record.q[at] = state.q
+    record.g[at] = state.g
+    record.friction[at] = state.friction_force
+    record.law[at] = state.law_force
+    stored_energy(system, table, state, work, record.stored[at])
+    record.ledger[at] = state.ledger
+
+
+@compiled
+def march(
+    system: System,
+    table: LawTable,
+    state: State,
+    work: Work,
+    tolerances: Tolerances,
+    stepping: Stepping,
+    inputs: Floats,
+    first: int,
+    last: int,
+    record: Record,
+) -> tuple[int, int]:
+    """Step from instant `first` to instant `last`; return the outcome code and the instant reached.
+
+    Parameters
+    ----------
+    inputs : ndarray, shape (n_steps + 1, n_inputs)
+        Marker positions at the ends of the steps [m].
+    first, last : int
+        Indices into `inputs`; the state is that of instant `first`.
+    """
+    inertia, viscosity = _coefficients(stepping, stepping.step)
+    refresh_inverse(system, state, inertia, viscosity)
+    for n in range(first, last):
+        time = n * stepping.step
+        count = switch_laws(table, state, work, time + stepping.step)
+        update_marked(system, table, state, work, count)
+        pair = (inputs[n], inputs[n + 1])
+        code = _advance(system, table, state, work, tolerances, stepping, pair, time)
+        if code != CONVERGED:
+            return code, n
+        if state.counters[COUNT_RECENT] >= REBUILD_AFTER:
+            rebuild(system, table, state, inertia, viscosity, work.row)
+        if (n + 1) % stepping.stride == 0:
+            store(system, table, state, work, record, (n + 1) // stepping.stride)
+            if (n + 1) % (100 * stepping.stride) == 0:
+                residual = equilibrium_residual(system, table, state, work)
+                record.residual[0] = max(record.residual[0], residual)
+    return CONVERGED, last

@@ -1,0 +1,248 @@
+"""Integrate a mechanism from its static equilibrium through a motion of its markers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.errors import SolverError
+from turnout.integrate.columns import rebuild
+from turnout.integrate.energy import account_friction, account_laws
+from turnout.integrate.march import Record, Stepping, march, store
+from turnout.integrate.outcome import Code, Outcome
+from turnout.integrate.scheme import AlphaCoefficients, Scheme
+from turnout.integrate.solve import Tolerances, Work, equilibrium, equilibrium_residual, new_work
+from turnout.integrate.system import (
+    COUNT_FLIPS,
+    COUNT_HALVED,
+    COUNT_ITERATIONS,
+    State,
+    System,
+    condensed_system,
+    fresh_state,
+    linear_stiffness,
+)
+from turnout.law.kernel import SLIP_FORWARD, STICK
+from turnout.law.table import LawTable
+from turnout.mechanism.mechanism import Mechanism
+from turnout.reduction.modal_residual import ModalModel, modal_model
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+CHUNK_STEPS = 500
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """What a run leaves behind; n is the number of stored instants.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Stored instants [s].
+    inputs : ndarray, shape (n, n_inputs)
+        Marker positions [m].
+    q : ndarray, shape (n, n_modes)
+        Modal coordinates.
+    g : ndarray, shape (n, n_rows)
+        Row displacements [m].
+    law_force, friction_force : ndarray, shape (n, n_laws), (n, n_frictions)
+        Forces with which laws and frictions resist [N].
+    stored, ledger : ndarray, shape (n, 4), (n, 6)
+        Energies, see `turnout.integrate.energy` for the columns [J].
+    law_first, law_peak : ndarray, shape (n_laws,)
+        First time with a force (nan: never) [s] and largest force [N], from every step.
+    model : ModalModel
+        The condensed system, for the recovery of shapes.
+    outcome : Outcome
+        How the run ended.
+    iterations, flips, halved : int
+        Contact-set iterations, rank-one updates, halved steps.
+    """
+
+    time: Floats
+    inputs: Floats
+    q: Floats
+    g: Floats
+    law_force: Floats
+    friction_force: Floats
+    stored: Floats
+    ledger: Floats
+    law_first: Floats
+    law_peak: Floats
+    model: ModalModel
+    outcome: Outcome
+    iterations: int
+    flips: int
+    halved: int
+
+
+def condense(mechanism: Mechanism, *, cutoff_frequency: float) -> ModalModel:
+    """Return the modes and residual flexibility of a mechanism with its base laws closed."""
+    return modal_model(
+        linear_stiffness(mechanism.stiffness, mechanism.rows, mechanism.laws),
+        mechanism.mass,
+        damping=mechanism.damping,
+        rows=mechanism.rows,
+        load=mechanism.load,
+        cutoff_frequency=cutoff_frequency,
+    )
+
+
+def integrate(
+    mechanism: Mechanism,
+    scheme: Scheme,
+    *,
+    inputs: Callable[[Floats], Floats],
+    end: float,
+    report: Callable[[int, int], None] | None = None,
+) -> History:
+    """Find the static equilibrium, then step to `end`.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Reduced rails and their laws.
+    scheme : Scheme
+        Numerical choices.
+    inputs : callable
+        Marker positions, shape (n_inputs, n), for times of shape (n,) [m].
+    end : float
+        Duration, rounded to whole output intervals [s].
+    report : callable, optional
+        Called with steps done and steps in all.
+
+    Returns
+    -------
+    History
+        Complete, or up to where `outcome` says that it ended.
+    """
+    stride = scheme.stride
+    n_stored = round(end / scheme.output_interval) + 1
+    if n_stored < 2:
+        raise SolverError(f"end = {end:g} s is shorter than one output interval")
+    n_steps = (n_stored - 1) * stride
+    model = condense(mechanism, cutoff_frequency=scheme.cutoff_frequency)
+    system = condensed_system(model, mechanism.laws)
+    positions = np.ascontiguousarray(inputs(np.arange(n_steps + 1) * scheme.step).T)
+    state = fresh_state(system, mechanism.laws, n_inputs=positions.shape[1])
+    work = new_work(system, mechanism.laws)
+    state.inputs[:] = positions[0]
+    tolerances = Tolerances(scheme.gap_tolerance, scheme.force_tolerance, scheme.iterations)
+    record = _empty_record(system, mechanism.laws, n_stored)
+    code = _start(system, mechanism.laws, state, work, tolerances)
+    done = 0
+    if code == Code.COMPLETE:
+        store(system, mechanism.laws, state, work, record, 0)
+        code, done = _march_in_chunks(
+            system, mechanism.laws, state, work, tolerances, _stepping(scheme), positions, record,
+            report,
+        )
+    residual = equilibrium_residual(system, mechanism.laws, state, work)
+    outcome = Outcome(
+        code=code,
+        time=done * scheme.step,
+        step=done,
+        residual=max(float(record.residual[0]), float(residual)),
+        contacts=() if code in (Code.COMPLETE, Code.INTERRUPTED) else _unsettled(
+            mechanism, state, work
+        ),
+    )
+    kept = 0 if code == Code.NO_EQUILIBRIUM else done // stride + 1
+    return History(
+        time=np.arange(kept) * scheme.output_interval,
+        inputs=positions[: done + 1 : stride][:kept],
+        q=record.q[:kept],
+        g=record.g[:kept],
+        law_force=record.law[:kept],
+        friction_force=record.friction[:kept],
+        stored=record.stored[:kept],
+        ledger=record.ledger[:kept],
+        law_first=state.law_first,
+        law_peak=state.law_peak,
+        model=model,
+        outcome=outcome,
+        iterations=int(state.counters[COUNT_ITERATIONS]),
+        flips=int(state.counters[COUNT_FLIPS]),
+        halved=int(state.counters[COUNT_HALVED]),
+    )
+
+
+def _stepping(scheme: Scheme) -> Stepping:
+    alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
+    return Stepping(
+        scheme.step, alpha.alpha_m, alpha.alpha_f, alpha.beta, alpha.gamma,
+        scheme.halvings, scheme.stride,
+    )
+
+
+def _empty_record(system: System, laws: LawTable, n_stored: int) -> Record:
+    return Record(
+        q=np.empty((n_stored, system.eigenvalues.size)),
+        g=np.empty((n_stored, system.row_load.size)),
+        friction=np.empty((n_stored, laws.friction_row.size)),
+        law=np.empty((n_stored, laws.row.size)),
+        stored=np.empty((n_stored, 4)),
+        ledger=np.empty((n_stored, 6)),
+        residual=np.zeros(1),
+    )
+
+
+def _start(
+    system: System, laws: LawTable, state: State, work: Work, tolerances: Tolerances
+) -> Code:
+    """Find the static equilibrium without friction, then anchor the feet where they stand."""
+    slippery = laws._replace(friction_coefficient=np.zeros_like(laws.friction_coefficient))
+    state.present[:] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9)
+    state.friction[:] = SLIP_FORWARD
+    rebuild(system, slippery, state, 1.0, 0.0, work.row)
+    generous = tolerances._replace(iterations=max(tolerances.iterations, 400))
+    if equilibrium(system, slippery, state, work, generous) != Code.COMPLETE:
+        return Code.NO_EQUILIBRIUM
+    state.friction[:] = STICK
+    state.anchor[:] = state.g[laws.friction_row]
+    account_laws(laws, state, state.inputs, 0.0)
+    account_friction(laws, state)
+    state.ledger[:] = 0.0
+    rebuild(system, laws, state, 1.0, 0.0, work.row)
+    return Code.COMPLETE
+
+
+def _march_in_chunks(
+    system: System,
+    laws: LawTable,
+    state: State,
+    work: Work,
+    tolerances: Tolerances,
+    stepping: Stepping,
+    positions: Floats,
+    record: Record,
+    report: Callable[[int, int], None] | None,
+) -> tuple[Code, int]:
+    """March, coming up for air now and then so that progress shows and Ctrl-C is heard."""
+    n_steps = positions.shape[0] - 1
+    done = 0
+    try:
+        while done < n_steps:
+            last = min(done + CHUNK_STEPS, n_steps)
+            number, done = march(
+                system, laws, state, work, tolerances, stepping, positions, done, last, record
+            )
+            if number != Code.COMPLETE:
+                return Code(number), done
+            if report is not None:
+                report(done, n_steps)
+    except KeyboardInterrupt:
+        return Code.INTERRUPTED, done
+    return Code.COMPLETE, done
+
+
+def _unsettled(mechanism: Mechanism, state: State, work: Work) -> tuple[str, ...]:
+    """Name the laws whose check still fails after the last attempt."""
+    slipping = np.flatnonzero(state.friction != work.old_friction)
+    moving = np.flatnonzero(state.segment != work.old_segment)
+    names = [mechanism.law_names[i] for i in moving]
+    names += [f"friction {mechanism.friction_names[i]}" for i in slipping]
+    return tuple(names)

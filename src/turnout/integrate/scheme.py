@@ -1,0 +1,99 @@
+"""The numerical choices of a run, with a physical scale each."""
+
+from dataclasses import dataclass
+
+from turnout.errors import SolverError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scheme:
+    """How a mechanism is integrated.
+
+    Attributes
+    ----------
+    step : float
+        Time step [s].
+    cutoff_frequency : float
+        Modes up to here keep their inertia, everything above answers statically [Hz].
+    spectral_radius : float
+        Of the generalised-alpha scheme at infinite frequency: 1 keeps everything, 0 removes what
+        the step cannot resolve [-].
+    gap_tolerance : float
+        Overlap of neighbouring law segments that is overlooked [m].
+    force_tolerance : float
+        Violation of a friction limit that is overlooked [N].
+    iterations : int
+        Contact-set iterations a step before the step is halved.
+    halvings : int
+        How often a step is halved before the run ends.
+    output_interval : float
+        Time between stored instants [s]; a multiple of the step.
+    """
+
+    step: float = 1e-3
+    cutoff_frequency: float = 300.0
+    spectral_radius: float = 0.5
+    gap_tolerance: float = 1e-11
+    force_tolerance: float = 1e-6
+    iterations: int = 40
+    halvings: int = 6
+    output_interval: float = 1e-3
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot work, all at once."""
+        problems = []
+        if not 0 < self.step <= 0.1:
+            problems.append(f"step = {self.step:g} s: allowed is more than 0, at most 0.1 s")
+        if not self.cutoff_frequency > 0:
+            problems.append(f"cutoff_frequency = {self.cutoff_frequency:g} Hz: must be positive")
+        if not 0 <= self.spectral_radius <= 1:
+            problems.append(f"spectral_radius = {self.spectral_radius:g}: allowed is 0 to 1")
+        if self.output_interval < self.step * (1 - 1e-9):
+            problems.append(
+                f"output_interval = {self.output_interval:g} s is below the step; "
+                "take the step or a multiple of it"
+            )
+        elif abs(self.stride * self.step - self.output_interval) > 1e-6 * self.output_interval:
+            problems.append(
+                f"output_interval = {self.output_interval:g} s is no multiple of the step "
+                f"{self.step:g} s"
+            )
+        if self.iterations < 1 or self.halvings < 0:
+            problems.append("iterations must be at least 1, halvings at least 0")
+        if problems:
+            raise SolverError("scheme: " + "; ".join(problems))
+
+    @property
+    def stride(self) -> int:
+        """Steps between stored instants."""
+        return round(self.output_interval / self.step)
+
+    def describe(self) -> str:
+        """Return one line that states the scheme with a result."""
+        return (
+            f"generalised-alpha, spectral radius {self.spectral_radius:g}, "
+            f"step {self.step * 1e3:g} ms, cut-off {self.cutoff_frequency:g} Hz"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class AlphaCoefficients:
+    """Coefficients of the generalised-alpha scheme (Arnold and Bruels 2007, doi 10.1007/
+    s11044-007-9084-0) in the form with an auxiliary acceleration.
+
+    It is second-order accurate, unconditionally stable on linear systems, and exact equilibrium
+    holds at the end of each step.
+    """
+
+    alpha_m: float
+    alpha_f: float
+    beta: float
+    gamma: float
+
+    @classmethod
+    def from_spectral_radius(cls, radius: float) -> "AlphaCoefficients":
+        """Return the coefficients of Chung and Hulbert for a spectral radius at infinity."""
+        alpha_m = (2 * radius - 1) / (radius + 1)
+        alpha_f = radius / (radius + 1)
+        gamma = 0.5 - alpha_m + alpha_f
+        return cls(alpha_m, alpha_f, 0.25 * (gamma + 0.5) ** 2, gamma)

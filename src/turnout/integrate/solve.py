@@ -1,0 +1,284 @@
+"""One implicit step: predict, solve, check every law, flip what changed, until nothing changes.
+
+With an unchanged contact set a solution is a few small matrix-vector products. A set change costs
+one rank-one update a row. Law checks compare the solution with the segment or friction branch that
+it was computed with; the last solution of a converged step satisfies every law.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from turnout.integrate.columns import refresh_inverse, update_row
+from turnout.integrate.system import COUNT_ITERATIONS, Floats, Ints, State, System
+from turnout.law.compiled import compiled
+from turnout.law.kernel import (
+    STICK,
+    any_not_finite,
+    friction_state,
+    law_argument,
+    law_force,
+    segment_for,
+)
+from turnout.law.table import LawTable
+
+CONVERGED, NOT_CONVERGED, NOT_FINITE = 0, 1, 2
+
+
+class Work(NamedTuple):
+    """Scratch arrays of the kernels; their content means nothing between calls."""
+
+    row: Floats
+    predicted: Floats
+    velocity: Floats
+    right_side: Floats
+    dirty: Ints
+    dirty_list: Ints
+    old_segment: Ints
+    old_friction: Ints
+    q: Floats
+    v: Floats
+    a: Floats
+    acceleration: Floats
+    g: Floats
+
+
+class Tolerances(NamedTuple):
+    """Violations that are overlooked, and the iterations a step may take."""
+
+    gap: float
+    force: float
+    iterations: int
+
+
+@compiled
+def mark_row(work: Work, count: int, row: int) -> int:
+    """Add a row to the list of rows to be updated, once."""
+    if work.dirty[row]:
+        return count
+    work.dirty[row] = 1
+    work.dirty_list[count] = row
+    return count + 1
+
+
+@compiled
+def mark_law(
+    system: System, table: LawTable, state: State, work: Work, count: int, law: int
+) -> int:
+    """Mark the row of a law and the rows of slipping frictions that it limits."""
+    count = mark_row(work, count, table.row[law])
+    for i in range(system.normal_friction_start[law], system.normal_friction_start[law + 1]):
+        friction = system.normal_friction_list[i]
+        if state.friction[friction] != STICK:
+            count = mark_row(work, count, table.friction_row[friction])
+    return count
+
+
+@compiled
+def update_marked(system: System, table: LawTable, state: State, work: Work, count: int) -> None:
+    """Bring every marked row to the present law states."""
+    for i in range(count):
+        row = work.dirty_list[i]
+        work.dirty[row] = 0
+        update_row(system, table, state, row, work.row)
+
+
+@compiled
+def friction_limit(
+    table: LawTable, state: State, friction: int, g: Floats, inputs: Floats
+) -> float:
+    """Return the largest force that one friction law can bear now [N]."""
+    normal = table.friction_normal[friction]
+    if not state.present[normal]:
+        return 0.0
+    e = law_argument(table, normal, g, inputs)
+    force = law_force(table, normal, state.segment[normal], e)
+    return table.friction_coefficient[friction] * max(force, 0.0)
+
+
+@compiled
+def displacements(system: System, table: LawTable, state: State, q: Floats, g: Floats) -> None:
+    """Write the row displacements for modal coordinates `q` and the present inputs."""
+    n_rows, n_modes = system.row_load.size, q.size
+    g[:] = state.columns[n_modes, :n_rows]
+    for j in range(n_modes):
+        weight = q[j]
+        column = state.columns[j]
+        for i in range(n_rows):
+            g[i] += weight * column[i]
+    for k in range(system.input_law.size):
+        law = system.input_law[k]
+        weight = _input_gain(table, state, law)
+        if weight != 0.0:
+            column = state.columns[n_modes + 1 + state.slot_of_row[table.row[law]]]
+            for i in range(n_rows):
+                g[i] += weight * column[i]
+
+
+@compiled
+def _input_gain(table: LawTable, state: State, law: int) -> float:
+    if not state.present[law]:
+        return 0.0
+    slope = table.slope[table.segment_start[law] + state.segment[law]]
+    return slope * state.inputs[table.input_index[law]]
+
+
+@compiled
+def solve_set(system: System, table: LawTable, state: State, work: Work) -> None:
+    """Solve the step for the present contact set from ``work.right_side``."""
+    n_rows, n_modes = system.row_load.size, system.eigenvalues.size
+    right = work.row[:n_modes]
+    for i in range(n_modes):
+        right[i] = work.right_side[i] + state.columns[n_modes, n_rows + i]
+    for k in range(system.input_law.size):
+        law = system.input_law[k]
+        weight = _input_gain(table, state, law)
+        if weight != 0.0:
+            column = state.columns[n_modes + 1 + state.slot_of_row[table.row[law]]]
+            for i in range(n_modes):
+                right[i] += weight * column[n_rows + i]
+    for i in range(n_modes):
+        total = 0.0
+        row = state.inverse[i]
+        for j in range(n_modes):
+            total += row[j] * right[j]
+        state.q[i] = total
+    displacements(system, table, state, state.q, state.g)
+
+
+@compiled
+def check_laws(
+    system: System,
+    table: LawTable,
+    state: State,
+    work: Work,
+    tolerances: Tolerances,
+    one_at_a_time: bool,
+) -> int:
+    """Move every law (or the first) that its solution contradicts; return how many rows changed."""
+    count = 0
+    for law in range(table.row.size):
+        if not state.present[law]:
+            continue
+        e = law_argument(table, law, state.g, state.inputs)
+        segment = segment_for(table, law, e, state.segment[law], tolerances.gap)
+        if segment != state.segment[law]:
+            state.segment[law] = segment
+            count = mark_law(system, table, state, work, count, law)
+            if one_at_a_time:
+                return count
+    for friction in range(table.friction_row.size):
+        row = table.friction_row[friction]
+        trial = table.stick_stiffness[friction] * (state.g[row] - state.anchor[friction])
+        limit = friction_limit(table, state, friction, state.g, state.inputs)
+        branch = friction_state(trial, limit, state.friction[friction], tolerances.force)
+        if branch != state.friction[friction]:
+            state.friction[friction] = branch
+            count = mark_row(work, count, row)
+            if one_at_a_time:
+                return count
+    return count
+
+
+@compiled
+def settle(
+    system: System, table: LawTable, state: State, work: Work, tolerances: Tolerances
+) -> int:
+    """Iterate the contact set of one step; return CONVERGED, NOT_CONVERGED or NOT_FINITE.
+
+    After half of the iterations laws change one at a time, which breaks cycles in which several
+    laws undo each other.
+    """
+    for iteration in range(tolerances.iterations):
+        solve_set(system, table, state, work)
+        state.counters[COUNT_ITERATIONS] += 1
+        if any_not_finite(state.q):
+            return NOT_FINITE
+        one_at_a_time = 2 * iteration > tolerances.iterations
+        count = check_laws(system, table, state, work, tolerances, one_at_a_time)
+        if count == 0:
+            return CONVERGED
+        update_marked(system, table, state, work, count)
+    return NOT_CONVERGED
+
+
+@compiled
+def restore_set(system: System, table: LawTable, state: State, work: Work) -> None:
+    """Go back to the contact set saved in `work`."""
+    count = 0
+    for law in range(table.row.size):
+        if state.segment[law] != work.old_segment[law]:
+            state.segment[law] = work.old_segment[law]
+            count = mark_law(system, table, state, work, count, law)
+    for friction in range(table.friction_row.size):
+        if state.friction[friction] != work.old_friction[friction]:
+            state.friction[friction] = work.old_friction[friction]
+            count = mark_row(work, count, table.friction_row[friction])
+    # a friction that returned to slip after its normal law was handled still needs its row
+    for friction in range(table.friction_row.size):
+        count = mark_row(work, count, table.friction_row[friction])
+    update_marked(system, table, state, work, count)
+
+
+@compiled
+def equilibrium(
+    system: System, table: LawTable, state: State, work: Work, tolerances: Tolerances
+) -> int:
+    """Find the static equilibrium for the present inputs by iterating the contact set."""
+    refresh_inverse(system, state, 0.0, 0.0)
+    work.right_side[:] = system.load
+    return settle(system, table, state, work, tolerances)
+
+
+@compiled
+def equilibrium_residual(system: System, table: LawTable, state: State, work: Work) -> float:
+    """Return the largest disagreement of the rows with the base system under the law forces [m].
+
+    The columns are bypassed, so that their drift shows.
+    """
+    n_rows, n_modes = system.row_load.size, system.eigenvalues.size
+    force = work.row[:n_rows]
+    row_forces(system, table, state, force)
+    worst = 0.0
+    for i in range(n_rows):
+        total = system.row_load[i] - state.g[i]
+        base = system.base[i]
+        for j in range(n_rows):
+            total += base[j] * force[j]
+        for j in range(n_modes):
+            total += base[n_rows + j] * state.q[j]
+        worst = max(worst, abs(total))
+    return worst
+
+
+@compiled
+def row_forces(system: System, table: LawTable, state: State, force: Floats) -> None:
+    """Write the deviation force of every row from the laws' own forces [N]."""
+    force[:] = 0.0
+    for law in range(table.row.size):
+        row = table.row[law]
+        force[row] += system.base_slope[law] * state.g[row] - state.law_force[law]
+    for friction in range(table.friction_row.size):
+        force[table.friction_row[friction]] -= state.friction_force[friction]
+
+
+def new_work(system: System, table: LawTable) -> Work:
+    """Return scratch arrays that fit a system."""
+    n_rows, n_modes = system.row_load.size, system.eigenvalues.size
+    widest = int(np.max(np.diff(system.pattern_start), initial=1))
+    modal = [np.zeros(n_modes) for _ in range(7)]
+    return Work(
+        row=np.zeros(max(n_rows, widest + 3 * n_modes)),
+        predicted=modal[0],
+        velocity=modal[1],
+        right_side=modal[2],
+        dirty=np.zeros(n_rows, dtype=np.int64),
+        dirty_list=np.zeros(n_rows, dtype=np.int64),
+        old_segment=np.zeros(table.row.size, dtype=np.int64),
+        old_friction=np.zeros(table.friction_row.size, dtype=np.int64),
+        q=modal[3],
+        v=modal[4],
+        a=modal[5],
+        acceleration=modal[6],
+        g=np.zeros(n_rows),
+    )

@@ -1,0 +1,86 @@
+"""The one decorator for compiled kernels, with its cache in the user's cache folder.
+
+Numba notices a change of the file that holds a kernel, but not of the kernels it calls. The cache
+folder's name therefore holds a digest of every kernel source: a new source, a new folder.
+"""
+
+import hashlib
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+_PACKAGES = ("law", "integrate")
+
+
+def user_cache_folder() -> Path:
+    """Return the folder for turnout's caches, following the platform's custom.
+
+    Returns
+    -------
+    pathlib.Path
+        `$TURNOUT_CACHE_DIR` if set, else the platform's cache folder with `turnout` added.
+    """
+    if chosen := os.environ.get("TURNOUT_CACHE_DIR"):
+        return Path(chosen)
+    if sys.platform == "win32":
+        root = Path(os.environ.get("LOCALAPPDATA", "~/AppData/Local"))
+    elif sys.platform == "darwin":
+        root = Path("~/Library/Caches")
+    else:
+        root = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+    return root.expanduser() / "turnout"
+
+
+def kernel_cache_folder() -> Path:
+    """Return the folder of compiled kernels that belongs to the present sources."""
+    digest = hashlib.sha256()
+    package_root = Path(__file__).parents[1]
+    for package in _PACKAGES:
+        for source in sorted((package_root / package).glob("*.py")):
+            digest.update(source.name.encode())
+            digest.update(source.read_bytes())
+    return user_cache_folder() / f"kernels-{digest.hexdigest()[:16]}"
+
+
+def kernels_are_cached() -> bool:
+    """Tell whether compiled kernels for the present sources lie in the cache."""
+    return any(kernel_cache_folder().rglob("*.nbi"))
+
+
+def _prepare_numba() -> Any:
+    folder = kernel_cache_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        usable = os.access(folder, os.W_OK)
+    except OSError:
+        usable = False
+    if not usable:
+        folder = Path(tempfile.gettempdir()) / f"turnout-{os.getpid()}-{folder.name}"
+    os.environ.setdefault("NUMBA_CACHE_DIR", str(folder))
+    import numba
+
+    numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
+    return numba
+
+
+_numba = _prepare_numba()
+
+# No assumption about NaN or infinity: a blow-up must stay visible to comparisons.
+_FLOATING = {"reassoc", "contract", "arcp", "nsz"}
+
+
+def compiled(function: Callable[P, T]) -> Callable[P, T]:
+    """Compile a kernel to machine code on its first call and keep it in the cache.
+
+    The plain function stays reachable as `.py_func`.
+    """
+    kernel: Callable[P, T] = _numba.njit(cache=True, fastmath=_FLOATING, error_model="numpy")(
+        function
+    )
+    return kernel

@@ -1,0 +1,84 @@
+"""Compiled evaluation of the law table: arguments, segments, forces, friction.
+
+Arrays are float64, indices int64. Arguments grow in the direction that a contact closes; forces `F`
+are what the law resists with, so that the structure feels ``-F`` along the law's row.
+"""
+
+import numpy as np
+
+from turnout.law.compiled import compiled
+from turnout.law.table import Floats, LawTable
+
+STICK = 0
+SLIP_FORWARD = 1
+SLIP_BACKWARD = -1
+
+
+@compiled
+def law_argument(table: LawTable, law: int, g: Floats, inputs: Floats) -> float:
+    """Return the argument ``e`` of one law [m]."""
+    e = g[table.row[law]] - table.offset[law]
+    if table.input_index[law] >= 0:
+        e -= inputs[table.input_index[law]]
+    return e
+
+
+@compiled
+def segment_for(table: LawTable, law: int, e: float, present: int, tolerance: float) -> int:
+    """Return the segment that holds `e`; the `present` one is kept within `tolerance` [m]."""
+    first = table.segment_start[law]
+    last = table.segment_start[law + 1] - 1
+    at = first + present
+    while at < last and e > table.segment_upper[at] + tolerance:
+        at += 1
+    while at > first and e < table.segment_lower[at] - tolerance:
+        at -= 1
+    return at - first
+
+
+@compiled
+def law_force(table: LawTable, law: int, segment: int, e: float) -> float:
+    """Return the force ``F`` of one law on its segment [N]."""
+    at = table.segment_start[law] + segment
+    return table.slope[at] * e + table.intercept[at]
+
+
+@compiled
+def law_energy(table: LawTable, law: int, segment: int, e: float) -> float:
+    """Return the potential energy of one law on its segment [J]."""
+    at = table.segment_start[law] + segment
+    return (0.5 * table.slope[at] * e + table.intercept[at]) * e + table.potential[at]
+
+
+@compiled
+def friction_state(trial: float, limit: float, present: int, tolerance: float) -> int:
+    """Return stick or slip for an elastic trial force; the `present` state is kept if it holds.
+
+    Parameters
+    ----------
+    trial : float
+        ``stick_stiffness * (displacement - anchor)`` with the anchor of the last instant [N].
+    limit : float
+        ``friction_coefficient * normal force``, not negative [N].
+    present : int
+        STICK, SLIP_FORWARD or SLIP_BACKWARD.
+    tolerance : float
+        Violation that is overlooked [N].
+    """
+    if present == STICK:
+        if abs(trial) <= limit + tolerance:
+            return STICK
+    elif limit <= 0.0 or present * trial >= limit - tolerance:
+        return present
+    if abs(trial) <= limit:
+        return STICK
+    return SLIP_FORWARD if trial > 0.0 else SLIP_BACKWARD
+
+
+@compiled
+def any_not_finite(values: Floats) -> bool:
+    """Tell whether an array holds NaN or infinity."""
+    for value in values:
+        if not np.isfinite(value):
+            return True
+    return False

@@ -1,0 +1,175 @@
+"""Laws as rows of one piecewise-linear table, and friction rows that name their normal law.
+
+Every law is scalar. It reads one generalised displacement (a *row*, `g`) of the mechanism, forms
+its argument ``e = g - offset - input(t)`` and answers with ``F = k e + f`` of the segment that
+holds `e`; the force on the structure along the row is ``-F``. Contacts, bushings, links and foreign
+objects differ in their numbers only. A friction law acts along its own row and has the limit
+``friction_coefficient * F`` of its normal law.
+"""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.errors import MechanicsError
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class LawTable(NamedTuple):
+    """All laws of a mechanism as arrays; indices are int64, reals float64.
+
+    Segment `s` of law `l` is entry ``segment_start[l] + s``; it holds for arguments between
+    ``segment_lower`` and ``segment_upper``. ``potential`` makes the energy continuous and zero
+    where ``e`` is zero. ``base_segment[l]`` is folded into the linear system (-1: none).
+    """
+
+    row: Ints
+    offset: Floats
+    input_index: Ints
+    segment_start: Ints
+    segment_lower: Floats
+    segment_upper: Floats
+    slope: Floats
+    intercept: Floats
+    potential: Floats
+    base_segment: Ints
+    appears: Floats
+    disappears: Floats
+    friction_row: Ints
+    friction_normal: Ints
+    friction_coefficient: Floats
+    stick_stiffness: Floats
+
+
+@dataclass(slots=True)
+class LawTableBuilder:
+    """Collects laws one by one; `table` closes the books."""
+
+    laws: list[tuple[int, float, int, int, float, float]] = field(default_factory=list)
+    segments: list[list[tuple[float, float, float, float, float]]] = field(default_factory=list)
+    frictions: list[tuple[int, int, float, float]] = field(default_factory=list)
+
+    def add_piecewise(
+        self,
+        row: int,
+        *,
+        breakpoints: Floats,
+        slopes: Floats,
+        offset: float = 0.0,
+        input_index: int = -1,
+        base_segment: int = -1,
+        appears: float = -np.inf,
+        disappears: float = np.inf,
+    ) -> int:
+        """Add a continuous piecewise-linear law with zero force at ``e = 0``.
+
+        Parameters
+        ----------
+        row : int
+            Row whose displacement it reads and along which it acts.
+        breakpoints : ndarray, shape (n,)
+            Rising arguments between the segments [m].
+        slopes : ndarray, shape (n + 1,)
+            Stiffness of each segment [N/m].
+        offset : float
+            Constant subtracted from the row [m].
+        input_index : int
+            Input (marker) subtracted from the row, -1 for none.
+        base_segment : int
+            Segment that the linear system already holds, -1 for none.
+        appears, disappears : float
+            The law acts for ``appears <= t <= disappears`` [s].
+
+        Returns
+        -------
+        int
+            Index of the law.
+        """
+        breakpoints = np.asarray(breakpoints, dtype=float)
+        slopes = np.asarray(slopes, dtype=float)
+        if slopes.size != breakpoints.size + 1 or np.any(np.diff(breakpoints) <= 0):
+            raise MechanicsError(
+                f"law on row {row}: breakpoints must rise, one slope more than they"
+            )
+        lower = np.concatenate(([-np.inf], breakpoints))
+        upper = np.concatenate((breakpoints, [np.inf]))
+        home = int(np.searchsorted(breakpoints, 0.0))
+        intercept = np.zeros(slopes.size)
+        potential = np.zeros(slopes.size)
+        for s in range(home + 1, slopes.size):
+            _continue(intercept, potential, slopes, s, s - 1, lower[s])
+        for s in range(home - 1, -1, -1):
+            _continue(intercept, potential, slopes, s, s + 1, upper[s])
+        self.laws.append((row, offset, input_index, base_segment, appears, disappears))
+        self.segments.append(
+            list(zip(lower, upper, slopes, intercept, potential, strict=True)),
+        )
+        return len(self.laws) - 1
+
+    def add_contact(
+        self,
+        row: int,
+        *,
+        stiffness: float,
+        clearance: float,
+        base_closed: bool = False,
+        appears: float = -np.inf,
+        disappears: float = np.inf,
+    ) -> int:
+        """Add a unilateral spring that acts once the row exceeds `clearance` (segment 1)."""
+        return self.add_piecewise(
+            row,
+            breakpoints=np.array([0.0]),
+            slopes=np.array([0.0, stiffness]),
+            offset=clearance,
+            base_segment=1 if base_closed else -1,
+            appears=appears,
+            disappears=disappears,
+        )
+
+    def add_friction(
+        self, row: int, *, normal: int, friction_coefficient: float, stick_stiffness: float
+    ) -> int:
+        """Add elastic-plastic Coulomb friction along `row`, limited by law `normal`."""
+        self.frictions.append((row, normal, friction_coefficient, stick_stiffness))
+        return len(self.frictions) - 1
+
+    def table(self) -> LawTable:
+        """Return the finished table."""
+        laws = np.array(self.laws, dtype=float).reshape(-1, 6)
+        flat = np.array([s for law in self.segments for s in law], dtype=float).reshape(-1, 5)
+        counts = [len(law) for law in self.segments]
+        frictions = np.array(self.frictions, dtype=float).reshape(-1, 4)
+        columns = [np.ascontiguousarray(c) for c in flat.T]
+        return LawTable(
+            row=laws[:, 0].astype(np.int64),
+            offset=laws[:, 1].copy(),
+            input_index=laws[:, 2].astype(np.int64),
+            segment_start=np.concatenate(([0], np.cumsum(counts))).astype(np.int64),
+            segment_lower=columns[0],
+            segment_upper=columns[1],
+            slope=columns[2],
+            intercept=columns[3],
+            potential=columns[4],
+            base_segment=laws[:, 3].astype(np.int64),
+            appears=laws[:, 4].copy(),
+            disappears=laws[:, 5].copy(),
+            friction_row=frictions[:, 0].astype(np.int64),
+            friction_normal=frictions[:, 1].astype(np.int64),
+            friction_coefficient=frictions[:, 2].copy(),
+            stick_stiffness=frictions[:, 3].copy(),
+        )
+
+
+def _continue(
+    intercept: Floats, potential: Floats, slopes: Floats, s: int, neighbour: int, at: float
+) -> None:
+    """Set intercept and potential of segment `s` so that both join `neighbour` at `at`."""
+    force = slopes[neighbour] * at + intercept[neighbour]
+    energy = 0.5 * slopes[neighbour] * at**2 + intercept[neighbour] * at + potential[neighbour]
+    intercept[s] = force - slopes[s] * at
+    potential[s] = energy - 0.5 * slopes[s] * at**2 - intercept[s] * at

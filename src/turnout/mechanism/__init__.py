@@ -1,0 +1,1 @@
+"""A panel as mechanics: reduced rails, law table, names. Nothing here knows time."""
