@@ -1,0 +1,29 @@
+"""Markers taken from the folder, and where the independent answers are."""
+
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).parent
+REASONS = {"layers", "unit", "verification", "golden", "gallery", "faults", "browser"}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark each test with the folder it is in; a folder without a reason is refused."""
+    for item in items:
+        if not item.path.is_relative_to(TESTS):
+            continue  # an example in a docstring of src
+        folder = item.path.relative_to(TESTS).parts[0]
+        if folder not in REASONS:
+            message = f"{item.path}: tests live in one of tests/{{{','.join(sorted(REASONS))}}}"
+            raise pytest.UsageError(message)
+        item.add_marker(folder)
+
+
+@pytest.fixture(scope="session")
+def reference_dir(pytestconfig: pytest.Config) -> Path:
+    """Return the folder with answers of independent programs, kept beside the checkout."""
+    folder = pytestconfig.rootpath.parent / "shared" / "reference"
+    if not folder.is_dir():
+        pytest.skip("no independent answers: ../shared/reference is not beside this checkout")
+    return folder

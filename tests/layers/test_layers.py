@@ -1,0 +1,180 @@
+"""The architecture as a test: who may import whom, what is slow to load, how long pieces may be."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+SRC = Path(__file__).parents[2] / "src" / "turnout"
+MODULES = sorted(SRC.rglob("*.py"))
+
+# Read downwards: data flows this way, and each package may import what its row names.
+ALLOWED: dict[str, set[str]] = {
+    "errors": set(),
+    "files": {"errors"},
+    "schema": {"errors"},
+    "panel": {"errors", "files"},
+    "section": {"errors"},
+    "beam": {"errors", "section"},
+    "reduction": {"errors"},
+    "law": {"errors"},
+    "mechanism": {"errors", "panel", "section", "beam", "reduction", "law"},
+    "integrate": {"errors", "law", "mechanism"},
+    "response": {"errors", "files", "schema", "panel", "mechanism", "integrate"},
+    "measurement": {"errors", "files", "schema"},
+    "metric": {"errors", "schema"},
+    "study": {
+        *("errors", "files", "schema", "panel", "mechanism", "integrate"),
+        *("response", "measurement", "metric"),
+    },
+    "plot": {"errors", "schema", "panel", "section", "metric"},
+    "report": {"errors", "files", "schema", "panel", "metric", "study", "plot"},
+    "web": {
+        *("errors", "files", "schema", "panel", "response", "measurement"),
+        *("metric", "study", "plot", "report"),
+    },
+    "cli": {
+        *("errors", "files", "schema", "panel", "section", "response", "measurement"),
+        *("metric", "study", "plot", "report", "web"),
+    },
+    "__main__": {"cli"},
+}
+
+# Slow to load, or a matter of one layer only: who may import it, at any depth of a file.
+FACES = {"schema", "response", "measurement", "metric", "study", "plot", "report", "web", "cli"}
+HEAVY: dict[str, set[str]] = {
+    "xarray": FACES,
+    "pandas": FACES,
+    "pydantic": {"files", "panel", "measurement", "study", "web"},
+    "matplotlib": {"plot"},
+    "plotly": {"plot"},
+    "dask": {"study"},
+    "numba": {"law", "integrate"},
+}
+
+MOST_LINES_IN_A_FILE = 350
+MOST_LINES_IN_A_FUNCTION = 59
+
+
+def package_of(path: Path) -> str:
+    """Return the part of turnout that a file belongs to."""
+    return path.relative_to(SRC).parts[0].removesuffix(".py")
+
+
+def place(path: Path, node: ast.stmt) -> str:
+    """Return file and line, to be clicked on in a report."""
+    return f"{path.relative_to(SRC.parents[1])}:{node.lineno}"
+
+
+def imports_of(path: Path) -> Iterator[tuple[ast.stmt, str]]:
+    """Yield each dotted name that a file imports, in functions and TYPE_CHECKING blocks too."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield node, alias.name
+        elif isinstance(node, ast.ImportFrom):
+            if node.level:
+                yield node, "." * node.level + (node.module or "")
+            elif node.module == "turnout":
+                for alias in node.names:
+                    yield node, f"turnout.{alias.name}"
+            else:
+                yield node, node.module or ""
+
+
+def fault_of_import(package: str, name: str) -> str | None:
+    """Return what is wrong with `package` importing `name`, or None."""
+    top, *rest = name.split(".")
+    if not top:
+        return "imports relatively; name the module from turnout on"
+    if top == "turnout":
+        if not rest:
+            return "imports the facade; name the module that defines what it needs"
+        if rest[0] not in ALLOWED[package] | {package}:
+            return f"imports {name}, which lies outside what {package} may know"
+    elif package not in HEAVY.get(top, {package}):
+        return f"imports {top}, which is kept for {', '.join(sorted(HEAVY[top]))}"
+    return None
+
+
+def test_the_table_has_no_circles() -> None:
+    above: set[str] = set()
+    for package, allowed in ALLOWED.items():
+        assert allowed <= above, f"{package} may import what stands below it: {allowed - above}"
+        above.add(package)
+
+
+def test_every_package_is_in_the_table() -> None:
+    assert MODULES, f"no modules under {SRC}"
+    unknown = {package_of(path) for path in MODULES} - set(ALLOWED) - {"__init__"}
+    assert not unknown, f"give {sorted(unknown)} a row in ALLOWED, or a home in a package there"
+
+
+def test_imports_follow_the_table() -> None:
+    faults = []
+    for path in MODULES:
+        package = package_of(path)
+        if package not in ALLOWED:  # the facade; anything else fails the test before this one
+            continue
+        for node, name in imports_of(path):
+            fault = fault_of_import(package, name)
+            if fault is not None:
+                faults.append(f"{place(path, node)} {fault}")
+    assert not faults, "\n".join(faults)
+
+
+@pytest.mark.parametrize(
+    ("package", "name", "words"),
+    [
+        ("beam", "turnout.panel.model", "outside what beam may know"),
+        ("beam", "turnout", "the facade"),
+        ("beam", ".element", "relatively"),
+        ("beam", "numba", "kept for integrate, law"),
+        ("cli", "matplotlib.pyplot", "kept for plot"),
+    ],
+)
+def test_a_forbidden_import_is_seen(package: str, name: str, words: str) -> None:
+    assert words in (fault_of_import(package, name) or "")
+
+
+def test_files_stay_short() -> None:
+    lines = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in MODULES}
+    long = [
+        f"{path.relative_to(SRC)}: {n}" for path, n in lines.items() if n > MOST_LINES_IN_A_FILE
+    ]
+    assert not long, f"over {MOST_LINES_IN_A_FILE} lines, so more than one idea: {long}"
+
+
+def test_functions_stay_short() -> None:
+    long = []
+    for path in MODULES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                continue
+            body = node.body[1:] if ast.get_docstring(node) else node.body
+            lines = (body[-1].end_lineno or 0) - body[0].lineno + 1 if body else 0
+            if lines > MOST_LINES_IN_A_FUNCTION:
+                long.append(f"{place(path, node)} {node.name}: {lines}")
+    assert not long, f"bodies over {MOST_LINES_IN_A_FUNCTION} lines: {long}"
+
+
+def test_help_loads_nothing_heavy() -> None:
+    script = (
+        "import sys\n"
+        "from turnout.cli.main import main\n"
+        "sys.argv = ['turnout', '--help']\n"
+        "try:\n"
+        "    code = main()\n"
+        "except SystemExit as end:\n"
+        "    code = end.code\n"
+        f"heavy = sorted({set(HEAVY)} & set(sys.modules))\n"
+        "sys.exit(f'loaded {heavy}' if heavy else code)\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, run.stderr
+    assert "simulate" in run.stdout
