@@ -1,0 +1,1 @@
+"""Reading and writing files: unit-bearing TOML, atomic writes, provenance, progress."""

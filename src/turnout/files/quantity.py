@@ -1,0 +1,151 @@
+"""Types of dimensional fields: pydantic reads "13 mm" as 0.013 and refuses a bare 13.
+
+Python code may pass SI numbers, marked by `turnout.files.units.SI` or by the validation context
+`{"si": True}`; a file can do neither.
+"""
+
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
+
+from turnout.files.units import (
+    ACCELERATION,
+    ANGULAR_STIFFNESS,
+    AREA,
+    DAMPING,
+    DENSITY,
+    FORCE,
+    FREQUENCY,
+    LENGTH,
+    PRESSURE,
+    SECOND_MOMENT,
+    STIFFNESS,
+    TIME,
+    Dimension,
+    parse_numbers,
+    parse_quantities,
+    parse_quantity,
+)
+
+
+def _positive_numbers(value: object) -> tuple[float, ...]:
+    numbers = parse_numbers(value)
+    if min(numbers) <= 0:
+        message = f"every number must be more than 0, the least is {min(numbers):g}"
+        raise ValueError(message)
+    return numbers
+
+
+def _python(info: ValidationInfo) -> bool:
+    return bool(info.context and info.context.get("si"))
+
+
+def _scalar(dimension: Dimension) -> Callable[[object, ValidationInfo], float]:
+    def read(value: object, info: ValidationInfo) -> float:
+        return parse_quantity(value, dimension, si=_python(info))
+
+    return read
+
+
+def _list(dimension: Dimension) -> Callable[[object, ValidationInfo], tuple[float, ...]]:
+    def read(value: object, info: ValidationInfo) -> tuple[float, ...]:
+        return parse_quantities(value, dimension, si=_python(info))
+
+    return read
+
+
+def _scalar_schema(dimension: Dimension) -> dict[str, Any]:
+    return {
+        "type": "string",
+        "description": f"{dimension.name} with its unit [{dimension.unit}]",
+        "examples": [dimension.example],
+    }
+
+
+def _list_schema(dimension: Dimension) -> dict[str, Any]:
+    scalar = {"type": "string", "examples": [dimension.example]}
+    numbers = {"type": "array", "items": {"type": "number"}, "minItems": 1}
+    forms: list[dict[str, Any]] = [
+        scalar,
+        {"type": "array", "items": scalar, "minItems": 1},
+        _table_schema({"unit": {"type": "string"}, "values": numbers}),
+    ]
+    if dimension in (LENGTH, TIME):
+        forms.append(_table_schema({"start": scalar, "step": scalar, "count": {"type": "integer"}}))
+    return {
+        "description": f"{dimension.name}, several values with their unit [{dimension.unit}]",
+        "anyOf": forms,
+    }
+
+
+def _table_schema(properties: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "type": "object",
+        "properties": properties,
+        "required": list(properties),
+        "additionalProperties": False,
+    }
+
+
+_NUMBERS_SCHEMA = {
+    "description": "plain numbers more than 0 [-]",
+    "anyOf": [
+        {"type": "number", "exclusiveMinimum": 0},
+        {"type": "array", "items": {"type": "number", "exclusiveMinimum": 0}, "minItems": 1},
+    ],
+}
+
+Length = Annotated[float, BeforeValidator(_scalar(LENGTH)), WithJsonSchema(_scalar_schema(LENGTH))]
+Time = Annotated[float, BeforeValidator(_scalar(TIME)), WithJsonSchema(_scalar_schema(TIME))]
+Frequency = Annotated[
+    float, BeforeValidator(_scalar(FREQUENCY)), WithJsonSchema(_scalar_schema(FREQUENCY))
+]
+Force = Annotated[float, BeforeValidator(_scalar(FORCE)), WithJsonSchema(_scalar_schema(FORCE))]
+Stiffness = Annotated[
+    float, BeforeValidator(_scalar(STIFFNESS)), WithJsonSchema(_scalar_schema(STIFFNESS))
+]
+AngularStiffness = Annotated[
+    float,
+    BeforeValidator(_scalar(ANGULAR_STIFFNESS)),
+    WithJsonSchema(_scalar_schema(ANGULAR_STIFFNESS)),
+]
+Damping = Annotated[
+    float, BeforeValidator(_scalar(DAMPING)), WithJsonSchema(_scalar_schema(DAMPING))
+]
+Pressure = Annotated[
+    float, BeforeValidator(_scalar(PRESSURE)), WithJsonSchema(_scalar_schema(PRESSURE))
+]
+Density = Annotated[
+    float, BeforeValidator(_scalar(DENSITY)), WithJsonSchema(_scalar_schema(DENSITY))
+]
+Acceleration = Annotated[
+    float, BeforeValidator(_scalar(ACCELERATION)), WithJsonSchema(_scalar_schema(ACCELERATION))
+]
+Area = Annotated[float, BeforeValidator(_scalar(AREA)), WithJsonSchema(_scalar_schema(AREA))]
+SecondMoment = Annotated[
+    float, BeforeValidator(_scalar(SECOND_MOMENT)), WithJsonSchema(_scalar_schema(SECOND_MOMENT))
+]
+LengthList = Annotated[
+    tuple[float, ...], BeforeValidator(_list(LENGTH)), WithJsonSchema(_list_schema(LENGTH))
+]
+TimeList = Annotated[
+    tuple[float, ...], BeforeValidator(_list(TIME)), WithJsonSchema(_list_schema(TIME))
+]
+ForceList = Annotated[
+    tuple[float, ...], BeforeValidator(_list(FORCE)), WithJsonSchema(_list_schema(FORCE))
+]
+AreaList = Annotated[
+    tuple[float, ...], BeforeValidator(_list(AREA)), WithJsonSchema(_list_schema(AREA))
+]
+SecondMomentList = Annotated[
+    tuple[float, ...],
+    BeforeValidator(_list(SECOND_MOMENT)),
+    WithJsonSchema(_list_schema(SECOND_MOMENT)),
+]
+FrequencyList = Annotated[
+    tuple[float, ...], BeforeValidator(_list(FREQUENCY)), WithJsonSchema(_list_schema(FREQUENCY))
+]
+PositiveNumberList = Annotated[
+    tuple[float, ...], BeforeValidator(_positive_numbers), WithJsonSchema(_NUMBERS_SCHEMA)
+]

@@ -1,0 +1,286 @@
+"""Units: "13 mm" in a file is 0.013 in memory.
+
+A quantity is a text that carries a unit of the right dimension. A bare number is refused unless it
+comes from Python, marked by `SI` or by `si=True`; neither can be written in a TOML file. The usual
+units are resolved from a table, all others by pint, imported only when one of them turns up.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+
+class SI(float):
+    """A number that Python code handed over as SI; a file cannot produce one."""
+
+    __slots__ = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Dimension:
+    """A physical dimension: its name, its SI unit and an example of a value in a file."""
+
+    name: str
+    unit: str
+    example: str
+
+
+LENGTH = Dimension("length", "m", "13 mm")
+TIME = Dimension("time", "s", "3.2 s")
+FREQUENCY = Dimension("frequency", "Hz", "20 Hz")
+FORCE = Dimension("force", "N", "6 kN")
+STIFFNESS = Dimension("stiffness", "N/m", "750 kN/m")
+ANGULAR_STIFFNESS = Dimension("angular stiffness", "N m/rad", "225 kN m/rad")
+DAMPING = Dimension("damping", "N s/m", "25 kN s/m")
+PRESSURE = Dimension("pressure", "N/m^2", "210 GPa")
+DENSITY = Dimension("density", "kg/m^3", "7850 kg/m^3")
+ACCELERATION = Dimension("acceleration", "m/s^2", "9.81 m/s^2")
+AREA = Dimension("area", "m^2", "76.7 cm^2")
+SECOND_MOMENT = Dimension("second moment of area", "m^4", "3038 cm^4")
+
+DIMENSIONS = (
+    LENGTH,
+    TIME,
+    FREQUENCY,
+    FORCE,
+    STIFFNESS,
+    ANGULAR_STIFFNESS,
+    DAMPING,
+    PRESSURE,
+    DENSITY,
+    ACCELERATION,
+    AREA,
+    SECOND_MOMENT,
+)
+
+# Unit texts resolved without pint; tests/unit/test_files_quantity.py compares each with pint.
+COMMON_UNITS: dict[str, dict[str, float]] = {
+    "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "km": 1e3},
+    "time": {"s": 1.0, "ms": 1e-3, "min": 60.0},
+    "frequency": {"Hz": 1.0, "kHz": 1e3},
+    "force": {"N": 1.0, "kN": 1e3, "MN": 1e6},
+    "stiffness": {
+        "N/m": 1.0, "kN/m": 1e3, "MN/m": 1e6, "GN/m": 1e9, "N/mm": 1e3, "kN/mm": 1e6,
+    },
+    "angular stiffness": {"N m/rad": 1.0, "kN m/rad": 1e3, "MN m/rad": 1e6},
+    "damping": {"N s/m": 1.0, "kN s/m": 1e3},
+    "pressure": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm^2": 1e6, "N/m^2": 1.0},
+    "density": {"kg/m^3": 1.0},
+    "acceleration": {"m/s^2": 1.0},
+    "area": {"m^2": 1.0, "cm^2": 1e-4, "mm^2": 1e-6},
+    "second moment of area": {"m^4": 1.0, "cm^4": 1e-8, "mm^4": 1e-12},
+}  # fmt: skip
+
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*\Z", re.DOTALL)
+_NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\b", re.IGNORECASE)
+_UNIT_TEXT = re.compile(r"[\w\s/*^().·²³⁴⁻¹-]{1,40}\Z")
+_LARGEST_COUNT = 10_000
+
+
+def parse_quantity(value: object, dimension: Dimension, *, si: bool = False) -> float:
+    """Read one value of a dimension and give it in SI.
+
+    Parameters
+    ----------
+    value : object
+        A text with a number and a unit, or, from Python, an SI number.
+    dimension : Dimension
+        What the value must be.
+    si : bool
+        Accept a bare number as SI.
+
+    Returns
+    -------
+    float
+        The value in the SI unit of the dimension.
+
+    Raises
+    ------
+    ValueError
+        When the value is not a finite quantity of that dimension; the text says the remedy.
+
+    Examples
+    --------
+    >>> parse_quantity("13 mm", LENGTH)
+    0.013
+    >>> parse_quantity("40 kN/mm", STIFFNESS)
+    40000000.0
+    """
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        message = f"must be text with a number and a unit of {_of(dimension)}"
+        raise ValueError(message)
+    if isinstance(value, int | float):
+        if not math.isfinite(value):
+            message = "must be a finite number"
+            raise ValueError(message)
+        if si or isinstance(value, SI):
+            return float(value)
+        raise ValueError(_bare(f"{value:g}", dimension))
+    if _NOT_FINITE.match(value):
+        message = "must be a finite number"
+        raise ValueError(message)
+    match = _NUMBER.match(value)
+    if match is None:
+        message = f"must be a number and a unit of {_of(dimension)}"
+        raise ValueError(message)
+    number, unit = match.groups()
+    if not unit:
+        raise ValueError(_bare(number, dimension))
+    return _scaled(float(number), unit, dimension)
+
+
+def _of(dimension: Dimension) -> str:
+    return f'{dimension.name}, such as "{dimension.example}"'
+
+
+def _bare(number: str, dimension: Dimension) -> str:
+    return (
+        f"has no unit, {number} would be {number} {dimension.unit}; "
+        f'write the unit, such as "{dimension.example}"'
+    )
+
+
+def _scaled(number: float, unit: str, dimension: Dimension) -> float:
+    factor = unit_factor(unit, dimension)
+    inverse = round(1.0 / factor) if 0.0 < factor < 1.0 else 0
+    # Dividing by 1000 rounds once: "13 mm" is then exactly the 0.013 that Python writes.
+    exact = inverse > 0 and abs(inverse * factor - 1.0) < 1e-12
+    result = number / inverse if exact else number * factor
+    if not math.isfinite(result):
+        message = "must be a finite number"
+        raise ValueError(message)
+    return result
+
+
+@cache
+def unit_factor(unit: str, dimension: Dimension) -> float:
+    """Give the SI value of one `unit`; ValueError when it is not a unit of the dimension.
+
+    Examples
+    --------
+    >>> unit_factor("kN/m", STIFFNESS)
+    1000.0
+    """
+    text = " ".join(unit.split())
+    known = COMMON_UNITS[dimension.name].get(text)
+    if known is not None:
+        return known
+    for name, units in COMMON_UNITS.items():
+        if text in units:
+            message = f'"{text}" is a unit of {name}; needs one of {_of(dimension)}'
+            raise ValueError(message)
+    return _pint_factor(text, dimension)
+
+
+def _pint_factor(text: str, dimension: Dimension) -> float:
+    """Resolve an uncommon unit by pint; whatever pint raises becomes a ValueError."""
+    if not _UNIT_TEXT.match(text):
+        message = f'"{text}" is not a unit; needs one of {_of(dimension)}'
+        raise ValueError(message)
+    if dimension is FREQUENCY and not re.fullmatch(r"[kM]?[hH](z|ertz)|1/s|s\^-1|s\*\*-1", text):
+        message = f'"{text}" is not a unit of {_of(dimension)} (cycles a second)'
+        raise ValueError(message)
+    registry = _registry()
+    try:
+        factor = float(registry.Quantity(1.0, text).to(dimension.unit).magnitude)
+    except Exception as error:
+        reason = "is of another dimension" if "convert" in str(error) else "is not a known unit"
+        message = f'"{text}" {reason}; needs one of {_of(dimension)}'
+        raise ValueError(message) from None
+    if not (math.isfinite(factor) and factor > 0):
+        message = f'"{text}" is not a usable unit; needs one of {_of(dimension)}'
+        raise ValueError(message)
+    return factor
+
+
+@cache
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def parse_quantities(value: object, dimension: Dimension, *, si: bool = False) -> tuple[float, ...]:
+    """Read several values: a list, `{unit, values}`, `{start, step, count}` or one scalar.
+
+    Examples
+    --------
+    >>> parse_quantities({"unit": "cm^2", "values": [1.0, 2.0]}, AREA)
+    (0.0001, 0.0002)
+    >>> parse_quantities({"start": "0 m", "step": "0.6 m", "count": 3}, LENGTH)
+    (0.0, 0.6, 1.2)
+    """
+    if isinstance(value, dict):
+        return _from_table(value, dimension, si=si)
+    items = value if isinstance(value, list | tuple) else [value]
+    if not items:
+        message = "needs at least one value"
+        raise ValueError(message)
+    result, problems = [], []
+    for number, item in enumerate(items, 1):
+        try:
+            result.append(parse_quantity(item, dimension, si=si))
+        except ValueError as error:
+            problems.append(
+                f"item {number} of {len(items)} {error}" if len(items) > 1 else f"{error}"
+            )
+    if problems:
+        more = f"; and {len(problems) - 3} more" if len(problems) > 3 else ""
+        raise ValueError("; ".join(problems[:3]) + more)
+    return tuple(result)
+
+
+def _from_table(value: dict[str, object], dimension: Dimension, *, si: bool) -> tuple[float, ...]:
+    keys = set(value)
+    if keys == {"unit", "values"}:
+        unit, values = value["unit"], value["values"]
+        if not isinstance(unit, str) or not unit.strip():
+            message = f"`unit` must be a text such as the unit of {_of(dimension)}"
+            raise ValueError(message)
+        numbers = parse_numbers(values)
+        return tuple(_scaled(number, unit, dimension) for number in numbers)
+    if keys == {"start", "step", "count"} and dimension in (LENGTH, TIME):
+        start = parse_quantity(value["start"], dimension, si=si)
+        step = parse_quantity(value["step"], dimension, si=si)
+        count = value["count"]
+        if isinstance(count, SI) and count == int(count):
+            count = int(count)
+        if isinstance(count, bool) or not isinstance(count, int):
+            message = "`count` must be a whole number"
+            raise ValueError(message)
+        if not 1 <= count <= _LARGEST_COUNT:
+            message = f"`count` must be 1 ... {_LARGEST_COUNT}"
+            raise ValueError(message)
+        # Rounded to 1 nm, so that 0.6 m x 3 is the 1.8 m that a user writes.
+        return tuple(round(start + step * number, 9) for number in range(count))
+    forms = "a list, or a table {unit, values}"
+    if dimension in (LENGTH, TIME):
+        forms = "a list, or a table {unit, values} or {start, step, count}"
+    message = f"must be {forms}; got a table with {', '.join(sorted(keys)) or 'nothing'}"
+    raise ValueError(message)
+
+
+def parse_numbers(value: object) -> tuple[float, ...]:
+    """Read finite plain numbers: a list or one number.
+
+    Examples
+    --------
+    >>> parse_numbers([0.5, 1])
+    (0.5, 1.0)
+    """
+    items = value if isinstance(value, list | tuple) else [value]
+    if not items:
+        message = "needs at least one value"
+        raise ValueError(message)
+    for number, item in enumerate(items, 1):
+        if isinstance(item, bool) or not isinstance(item, int | float):
+            message = (
+                f"item {number} of {len(items)} must be a plain number, without quotes or unit"
+            )
+            raise ValueError(message)
+        if not math.isfinite(item):
+            message = f"item {number} of {len(items)} must be a finite number"
+            raise ValueError(message)
+    return tuple(float(item) for item in items)

@@ -1,0 +1,1 @@
+"""What a switch panel is: records, library, loader, checks."""

@@ -1,0 +1,235 @@
+"""Load a panel from the library or a file, and make changed ones from it."""
+
+from collections.abc import Iterable, Mapping
+from importlib import resources
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Self
+
+from pydantic import PrivateAttr
+
+from turnout.errors import FileError, PanelError
+from turnout.files.problems import Problem, choices, nearest
+from turnout.files.provenance import content_hash
+from turnout.files.toml import Origin, TomlFile, decode, parse_toml, read_toml
+from turnout.panel.check import check
+from turnout.panel.document import Document, expand
+from turnout.panel.model import Panel
+from turnout.panel.override import apply_overrides, mark_si, parse_setting, supersede
+from turnout.panel.schedule_file import read_schedule_files
+from turnout.panel.validate import validate
+
+# Neither changes what the panel is: the text about it, and where a schedule's numbers were read.
+_NOT_HASHED = {"description": True, "movement": {"__all__": {"table_file"}}}
+
+
+class LoadedPanel(Panel):
+    """A valid panel that knows where its values come from.
+
+    Besides the records (`panel.drive["1"].stiffness`) it has `origins`, `overrides` and `hash`.
+    It can be pickled.
+    """
+
+    _document: Document = PrivateAttr()
+    _overrides: dict[str, object] = PrivateAttr(default_factory=dict)
+    _source: str = PrivateAttr(default="panel")
+    _folder: Path | None = PrivateAttr(default=None)
+    _hash: str = PrivateAttr(default="")
+
+    @property
+    def origins(self) -> Mapping[str, Origin]:
+        """Where each value comes from, by key; an override has the kind "override"."""
+        return MappingProxyType(self._document.origins)
+
+    @property
+    def overrides(self) -> Mapping[str, object]:
+        """The overrides that made this panel, by key."""
+        return MappingProxyType(self._overrides)
+
+    @property
+    def source(self) -> str:
+        """The library name or file that the panel was loaded from."""
+        return self._source
+
+    @property
+    def hash(self) -> str:
+        """Content hash of all SI values; the same for the same panel however it was written."""
+        return self._hash
+
+    def with_overrides(self, overrides: Mapping[str, object], *, si: bool = True) -> Self:
+        """Make a panel with changed values.
+
+        Parameters
+        ----------
+        overrides : mapping of str to object
+            Value by key: `{"chair.friction_coefficient": 0.3, "drive.2.stiffness": "81 kN/m"}`.
+            A table may be given for a member: `{"object.stone": {"size": 0.013, "at": "drive 1"}}`.
+        si : bool
+            Whether bare numbers are SI (from Python) or refused for dimensional keys (from text).
+
+        Returns
+        -------
+        LoadedPanel
+            A new, completely checked panel; this one is not changed.
+
+        Raises
+        ------
+        PanelError
+            With all problems at once.
+
+        Examples
+        --------
+        >>> panel = load_panel("sb1").with_overrides({"drive.1.stiffness": "75 kN/m"})
+        >>> panel.drive["1"].stiffness
+        75000.0
+        """
+        given = {key: mark_si(value) if si else value for key, value in overrides.items()}
+        document, problems, applied = apply_overrides(self._document, given)
+        return type(self)._build(
+            document,
+            source=self._source,
+            folder=self._folder,
+            overrides=supersede(self._overrides, applied),
+            problems=problems,
+            heading="overrides" if given else self._source,
+        )
+
+    def with_settings(self, settings: Iterable[str]) -> Self:
+        """Make a panel changed by texts "KEY=VALUE" of a command line; units are required.
+
+        Examples
+        --------
+        >>> load_panel("sb1").with_settings(["drive.1.stroke=100 mm"]).drive["1"].stroke
+        0.1
+        """
+        overrides, problems = {}, []
+        for text in settings:
+            try:
+                key, value = parse_setting(text)
+                overrides[key] = value
+            except ValueError as error:
+                problems.append(str(error))
+        if problems:
+            raise PanelError(problems, source="overrides")
+        return self.with_overrides(overrides, si=False)
+
+    @classmethod
+    def _build(
+        cls,
+        document: Document,
+        *,
+        source: str,
+        folder: Path | None,
+        overrides: dict[str, object],
+        problems: list[Problem],
+        heading: str,
+    ) -> Self:
+        filled, file_problems = read_schedule_files(document, folder=folder)
+        draft = validate(filled)
+        found = [*problems, *draft.problems, *file_problems, *check(draft)]
+        if found:
+            raise PanelError(list(dict.fromkeys(str(item) for item in found)), source=heading)
+        panel = cls.model_construct(**draft.records)
+        panel._document = document
+        panel._overrides = overrides
+        panel._source = source
+        panel._folder = folder
+        panel._hash = content_hash(panel.model_dump(mode="json", exclude=_NOT_HASHED))
+        return panel
+
+    def __repr__(self) -> str:
+        """Name the panel and its overrides; the records are too many to show."""
+        changed = f", overrides={dict(self._overrides)}" if self._overrides else ""
+        return f"LoadedPanel({self.name!r}, hash={self._hash[:12]}{changed})"
+
+    __str__ = __repr__
+
+
+def library_names() -> tuple[str, ...]:
+    """List the panels that come with the program.
+
+    Examples
+    --------
+    >>> "sb1" in library_names()
+    True
+    """
+    folder = resources.files("turnout.panel").joinpath("library")
+    return tuple(
+        sorted(item.name.removesuffix(".toml") for item in folder.iterdir() if item.is_file())
+    )
+
+
+def library_text(name: str) -> str:
+    """Give the TOML text of a library panel, to start an own panel file from."""
+    folder = resources.files("turnout.panel").joinpath("library")
+    return decode(folder.joinpath(f"{name}.toml").read_bytes(), source=name)
+
+
+def load_panel(
+    name_or_path: str | Path, *, overrides: Mapping[str, object] | None = None
+) -> LoadedPanel:
+    """Load a panel of the library by its name, or a panel file by its path.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        A library name, or a path; a text with ".toml" or a path separator is a path.
+    overrides : mapping, optional
+        Changes, as for `LoadedPanel.with_overrides`.
+
+    Returns
+    -------
+    LoadedPanel
+        The checked panel.
+
+    Raises
+    ------
+    FileError
+        When the file cannot be read or is not TOML.
+    PanelError
+        When what it says is not a valid panel; with all problems at once.
+
+    Examples
+    --------
+    >>> load_panel("sb1").drive["1"].stiffness
+    750000.0
+    """
+    panel = panel_from_file(_open(name_or_path))
+    return panel.with_overrides(overrides) if overrides else panel
+
+
+def panel_from_file(file: TomlFile) -> LoadedPanel:
+    """Make a panel from a TOML document that was already read."""
+    return LoadedPanel._build(
+        expand(file),
+        source=file.source,
+        folder=file.folder,
+        overrides={},
+        problems=[],
+        heading=file.source,
+    )
+
+
+def _open(name_or_path: str | Path) -> TomlFile:
+    if isinstance(name_or_path, Path):
+        return read_toml(name_or_path)
+    name = name_or_path.strip()
+    if name.endswith(".toml") or "/" in name or "\\" in name:
+        return read_toml(Path(name).expanduser())
+    names = library_names()
+    if name in names:
+        return parse_toml(library_text(name), source=name)
+    message = (
+        f"no library panel is called '{name}'{nearest(name, names)}; "
+        f"there are {choices(names)}; a file needs its .toml"
+    )
+    raise FileError(message)
+
+
+__all__: list[Any] = [
+    "LoadedPanel",
+    "library_names",
+    "library_text",
+    "load_panel",
+    "panel_from_file",
+]

@@ -1,0 +1,265 @@
+"""Change a panel by keys such as `chair.friction_coefficient` or `drive.2.stiffness`.
+
+A key that names a field of a family sets it for all members, also for those with an own value; a
+key that names a member sets it for that one. Within one set of overrides the broader keys go first.
+"""
+
+import tomllib
+import typing
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel
+
+from turnout.files.problems import Problem, nearest, show_value
+from turnout.files.toml import Origin
+from turnout.files.units import SI
+from turnout.panel.document import FAMILIES, Document, Path
+from turnout.panel.model import Panel
+
+GROWING = ("object",)
+
+
+def parse_setting(text: str) -> tuple[str, object]:
+    """Split "KEY=VALUE" from a command line; the value is read as TOML where it parses.
+
+    Examples
+    --------
+    >>> parse_setting("chair.friction_coefficient=0.3")
+    ('chair.friction_coefficient', 0.3)
+    >>> parse_setting("drive.2.stiffness = 810 kN/m")
+    ('drive.2.stiffness', '810 kN/m')
+    """
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        message = f'"{text}" is not KEY=VALUE, such as drive.1.stiffness="750 kN/m"'
+        raise ValueError(message)
+    value = value.strip()
+    try:
+        return key.strip(), tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return key.strip(), value
+
+
+def mark_si(value: object) -> object:
+    """Mark the numbers in a Python value as SI; arrays become lists."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): mark_si(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [mark_si(item) for item in value]
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return SI(value)
+    return value
+
+
+def _records_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Find the records that an annotation allows, through unions and Annotated."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    elif typing.get_origin(annotation) is not dict:
+        for part in typing.get_args(annotation):
+            yield from _records_in(part)
+
+
+def _is_mapping(annotation: Any) -> bool:
+    return typing.get_origin(annotation) is dict
+
+
+def fields_at(path: Path) -> list[str]:
+    """List the field names that may follow a key path; a family's own fields for a family.
+
+    Examples
+    --------
+    >>> fields_at(("lock",))
+    ['rule', 'gap_limit']
+    """
+    record: type[BaseModel] = Panel
+    parts = list(path)
+    if parts and parts[0] in FAMILIES:
+        record = FAMILIES[parts[0]]
+        parts = parts[1:]
+        if parts and parts[0] not in record.model_fields:
+            parts = parts[1:]
+    for part in parts:
+        info = record.model_fields.get(part)
+        inner = list(_records_in(info.annotation)) if info else []
+        if not inner:
+            return []
+        record = inner[0]
+    return list(record.model_fields)
+
+
+@dataclass(frozen=True, slots=True)
+class _Target:
+    """Where an override goes: the key path in the tree and what it was called."""
+
+    key: str
+    place: Path
+    value: object
+
+
+def apply_overrides(
+    document: Document, overrides: Mapping[str, object]
+) -> tuple[Document, list[Problem], dict[str, object]]:
+    """Set values in a document.
+
+    Parameters
+    ----------
+    document : Document
+        The expanded document.
+    overrides : mapping of str to object
+        Value by key; numbers that stand for SI quantities are marked by `mark_si`.
+
+    Returns
+    -------
+    document : Document
+        A new document; the old one is not changed.
+    problems : list of Problem
+        Keys that match nothing.
+    applied : dict
+        Value by leaf key, broad keys first.
+    """
+    tree = _copy(document.tree)
+    shared, origins = set(document.shared), dict(document.origins)
+    problems: list[Problem] = []
+    leaves: list[tuple[int, str, object]] = []
+    for key, value in overrides.items():
+        found = _leaves(tuple(key.split(".")), value)
+        leaves += [(_breadth(leaf), ".".join(leaf), item) for leaf, item in found]
+    leaves.sort(key=lambda leaf: leaf[0])
+    applied: dict[str, object] = {}
+    for _, key, value in leaves:
+        targets = _targets(tree, key, value)
+        if not targets:
+            text = f": matches nothing in this panel{_nearest_key(tree, key)}"
+            problems.append(Problem((key,), text))
+            continue
+        applied[key] = value
+        for target in targets:
+            _set(tree, target)
+            _restate(target.place, value, origins)
+            if _breadth(tuple(key.split("."))) == 0 and len(targets) > 1:
+                shared.add(target.place[:3])
+            else:
+                shared.discard(target.place[:3])
+    return Document(tree, frozenset(shared), origins, document.problems), problems, applied
+
+
+def supersede(before: Mapping[str, object], applied: Mapping[str, object]) -> dict[str, object]:
+    """Join earlier and later overrides; a later broad key removes the earlier ones it covers."""
+    kept = {
+        key: value
+        for key, value in before.items()
+        if not any(_covers(later, key) for later in applied)
+    }
+    return kept | dict(applied)
+
+
+def _covers(broad: str, key: str) -> bool:
+    wide, parts = tuple(broad.split(".")), tuple(key.split("."))
+    if wide == parts or (len(wide) < len(parts) and parts[: len(wide)] == wide):
+        return True
+    return _breadth(wide) == 0 and parts[0] == wide[0] and parts[2 : 1 + len(wide)] == wide[1:]
+
+
+def _breadth(path: Path) -> int:
+    """Give 0 for a key that sets a whole family, else 1."""
+    family = FAMILIES.get(path[0])
+    return 0 if family and len(path) > 1 and path[1] in family.model_fields else 1
+
+
+def _leaves(path: Path, value: object) -> list[tuple[Path, object]]:
+    """Break a table given for a member or record up into its fields."""
+    if isinstance(value, Mapping) and value and _holds_records(path):
+        return [leaf for key, item in value.items() for leaf in _leaves((*path, str(key)), item)]
+    return [(path, value)]
+
+
+def _holds_records(path: Path) -> bool:
+    if path[0] in FAMILIES:
+        fields = FAMILIES[path[0]].model_fields
+        return len(path) == 1 or (len(path) == 2 and path[1] not in fields)
+    info = Panel.model_fields.get(path[0])
+    return len(path) == 1 and info is not None and any(_records_in(info.annotation))
+
+
+def _targets(tree: dict[str, Any], key: str, value: object) -> list[_Target]:
+    path = tuple(key.split("."))
+    family = FAMILIES.get(path[0])
+    if family is None:
+        known = _is_field(Panel, path) and path[0] != "schema_version"
+        return [_Target(key, path, value)] if known else []
+    members = tree.get(path[0], {})
+    if len(path) < 2 or not isinstance(members, dict):
+        return []
+    if path[1] in family.model_fields:
+        if not _is_field(family, path[1:]):
+            return []
+        return [_Target(key, (path[0], name, *path[1:]), value) for name in members]
+    if path[1] not in members and path[0] not in GROWING:
+        return []
+    return [_Target(key, path, value)] if _is_field(family, path[2:]) else []
+
+
+def _is_field(record: type[BaseModel], path: Path) -> bool:
+    if not path:
+        return False
+    info = record.model_fields.get(path[0])
+    if info is None:
+        return False
+    if len(path) == 1:
+        return True
+    if _is_mapping(info.annotation):
+        return len(path) == 2
+    return any(_is_field(inner, path[1:]) for inner in _records_in(info.annotation))
+
+
+def _set(tree: dict[str, Any], target: _Target) -> None:
+    table = tree
+    for part in target.place[:-1]:
+        inner = table.get(part)
+        if not isinstance(inner, dict):
+            inner = {}
+            table[part] = inner
+        table = inner
+    table[target.place[-1]] = target.value
+
+
+def _restate(place: Path, value: object, origins: dict[str, Origin]) -> None:
+    key = ".".join(place)
+    for stale in [name for name in origins if name == key or name.startswith(f"{key}.")]:
+        del origins[stale]
+    origins[key] = Origin("override", show_value(value))
+
+
+def _copy(tree: Any) -> Any:
+    return {key: _copy(item) for key, item in tree.items()} if isinstance(tree, dict) else tree
+
+
+def known_keys(tree: Mapping[str, Any]) -> Iterable[str]:
+    """List the keys that an override of this panel may use, families first, then members."""
+    for name, info in Panel.model_fields.items():
+        if name in FAMILIES:
+            members = tree.get(name, {})
+            fields = list(_field_keys(FAMILIES[name]))
+            yield from (f"{name}.{key}" for key in fields if members)
+            yield from (f"{name}.{member}.{key}" for member in members for key in fields)
+        elif name != "schema_version":
+            inner = list(_records_in(info.annotation))
+            yield from (f"{name}.{key}" for record in inner for key in _field_keys(record))
+            if not inner:
+                yield name
+
+
+def _field_keys(record: type[BaseModel]) -> Iterator[str]:
+    for name, info in record.model_fields.items():
+        yield name
+        for inner in _records_in(info.annotation):
+            yield from (f"{name}.{key}" for key in _field_keys(inner))
+
+
+def _nearest_key(tree: Mapping[str, Any], key: str) -> str:
+    return nearest(key, known_keys(tree))

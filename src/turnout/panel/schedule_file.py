@@ -1,0 +1,96 @@
+"""Schedules recorded elsewhere: a CSV file with the columns time and fraction."""
+
+import csv
+from pathlib import Path
+from typing import Any
+
+from turnout.errors import FileError
+from turnout.files.problems import Problem, show_value
+from turnout.files.toml import decode, read_bytes
+from turnout.files.units import SI
+from turnout.panel.document import Document
+
+COLUMNS = ("time", "fraction")
+
+
+def read_schedule_files(
+    document: Document, *, folder: Path | None
+) -> tuple[Document, list[Problem]]:
+    """Fill the tables of movements that name a CSV file.
+
+    Parameters
+    ----------
+    document : Document
+        The expanded document.
+    folder : Path or None
+        Where relative paths start: the folder of the panel file.
+
+    Returns
+    -------
+    document : Document
+        The document with `table_time` and `table_fraction` filled.
+    problems : list of Problem
+        Files that could not be read.
+    """
+    movements = document.tree.get("movement")
+    if not isinstance(movements, dict) or not any(_names_file(item) for item in movements.values()):
+        return document, []
+    problems: list[Problem] = []
+    filled: dict[str, Any] = {}
+    for name, movement in movements.items():
+        filled[name] = movement
+        if not _names_file(movement):
+            continue
+        path = ("movement", name, "table_file")
+        given = movement["table_file"]
+        if movement.get("table_time") is not None or movement.get("table_fraction") is not None:
+            text = f" = {show_value(given)}: give either the file or table_time and table_fraction"
+            problems.append(Problem(path, text))
+            continue
+        try:
+            time, fraction = read_schedule_csv((folder or Path()) / Path(given).expanduser())
+        except FileError as error:
+            problems.append(Problem(path, f" = {show_value(given)}: {error}"))
+            # A stand-in, so that the missing table is not reported a second time.
+            time, fraction = [0.0, 1.0], [0.0, 1.0]
+        filled[name] = movement | {
+            "table_time": [SI(value) for value in time],
+            "table_fraction": fraction,
+        }
+    tree = document.tree | {"movement": filled}
+    changed = Document(tree, document.shared, document.origins, document.problems)
+    return changed, problems
+
+
+def _names_file(movement: object) -> bool:
+    return isinstance(movement, dict) and isinstance(movement.get("table_file"), str)
+
+
+def read_schedule_csv(path: Path) -> tuple[list[float], list[float]]:
+    """Read the columns time [s] and fraction [-] of a CSV file.
+
+    Raises
+    ------
+    FileError
+        When the file or a cell cannot be read; the text names the line.
+    """
+    text = decode(read_bytes(path), source=str(path))
+    rows = csv.reader(line for line in text.splitlines() if not line.lstrip().startswith("#"))
+    header = [cell.strip().lower() for cell in next(rows, [])]
+    if sorted(header) != sorted(COLUMNS):
+        message = f"{path}: the first line must name the columns time,fraction; it says {header}"
+        raise FileError(message)
+    columns: dict[str, list[float]] = {name: [] for name in COLUMNS}
+    for row in rows:
+        if not any(cell.strip() for cell in row):
+            continue
+        if len(row) != len(header):
+            message = f"{path}: line {rows.line_num}: {len(row)} cells, must be {len(header)}"
+            raise FileError(message)
+        for name, cell in zip(header, row, strict=True):
+            try:
+                columns[name].append(float(cell))
+            except ValueError:
+                message = f"{path}: line {rows.line_num}: '{cell.strip()}' is not a number"
+                raise FileError(message) from None
+    return columns["time"], columns["fraction"]
