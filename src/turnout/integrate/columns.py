@@ -41,12 +41,8 @@ def row_target(system: System, table: LawTable, state: State, row: int, entries:
     shift = 0.0
     for i in range(system.row_law_start[row], system.row_law_start[row + 1]):
         law = system.row_law_list[i]
-        slope = 0.0
-        if state.present[law]:
-            at = table.segment_start[law] + state.segment[law]
-            slope = table.slope[at]
-            shift += slope * table.offset[law] - table.intercept[at]
-        entries[0] += system.base_slope[law] - slope
+        entries[0] += system.base_slope[law] - state.slope[law]
+        shift -= state.constant[law]
     for i in range(system.row_friction_start[row], system.row_friction_start[row + 1]):
         friction = system.row_friction_list[i]
         branch = state.friction[friction]
@@ -55,16 +51,13 @@ def row_target(system: System, table: LawTable, state: State, row: int, entries:
             shift += table.stick_stiffness[friction] * state.anchor[friction]
             continue
         normal = table.friction_normal[friction]
-        if not state.present[normal]:
-            continue
-        at = table.segment_start[normal] + state.segment[normal]
         gain = branch * table.friction_coefficient[friction]
         normal_row = table.row[normal]
         for k in range(start, stop):
             if system.pattern_list[k] == normal_row:
-                entries[k - start] -= gain * table.slope[at]
+                entries[k - start] -= gain * state.slope[normal]
                 break
-        shift += gain * (table.slope[at] * table.offset[normal] - table.intercept[at])
+        shift -= gain * state.constant[normal]
     return shift
 
 

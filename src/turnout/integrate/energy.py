@@ -12,9 +12,9 @@ the change of potential where a law changes its segment within a step.
 """
 
 from turnout.integrate.solve import Work, friction_limit, row_forces
-from turnout.integrate.system import Floats, State, System
+from turnout.integrate.system import Floats, State, System, set_segment
 from turnout.law.compiled import compiled
-from turnout.law.kernel import STICK, law_argument, law_energy, law_force
+from turnout.law.kernel import STICK, law_argument, law_energy
 from turnout.law.table import LawTable
 
 MARKERS, FRICTION, DAMPING, SWITCHED, ALGORITHMIC, SEGMENTS = range(6)
@@ -42,14 +42,19 @@ def account_modal(system: System, state: State, work: Work) -> None:
 def account_laws(table: LawTable, state: State, old_inputs: Floats, time: float) -> None:
     """Book marker work and segment losses; bring law forces, energies and arguments up to date."""
     for law in range(table.row.size):
-        if not state.present[law] and state.law_force[law] == 0.0:
+        at = state.g[table.row[law]]
+        if table.input_index[law] >= 0:
+            at -= state.inputs[table.input_index[law]]
+        force = state.slope[law] * at + state.constant[law]
+        old_force = state.law_force[law]
+        e = at - table.offset[law]
+        if force == 0.0 and old_force == 0.0:
+            state.law_argument[law] = e
             continue
-        e = law_argument(table, law, state.g, state.inputs)
-        force, energy = 0.0, 0.0
+        energy = 0.0
         if state.present[law]:
-            force = law_force(table, law, state.segment[law], e)
             energy = law_energy(table, law, state.segment[law], e)
-        mean = 0.5 * (force + state.law_force[law])
+        mean = 0.5 * (force + old_force)
         if table.input_index[law] >= 0:
             index = table.input_index[law]
             state.ledger[MARKERS] -= mean * (state.inputs[index] - old_inputs[index])
@@ -75,7 +80,7 @@ def account_friction(table: LawTable, state: State) -> None:
         if branch == STICK:
             state.friction_force[friction] = stiffness * (state.g[row] - state.anchor[friction])
             continue
-        force = branch * friction_limit(table, state, friction, state.g, state.inputs)
+        force = branch * friction_limit(table, state, friction)
         anchor = state.g[row] - force / stiffness
         mean = 0.5 * (force + state.friction_force[friction])
         state.ledger[FRICTION] += mean * (anchor - state.anchor[friction])
@@ -94,13 +99,14 @@ def switch_laws(table: LawTable, state: State, work: Work, time: float) -> int:
         state.present[law] = present
         e = law_argument(table, law, state.g, state.inputs)
         energy = 0.0
+        segment = state.segment[law]
         if present:
             first, last = table.segment_start[law], table.segment_start[law + 1]
             segment = 0
             while first + segment < last - 1 and e > table.segment_upper[first + segment]:
                 segment += 1
-            state.segment[law] = segment
             energy = law_energy(table, law, segment, e)
+        set_segment(table, state, law, segment)
         state.ledger[SWITCHED] += energy - state.law_energy[law]
         state.law_energy[law] = energy
         state.law_argument[law] = e

@@ -22,6 +22,7 @@ from turnout.integrate.system import (
     condensed_system,
     fresh_state,
     linear_stiffness,
+    set_segment,
 )
 from turnout.law.kernel import SLIP_FORWARD, STICK
 from turnout.law.table import LawTable
@@ -196,6 +197,8 @@ def _start(
     """Find the static equilibrium without friction, then anchor the feet where they stand."""
     slippery = laws._replace(friction_coefficient=np.zeros_like(laws.friction_coefficient))
     state.present[:] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9)
+    for law in range(laws.row.size):
+        set_segment(laws, state, law, state.segment[law])
     state.friction[:] = SLIP_FORWARD
     rebuild(system, slippery, state, 1.0, 0.0, work.row)
     generous = tolerances._replace(iterations=max(tolerances.iterations, 400))

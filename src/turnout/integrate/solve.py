@@ -10,14 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from turnout.integrate.columns import refresh_inverse, update_row
-from turnout.integrate.system import COUNT_ITERATIONS, Floats, Ints, State, System
+from turnout.integrate.system import COUNT_ITERATIONS, Floats, Ints, State, System, set_segment
 from turnout.law.compiled import compiled
 from turnout.law.kernel import (
     STICK,
     any_not_finite,
     friction_state,
-    law_argument,
-    law_force,
     segment_for,
 )
 from turnout.law.table import LawTable
@@ -84,15 +82,10 @@ def update_marked(system: System, table: LawTable, state: State, work: Work, cou
 
 
 @compiled
-def friction_limit(
-    table: LawTable, state: State, friction: int, g: Floats, inputs: Floats
-) -> float:
+def friction_limit(table: LawTable, state: State, friction: int) -> float:
     """Return the largest force that one friction law can bear now [N]."""
     normal = table.friction_normal[friction]
-    if not state.present[normal]:
-        return 0.0
-    e = law_argument(table, normal, g, inputs)
-    force = law_force(table, normal, state.segment[normal], e)
+    force = state.slope[normal] * state.g[table.row[normal]] + state.constant[normal]
     return table.friction_coefficient[friction] * max(force, 0.0)
 
 
@@ -108,19 +101,11 @@ def displacements(system: System, table: LawTable, state: State, q: Floats, g: F
             g[i] += weight * column[i]
     for k in range(system.input_law.size):
         law = system.input_law[k]
-        weight = _input_gain(table, state, law)
+        weight = state.slope[law] * state.inputs[table.input_index[law]]
         if weight != 0.0:
             column = state.columns[n_modes + 1 + state.slot_of_row[table.row[law]]]
             for i in range(n_rows):
                 g[i] += weight * column[i]
-
-
-@compiled
-def _input_gain(table: LawTable, state: State, law: int) -> float:
-    if not state.present[law]:
-        return 0.0
-    slope = table.slope[table.segment_start[law] + state.segment[law]]
-    return slope * state.inputs[table.input_index[law]]
 
 
 @compiled
@@ -132,7 +117,7 @@ def solve_set(system: System, table: LawTable, state: State, work: Work) -> None
         right[i] = work.right_side[i] + state.columns[n_modes, n_rows + i]
     for k in range(system.input_law.size):
         law = system.input_law[k]
-        weight = _input_gain(table, state, law)
+        weight = state.slope[law] * state.inputs[table.input_index[law]]
         if weight != 0.0:
             column = state.columns[n_modes + 1 + state.slot_of_row[table.row[law]]]
             for i in range(n_modes):
@@ -147,6 +132,47 @@ def solve_set(system: System, table: LawTable, state: State, work: Work) -> None
 
 
 @compiled
+def check_segments(
+    system: System, table: LawTable, state: State, work: Work, gap: float, one_at_a_time: bool
+) -> int:
+    """Move laws whose argument has left its segment; return how many rows are marked."""
+    count = 0
+    for law in range(table.row.size):
+        at = state.g[table.row[law]]
+        if table.input_index[law] >= 0:
+            at -= state.inputs[table.input_index[law]]
+        if at > state.upper[law] + gap or at < state.lower[law] - gap:
+            e = at - table.offset[law]
+            segment = segment_for(table, law, e, state.segment[law], gap)
+            set_segment(table, state, law, segment)
+            count = mark_law(system, table, state, work, count, law)
+            if one_at_a_time:
+                return count
+    return count
+
+
+@compiled
+def check_frictions(
+    table: LawTable, state: State, work: Work, count: int, force: float, one_at_a_time: bool
+) -> int:
+    """Move friction laws between stick and slip; return how many rows are marked in all."""
+    g, friction_row, normals = state.g, table.friction_row, table.friction_normal
+    branches, anchor = state.friction, state.anchor
+    for friction in range(friction_row.size):
+        normal = normals[friction]
+        resistance = state.slope[normal] * g[table.row[normal]] + state.constant[normal]
+        limit = table.friction_coefficient[friction] * max(resistance, 0.0)
+        trial = table.stick_stiffness[friction] * (g[friction_row[friction]] - anchor[friction])
+        branch = friction_state(trial, limit, branches[friction], force)
+        if branch != branches[friction]:
+            branches[friction] = branch
+            count = mark_row(work, count, friction_row[friction])
+            if one_at_a_time:
+                return count
+    return count
+
+
+@compiled
 def check_laws(
     system: System,
     table: LawTable,
@@ -156,28 +182,10 @@ def check_laws(
     one_at_a_time: bool,
 ) -> int:
     """Move every law (or the first) that its solution contradicts; return how many rows changed."""
-    count = 0
-    for law in range(table.row.size):
-        if not state.present[law]:
-            continue
-        e = law_argument(table, law, state.g, state.inputs)
-        segment = segment_for(table, law, e, state.segment[law], tolerances.gap)
-        if segment != state.segment[law]:
-            state.segment[law] = segment
-            count = mark_law(system, table, state, work, count, law)
-            if one_at_a_time:
-                return count
-    for friction in range(table.friction_row.size):
-        row = table.friction_row[friction]
-        trial = table.stick_stiffness[friction] * (state.g[row] - state.anchor[friction])
-        limit = friction_limit(table, state, friction, state.g, state.inputs)
-        branch = friction_state(trial, limit, state.friction[friction], tolerances.force)
-        if branch != state.friction[friction]:
-            state.friction[friction] = branch
-            count = mark_row(work, count, row)
-            if one_at_a_time:
-                return count
-    return count
+    count = check_segments(system, table, state, work, tolerances.gap, one_at_a_time)
+    if one_at_a_time and count > 0:
+        return count
+    return check_frictions(table, state, work, count, tolerances.force, one_at_a_time)
 
 
 @compiled
@@ -208,7 +216,7 @@ def restore_set(system: System, table: LawTable, state: State, work: Work) -> No
     count = 0
     for law in range(table.row.size):
         if state.segment[law] != work.old_segment[law]:
-            state.segment[law] = work.old_segment[law]
+            set_segment(table, state, law, work.old_segment[law])
             count = mark_law(system, table, state, work, count, law)
     for friction in range(table.friction_row.size):
         if state.friction[friction] != work.old_friction[friction]:

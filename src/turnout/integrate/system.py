@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import MechanicsError
+from turnout.law.compiled import compiled
 from turnout.law.table import LawTable
 from turnout.reduction.modal_residual import ModalModel
 
@@ -47,13 +48,19 @@ class System(NamedTuple):
 class State(NamedTuple):
     """What a run changes, in place, and nothing else does.
 
-    ``columns`` holds solved columns of length rows + modes: the modes, the constant, then one for
-    each active row. ``counters``: active rows, flips since the last rebuild, flips in all,
-    iterations in all, steps halved, rebuilds.
+    On its present segment a law resists with ``slope * (g - input) + constant`` for ``g - input``
+    between ``lower`` and ``upper``; `set_segment` keeps these five together. ``columns`` holds
+    solved columns of length rows + modes: the modes, the constant, then one for each active row.
+    ``counters``: active rows, flips since the last rebuild, flips in all, iterations in all, steps
+    halved, rebuilds.
     """
 
     segment: Ints
     present: Ints
+    slope: Floats
+    constant: Floats
+    lower: Floats
+    upper: Floats
     friction: Ints
     anchor: Floats
     friction_force: Floats
@@ -76,6 +83,23 @@ class State(NamedTuple):
     counters: Ints
     law_first: Floats
     law_peak: Floats
+
+
+@compiled
+def set_segment(table: LawTable, state: State, law: int, segment: int) -> None:
+    """Put a law on a segment; an absent law keeps the segment but has no force and no bounds."""
+    state.segment[law] = segment
+    if state.present[law] == 0:
+        state.slope[law] = 0.0
+        state.constant[law] = 0.0
+        state.lower[law] = -np.inf
+        state.upper[law] = np.inf
+        return
+    at = table.segment_start[law] + segment
+    state.slope[law] = table.slope[at]
+    state.constant[law] = table.intercept[at] - table.slope[at] * table.offset[law]
+    state.lower[law] = table.segment_lower[at] + table.offset[law]
+    state.upper[law] = table.segment_upper[at] + table.offset[law]
 
 
 COUNT_ACTIVE, COUNT_RECENT, COUNT_FLIPS, COUNT_ITERATIONS, COUNT_HALVED, COUNT_REBUILDS = range(6)
@@ -160,9 +184,13 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int) -> State:
         else:
             first, last = table.segment_start[law], table.segment_start[law + 1]
             segment[law] = np.searchsorted(table.segment_upper[first : last - 1], 0.0)
-    return State(
+    state = State(
         segment=segment,
         present=np.ones(n_laws, dtype=np.int64),
+        slope=np.zeros(n_laws),
+        constant=np.zeros(n_laws),
+        lower=np.zeros(n_laws),
+        upper=np.zeros(n_laws),
         friction=np.zeros(n_frictions, dtype=np.int64),
         anchor=np.zeros(n_frictions),
         friction_force=np.zeros(n_frictions),
@@ -186,6 +214,9 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int) -> State:
         law_first=np.full(n_laws, np.nan),
         law_peak=np.zeros(n_laws),
     )
+    for law in range(n_laws):
+        set_segment(table, state, law, segment[law])
+    return state
 
 
 def _inverted(targets: Ints, count: int) -> list[list[int]]:
