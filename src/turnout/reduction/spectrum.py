@@ -172,7 +172,8 @@ def _largest_dense(
         )
     except np.linalg.LinAlgError as error:
         raise MechanicsError(_NOT_HELD) from error
-    positive = theta > 0.0  # a mode without mass has an infinite frequency
+    # A mode without mass has an infinite frequency: its theta is nothing but rounding.
+    positive = theta > size * np.finfo(float).eps * theta.max()
     return theta[positive], modes[:, positive]
 
 
