@@ -1,7 +1,7 @@
 """From panel records to a mechanism: the only file that sees both definition and mechanics."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -232,11 +232,21 @@ def _rail_data(
         if chair.damping > 0 and _stands_on(chair.rails, name)
         for offset in chair.foot_offsets
     )
+    sections = _sections(panel, rail, 0.5 * (x[1:] + x[:-1]))
+    axis_height = np.zeros(x.size)
+    if rail.axis == "centroid":
+        axis_height = _sections(panel, rail, x).centroid_z
+        sections = replace(
+            sections,
+            centroid_z=np.zeros(x.size - 1),
+            shear_centre_z=sections.shear_centre_z - sections.centroid_z,
+        )
     return RailData(
         name=name,
         closes=SIGN[rail.closes],
         x=x,
-        sections=_sections(panel, rail, 0.5 * (x[1:] + x[:-1])),
+        axis_height=axis_height,
+        sections=sections,
         material=Material(
             youngs_modulus=panel.material.youngs_modulus,
             poisson_ratio=panel.material.poisson_ratio,

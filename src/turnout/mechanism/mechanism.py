@@ -26,7 +26,7 @@ class RailBody:
     first, count : int
         Place of its reduced coordinates in the mechanism's.
     recovery : ndarray, shape (6 n_nodes, count)
-        Nodal displacements ux, uy, uz, rx, ry, rz of each node for unit reduced coordinates.
+        ux, uy, uz, rx, ry, rz of the foot line at each node for unit reduced coordinates.
     frequency_kept, frequency_omitted : float
         Highest fixed-interface mode kept and first one left out [Hz].
     n_full, n_interface : int

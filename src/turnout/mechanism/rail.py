@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from turnout.beam.assembly import BeamModel, assemble_beam, point_row
+from turnout.beam.assembly import BeamModel, assemble_beam, node_index, point_row
 from turnout.beam.material import Material
 from turnout.mechanism.mechanism import RailBody
 from turnout.reduction.craig_bampton import craig_bampton, reduce_matrix, reduce_vector
@@ -39,12 +39,15 @@ class Support:
 class RailData:
     """All that shapes one rail, free of any file format.
 
-    `damping` holds the factors of mass and beam stiffness; `dashpots` act in addition at points.
+    `axis_height`, one entry a node, is the height of the beams' reference line above the foot; the
+    sections' heights are measured from it, those of points and supports from the foot. `damping`
+    holds the factors of mass and beam stiffness; `dashpots` act in addition at points.
     """
 
     name: str
     closes: float
     x: Floats
+    axis_height: Floats
     sections: SectionProperties
     material: Material
     gravity: float
@@ -88,7 +91,7 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
     )
     size = beam.gravity_load.size
     free = np.arange(size - 6 if data.clamped else size)
-    support_rows = _rows(beam, tuple(s.point for s in data.supports))
+    support_rows = _rows(beam, data, tuple(s.point for s in data.supports))
     springs = np.array([s.stiffness for s in data.supports])
     dashpots = np.array([s.damping for s in data.supports])
     stiffness = beam.stiffness + support_rows.T @ sp.diags_array(springs) @ support_rows
@@ -98,7 +101,7 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
         + stiffness_factor * beam.stiffness
         + support_rows.T @ sp.diags_array(dashpots) @ support_rows
     )
-    rows = _rows(beam, data.points).tocsr()[:, free]
+    rows = _rows(beam, data, data.points).tocsr()[:, free]
     interface = np.unique(rows.nonzero()[1])
     element = craig_bampton(
         _free(stiffness, free),
@@ -108,12 +111,14 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
     )
     reduced_damping = reduce_matrix(element, _free(damping, free))
     reduced_rows = np.asarray(rows @ element.transformation)
-    dashpot_rows = _rows(beam, tuple(s.point for s in data.dashpots)).tocsr()[:, free]
+    dashpot_rows = _rows(beam, data, tuple(s.point for s in data.dashpots)).tocsr()[:, free]
     at_dashpots = np.asarray(dashpot_rows @ element.transformation)
     constants = np.array([s.damping for s in data.dashpots])
     reduced_damping += (at_dashpots.T * constants) @ at_dashpots
     recovery = np.zeros((size, element.stiffness.shape[0]))
     recovery[free] = element.transformation
+    recovery[0::6] -= data.axis_height[:, None] * recovery[4::6]
+    recovery[1::6] += data.axis_height[:, None] * recovery[3::6]
     kept = element.frequencies_kept
     body = RailBody(
         name=data.name,
@@ -156,8 +161,14 @@ def rayleigh_factors(ratio: float, frequencies: list[float]) -> tuple[float, flo
     return factor * float(omega[0] * omega[1]), factor
 
 
-def _rows(beam: BeamModel, points: tuple[Point, ...]) -> sp.csr_array:
-    rows = [p.sign * point_row(beam, p.x, p.direction, y=p.y, z=p.z) for p in points]
+def _rows(beam: BeamModel, data: RailData, points: tuple[Point, ...]) -> sp.csr_array:
+    rows = [
+        p.sign
+        * point_row(
+            beam, p.x, p.direction, y=p.y, z=p.z - data.axis_height[node_index(beam, p.x)]
+        )
+        for p in points
+    ]
     return sp.csr_array(np.array(rows).reshape(len(rows), beam.gravity_load.size))
 
 

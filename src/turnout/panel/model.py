@@ -117,6 +117,11 @@ class Rail(Record):
     end: Length = Field(description="x of the heel end [m]")
     heel: Literal["clamped", "free"] = Field("free", description="condition at the heel end")
     section: str = Field(description="name of the section table")
+    axis: Literal["foot", "centroid"] = Field(
+        "foot",
+        description="line of the beam nodes: the straight foot line with eccentric sections, or "
+        "the centroids laid straight (leaves out the torque of lateral shear on a rising axis)",
+    )
     running_edge: RunningEdge | None = Field(
         None, description="needed where the section's stations are running-edge offsets"
     )
