@@ -58,13 +58,19 @@ def installed() -> dict[str, object]:
     return stamp if isinstance(stamp, dict) else {}
 
 
+def recorded_extras(stamp: dict[str, object]) -> set[str]:
+    """Return the extras that a stamp names."""
+    extras = stamp.get("extras")
+    return set(extras) if isinstance(extras, list) else set()
+
+
 def is_ready(extras: set[str]) -> bool:
     """Tell whether .venv holds what the files ask for now, with these extras."""
     stamp = installed()
     return (
         not UNFINISHED.exists()
         and stamp.get("fingerprint") == fingerprint()
-        and extras <= set(stamp.get("extras", []))
+        and extras <= recorded_extras(stamp)
         and stamp.get("python") == version_of(PYTHON)
     )
 
@@ -139,10 +145,18 @@ def has_pip() -> bool:
 
 def pip_install(*arguments: str) -> None:
     """Install into .venv, in the versions that constraints.txt fixes."""
-    command = [str(PYTHON), "-m", "pip", "install", "-qq", "--no-input"]
+    command = [str(PYTHON), "-m", "pip", "install", "--no-input", "--progress-bar=off"]
     command += ["--disable-pip-version-check", "--constraint", "constraints.txt", *arguments]
-    run = subprocess.run(command, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=sys.stderr)
+    run = subprocess.run(
+        command,
+        cwd=ROOT,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
     if run.returncode != 0:
+        print(*run.stdout.splitlines()[-20:], sep="\n", file=sys.stderr)
         if run.returncode > 0:
             UNFINISHED.unlink(missing_ok=True)
         text = (
@@ -154,12 +168,12 @@ def pip_install(*arguments: str) -> None:
 
 def prepare(extras: set[str]) -> None:
     """Install this checkout, editable, with `extras` and those installed before."""
-    wanted = sorted(extras | set(installed().get("extras", [])))
+    wanted = sorted(extras | recorded_extras(installed()))
     if UNFINISHED.exists() or not has_pip():
         say("first start: installing into .venv, which takes a minute or two")
         make_environment()
     else:
-        say("what turnout needs has changed: bringing .venv up to date")
+        say("bringing .venv up to date with what this line needs")
     stamp = {"fingerprint": fingerprint(), "extras": wanted, "python": version_of(PYTHON)}
     UNFINISHED.touch()
     STAMP.unlink(missing_ok=True)

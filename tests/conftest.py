@@ -1,11 +1,19 @@
-"""Markers taken from the folder, and where the independent answers are."""
+"""Markers taken from the folder, runs that repeat, and where the independent answers are."""
 
+import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 TESTS = Path(__file__).parent
 REASONS = {"layers", "unit", "verification", "golden", "gallery", "faults", "browser"}
+
+# The same examples in each run; no deadline, as a first call may compile a kernel.
+settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.load_profile("repeatable")
+# Figures are drawn, never shown.
+os.environ.setdefault("MPLBACKEND", "Agg")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
