@@ -65,7 +65,7 @@ def row_target(system: System, table: LawTable, state: State, row: int, entries:
 def activate(system: System, state: State, row: int) -> int:
     """Give a row a solved column; return its slot."""
     n_modes = system.eigenvalues.size
-    count = state.counters[COUNT_ACTIVE]
+    count: int = state.counters[COUNT_ACTIVE]
     column = state.columns[n_modes + 1 + count]
     base = system.base[row]
     column[:] = base

@@ -21,13 +21,12 @@ from turnout.integrate.system import (
     System,
     condensed_system,
     fresh_state,
-    linear_stiffness,
     set_segment,
 )
 from turnout.law.kernel import SLIP_FORWARD, STICK
 from turnout.law.table import LawTable
+from turnout.mechanism.condense import ModalModel, condense
 from turnout.mechanism.mechanism import Mechanism
-from turnout.reduction.modal_residual import ModalModel, modal_model
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -80,18 +79,6 @@ class History:
     halved: int
 
 
-def condense(mechanism: Mechanism, *, cutoff_frequency: float) -> ModalModel:
-    """Return the modes and residual flexibility of a mechanism with its base laws closed."""
-    return modal_model(
-        linear_stiffness(mechanism.stiffness, mechanism.rows, mechanism.laws),
-        mechanism.mass,
-        damping=mechanism.damping,
-        rows=mechanism.rows,
-        load=mechanism.load,
-        cutoff_frequency=cutoff_frequency,
-    )
-
-
 def integrate(
     mechanism: Mechanism,
     scheme: Scheme,
@@ -123,11 +110,14 @@ def integrate(
     stride = scheme.stride
     n_stored = round(end / scheme.output_interval) + 1
     if n_stored < 2:
-        raise SolverError(f"end = {end:g} s is shorter than one output interval")
+        msg = f"end = {end:g} s is shorter than one output interval"
+        raise SolverError(msg)
     n_steps = (n_stored - 1) * stride
     model = condense(mechanism, cutoff_frequency=scheme.cutoff_frequency)
     system = condensed_system(model, mechanism.laws)
-    positions = np.ascontiguousarray(inputs(np.arange(n_steps + 1) * scheme.step).T)
+    positions = np.ascontiguousarray(
+        inputs(scheme.step * np.arange(n_steps + 1, dtype=np.float64)).T
+    )
     state = fresh_state(system, mechanism.laws, n_inputs=positions.shape[1])
     work = new_work(system, mechanism.laws)
     state.inputs[:] = positions[0]
@@ -138,7 +128,14 @@ def integrate(
     if code == Code.COMPLETE:
         store(system, mechanism.laws, state, work, record, 0)
         code, done = _march_in_chunks(
-            system, mechanism.laws, state, work, tolerances, _stepping(scheme), positions, record,
+            system,
+            mechanism.laws,
+            state,
+            work,
+            tolerances,
+            _stepping(scheme),
+            positions,
+            record,
             report,
         )
     residual = equilibrium_residual(system, mechanism.laws, state, work)
@@ -147,13 +144,13 @@ def integrate(
         time=done * scheme.step,
         step=done,
         residual=max(float(record.residual[0]), float(residual)),
-        contacts=() if code in (Code.COMPLETE, Code.INTERRUPTED) else _unsettled(
-            mechanism, state, work
-        ),
+        contacts=()
+        if code in (Code.COMPLETE, Code.INTERRUPTED)
+        else _unsettled(mechanism, state, work),
     )
     kept = 0 if code == Code.NO_EQUILIBRIUM else done // stride + 1
     return History(
-        time=np.arange(kept) * scheme.output_interval,
+        time=scheme.output_interval * np.arange(kept, dtype=np.float64),
         inputs=positions[: done + 1 : stride][:kept],
         q=record.q[:kept],
         g=record.g[:kept],
@@ -174,8 +171,13 @@ def integrate(
 def _stepping(scheme: Scheme) -> Stepping:
     alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
     return Stepping(
-        scheme.step, alpha.alpha_m, alpha.alpha_f, alpha.beta, alpha.gamma,
-        scheme.halvings, scheme.stride,
+        scheme.step,
+        alpha.alpha_m,
+        alpha.alpha_f,
+        alpha.beta,
+        alpha.gamma,
+        scheme.halvings,
+        scheme.stride,
     )
 
 

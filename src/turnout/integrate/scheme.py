@@ -78,10 +78,9 @@ class Scheme:
 
 @dataclass(frozen=True, slots=True)
 class AlphaCoefficients:
-    """Coefficients of the generalised-alpha scheme (Arnold and Bruels 2007, doi 10.1007/
-    s11044-007-9084-0) in the form with an auxiliary acceleration.
+    """Coefficients of the generalised-alpha scheme in the form with an auxiliary acceleration.
 
-    It is second-order accurate, unconditionally stable on linear systems, and exact equilibrium
+    Arnold and Bruels 2007, doi 10.1007/s11044-007-9084-0. It is second-order accurate, unconditionally stable on linear systems, and exact equilibrium
     holds at the end of each step.
     """
 

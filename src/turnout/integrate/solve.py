@@ -86,7 +86,8 @@ def friction_limit(table: LawTable, state: State, friction: int) -> float:
     """Return the largest force that one friction law can bear now [N]."""
     normal = table.friction_normal[friction]
     force = state.slope[normal] * state.g[table.row[normal]] + state.constant[normal]
-    return table.friction_coefficient[friction] * max(force, 0.0)
+    limit: float = table.friction_coefficient[friction] * max(force, 0.0)
+    return limit
 
 
 @compiled

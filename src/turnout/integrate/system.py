@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from turnout.errors import MechanicsError
 from turnout.law.compiled import compiled
 from turnout.law.table import LawTable
-from turnout.reduction.modal_residual import ModalModel
+from turnout.mechanism.condense import ModalModel, base_stiffness
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -105,29 +105,13 @@ def set_segment(table: LawTable, state: State, law: int, segment: int) -> None:
 COUNT_ACTIVE, COUNT_RECENT, COUNT_FLIPS, COUNT_ITERATIONS, COUNT_HALVED, COUNT_REBUILDS = range(6)
 
 
-def base_stiffness(table: LawTable) -> Floats:
-    """Return the slope that each law has in the linear system [N/m], zero for none."""
-    chosen = table.base_segment >= 0
-    slope = np.zeros(table.row.size)
-    slope[chosen] = table.slope[(table.segment_start[:-1] + table.base_segment)[chosen]]
-    return slope
-
-
-def linear_stiffness(stiffness: Floats, rows: Floats, table: LawTable) -> Floats:
-    """Return the stiffness with the base segment of every law folded in."""
-    at_rows = np.zeros(rows.shape[0])
-    np.add.at(at_rows, table.row, base_stiffness(table))
-    folded: Floats = stiffness + (rows.T * at_rows) @ rows
-    return folded
-
-
 def condensed_system(model: ModalModel, table: LawTable) -> System:
     """Arrange a modal model and its laws for the kernels.
 
     Parameters
     ----------
     model : ModalModel
-        Of the linear system that `linear_stiffness` returns.
+        Of the linear system with the base segments of the laws.
     table : LawTable
         The laws.
 
@@ -139,7 +123,8 @@ def condensed_system(model: ModalModel, table: LawTable) -> System:
     n_laws, n_frictions = table.row.size, table.friction_row.size
     normals = table.friction_normal
     if np.any(table.input_index[normals] >= 0):
-        raise MechanicsError("the normal law of a friction row cannot be driven by a marker")
+        msg = "the normal law of a friction row cannot be driven by a marker"
+        raise MechanicsError(msg)
     pattern: list[list[int]] = [[r] for r in range(n_rows)]
     for friction in range(n_frictions):
         columns = pattern[table.friction_row[friction]]

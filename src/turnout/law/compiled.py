@@ -65,7 +65,7 @@ def _prepare_numba() -> Any:
     os.environ.setdefault("NUMBA_CACHE_DIR", str(folder))
     import numba
 
-    numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
+    setattr(numba.config, "CACHE_DIR", os.environ["NUMBA_CACHE_DIR"])  # noqa: B010
     return numba
 
 

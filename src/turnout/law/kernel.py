@@ -17,7 +17,7 @@ SLIP_BACKWARD = -1
 @compiled
 def law_argument(table: LawTable, law: int, g: Floats, inputs: Floats) -> float:
     """Return the argument ``e`` of one law [m]."""
-    e = g[table.row[law]] - table.offset[law]
+    e: float = g[table.row[law]] - table.offset[law]
     if table.input_index[law] >= 0:
         e -= inputs[table.input_index[law]]
     return e
@@ -26,9 +26,9 @@ def law_argument(table: LawTable, law: int, g: Floats, inputs: Floats) -> float:
 @compiled
 def segment_for(table: LawTable, law: int, e: float, present: int, tolerance: float) -> int:
     """Return the segment that holds `e`; the `present` one is kept within `tolerance` [m]."""
-    first = table.segment_start[law]
+    first: int = table.segment_start[law]
     last = table.segment_start[law + 1] - 1
-    at = first + present
+    at: int = first + present
     while at < last and e > table.segment_upper[at] + tolerance:
         at += 1
     while at > first and e < table.segment_lower[at] - tolerance:
@@ -40,14 +40,16 @@ def segment_for(table: LawTable, law: int, e: float, present: int, tolerance: fl
 def law_force(table: LawTable, law: int, segment: int, e: float) -> float:
     """Return the force ``F`` of one law on its segment [N]."""
     at = table.segment_start[law] + segment
-    return table.slope[at] * e + table.intercept[at]
+    force: float = table.slope[at] * e + table.intercept[at]
+    return force
 
 
 @compiled
 def law_energy(table: LawTable, law: int, segment: int, e: float) -> float:
     """Return the potential energy of one law on its segment [J]."""
     at = table.segment_start[law] + segment
-    return (0.5 * table.slope[at] * e + table.intercept[at]) * e + table.potential[at]
+    energy: float = (0.5 * table.slope[at] * e + table.intercept[at]) * e + table.potential[at]
+    return energy
 
 
 @compiled
@@ -78,7 +80,4 @@ def friction_state(trial: float, limit: float, present: int, tolerance: float) -
 @compiled
 def any_not_finite(values: Floats) -> bool:
     """Tell whether an array holds NaN or infinity."""
-    for value in values:
-        if not np.isfinite(value):
-            return True
-    return False
+    return any(not np.isfinite(value) for value in values)

@@ -92,9 +92,8 @@ class LawTableBuilder:
         breakpoints = np.asarray(breakpoints, dtype=float)
         slopes = np.asarray(slopes, dtype=float)
         if slopes.size != breakpoints.size + 1 or np.any(np.diff(breakpoints) <= 0):
-            raise MechanicsError(
-                f"law on row {row}: breakpoints must rise, one slope more than they"
-            )
+            msg = f"law on row {row}: breakpoints must rise, one slope more than they"
+            raise MechanicsError(msg)
         lower = np.concatenate(([-np.inf], breakpoints))
         upper = np.concatenate((breakpoints, [np.inf]))
         home = int(np.searchsorted(breakpoints, 0.0))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from turnout.beam.material import Material
 from turnout.beam.mesh import mesh_nodes
+from turnout.errors import MechanicsError
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import LawIndex, Mechanism
 from turnout.mechanism.rail import (
@@ -20,8 +21,8 @@ from turnout.mechanism.rail import (
 )
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.model import Chair, Drive, Fastening, Panel, Rail, Stop
-from turnout.panel.profile import running_edge_offset, stock_rail_gap
-from turnout.section.properties import SectionProperties, interpolate_sections
+from turnout.panel.profile import section_values, stock_rail_gap
+from turnout.section.properties import SectionProperties
 
 Floats = NDArray[np.float64]
 SIGN = {"+y": 1.0, "-y": -1.0}
@@ -165,7 +166,7 @@ def _add_chair(
 
 def _add_stop(rows: _Rows, laws: LawTableBuilder, name: str, rail: Rail, stop: Stop) -> int:
     point = Point(stop.x, "uy", z=stop.height, sign=SIGN[rail.closes])
-    gap = float(stock_rail_gap(rail, stop.x)) + stop.clearance
+    gap = _gap(rail, stop.x) + stop.clearance
     return laws.add_contact(rows.add((name, point)), stiffness=stop.stiffness, clearance=gap)
 
 
@@ -197,15 +198,13 @@ def _add_object(rows: _Rows, laws: LawTableBuilder, rail: Rail, item: PlacedObje
     return laws.add_contact(
         rows.add((item.rail, point)),
         stiffness=item.stiffness,
-        clearance=float(stock_rail_gap(rail, item.x)) - item.size,
+        clearance=_gap(rail, item.x) - item.size,
         appears=item.appears,
         disappears=item.disappears,
     )
 
 
-def _reduced_rails(
-    panel: Panel, rows: _Rows, objects: Sequence[PlacedObject]
-) -> list[ReducedRail]:
+def _reduced_rails(panel: Panel, rows: _Rows, objects: Sequence[PlacedObject]) -> list[ReducedRail]:
     places = stations(panel, objects)
     rails: list[ReducedRail] = []
     first = 0
@@ -216,9 +215,7 @@ def _reduced_rails(
     return rails
 
 
-def _rail_data(
-    panel: Panel, name: str, points: tuple[Point, ...], places: Floats
-) -> RailData:
+def _rail_data(panel: Panel, name: str, points: tuple[Point, ...], places: Floats) -> RailData:
     rail = panel.rail[name]
     x = mesh_nodes(
         rail.start,
@@ -232,10 +229,10 @@ def _rail_data(
         if chair.damping > 0 and _stands_on(chair.rails, name)
         for offset in chair.foot_offsets
     )
-    sections = _sections(panel, rail, 0.5 * (x[1:] + x[:-1]))
+    sections = _sections(panel, name, 0.5 * (x[1:] + x[:-1]))
     axis_height = np.zeros(x.size)
     if rail.axis == "centroid":
-        axis_height = _sections(panel, rail, x).centroid_z
+        axis_height = _sections(panel, name, x).centroid_z
         sections = replace(
             sections,
             centroid_z=np.zeros(x.size - 1),
@@ -284,36 +281,32 @@ def _fastening_supports(fastening: Fastening) -> list[Support]:
     ]
 
 
-def _sections(panel: Panel, rail: Rail, x: Floats) -> SectionProperties:
-    """Interpolate the section table of a rail; y offsets point towards its stock rail."""
-    table = panel.section[rail.section]
-    zeros = np.zeros(len(table.area))
-    centroid_z = np.array(table.centroid_height)
-    side = SIGN[rail.closes]
-    centroid_y = side * (zeros if table.centroid_offset is None else np.array(table.centroid_offset))
-    properties = SectionProperties(
-        area=np.array(table.area),
-        second_moment_vertical=np.array(table.second_moment_vertical),
-        second_moment_lateral=np.array(table.second_moment_lateral),
-        product_moment=side
-        * (zeros if table.product_moment is None else np.array(table.product_moment)),
-        torsion_constant=np.array(table.torsion_constant),
-        shear_factor_vertical=np.array(table.shear_factor_vertical),
-        shear_factor_lateral=np.array(table.shear_factor_lateral),
-        centroid_y=centroid_y,
-        centroid_z=centroid_z,
-        shear_centre_y=centroid_y
-        if table.shear_centre_offset is None
-        else side * np.array(table.shear_centre_offset),
-        shear_centre_z=centroid_z
-        if table.shear_centre_height is None
-        else np.array(table.shear_centre_height),
+def _sections(panel: Panel, name: str, x: Floats) -> SectionProperties:
+    """Evaluate the section table of a rail; its y offsets point towards the stock rail."""
+    values = section_values(panel, name, x)
+    side = SIGN[panel.rail[name].closes]
+    return SectionProperties(
+        area=values["area"],
+        second_moment_vertical=values["second_moment_vertical"],
+        second_moment_lateral=values["second_moment_lateral"],
+        product_moment=side * values["product_moment"],
+        torsion_constant=values["torsion_constant"],
+        shear_factor_vertical=values["shear_factor_vertical"],
+        shear_factor_lateral=values["shear_factor_lateral"],
+        centroid_y=side * values["centroid_offset"],
+        centroid_z=values["centroid_height"],
+        shear_centre_y=side * values["shear_centre_offset"],
+        shear_centre_z=values["shear_centre_height"],
     )
-    if table.running_edge_offset is not None and rail.running_edge is not None:
-        return interpolate_sections(
-            np.array(table.running_edge_offset), properties, running_edge_offset(rail.running_edge, x)
-        )
-    return interpolate_sections(np.array(table.x or [0.0]), properties, x)
+
+
+def _gap(rail: Rail, x: float) -> float:
+    """Return the gap of a rail to its stock rail [m], which must be there."""
+    gap = stock_rail_gap(rail, x)
+    if gap is None:
+        msg = f"a foreign object or stop at x = {x:g} m needs a stock rail; give stock_rail_gap"
+        raise MechanicsError(msg)
+    return float(gap)
 
 
 def _diagonal_blocks(blocks: list[Floats]) -> Floats:

@@ -102,7 +102,7 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
         + support_rows.T @ sp.diags_array(dashpots) @ support_rows
     )
     rows = _rows(beam, data, data.points).tocsr()[:, free]
-    interface = np.unique(rows.nonzero()[1])
+    interface = np.unique(rows.nonzero()[1]).astype(np.intp)
     element = craig_bampton(
         _free(stiffness, free),
         _free(beam.mass, free),
@@ -164,9 +164,7 @@ def rayleigh_factors(ratio: float, frequencies: list[float]) -> tuple[float, flo
 def _rows(beam: BeamModel, data: RailData, points: tuple[Point, ...]) -> sp.csr_array:
     rows = [
         p.sign
-        * point_row(
-            beam, p.x, p.direction, y=p.y, z=p.z - data.axis_height[node_index(beam, p.x)]
-        )
+        * point_row(beam, p.x, p.direction, y=p.y, z=p.z - data.axis_height[node_index(beam, p.x)])
         for p in points
     ]
     return sp.csr_array(np.array(rows).reshape(len(rows), beam.gravity_load.size))

@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from turnout.errors import MechanicsError
+from turnout.law.table import LawTable
+from turnout.mechanism.mechanism import Mechanism
 
 Floats = NDArray[np.float64]
 
@@ -97,11 +99,12 @@ def modal_model(
         If the stiffness is not positive definite, so that a rail could float away.
     """
     eigenvalues, shapes = eigh(stiffness, mass, check_finite=True)
-    if eigenvalues[0] <= 1e-9 * abs(eigenvalues[-1]) * np.finfo(float).eps ** 0.5:
-        raise MechanicsError(
+    if eigenvalues[0] <= 10.0 * np.finfo(float).eps * eigenvalues[-1]:
+        msg = (
             "a rail is not held: the supports leave a rigid-body motion free; "
             "clamp the heel or add fastenings"
         )
+        raise MechanicsError(msg)
     at = np.argmax(np.abs(shapes), axis=0)
     shapes = shapes * np.sign(shapes[at, np.arange(shapes.shape[1])])
     limit = (2.0 * np.pi * cutoff_frequency) ** 2
@@ -121,3 +124,31 @@ def modal_model(
         residual_load=residual_load,
         row_load=rows @ residual_load,
     )
+
+
+def condense(mechanism: Mechanism, *, cutoff_frequency: float) -> ModalModel:
+    """Return modes and residual flexibility of a mechanism with its base law segments closed."""
+    return modal_model(
+        linear_stiffness(mechanism.stiffness, mechanism.rows, mechanism.laws),
+        mechanism.mass,
+        damping=mechanism.damping,
+        rows=mechanism.rows,
+        load=mechanism.load,
+        cutoff_frequency=cutoff_frequency,
+    )
+
+
+def base_stiffness(table: LawTable) -> Floats:
+    """Return the slope that each law has in the linear system [N/m], zero for none."""
+    chosen = table.base_segment >= 0
+    slope = np.zeros(table.row.size)
+    slope[chosen] = table.slope[(table.segment_start[:-1] + table.base_segment)[chosen]]
+    return slope
+
+
+def linear_stiffness(stiffness: Floats, rows: Floats, table: LawTable) -> Floats:
+    """Return the stiffness with the base segment of every law folded in."""
+    at_rows = np.zeros(rows.shape[0])
+    np.add.at(at_rows, table.row, base_stiffness(table))
+    folded: Floats = stiffness + (rows.T * at_rows) @ rows
+    return folded
