@@ -80,8 +80,8 @@ class Scheme:
 class AlphaCoefficients:
     """Coefficients of the generalised-alpha scheme in the form with an auxiliary acceleration.
 
-    Arnold and Bruels 2007, doi 10.1007/s11044-007-9084-0. It is second-order accurate, unconditionally stable on linear systems, and exact equilibrium
-    holds at the end of each step.
+    Arnold and Bruels 2007, doi 10.1007/s11044-007-9084-0. It is second-order accurate,
+    unconditionally stable on linear systems, and exact equilibrium holds at the end of each step.
     """
 
     alpha_m: float

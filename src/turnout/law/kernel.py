@@ -80,4 +80,7 @@ def friction_state(trial: float, limit: float, present: int, tolerance: float) -
 @compiled
 def any_not_finite(values: Floats) -> bool:
     """Tell whether an array holds NaN or infinity."""
-    return any(not np.isfinite(value) for value in values)
+    count = 0
+    for value in values:
+        count += not np.isfinite(value)
+    return count > 0

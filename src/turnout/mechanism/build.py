@@ -86,8 +86,12 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
         index.drive[name] = _add_drive(rows, laws, drive, number)
         law_names.append(f"drive {name}")
     for name, link in panel.link.items():
-        at = [Point(link.x, "uy", z=link.height, sign=sign) for sign in (1.0, -1.0)]
-        row = rows.add((link.rails[0], at[0]), (link.rails[1], at[1]))
+        # the rail that closes towards +y stands on that side, so that tension is positive
+        ends = [
+            (r, Point(link.x, "uy", z=link.height, sign=SIGN[panel.rail[r].closes]))
+            for r in link.rails
+        ]
+        row = rows.add(*ends)
         index.link[name] = laws.add_piecewise(
             row, breakpoints=np.empty(0), slopes=np.array([link.stiffness]), base_segment=0
         )
