@@ -17,7 +17,7 @@ class Problem:
 
     def __str__(self) -> str:
         """Give the line that a user reads."""
-        return f"{'.'.join(self.path)}{self.text}" if self.path else self.text.lstrip(" :")
+        return f"{'.'.join(self.path)}{self.text}"
 
 
 def show_value(value: object) -> str:
@@ -108,7 +108,7 @@ def _requirement(kind: str, context: Mapping[str, Any], message: str) -> str:
         words, name = bounds[kind]
         return f"must be {words} {context[name]:g}"
     if kind == "literal_error":
-        return f"must be {str(context['expected']).replace(' or ', ' or ')}"
+        return f"must be {context['expected']}"
     if kind in ("too_short", "too_long"):
         bound, limit = (
             ("at least", "min_length") if kind == "too_short" else ("at most", "max_length")

@@ -7,6 +7,7 @@ units are resolved from a table, all others by pint, imported only when one of t
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -245,7 +246,7 @@ def _from_table(value: dict[str, object], dimension: Dimension, *, si: bool) -> 
         start = parse_quantity(value["start"], dimension, si=si)
         step = parse_quantity(value["step"], dimension, si=si)
         count = value["count"]
-        if isinstance(count, SI) and count == int(count):
+        if isinstance(count, SI) and float(count).is_integer():
             count = int(count)
         if isinstance(count, bool) or not isinstance(count, int):
             message = "`count` must be a whole number"
@@ -270,7 +271,7 @@ def parse_numbers(value: object) -> tuple[float, ...]:
     >>> parse_numbers([0.5, 1])
     (0.5, 1.0)
     """
-    items = value if isinstance(value, list | tuple) else [value]
+    items: Sequence[Any] = value if isinstance(value, list | tuple) else [value]
     if not items:
         message = "needs at least one value"
         raise ValueError(message)

@@ -1,9 +1,271 @@
-"""Cross checks between the records of a panel."""
+"""Cross checks: what no single record of a panel can know about the others.
 
-from turnout.files.problems import Problem
-from turnout.panel.validate import Draft
+Every check works on what could be validated so far, so that its problems are reported together
+with those of single fields. It falls silent where it needs a value that is wrong itself.
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from turnout.files.problems import Problem, choices, nearest, show_value
+from turnout.panel.check_schedule import check_schedule
+from turnout.panel.check_table import check_drive_table, check_profile, check_section
+from turnout.panel.foreign_object import from_record, object_faults
+from turnout.panel.model import Panel
+from turnout.panel.validate import Draft, Partial, known_part
+
+_ON_RAILS = ("chair", "fastening", "stop", "stud")
+_ON_ONE_RAIL = ("drive", "sensor")
+_OPENING_NEEDS = {"rail", "drive", "link", "fastening", "schedule", "movement", "object_defaults"}
+_SAME_PLACE = 1e-6
+_MOST_ELEMENTS = 5000
 
 
 def check(draft: Draft) -> list[Problem]:
-    """Check what no single record can know."""
-    return []
+    """Find all problems between the records of a panel.
+
+    Parameters
+    ----------
+    draft : Draft
+        The records as far as they are valid by themselves.
+
+    Returns
+    -------
+    list of Problem
+        Empty for a valid panel.
+    """
+    found = [*_plain(draft), *_between_rails(draft)]
+    for family, check_one in _CHECKS.items():
+        for name, record in draft.records[family].items():
+            found += known_part(check_one(draft, (family, name), record))
+    for family in (*_ON_RAILS, "drive", "link"):
+        found += _same_places(draft, family)
+    found += check_schedule(draft)
+    blocked = {problem.path[0] for problem in (*draft.problems, *found) if problem.path}
+    panel = Panel.model_construct(**draft.records)
+    for name, record in draft.records["object"].items():
+        sized = not blocked & _OPENING_NEEDS
+        found += known_part(_object(panel, ("object", name), record, sized=sized))
+    return [_shared(draft, problem) for problem in found]
+
+
+def _shared(draft: Draft, problem: Problem) -> Problem:
+    """Name the family's key where the value came from the family."""
+    path = problem.path
+    if path[:3] in draft.shared:
+        return Problem((path[0], *path[2:]), problem.text)
+    return problem
+
+
+def unknown_name(what: str, name: object, names: Iterable[str]) -> str:
+    """Say that there is no such thing, what there is and what is nearest."""
+    known = list(names)
+    return (
+        f" = {show_value(name)}: there is no such {what}{nearest(str(name), known)}; "
+        f"there are {choices(known)}"
+    )
+
+
+def _plain(draft: Draft) -> Iterator[Problem]:
+    names = draft.names["rail"]
+    instrumented = draft.records["instrumented_rail"]
+    if not isinstance(instrumented, Partial) and names and instrumented not in names:
+        yield Problem(("instrumented_rail",), unknown_name("rail", instrumented, names))
+    yield from known_part(_object_defaults(draft))
+    yield from known_part(_damping(draft.records["damping"].frequencies))
+
+
+def _object_defaults(draft: Draft) -> Iterator[Problem]:
+    rail, names = draft.records["object_defaults"].rail, draft.names["rail"]
+    if rail not in names:
+        yield Problem(("object_defaults", "rail"), unknown_name("rail", rail, names))
+
+
+def _damping(frequencies: list[float]) -> Iterator[Problem]:
+    path = ("damping", "frequencies")
+    if min(frequencies) <= 0:
+        yield Problem(path, f" = {show_value(frequencies)}: every frequency must be more than 0")
+    elif any(after <= before for before, after in itertools.pairwise(frequencies)):
+        yield Problem(path, f" = {show_value(frequencies)}: must rise")
+
+
+def _between_rails(draft: Draft) -> Iterator[Problem]:
+    def ways() -> Iterator[Problem]:
+        rails = draft.records["rail"].values()
+        if len({rail.closes for rail in rails}) < len(rails) == 2:
+            text = ': two rails must close opposite ways, one "+y" and one "-y"'
+            yield Problem(("rail",), text)
+
+    yield from known_part(ways())
+
+
+def _rail(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
+    yield from known_part(_rail_closes(draft, path, rail))
+    yield from known_part(_rail_section(draft, path, rail))
+    yield from known_part(_rail_support(draft, path, rail))
+    yield from known_part(_rail_elements(draft, rail))
+    if rail.stock_rail_gap is not None:
+        yield from check_profile((*path, "stock_rail_gap"), rail.stock_rail_gap)
+    edge = rail.running_edge
+    if edge and edge.maximum <= edge.minimum:
+        text = f" = {edge.maximum:g} m: must be more than minimum, {edge.minimum:g} m"
+        yield Problem((*path, "running_edge", "maximum"), text)
+    if rail.end <= rail.start:
+        yield Problem(
+            (*path, "end"), f" = {rail.end:g} m: must be more than start, {rail.start:g} m"
+        )
+
+
+def _rail_closes(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
+    if path[1] == draft.records["instrumented_rail"] and rail.closes != "+y":
+        yield Problem((*path, "closes"), ' = "-y": the instrumented rail must close "+y"')
+
+
+def _rail_section(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
+    names = draft.names["section"]
+    if rail.section not in names:
+        yield Problem((*path, "section"), unknown_name("section", rail.section, names))
+        return
+    offsets = draft.records["section"][rail.section].running_edge_offset
+    if offsets is not None and rail.running_edge is None:
+        text = f": is missing; the stations of section '{rail.section}' are offsets of it"
+        yield Problem((*path, "running_edge"), text)
+
+
+def _rail_support(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
+    """Refuse a rail that nothing holds along the track: it has no equilibrium."""
+    if rail.heel == "clamped":
+        return
+    fastenings = draft.records["fastening"].values()
+    if not any(
+        item.stiffness_x > 0 and path[1] in _rails_of("fastening", item, draft)
+        for item in fastenings
+    ):
+        text = ' = "free": nothing holds the rail along x; clamp it or give it fastenings'
+        yield Problem((*path, "heel"), text)
+
+
+def _rail_elements(draft: Draft, rail: Any) -> Iterator[Problem]:
+    length = draft.records["discretisation"].element_length
+    count = (rail.end - rail.start) / length
+    if count > _MOST_ELEMENTS:
+        text = f" = {length:g} m: makes {count:.0f} elements a rail, at most {_MOST_ELEMENTS}"
+        yield Problem(("discretisation", "element_length"), text)
+
+
+def _section(draft: Draft, path: tuple[str, str], table: Any) -> Iterator[Problem]:
+    yield from check_section(path, table)
+
+
+def _standing(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+    """Check what stands at one, some or all rails: that these exist and reach there."""
+    yield from known_part(_rails_exist(draft, path, record))
+    x = record.x
+    for name in _rails_of(path[0], record, draft):
+        yield from known_part(_on_rail(path, x, name, draft.records["rail"].get(name, Partial())))
+
+
+def _rails_exist(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+    names = draft.names["rail"]
+    if path[0] in _ON_ONE_RAIL:
+        if record.rail not in names:
+            yield Problem((*path, "rail"), unknown_name("rail", record.rail, names))
+        return
+    given = record.rails
+    if given is None:
+        return
+    for rail in given:
+        if rail not in names:
+            yield Problem((*path, "rails"), unknown_name("rail", rail, names))
+    if not given:
+        yield Problem((*path, "rails"), " = []: names no rail; leave it out for all rails")
+    if len(set(given)) < len(given):
+        yield Problem((*path, "rails"), f" = {show_value(given)}: names the same rail twice")
+
+
+def _on_rail(path: tuple[str, str], x: float, name: str, rail: Any) -> Iterator[Problem]:
+    if rail.start < rail.end and not rail.start <= x <= rail.end:
+        text = f" = {x:g} m: is off rail '{name}', {rail.start:g} ... {rail.end:g} m"
+        yield Problem((*path, "x"), text)
+
+
+def _rails_of(family: str, record: Any, draft: Draft) -> list[str]:
+    """Give the names of the rails that a record stands at."""
+    if family in _ON_ONE_RAIL:
+        return [record.rail]
+    return list(draft.names["rail"]) if record.rails is None else list(record.rails)
+
+
+def _sleeper(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+    rails = draft.records["rail"].values()
+    first, last = min(rail.start for rail in rails), max(rail.end for rail in rails)
+    if first < last and not first <= record.x <= last:
+        yield Problem(
+            (*path, "x"), f" = {record.x:g} m: is off the rails, {first:g} ... {last:g} m"
+        )
+
+
+def _chair(draft: Draft, path: tuple[str, str], chair: Any) -> Iterator[Problem]:
+    yield from known_part(_standing(draft, path, chair))
+    feet = chair.foot_offsets
+    if len(set(feet)) < len(feet):
+        yield Problem((*path, "foot_offsets"), f" = {show_value(feet)}: the same foot point twice")
+
+
+def _drive(draft: Draft, path: tuple[str, str], drive: Any) -> Iterator[Problem]:
+    yield from known_part(_standing(draft, path, drive))
+    yield from known_part(_drive_saturated(path, drive))
+    yield from known_part(check_drive_table(path, drive))
+    reaches = {"open": drive.over_travel_open, "closed": drive.over_travel_closed}
+    for place, reach in reaches.items():
+        if drive.stroke + reach <= 0:
+            text = f" = {reach:g} m: takes away the whole stroke, {drive.stroke:g} m"
+            yield Problem((*path, f"over_travel_{place}"), text)
+
+
+def _drive_saturated(path: tuple[str, str], drive: Any) -> Iterator[Problem]:
+    if drive.saturated_stiffness > drive.stiffness:
+        text = (
+            f" = {drive.saturated_stiffness:g} N/m: must not be more than stiffness, "
+            f"{drive.stiffness:g} N/m"
+        )
+        yield Problem((*path, "saturated_stiffness"), text)
+
+
+_CHECKS = {
+    "rail": _rail,
+    "section": _section,
+    "chair": _chair,
+    "fastening": _standing,
+    "stop": _standing,
+    "stud": _standing,
+    "drive": _drive,
+    "link": _standing,
+    "sensor": _standing,
+    "sleeper": _sleeper,
+}
+
+
+def _same_places(draft: Draft, family: str) -> Iterator[Problem]:
+    seen: dict[tuple[str, int], str] = {}
+    for name, record in draft.records[family].items():
+        yield from known_part(_same_place(draft, (family, name), record, seen))
+
+
+def _same_place(
+    draft: Draft, path: tuple[str, str], record: Any, seen: dict[tuple[str, int], str]
+) -> Iterator[Problem]:
+    family, name = path
+    for rail in _rails_of(family, record, draft):
+        other = seen.setdefault((rail, round(record.x / _SAME_PLACE)), name)
+        if other != name:
+            text = f" = {record.x:g} m: {family} '{other}' is already there on rail '{rail}'"
+            yield Problem((*path, "x"), text)
+            return
+
+
+def _object(panel: Panel, path: tuple[str, str], record: Any, *, sized: bool) -> Iterator[Problem]:
+    """Check an object of the panel; its size only where all that the opening needs is valid."""
+    for key, text in object_faults(panel, from_record(record), sized=sized):
+        yield Problem((*path, key), text)

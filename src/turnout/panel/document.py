@@ -12,10 +12,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from turnout.files.problems import Problem, show_value
-from turnout.files.quantity import parse_quantities
+from turnout.files.problems import Problem, nearest, show_value
 from turnout.files.toml import Origin, TomlFile
-from turnout.files.units import LENGTH, SI
+from turnout.files.units import LENGTH, SI, parse_quantities
 from turnout.panel.model import Panel, Placed
 
 Path = tuple[str, ...]
@@ -140,8 +139,11 @@ class _Spread:
         self, name: str, own: Any, defaults: dict[str, Any], positions: dict[str, SI]
     ) -> None:
         if not isinstance(own, dict):
-            known = ", ".join(FAMILIES[self.family].model_fields)
-            text = f" = {show_value(own)}: unknown key; a member is a table, defaults are {known}"
+            known = FAMILIES[self.family].model_fields
+            text = (
+                f" = {show_value(own)}: unknown key{nearest(name, known)}; "
+                f"a member is a table, defaults are {', '.join(known)}"
+            )
             self.problems.append(Problem((self.family, name), text))
             return
         if "." in name or not name.strip():
@@ -152,9 +154,8 @@ class _Spread:
         self.members[name] = member
         for key, value in member.items():
             place = (self.family, name, key)
-            if key in own:
-                source = place
-            else:
+            source: Path = place
+            if key not in own:
                 source = (self.family, key)
                 if key not in generated:
                     self.shared.add(place)

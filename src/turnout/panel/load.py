@@ -20,7 +20,7 @@ from turnout.panel.schedule_file import read_schedule_files
 from turnout.panel.validate import validate
 
 # Neither changes what the panel is: the text about it, and where a schedule's numbers were read.
-_NOT_HASHED = {"description": True, "movement": {"__all__": {"table_file"}}}
+_NOT_HASHED: dict[str, Any] = {"description": True, "movement": {"__all__": {"table_file"}}}
 
 
 class LoadedPanel(Panel):
@@ -84,15 +84,7 @@ class LoadedPanel(Panel):
         75000.0
         """
         given = {key: mark_si(value) if si else value for key, value in overrides.items()}
-        document, problems, applied = apply_overrides(self._document, given)
-        return type(self)._build(
-            document,
-            source=self._source,
-            folder=self._folder,
-            overrides=supersede(self._overrides, applied),
-            problems=problems,
-            heading="overrides" if given else self._source,
-        )
+        return self._changed(given, [])
 
     def with_settings(self, settings: Iterable[str]) -> Self:
         """Make a panel changed by texts "KEY=VALUE" of a command line; units are required.
@@ -102,16 +94,26 @@ class LoadedPanel(Panel):
         >>> load_panel("sb1").with_settings(["drive.1.stroke=100 mm"]).drive["1"].stroke
         0.1
         """
-        overrides, problems = {}, []
+        overrides: dict[str, object] = {}
+        problems: list[Problem] = []
         for text in settings:
             try:
                 key, value = parse_setting(text)
                 overrides[key] = value
             except ValueError as error:
-                problems.append(str(error))
-        if problems:
-            raise PanelError(problems, source="overrides")
-        return self.with_overrides(overrides, si=False)
+                problems.append(Problem((), str(error)))
+        return self._changed(overrides, problems)
+
+    def _changed(self, overrides: Mapping[str, object], problems: list[Problem]) -> Self:
+        document, found, applied = apply_overrides(self._document, overrides)
+        return type(self)._build(
+            document,
+            source=self._source,
+            folder=self._folder,
+            overrides=supersede(self._overrides, applied),
+            problems=[*problems, *found],
+            heading="overrides",
+        )
 
     @classmethod
     def _build(
@@ -126,9 +128,10 @@ class LoadedPanel(Panel):
     ) -> Self:
         filled, file_problems = read_schedule_files(document, folder=folder)
         draft = validate(filled)
-        found = [*problems, *draft.problems, *file_problems, *check(draft)]
-        if found:
-            raise PanelError(list(dict.fromkeys(str(item) for item in found)), source=heading)
+        found = [*draft.problems, *file_problems, *check(draft)]
+        if problems or found:
+            lines = [str(item) for item in (*problems, *sorted(found, key=_order))]
+            raise PanelError(list(dict.fromkeys(lines)), source=heading)
         panel = cls.model_construct(**draft.records)
         panel._document = document
         panel._overrides = overrides
@@ -143,6 +146,12 @@ class LoadedPanel(Panel):
         return f"LoadedPanel({self.name!r}, hash={self._hash[:12]}{changed})"
 
     __str__ = __repr__
+
+
+def _order(problem: Problem) -> int:
+    """Give the place of a problem in the order of the panel's keys; unknown keys come first."""
+    known = list(Panel.model_fields)
+    return known.index(problem.path[0]) if problem.path and problem.path[0] in known else -1
 
 
 def library_names() -> tuple[str, ...]:
@@ -226,7 +235,7 @@ def _open(name_or_path: str | Path) -> TomlFile:
     raise FileError(message)
 
 
-__all__: list[Any] = [
+__all__ = [
     "LoadedPanel",
     "library_names",
     "library_text",

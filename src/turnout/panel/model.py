@@ -1,8 +1,8 @@
 """What a switch panel IS, as records: rails, supports, drives, sensors, schedule, foreign objects.
 
-All values are SI once a record exists; lists of quantities are tuples. Lateral quantities are positive in the closing direction of
-the instrumented switch rail, x runs from toe to heel, z is up from the rail foot. Families such as
-`chair` are mappings from a name to a record; names are strings.
+All values are SI once a record exists; lists of quantities are tuples. Lateral quantities are
+positive in the closing direction of the instrumented switch rail, x runs from toe to heel, z is up
+from the rail foot. Families such as `chair` map a name to a record; names are strings.
 """
 
 from typing import Annotated, Literal
@@ -78,7 +78,7 @@ class SectionTable(Record):
 
 
 class RunningEdge(Record):
-    """Running edge on a tangent circle: w(x) = (x + lead)^2 / (2 radius), held within its bounds."""
+    """Running edge on a tangent circle: w(x) = (x + lead)^2 / (2 radius), held within bounds."""
 
     radius: Length = Field(gt=0, description="radius of the outer running edge [m]")
     lead: Length = Field(description="distance of the toe behind the tangent point [m]")

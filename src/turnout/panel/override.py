@@ -55,13 +55,13 @@ def mark_si(value: object) -> object:
     return value
 
 
-def _records_in(annotation: Any) -> Iterator[type[BaseModel]]:
+def records_in(annotation: Any) -> Iterator[type[BaseModel]]:
     """Find the records that an annotation allows, through unions and Annotated."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     elif typing.get_origin(annotation) is not dict:
         for part in typing.get_args(annotation):
-            yield from _records_in(part)
+            yield from records_in(part)
 
 
 def _is_mapping(annotation: Any) -> bool:
@@ -85,7 +85,7 @@ def fields_at(path: Path) -> list[str]:
             parts = parts[1:]
     for part in parts:
         info = record.model_fields.get(part)
-        inner = list(_records_in(info.annotation)) if info else []
+        inner = list(records_in(info.annotation)) if info else []
         if not inner:
             return []
         record = inner[0]
@@ -183,7 +183,7 @@ def _holds_records(path: Path) -> bool:
         fields = FAMILIES[path[0]].model_fields
         return len(path) == 1 or (len(path) == 2 and path[1] not in fields)
     info = Panel.model_fields.get(path[0])
-    return len(path) == 1 and info is not None and any(_records_in(info.annotation))
+    return len(path) == 1 and info is not None and any(records_in(info.annotation))
 
 
 def _targets(tree: dict[str, Any], key: str, value: object) -> list[_Target]:
@@ -214,7 +214,7 @@ def _is_field(record: type[BaseModel], path: Path) -> bool:
         return True
     if _is_mapping(info.annotation):
         return len(path) == 2
-    return any(_is_field(inner, path[1:]) for inner in _records_in(info.annotation))
+    return any(_is_field(inner, path[1:]) for inner in records_in(info.annotation))
 
 
 def _set(tree: dict[str, Any], target: _Target) -> None:
@@ -248,7 +248,7 @@ def known_keys(tree: Mapping[str, Any]) -> Iterable[str]:
             yield from (f"{name}.{key}" for key in fields if members)
             yield from (f"{name}.{member}.{key}" for member in members for key in fields)
         elif name != "schema_version":
-            inner = list(_records_in(info.annotation))
+            inner = list(records_in(info.annotation))
             yield from (f"{name}.{key}" for record in inner for key in _field_keys(record))
             if not inner:
                 yield name
@@ -257,7 +257,7 @@ def known_keys(tree: Mapping[str, Any]) -> Iterable[str]:
 def _field_keys(record: type[BaseModel]) -> Iterator[str]:
     for name, info in record.model_fields.items():
         yield name
-        for inner in _records_in(info.annotation):
+        for inner in records_in(info.annotation):
             yield from (f"{name}.{key}" for key in _field_keys(inner))
 
 

@@ -1,40 +1,74 @@
 """From the tree of a document to records, collecting every problem instead of the first."""
 
+from collections.abc import Iterator
+from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError, create_model
 
 from turnout.files.problems import Problem, choices, describe_error, nearest, show_value
 from turnout.panel.document import FAMILIES, Document, Path
 from turnout.panel.model import Panel
+from turnout.panel.override import fields_at, records_in
 
 _VARIANT_TAGS = ("length", "profile")
 
 
+class Unknown(Exception):
+    """A check asked for a value that is wrong itself; there is nothing more to say about it."""
+
+
+class Partial:
+    """A record of which some values are wrong: asking for one of those raises `Unknown`."""
+
+    def __init__(
+        self, record: BaseModel | None = None, wrong: frozenset[str] = frozenset()
+    ) -> None:
+        self._record = record
+        self._wrong = wrong
+
+    def __getattr__(self, name: str) -> Any:
+        """Give a value that is right."""
+        if self._record is None or name in self._wrong:
+            raise Unknown(name)
+        return getattr(self._record, name)
+
+
+def known_part(problems: Iterator[Problem]) -> Iterator[Problem]:
+    """Pass on the problems that a check finds until it needs a value that is wrong itself."""
+    with suppress(Unknown):
+        yield from problems
+
+
 @dataclass(slots=True)
 class Draft:
-    """The records that could be made so far; what failed is absent from `records`.
+    """The records that could be made so far.
 
     Parameters
     ----------
     records : dict
-        Validated value by field name of `Panel`; a family holds only its valid members.
+        Value by field name of `Panel`; a record with problems is a `Partial`, and so is a
+        missing one.
     names : dict
         Names of all members by family, valid or not, in the order of the file.
     problems : list of Problem
         What was wrong with the rest.
+    shared : frozenset of key paths
+        Values (family, member, field) that come from the family, not from the member.
     """
 
     records: dict[str, Any] = field(default_factory=dict)
     names: dict[str, tuple[str, ...]] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
+    shared: frozenset[Path] = frozenset()
 
 
 def validate(document: Document) -> Draft:
     """Make every record that can be made and describe what is wrong with the others."""
-    draft = Draft()
-    draft.problems += document.problems
+    draft = Draft(problems=list(document.problems), shared=document.shared)
     tree = document.tree
     for name in tree:
         if name not in Panel.model_fields:
@@ -50,20 +84,36 @@ def validate(document: Document) -> Draft:
     return draft
 
 
-_ADAPTERS: dict[str, TypeAdapter[Any]] = {}
-
-
+@cache
 def _adapter(name: str) -> TypeAdapter[Any]:
     """Give the validator of one plain field of the panel, with the panel's strictness."""
-    if name not in _ADAPTERS:
-        info = Panel.model_fields[name]
-        annotation: Any = info.annotation
-        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-            _ADAPTERS[name] = TypeAdapter(annotation)
-        else:
-            config: Any = Panel.model_config
-            _ADAPTERS[name] = TypeAdapter(info.rebuild_annotation(), config=config)
-    return _ADAPTERS[name]
+    info = Panel.model_fields[name]
+    annotation: Any = info.annotation
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return TypeAdapter(annotation)
+    config: Any = Panel.model_config
+    return TypeAdapter(info.rebuild_annotation(), config=config)
+
+
+@cache
+def _lenient(record: type[BaseModel]) -> type[BaseModel]:
+    """Make a twin of a record in which every field may be left out."""
+    fields: dict[str, Any] = {}
+    for name, info in record.model_fields.items():
+        if info.is_required():
+            optional = copy(info)
+            optional.default = None
+            fields[name] = (info.annotation, optional)
+    return create_model(f"Lenient{record.__name__}", __base__=record, **fields)
+
+
+def _partial(record: type[BaseModel], values: object, errors: list[Any]) -> Partial:
+    """Keep what is right in a record with problems."""
+    if not isinstance(values, dict):
+        return Partial()
+    wrong = frozenset(str(error["loc"][0]) for error in errors if error["loc"])
+    right = {name: value for name, value in values.items() if name not in wrong}
+    return Partial(_lenient(record).model_validate(right), wrong)
 
 
 def _plain(name: str, tree: dict[str, Any], draft: Draft) -> None:
@@ -71,13 +121,17 @@ def _plain(name: str, tree: dict[str, Any], draft: Draft) -> None:
     if name not in tree:
         if info.is_required():
             draft.problems.append(Problem((name,), ": is missing"))
+            draft.records[name] = Partial()
         else:
             draft.records[name] = info.get_default()
         return
     try:
         draft.records[name] = _adapter(name).validate_python(tree[name])
     except ValidationError as error:
-        draft.problems += [_problem((name,), item) for item in _errors(error)]
+        errors = _errors(error)
+        draft.problems += [_problem((name,), item) for item in errors]
+        records = list(records_in(info.annotation))
+        draft.records[name] = _partial(records[0], tree[name], errors) if records else Partial()
 
 
 def _family(name: str, document: Document, draft: Draft) -> None:
@@ -89,18 +143,20 @@ def _family(name: str, document: Document, draft: Draft) -> None:
             Problem((name,), f" = {show_value(members)}: must be a table of members")
         )
         members, broken = {}, True
-    valid: dict[str, BaseModel] = {}
+    records: dict[str, BaseModel | Partial] = {}
     found: dict[Problem, list[str]] = {}
     for member, values in members.items():
         try:
-            valid[member] = record.model_validate(values)
+            records[member] = record.model_validate(values)
         except ValidationError as error:
-            for item in _errors(error):
+            errors = _errors(error)
+            records[member] = _partial(record, values, errors)
+            for item in errors:
                 place = (name, member, *_path(item))
                 shared = place[:3] in document.shared or item["type"] == "missing"
                 problem = _problem((name, *place[2:]) if shared else place, item, strip=True)
                 found.setdefault(problem, []).append(member)
-    draft.records[name] = valid
+    draft.records[name] = records
     draft.names[name] = tuple(members)
     draft.problems += _merged(name, found, document)
     _check_count(name, info.metadata, len(members), broken, draft)
@@ -153,6 +209,4 @@ def _problem(prefix: Path, error: Any, *, strip: bool = False) -> Problem:
 
 def _allowed(path: Path) -> list[str]:
     """List the keys that exist beside the last part of a path."""
-    from turnout.panel.override import fields_at
-
     return fields_at(path[:-1])

@@ -1,0 +1,315 @@
+"""Foreign objects: what a user says about one, and where that puts it."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from turnout.errors import PanelError
+from turnout.files.problems import choices, nearest, show_value
+from turnout.files.units import LENGTH, STIFFNESS, TIME, Dimension, parse_quantity
+from turnout.panel.model import Panel, PanelObject
+from turnout.panel.motion import ordered_movements
+from turnout.panel.opening import largest_opening
+from turnout.panel.place import find_place
+
+# The opening is an estimate; an object is refused only when it is larger by more than this [m].
+OPENING_MARGIN = 0.003
+_DIMENSIONS = {
+    "size": LENGTH,
+    "height": LENGTH,
+    "stiffness": STIFFNESS,
+    "appears": TIME,
+    "disappears": TIME,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignObject:
+    """An object between switch rail and stock rail, as a user describes it.
+
+    Numbers are SI; texts carry their unit. What is left out comes from the panel's
+    `object_defaults`.
+
+    Parameters
+    ----------
+    size : float or str
+        Extent across the gap [m].
+    at : str
+        "sleeper 6", "drive 1", "sensor TKK1", "chair 5" or "x = 3.6 m".
+    rail : str, optional
+        Switch rail that traps it.
+    height : float or str, optional
+        z of its contact with the switch rail [m].
+    stiffness : float or str, optional
+        In compression only [N/m].
+    appears, disappears : float or str, optional
+        When it is placed and taken away [s].
+
+    Raises
+    ------
+    PanelError
+        With all problems at once.
+
+    Examples
+    --------
+    >>> ForeignObject("13 mm", "sleeper 6").size
+    0.013
+    """
+
+    size: float | str
+    at: str
+    rail: str | None = None
+    height: float | str | None = None
+    stiffness: float | str | None = None
+    appears: float | str | None = None
+    disappears: float | str | None = None
+
+    def __post_init__(self) -> None:
+        """Turn texts into SI numbers."""
+        problems = []
+        for name, dimension in _DIMENSIONS.items():
+            value = getattr(self, name)
+            if value is None and name != "size":
+                continue
+            try:
+                object.__setattr__(self, name, _quantity(name, value, dimension))
+            except ValueError as error:
+                problems.append(f"{name} = {show_value(value)}: {error}")
+        texts: dict[str, Any] = {"at": self.at, "rail": "" if self.rail is None else self.rail}
+        problems += [
+            f"{name} = {show_value(value)}: must be text"
+            for name, value in texts.items()
+            if not isinstance(value, str)
+        ]
+        if problems:
+            raise PanelError(problems, source="foreign object")
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedObject:
+    """A foreign object whose place and times are known, in SI.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the panel, or its number among those given.
+    size : float
+        Extent across the gap [m].
+    x, height : float
+        Place of its contact with the switch rail [m].
+    rail : str
+        Switch rail that traps it.
+    stiffness : float
+        In compression only [N/m].
+    appears, disappears : float
+        When it is placed and taken away [s]; infinite if it stays.
+    """
+
+    name: str
+    size: float
+    x: float
+    rail: str
+    height: float
+    stiffness: float
+    appears: float
+    disappears: float
+
+
+def _quantity(name: str, value: Any, dimension: Dimension) -> float:
+    if hasattr(value, "item"):
+        value = value.item()
+    number = parse_quantity(value, dimension, si=True)
+    if number <= 0 and name in ("size", "stiffness", "disappears"):
+        message = "must be more than 0"
+        raise ValueError(message)
+    if number < 0 and name == "appears":
+        message = "must be at least 0"
+        raise ValueError(message)
+    return number
+
+
+def parse_object(text: str) -> ForeignObject:
+    """Read an object from a command line.
+
+    Parameters
+    ----------
+    text : str
+        SIZE@PLACE, such as "13mm@sleeper6" or "13 mm @ x = 3.6 m".
+
+    Returns
+    -------
+    ForeignObject
+        The object; its place is looked up later, in a panel.
+
+    Raises
+    ------
+    PanelError
+        When the text is not of that form.
+
+    Examples
+    --------
+    >>> parse_object("13mm@sleeper6")
+    ForeignObject(size=0.013, at='sleeper6', rail=None, ...)
+    """
+    size, sign, place = text.partition("@")
+    if not sign or not size.strip() or not place.strip():
+        problem = f'"{text}" is not SIZE@PLACE, such as 13mm@sleeper6 or "13 mm @ x = 3.6 m"'
+        raise PanelError([problem], source="foreign object")
+    try:
+        length = parse_quantity(size, LENGTH)
+    except ValueError as error:
+        raise PanelError([f'size = "{size.strip()}": {error}'], source="foreign object") from None
+    return ForeignObject(length, place.strip())
+
+
+def resolve_objects(
+    panel: Panel, objects: Iterable[ForeignObject] = ()
+) -> tuple[PlacedObject, ...]:
+    """Place the panel's own objects and the given ones.
+
+    Parameters
+    ----------
+    panel : Panel
+        A valid panel.
+    objects : iterable of ForeignObject
+        Further objects; none is fine.
+
+    Returns
+    -------
+    tuple of PlacedObject
+        Those of the panel first.
+
+    Raises
+    ------
+    PanelError
+        With all problems at once: unknown places or rails, objects larger than the opening.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> resolve_objects(load_panel("sb2"), [ForeignObject("13 mm", "sleeper 6")])[0].appears
+    4.4
+    """
+    given = [(name, from_record(record)) for name, record in panel.object.items()]
+    given += [(str(number), item) for number, item in enumerate(objects, 1)]
+    placed, problems = [], []
+    for name, item in given:
+        faults = object_faults(panel, item)
+        problems += [f"object {name}: {key}{text}" for key, text in faults]
+        if not faults:
+            placed.append(_place(panel, name, item))
+    if problems:
+        raise PanelError(problems, source="foreign object")
+    return tuple(placed)
+
+
+def from_record(record: PanelObject) -> ForeignObject:
+    """Make a foreign object from one that belongs to the panel file."""
+    return ForeignObject(
+        record.size,
+        record.at,
+        rail=record.rail,
+        height=record.height,
+        stiffness=record.stiffness,
+        appears=record.appears,
+        disappears=record.disappears,
+    )
+
+
+def _families(panel: Panel) -> dict[str, Any]:
+    return {name: getattr(panel, name) for name in type(panel).model_fields}
+
+
+def _filled(panel: Panel, item: ForeignObject) -> ForeignObject:
+    """Take what the object leaves out from the panel's defaults."""
+    defaults = panel.object_defaults
+    names = ("rail", "height", "stiffness", "appears", "disappears")
+    missing = {name: getattr(defaults, name) for name in names if getattr(item, name) is None}
+    return replace(item, **missing)
+
+
+def _place(panel: Panel, name: str, item: ForeignObject) -> PlacedObject:
+    whole = _filled(panel, item)
+    rail = str(whole.rail)
+    return PlacedObject(
+        name=name,
+        size=float(whole.size),
+        x=find_place(_families(panel), whole.at).x,
+        rail=rail,
+        height=float(whole.height or 0.0),
+        stiffness=float(whole.stiffness or 0.0),
+        appears=_onset(panel, rail) if whole.appears is None else float(whole.appears),
+        disappears=math.inf if whole.disappears is None else float(whole.disappears),
+    )
+
+
+def _onset(panel: Panel, rail: str) -> float:
+    """Give the start of the last movement that closes a rail, or 0 where none does."""
+    to = "closed" if panel.rail[rail].closes == "+y" else "open"
+    starts = [movement.start for _, movement in ordered_movements(panel) if movement.to == to]
+    return starts[-1] if starts else 0.0
+
+
+def object_faults(
+    panel: Panel, item: ForeignObject, *, sized: bool = True
+) -> list[tuple[str, str]]:
+    """Find what is wrong with an object in a panel: the key and a text for each fault.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    item : ForeignObject
+        The object.
+    sized : bool
+        Whether the panel is sound enough to compare the size with the opening.
+    """
+    whole = _filled(panel, item)
+    faults = []
+    if whole.rail not in panel.rail:
+        text = f"; there are {choices(panel.rail)}{nearest(str(whole.rail), panel.rail)}"
+        faults.append(("rail", f" = {show_value(whole.rail)}: there is no such rail{text}"))
+    x = None
+    try:
+        x = find_place(_families(panel), whole.at).x
+    except ValueError as error:
+        faults.append(("at", f" = {show_value(whole.at)}: {error}"))
+    if sized and x is not None and whole.rail in panel.rail:
+        faults += _opening_faults(panel, whole, str(whole.rail), x)
+    return faults + (_time_faults(panel, whole) if sized else [])
+
+
+def _opening_faults(
+    panel: Panel, item: ForeignObject, rail: str, x: float
+) -> list[tuple[str, str]]:
+    record = panel.rail[rail]
+    if not record.start <= x <= record.end:
+        text = f"x = {x:g} m is not on rail '{rail}', {record.start:g} ... {record.end:g} m"
+        return [("at", f" = {show_value(item.at)}: {text}")]
+    opening = largest_opening(panel, rail, x)
+    if opening is None:
+        text = f" = {show_value(rail)}: has no stock_rail_gap, so nothing can be trapped by it"
+        return [("rail", text)]
+    if float(item.size) > opening + OPENING_MARGIN:
+        text = (
+            f" = {float(item.size) * 1e3:g} mm: larger than the opening, rail '{rail}' stands "
+            f"at most about {opening * 1e3:.0f} mm open at x = {x:g} m"
+        )
+        return [("size", text)]
+    return []
+
+
+def _time_faults(panel: Panel, item: ForeignObject) -> list[tuple[str, str]]:
+    faults, end = [], panel.schedule.end
+    appears = None if item.appears is None else float(item.appears)
+    if appears is not None and appears > end:
+        faults.append(("appears", f" = {appears:g} s: is after the end of the schedule, {end:g} s"))
+    if item.disappears is not None:
+        gone = float(item.disappears)
+        known = item.rail in panel.rail
+        start = appears if appears is not None else _onset(panel, str(item.rail)) if known else 0.0
+        if gone <= start:
+            text = f" = {gone:g} s: must be after the object appears, {start:g} s"
+            faults.append(("disappears", text))
+    return faults

@@ -1,0 +1,161 @@
+"""When and how far the markers of the drives move.
+
+Positions are in panel axes: positive in the closing direction of the instrumented rail, zero where
+the marker is at t = 0. "Open" and "closed" are the positions of the instrumented rail, also for a
+drive on the other rail, whose marker moves the same way.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from turnout.panel.model import Drive, Movement, Panel
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def ordered_movements(panel: Panel) -> list[tuple[str, Movement]]:
+    """Give the movements with their names in the order of their onsets."""
+    return sorted(panel.movement.items(), key=lambda item: item[1].start)
+
+
+def movement_time(movement: Movement, drive: str) -> float:
+    """Give the time [s] that the marker of a drive takes for a movement."""
+    return movement.duration + movement.extra_time.get(drive, 0.0)
+
+
+def movement_end(panel: Panel, movement: Movement) -> float:
+    """Give the time [s] at which the last marker has arrived."""
+    return movement.start + max(movement_time(movement, drive) for drive in panel.drive)
+
+
+def marker_level(drive: Drive, to: str, *, starts: str) -> float:
+    """Give the marker position [m] after a movement to "open" or "closed".
+
+    Parameters
+    ----------
+    drive : Drive
+        Stroke and over-travels; these are added only where a movement goes.
+    to : str
+        "open" or "closed", of the instrumented rail.
+    starts : str
+        Its position at t = 0, where the marker is at zero.
+
+    Returns
+    -------
+    float
+        Position, positive closing [m].
+    """
+    if to == "closed":
+        return (drive.stroke if starts == "open" else 0.0) + drive.over_travel_closed
+    return (-drive.stroke if starts == "closed" else 0.0) - drive.over_travel_open
+
+
+def marker_positions(panel: Panel, time: npt.ArrayLike) -> FloatArray:
+    """Give the position of every drive's marker.
+
+    Parameters
+    ----------
+    panel : Panel
+        Drives, schedule and movements.
+    time : array_like, shape (n_times,)
+        Times [s].
+
+    Returns
+    -------
+    ndarray, shape (n_drives, n_times)
+        Marker positions [m] in the order of `panel.drive`, positive closing, zero at t = 0.
+    """
+    instants = np.atleast_1d(np.asarray(time, dtype=np.float64))
+    positions = np.zeros((len(panel.drive), instants.size))
+    for row, (name, drive) in enumerate(panel.drive.items()):
+        level = 0.0
+        for _, movement in ordered_movements(panel):
+            target = marker_level(drive, movement.to, starts=panel.schedule.starts)
+            fraction = movement_fraction(movement, instants - movement.start, drive=name)
+            positions[row] += (target - level) * fraction
+            level = target
+    return positions
+
+
+def marker_offsets(panel: Panel) -> FloatArray:
+    """Give where marker zero lies from the stress-free position of each drive's rail.
+
+    Parameters
+    ----------
+    panel : Panel
+        Drives, rails and schedule.
+
+    Returns
+    -------
+    ndarray, shape (n_drives,)
+        Zero where the rail starts in its stress-free position, else plus or minus the stroke [m],
+        positive closing. The bushing is stretched by this at t = 0 if the rail stays stress-free.
+    """
+    return np.array(
+        [start_offset(panel, drive.rail, drive.stroke) for drive in panel.drive.values()]
+    )
+
+
+def start_offset(panel: Panel, rail: str, travel: float) -> float:
+    """Give the position at t = 0 from the stress-free one [m], positive closing.
+
+    Parameters
+    ----------
+    panel : Panel
+        Rails and schedule.
+    rail : str
+        Name of the rail.
+    travel : float
+        Travel between open and closed at the place in question [m].
+    """
+    record = panel.rail[rail]
+    # In panel axes the other rail is at its "+y" end exactly when it is open.
+    free_at_plus = (record.stress_free == "closed") == (record.closes == "+y")
+    starts_at_plus = panel.schedule.starts == "closed"
+    return (float(starts_at_plus) - float(free_at_plus)) * travel
+
+
+def movement_fraction(movement: Movement, elapsed: npt.ArrayLike, *, drive: str) -> FloatArray:
+    r"""Give the share of the travel that a marker has covered.
+
+    The raised cosine has constant speed V with ends of length r in which the speed is
+    :math:`V (1 - \cos(\pi t / r)) / 2`; it covers :math:`V (T - r)` in the time T. The smoothstep
+    is :math:`3 s^2 - 2 s^3`. A table is stretched to the drive's own time.
+
+    Parameters
+    ----------
+    movement : Movement
+        Shape, duration, ramp.
+    elapsed : array_like, shape (n,)
+        Time since the onset [s].
+    drive : str
+        Name of the drive, for its extra time.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        0 before the onset, 1 after the end.
+    """
+    total = movement_time(movement, drive)
+    t = np.clip(np.asarray(elapsed, dtype=np.float64), 0.0, total)
+    s = t / total
+    if movement.shape == "smoothstep":
+        fraction = s * s * (3.0 - 2.0 * s)
+    elif movement.shape == "table":
+        times = np.asarray(movement.table_time, dtype=np.float64)
+        fraction = np.interp(s * times[-1], times, np.asarray(movement.table_fraction))
+    elif movement.shape == "raised cosine" and movement.ramp > 0.0:
+        fraction = _raised_cosine(t, total, movement.ramp)
+    else:
+        fraction = s
+    return np.asarray(fraction, dtype=np.float64)
+
+
+def _raised_cosine(t: FloatArray, total: float, ramp: float) -> FloatArray:
+    speed = 1.0 / (total - ramp)
+    start = 0.5 * speed * (t - ramp / np.pi * np.sin(np.pi * t / ramp))
+    left = total - t
+    end = 1.0 - 0.5 * speed * (left - ramp / np.pi * np.sin(np.pi * left / ramp))
+    middle = speed * (t - 0.5 * ramp)
+    fraction = np.where(t < ramp, start, np.where(left < ramp, end, middle))
+    return np.asarray(fraction, dtype=np.float64)

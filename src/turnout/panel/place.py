@@ -1,0 +1,66 @@
+"""Places by name: "sleeper 6", "drive 1", "sensor TKK1", "chair 5", "x = 3.6 m"."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from turnout.files.problems import choices, nearest
+from turnout.files.units import LENGTH, parse_quantity
+
+PLACE_FAMILIES = ("sleeper", "drive", "sensor", "chair", "stud", "stop", "link", "fastening")
+_POSITION = re.compile(r"x\s*=\s*(.+)\Z", re.IGNORECASE)
+_NAMED = re.compile(rf"({'|'.join(PLACE_FAMILIES)})\s*(.*)\Z", re.IGNORECASE)
+_FORMS = "'sleeper 6', 'drive 1', 'sensor TKK1', 'chair 5' or 'x = 3.6 m'"
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place along the rails: its position [m] and the family and name that it was given by."""
+
+    x: float
+    family: str = ""
+    name: str = ""
+
+
+def find_place(families: Mapping[str, Mapping[str, Any]], at: str) -> Place:
+    """Find a place.
+
+    Parameters
+    ----------
+    families : mapping
+        Records with an `x` by family and name.
+    at : str
+        A family and a name, or a position.
+
+    Returns
+    -------
+    Place
+        Where it is.
+
+    Raises
+    ------
+    ValueError
+        When there is no such place; the text lists the names there are.
+    """
+    text = at.strip()
+    position = _POSITION.match(text)
+    if position:
+        return Place(parse_quantity(position[1], LENGTH))
+    named = _NAMED.match(text)
+    if not named or not named[2]:
+        message = f"is not a place; write {_FORMS}{nearest(text, _place_names(families))}"
+        raise ValueError(message)
+    family, name = named[1].lower(), named[2]
+    members = families.get(family, {})
+    if name in members:
+        return Place(members[name].x, family, name)
+    matches = [known for known in members if known.lower() == name.lower()]
+    if len(matches) == 1:
+        return Place(members[matches[0]].x, family, matches[0])
+    message = f"there is no {family} '{name}'{nearest(name, members)}; there are {choices(members)}"
+    raise ValueError(message)
+
+
+def _place_names(families: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    return [f"{family} {name}" for family in PLACE_FAMILIES for name in families.get(family, {})]

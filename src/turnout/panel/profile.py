@@ -1,0 +1,162 @@
+"""Lengths and cross-sections along a rail: stock rail gap, running edge, section table."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+
+from turnout.panel.model import Panel, Profile, Rail, RunningEdge, SectionTable
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def evaluate_profile(profile: float | Profile, x: npt.ArrayLike) -> FloatArray:
+    """Evaluate a constant or tabulated length; it is held constant beyond its ends.
+
+    Parameters
+    ----------
+    profile : float or Profile
+        A length [m], or a table that is interpolated linearly or by a not-a-knot cubic spline.
+    x : array_like, shape (n,)
+        Positions from the toe [m].
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The length at each position [m].
+
+    Examples
+    --------
+    >>> table = Profile(x=["0 m", "2 m"], value=["0 m", "1 m"])
+    >>> evaluate_profile(table, [0.5, 3.0])
+    array([0.25, 1.  ])
+    """
+    position = np.asarray(x, dtype=np.float64)
+    if not isinstance(profile, Profile):
+        return np.full(position.shape, profile, dtype=np.float64)
+    stations, values = np.asarray(profile.x), np.asarray(profile.value)
+    if profile.interpolation == "linear" or len(stations) < 3:
+        return np.asarray(np.interp(position, stations, values), dtype=np.float64)
+    held = np.clip(position, stations[0], stations[-1])
+    return np.asarray(CubicSpline(stations, values, bc_type="not-a-knot")(held), dtype=np.float64)
+
+
+def stock_rail_gap(rail: Rail, x: npt.ArrayLike) -> FloatArray | None:
+    """Give the gap to the stock rail in the rail's stress-free position [m].
+
+    None where the rail has no stock rail.
+    """
+    if rail.stock_rail_gap is None:
+        return None
+    return evaluate_profile(rail.stock_rail_gap, x)
+
+
+def running_edge_offset(edge: RunningEdge, x: npt.ArrayLike) -> FloatArray:
+    r"""Give the offset of the running edge from the stock rail's, on a tangent circle.
+
+    .. math:: w(x) = (x + x_0)^2 / (2 R), \quad w_{min} \le w \le w_{max}
+
+    Parameters
+    ----------
+    edge : RunningEdge
+        Radius R, lead :math:`x_0` and bounds [m].
+    x : array_like, shape (n,)
+        Positions from the toe [m].
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Offset w [m]; ahead of the tangent point it is held at its least value.
+    """
+    ahead = np.maximum(np.asarray(x, dtype=np.float64) + edge.lead, 0.0)
+    return np.asarray(
+        np.clip(ahead**2 / (2.0 * edge.radius), edge.minimum, edge.maximum), dtype=np.float64
+    )
+
+
+def running_edge_position(edge: RunningEdge, offset: float) -> float:
+    """Give the position x [m] at which the tangent circle has an offset [m]."""
+    return math.sqrt(2.0 * edge.radius * offset) - edge.lead
+
+
+def section_stations(panel: Panel, rail: str) -> FloatArray:
+    """Give the positions along a rail where its section has a station or begins to be constant.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    rail : str
+        Name of the rail.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Rising positions [m] strictly between the ends of the rail; empty for a prismatic rail.
+    """
+    record = panel.rail[rail]
+    table, edge = panel.section[record.section], record.running_edge
+    if table.x is not None:
+        places = list(table.x)
+    elif table.running_edge_offset is not None and edge is not None:
+        bounds = (edge.minimum, edge.maximum)
+        offsets = [w for w in table.running_edge_offset if bounds[0] < w < bounds[1]]
+        places = [running_edge_position(edge, offset) for offset in (*offsets, *bounds)]
+    else:
+        places = []
+    inside = {place for place in places if record.start < place < record.end}
+    return np.array(sorted(inside), dtype=np.float64)
+
+
+def section_values(panel: Panel, rail: str, x: npt.ArrayLike) -> dict[str, FloatArray]:
+    """Evaluate the section table of a rail: linear between stations, held beyond the ends.
+
+    Where the stations are running-edge offsets w, values are linear in w, not in x.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    rail : str
+        Name of the rail.
+    x : array_like, shape (n,)
+        Positions from the toe [m].
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+        Each column of `SectionTable` by its name, in SI, with its default where it is left out.
+        Offsets y are positive towards the stock rail that this rail closes against.
+    """
+    record = panel.rail[rail]
+    table, position = panel.section[record.section], np.asarray(x, dtype=np.float64)
+    at = position
+    stations = np.asarray(table.x if table.x is not None else table.running_edge_offset)
+    if table.x is None and record.running_edge is not None:
+        at = running_edge_offset(record.running_edge, position)
+    return {
+        name: np.asarray(np.interp(at, stations, np.asarray(column)), dtype=np.float64)
+        for name, column in section_columns(table).items()
+    }
+
+
+def section_columns(table: SectionTable) -> dict[str, tuple[float, ...]]:
+    """Give all columns of a section table, with the default of those that are left out."""
+    zero = (0.0,) * len(table.area)
+    offset = table.centroid_offset if table.centroid_offset is not None else zero
+    height = table.centroid_height
+    shear_height, shear_offset = table.shear_centre_height, table.shear_centre_offset
+    return {
+        "area": table.area,
+        "second_moment_vertical": table.second_moment_vertical,
+        "second_moment_lateral": table.second_moment_lateral,
+        "product_moment": table.product_moment if table.product_moment is not None else zero,
+        "torsion_constant": table.torsion_constant,
+        "shear_factor_vertical": table.shear_factor_vertical,
+        "shear_factor_lateral": table.shear_factor_lateral,
+        "centroid_height": height,
+        "centroid_offset": offset,
+        "shear_centre_height": shear_height if shear_height is not None else height,
+        "shear_centre_offset": shear_offset if shear_offset is not None else offset,
+    }
