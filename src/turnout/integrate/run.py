@@ -27,6 +27,7 @@ from turnout.law.kernel import SLIP_FORWARD, STICK
 from turnout.law.table import LawTable
 from turnout.mechanism.condense import ModalModel, condense
 from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.threads import one_blas_thread
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -107,6 +108,17 @@ def integrate(
     History
         Complete, or up to where `outcome` says that it ended.
     """
+    with one_blas_thread():
+        return _integrate(mechanism, scheme, inputs, end, report)
+
+
+def _integrate(
+    mechanism: Mechanism,
+    scheme: Scheme,
+    inputs: Callable[[Floats], Floats],
+    end: float,
+    report: Callable[[int, int], None] | None,
+) -> History:
     stride = scheme.stride
     n_stored = round(end / scheme.output_interval) + 1
     if n_stored < 2:

@@ -19,6 +19,7 @@ from turnout.mechanism.rail import (
     rayleigh_factors,
     reduce_rail,
 )
+from turnout.mechanism.threads import one_blas_thread
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.model import Chair, Drive, Fastening, Panel, Rail, Stop
 from turnout.panel.profile import section_values, stock_rail_gap
@@ -99,7 +100,8 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
     for item in objects:
         index.object[item.name] = _add_object(rows, laws, panel.rail[item.rail], item)
         law_names.append(f"object {item.name}")
-    rails = _reduced_rails(panel, rows, objects)
+    with one_blas_thread():
+        rails = _reduced_rails(panel, rows, objects)
     return Mechanism(
         stiffness=_diagonal_blocks([r.stiffness for r in rails]),
         mass=_diagonal_blocks([r.mass for r in rails]),
