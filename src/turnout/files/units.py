@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from functools import cache
 from typing import Any
 
@@ -145,10 +146,12 @@ def _bare(number: str, dimension: Dimension) -> str:
 
 def _scaled(number: float, unit: str, dimension: Dimension) -> float:
     factor = unit_factor(unit, dimension)
-    inverse = round(1.0 / factor) if 0.0 < factor < 1.0 else 0
-    # Dividing by 1000 rounds once: "13 mm" is then exactly the 0.013 that Python writes.
-    exact = inverse > 0 and abs(inverse * factor - 1.0) < 1e-12
-    result = number / inverse if exact else number * factor
+    exponent = round(math.log10(factor))
+    # Shifting the decimal point rounds once: "4.9 mm" is exactly the 0.0049 that Python writes.
+    if abs(factor / 10.0**exponent - 1.0) < 1e-12 and math.isfinite(number):
+        result = float(Decimal(repr(number)).scaleb(exponent))
+    else:
+        result = number * factor
     if not math.isfinite(result):
         message = "must be a finite number"
         raise ValueError(message)

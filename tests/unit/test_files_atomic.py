@@ -1,0 +1,130 @@
+"""Atomic writes: all or nothing, nothing left behind, clear reasons."""
+
+import errno
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from turnout.errors import FileError
+from turnout.files.atomic import atomic_path, write_atomic, write_fault
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_file_appears_only_when_it_is_complete(tmp_path: Path) -> None:
+    target = tmp_path / "run.nc"
+    with atomic_path(target) as temporary:
+        temporary.write_text("new")
+        assert not target.exists()
+        assert temporary.parent == tmp_path
+        assert temporary.suffix == ".nc"
+    assert target.read_text() == "new"
+    assert names(tmp_path) == ["run.nc"]
+
+
+@pytest.mark.parametrize("fault", [RuntimeError, KeyboardInterrupt, SystemExit])
+def test_failure_keeps_the_old_file_and_leaves_nothing(
+    tmp_path: Path, fault: type[BaseException]
+) -> None:
+    target = tmp_path / "run.txt"
+    target.write_text("old")
+
+    def fail() -> None:
+        with atomic_path(target) as temporary:
+            temporary.write_text("half")
+            raise fault
+
+    with pytest.raises(fault):
+        fail()
+    assert target.read_text() == "old"
+    assert names(tmp_path) == ["run.txt"]
+
+
+def test_permissions_are_those_of_any_new_file_or_of_the_old_one(tmp_path: Path) -> None:
+    plain, target = tmp_path / "plain", tmp_path / "target"
+    plain.write_text("")
+    write_atomic(target, "x")
+    assert stat.S_IMODE(target.stat().st_mode) == stat.S_IMODE(plain.stat().st_mode)
+    target.chmod(0o600)
+    write_atomic(target, b"y")
+    assert stat.S_IMODE(target.stat().st_mode) == 0o600
+    assert target.read_text() == "y"
+
+
+def test_folder_as_target_and_missing_folder(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="is a folder; name a file"):
+        write_atomic(tmp_path, "x")
+    with pytest.raises(FileError, match=r"no such folder '.*none'; create it"):
+        write_atomic(tmp_path / "none" / "run.txt", "x")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="no such folder"):
+        write_atomic(tmp_path / "file" / "run.txt", "x")
+    assert names(tmp_path) == ["file"]
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="the superuser may write everywhere")
+def test_folder_without_permission(tmp_path: Path) -> None:
+    folder = tmp_path / "locked"
+    folder.mkdir(mode=0o500)
+    with pytest.raises(FileError, match="may not be written; choose another folder"):
+        write_atomic(folder / "run.txt", "x")
+
+
+def test_refused_temporary_file_is_a_clear_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(**_: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr("tempfile.mkstemp", refuse)
+    with pytest.raises(FileError, match=r"run\.txt: may not be written"):
+        write_atomic(tmp_path / "run.txt", "x")
+
+
+@pytest.mark.parametrize(
+    ("number", "message"),
+    [
+        (errno.ENOSPC, "no space left"),
+        (errno.EACCES, "may not be written"),
+        (errno.EROFS, "may not be written"),
+        (errno.EIO, "cannot be written"),
+    ],
+)
+def test_reasons_name_the_remedy(tmp_path: Path, number: int, message: str) -> None:
+    assert message in write_fault(tmp_path / "x", OSError(number, os.strerror(number)))
+
+
+SCRIPT = """
+import resource, signal, sys
+signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+from turnout.errors import FileError
+from turnout.files.atomic import write_atomic
+try:
+    write_atomic(sys.argv[1], b"x" * 100_000)
+except FileError as error:
+    print(error)
+    sys.exit(2)
+"""
+
+
+def test_no_space_is_an_error_not_a_killed_process(tmp_path: Path) -> None:
+    target = tmp_path / "run.bin"
+    target.write_bytes(b"old")
+    done = subprocess.run(
+        [sys.executable, "-B", "-c", SCRIPT, str(target)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    assert done.returncode == 2, done.stderr
+    assert f"{target}: cannot be written, no space left" in done.stdout
+    assert target.read_bytes() == b"old"
+    assert names(tmp_path) == ["run.bin"]

@@ -1,0 +1,168 @@
+"""Overrides: broad and narrow keys, every family, new objects, what matches nothing."""
+
+import numpy as np
+import pytest
+
+from turnout.errors import PanelError
+from turnout.panel.document import FAMILIES
+from turnout.panel.load import load_panel
+from turnout.panel.override import known_keys, parse_setting
+
+PANEL = load_panel("uic60-760-1-15")
+
+
+def test_a_family_key_sets_all_members_also_those_with_an_own_value() -> None:
+    one = PANEL.with_overrides({"chair.5.friction_coefficient": 0.1})
+    assert one.chair["5"].friction_coefficient == 0.1
+    assert one.chair["4"].friction_coefficient == 0.4
+    every = one.with_overrides({"chair.friction_coefficient": 0.3})
+    assert {chair.friction_coefficient for chair in every.chair.values()} == {0.3}
+    assert dict(every.overrides) == {"chair.friction_coefficient": 0.3}
+    assert {
+        drive.stroke for drive in PANEL.with_overrides({"drive.stroke": 0.1}).drive.values()
+    } == {0.1}
+
+
+def test_narrow_keys_win_over_broad_ones_in_either_order() -> None:
+    narrow, broad = ("chair.5.friction_coefficient", 0.1), ("chair.friction_coefficient", 0.3)
+    for items in ([narrow, broad], [broad, narrow]):
+        panel = PANEL.with_overrides(dict(items))
+        assert panel.chair["5"].friction_coefficient == 0.1
+        assert panel.chair["6"].friction_coefficient == 0.3
+    assert PANEL.chair["5"].friction_coefficient == 0.4
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "expected"),
+    [
+        ("drive.2.stiffness", "81 kN/m", 81e3),
+        ("drive.2.stiffness", 81_000, 81e3),
+        ("drive.2.stiffness", np.float64(81e3), 81e3),
+        ("drive.1.saturation_force", "5 kN", 5e3),
+        ("stud.3.clearance", 0.002, 0.002),
+        ("stop.stiffness", "1e8 N/m", 1e8),
+        ("link.1.stiffness", 0.0001, 0.0001),
+        ("fastening.stiffness_z", "60 kN/mm", 60e6),
+        ("sensor.TKK1.limit", "10 mm", 0.01),
+        ("sleeper.6.x", "3.7 m", 3.7),
+        ("movement.return.start", 4.5, 4.5),
+        ("movement.return.extra_time.2", 0.1, 0.1),
+        ("movement.throw.extra_time.1", "0.1 s", 0.1),
+        ("schedule.end", "9 s", 9.0),
+        ("lock.rule", "raw gap", "raw gap"),
+        ("material.density", "7800 kg/m^3", 7800.0),
+        ("rail.end", "18.7 m", 18.7),
+        ("rail.curved.running_edge.radius", 300.0, 300.0),
+        ("rail.curved.stock_rail_gap.interpolation", "cubic", "cubic"),
+        ("rail.curved.stock_rail_gap", "5 mm", 0.005),
+        ("section.tongue.torsion_constant", [1e-6] * 13, (1e-6,) * 13),
+        ("section.tongue.product_moment", np.zeros(13), (0.0,) * 13),
+        ("rail.curved.stock_rail_gap", None, None),
+        ("damping.frequencies", [1.0, 10], [1.0, 10.0]),
+        ("name", "mine", "mine"),
+    ],
+)
+def test_every_kind_of_key_can_be_set(key: str, value: object, expected: object) -> None:
+    panel = PANEL.with_overrides({key: value})
+    node: object = panel
+    parts = key.split(".")
+    if parts[0] in FAMILIES and parts[1] in FAMILIES[parts[0]].model_fields:
+        parts.insert(1, next(iter(getattr(panel, parts[0]))))
+    for part in parts:
+        node = node[part] if isinstance(node, dict) else getattr(node, part)
+    assert node == expected
+    assert panel.hash != PANEL.hash
+    assert panel.origins[".".join(parts)].kind == "override"
+
+
+def test_an_object_may_be_added_key_by_key_or_as_a_table() -> None:
+    keys = PANEL.with_settings(["object.stone.size=13 mm", "object.stone.at=sleeper 6"])
+    table = PANEL.with_overrides({"object.stone": {"size": 0.013, "at": "sleeper 6"}})
+    assert keys.object == table.object
+    assert keys.hash == table.hash
+    two = keys.with_overrides({"object": {"ice": {"size": "5 mm", "at": "drive 1"}}})
+    assert list(two.object) == ["stone", "ice"]
+
+
+@pytest.mark.parametrize(
+    ("key", "near"),
+    [
+        ("chair.friction", "chair.friction_coefficient"),
+        ("drive.3.stiffness", "drive.2.stiffness"),
+        ("drive.1.stifness", "drive.1.stiffness"),
+        ("chair.26.friction_coefficient", "chair.[0-9]+.friction_coefficient"),
+        ("drive.1", "drive.1.x"),
+        ("drive", "drive.x"),
+        ("schedule.start", "schedule.starts"),
+        ("lock.rule.x", "lock.rule"),
+        ("object.size", "object"),
+        ("rail.curved.running_edge.radios", "rail.curved.running_edge.radius"),
+        ("Name", "name"),
+    ],
+)
+def test_a_key_that_matches_nothing_names_the_nearest(key: str, near: str) -> None:
+    with pytest.raises(PanelError, match=f"{key}: matches nothing in this panel; nearest is"):
+        PANEL.with_overrides({key: 1.0})
+    if key != "object.size":
+        with pytest.raises(PanelError, match=f"nearest is '{near}"):
+            PANEL.with_overrides({key: 1.0})
+
+
+def test_schema_version_and_empty_families_cannot_be_set() -> None:
+    with pytest.raises(PanelError, match="matches nothing"):
+        PANEL.with_overrides({"schema_version": 1})
+    with pytest.raises(PanelError, match="matches nothing"):
+        load_panel("sb1").with_overrides({"stud.clearance": 0.001})
+
+
+def test_known_keys_are_accepted_as_keys() -> None:
+    keys = set(known_keys({"chair": {"5": {}}}))
+    assert {"chair.friction_coefficient", "chair.5.x", "lock.rule", "gravity"} <= keys
+    assert "schema_version" not in keys
+
+
+def test_the_old_panel_is_not_changed() -> None:
+    before = PANEL.hash, dict(PANEL.origins)
+    PANEL.with_overrides({"drive.1.stiffness": 1e5, "chair.friction_coefficient": 0.1})
+    assert (PANEL.hash, dict(PANEL.origins)) == before
+    assert load_panel("uic60-760-1-15").hash == before[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("a.b=13 mm", ("a.b", "13 mm")),
+        ('a.b = "13 mm"', ("a.b", "13 mm")),
+        ("a=0.3", ("a", 0.3)),
+        ("a=[1, 2]", ("a", [1, 2])),
+        ('a=["1 m", "2 m"]', ("a", ["1 m", "2 m"])),
+        ('a={unit="mm", values=[1]}', ("a", {"unit": "mm", "values": [1]})),
+        ("a=no slip", ("a", "no slip")),
+        ("a=x = 3.6 m", ("a", "x = 3.6 m")),
+        ("a=", ("a", "")),
+    ],
+)
+def test_settings_of_a_command_line(text: str, expected: tuple[str, object]) -> None:
+    assert parse_setting(text) == expected
+
+
+@pytest.mark.parametrize("text", ["a", "=3", " = 3"])
+def test_settings_without_key_or_value(text: str) -> None:
+    with pytest.raises(ValueError, match="is not KEY=VALUE"):
+        parse_setting(text)
+
+
+def test_bare_numbers_are_si_from_python_and_refused_as_text() -> None:
+    assert PANEL.with_overrides({"drive.1.stroke": 0.1}).drive["1"].stroke == 0.1
+    with pytest.raises(PanelError, match=r"drive.1.stroke = 0.1: has no unit, 0.1 would be 0.1 m"):
+        PANEL.with_settings(["drive.1.stroke=0.1"])
+    with pytest.raises(PanelError, match="has no unit"):
+        PANEL.with_overrides({"drive.1.stroke": 0.1}, si=False)
+    assert PANEL.with_settings(["chair.friction_coefficient=0.1"]).chair["1"].friction_coefficient
+
+
+def test_all_problems_of_overrides_come_at_once() -> None:
+    with pytest.raises(PanelError) as caught:
+        PANEL.with_settings(["nonsense", "drive.9.x=1 m", "drive.1.x=99 m", "gravity=9.81"])
+    assert len(caught.value.problems) == 4
+    assert caught.value.source == "overrides"
