@@ -1,0 +1,56 @@
+"""Output paths, looked at before a long run so that nothing is lost after it."""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from turnout.errors import FileError
+
+
+def check_outputs(paths: Mapping[str, Path | None], suffixes: Mapping[str, Sequence[str]]) -> None:
+    """Refuse every output path that could not be written, all at once.
+
+    Parameters
+    ----------
+    paths : mapping of option to path
+        None where the option was not given.
+    suffixes : mapping of option to suffixes
+        What each option can write.
+
+    Raises
+    ------
+    FileError
+        Naming option, path and remedy for each.
+    """
+    problems = []
+    seen: dict[Path, str] = {}
+    for option, path in paths.items():
+        if path is None:
+            continue
+        problem = _problem(path, suffixes[option])
+        if problem:
+            problems.append(f"{option} {path}: {problem}")
+        resolved = path.resolve()
+        if resolved in seen:
+            problems.append(f"{option} {path}: is also the file of {seen[resolved]}; name another")
+        seen[resolved] = option
+    if problems:
+        raise FileError("\n".join(problems))
+
+
+def _problem(path: Path, suffixes: Sequence[str]) -> str | None:
+    if path.is_dir():
+        return "is a folder; name a file inside it"
+    if path.suffix.lower() not in suffixes:
+        allowed = " or ".join(suffixes)
+        return f"the name must end in {allowed}"
+    folder = path.parent
+    if not folder.exists():
+        return f"there is no folder {folder}; create it first"
+    if not folder.is_dir():
+        return f"{folder} is no folder"
+    if not os.access(folder, os.W_OK):
+        return f"folder {folder} is not writable; choose another or change its permissions"
+    if path.exists() and not os.access(path, os.W_OK):
+        return "exists and may not be written; choose another name or change its permissions"
+    return None

@@ -1,0 +1,127 @@
+"""The command `turnout simulate`."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from turnout.cli.options import DEFAULT_PANEL, PanelArgument, SetOption, opened_panel
+from turnout.cli.outputs import check_outputs
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from turnout.response.scheme import Scheme
+
+INCOMPLETE, INTERRUPTED = 3, 130
+FIGURES = (".png", ".pdf", ".svg")
+
+
+def simulate_command(
+    panel: PanelArgument = DEFAULT_PANEL,
+    objects: Annotated[
+        list[str],
+        typer.Option(
+            "--object",
+            metavar="SIZE@PLACE",
+            help="Foreign object, such as 13mm@sleeper6 or '5 mm @ x = 3.6 m'. Repeatable.",
+        ),
+    ] = [],  # noqa: B006 - typer copies it
+    settings: SetOption = [],  # noqa: B006 - typer copies it
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE.nc", help="Write the dataset (netCDF).")
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Write a figure (.png, .pdf or .svg)."),
+    ] = None,
+    step: Annotated[
+        str, typer.Option("--step", metavar="TIME", help="Time step with its unit.")
+    ] = "1 ms",
+    cutoff: Annotated[
+        str,
+        typer.Option("--cutoff", metavar="FREQUENCY", help="Modes up to here keep their inertia."),
+    ] = "300 Hz",
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")] = False,
+) -> None:
+    """Throw a switch, with or without trapped objects, and say how it ended."""
+    check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
+    try:
+        dataset, failed = _run(panel, objects, settings, step=step, cutoff=cutoff, quiet=quiet)
+        written = _write(dataset, out=out, plot=plot)
+    except KeyboardInterrupt:
+        typer.echo("turnout: interrupted before there was anything to keep", err=True)
+        raise typer.Exit(INTERRUPTED) from None
+    if not quiet:
+        _tell(dataset, written)
+    if failed:
+        typer.echo(f"turnout: {dataset.attrs['outcome_message']}", err=True)
+        interrupted = dataset.attrs["outcome"] == "interrupted"
+        raise typer.Exit(INTERRUPTED if interrupted else INCOMPLETE)
+
+
+def _run(
+    name: str, objects: list[str], settings: list[str], *, step: str, cutoff: str, quiet: bool
+) -> tuple["xr.Dataset", bool]:
+    """Return the dataset, whole or partial, and whether the run ended early."""
+    from turnout.cli.watch import Watch
+    from turnout.panel.foreign_object import parse_object, resolve_objects
+
+    panel = opened_panel(name, settings)
+    foreign = [parse_object(text) for text in objects]
+    resolve_objects(panel, foreign)
+    scheme = _scheme(step, cutoff)
+
+    from turnout.response.compilation import must_compile
+    from turnout.response.simulate import simulate
+
+    with Watch(f"simulating {panel.name}", compiling=must_compile(), quiet=quiet) as watch:
+        dataset = simulate(
+            panel, foreign_object=foreign, scheme=scheme, throw=False, report=watch.report
+        )
+    return dataset, not dataset.attrs["complete"]
+
+
+def _scheme(step: str, cutoff: str) -> "Scheme":
+    """Return the scheme of a step and a cut-off; output about every millisecond."""
+    from turnout.errors import FileError
+    from turnout.files.units import FREQUENCY, TIME, parse_quantity
+    from turnout.response.scheme import scheme_for
+
+    values, problems = [], []
+    for option, text, dimension in (("--step", step, TIME), ("--cutoff", cutoff, FREQUENCY)):
+        try:
+            values.append(parse_quantity(text, dimension))
+        except ValueError as error:
+            problems.append(f"{option} {text}: {error}")
+    if problems:
+        raise FileError("\n".join(problems))
+    return scheme_for(step=values[0], cutoff_frequency=values[1])
+
+
+def _write(dataset: "xr.Dataset", *, out: Path | None, plot: Path | None) -> list[Path]:
+    """Write what was asked for; return the files."""
+    written = []
+    if out is not None:
+        from turnout.response.store import save_response
+
+        save_response(dataset, out)
+        written.append(out)
+    if plot is not None and dataset.sizes["time"] > 1:
+        from turnout.files.atomic import write_atomic
+        from turnout.plot.style import rendered
+        from turnout.plot.throw import plot_throw
+
+        write_atomic(plot, rendered(plot_throw(dataset), plot.suffix))
+        written.append(plot)
+    return written
+
+
+def _tell(dataset: "xr.Dataset", written: list[Path]) -> None:
+    from turnout.metric.summary import summary
+
+    for heading, text in summary(dataset):
+        typer.echo(f"{heading:<16}{text}")
+    for path in written:
+        typer.echo(f"{'written':<16}{path} ({math.ceil(path.stat().st_size / 1000)} kB)")

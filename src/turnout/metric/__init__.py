@@ -1,0 +1,1 @@
+"""Features of datasets, whether simulated or measured."""

@@ -1,0 +1,79 @@
+"""Features of single channels."""
+
+import numpy as np
+import xarray as xr
+
+FILTER_WINDOW = 0.1
+
+
+def filtered(channel: xr.DataArray, *, window: float = FILTER_WINDOW) -> xr.DataArray:
+    """Return the centred moving average of a channel over time.
+
+    Near the ends the average is over what there is. A window of 0.1 s is what the published
+    measurements were filtered with.
+
+    Parameters
+    ----------
+    channel : xarray.DataArray
+        With the dimension "time", evenly sampled.
+    window : float
+        Width [s].
+
+    Returns
+    -------
+    xarray.DataArray
+        Of the same shape.
+
+    Examples
+    --------
+    >>> ramp = xr.DataArray(np.arange(5.0), {"time": np.arange(5) * 0.05}, "time")
+    >>> filtered(ramp).values
+    array([0.5, 1. , 2. , 3. , 3.5])
+    """
+    time = channel["time"].values
+    if time.size < 2:
+        return channel.copy()
+    step = (time[-1] - time[0]) / (time.size - 1)
+    half = round(0.5 * window / step)
+    index = np.arange(time.size)
+    first, last = np.maximum(index - half, 0), np.minimum(index + half + 1, time.size)
+    values = np.moveaxis(channel.values, channel.get_axis_num("time"), -1).astype(float)
+    zero = np.zeros((*values.shape[:-1], 1))
+    total = np.concatenate((zero, np.cumsum(values, axis=-1)), axis=-1)
+    mean = (total[..., last] - total[..., first]) / (last - first)
+    return channel.copy(data=np.moveaxis(mean, -1, channel.get_axis_num("time")))
+
+
+def first_time(flag: xr.DataArray, *, after: float = -np.inf) -> xr.DataArray:
+    """Return when a logical channel is first true.
+
+    Parameters
+    ----------
+    flag : xarray.DataArray of bool
+        With the dimension "time".
+    after : float
+        Earlier instants do not count [s].
+
+    Returns
+    -------
+    xarray.DataArray
+        Without "time" [s]; NaN where the channel is never true.
+
+    Examples
+    --------
+    >>> flag = xr.DataArray([False, True, True], {"time": [0.0, 0.5, 1.0]}, "time")
+    >>> float(first_time(flag)), float(first_time(flag, after=0.7))
+    (0.5, 1.0)
+    """
+    when = flag["time"].where(flag & (flag["time"] >= after))
+    return when.min("time", skipna=True) if when.sizes["time"] else when.sum("time") * np.nan
+
+
+def largest(channel: xr.DataArray) -> xr.DataArray:
+    """Return the largest magnitude of a channel over time."""
+    return abs(channel).max("time")
+
+
+def at_end(channel: xr.DataArray) -> xr.DataArray:
+    """Return the last value of a channel."""
+    return channel.isel(time=-1)

@@ -1,0 +1,197 @@
+"""What a run has to say, in plain words and engineers' units."""
+
+import json
+import math
+from typing import Any
+
+import xarray as xr
+
+from turnout.metric.books import numerical_share, residual_share
+from turnout.metric.movement import Slip, movements, slips
+from turnout.metric.signal import at_end
+
+
+def summary(dataset: xr.Dataset) -> list[tuple[str, str]]:
+    """Return heading and text of each line that a reader should see after a run.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A simulated run, complete or partial; what its dataset has not kept is left out.
+
+    Returns
+    -------
+    list of (str, str)
+        The heading is empty where a line continues the one before.
+    """
+    lines = [("panel", _panel(dataset)), *[("object", text) for text in _objects(dataset)]]
+    lines.append(("run", _run(dataset)))
+    if dataset.sizes.get("time", 0) == 0:
+        return lines
+    lines += _state(dataset)
+    lines += _drives(dataset)
+    lines += [("slip", text) for text in _slips(dataset)]
+    lines += _flangeway(dataset)
+    lines += _energy(dataset)
+    lines.append(("scheme", str(dataset.attrs.get("scheme", "not stated"))))
+    return _once(lines)
+
+
+def _once(lines: list[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Blank headings that repeat the one before."""
+    before = ""
+    cleaned = []
+    for heading, text in lines:
+        cleaned.append(("" if heading == before else heading, text))
+        before = heading
+    return cleaned
+
+
+def _panel(dataset: xr.Dataset) -> str:
+    changes = json.loads(dataset.attrs.get("overrides", "{}"))
+    text = str(dataset.attrs.get("panel", "?"))
+    if changes:
+        text += " with " + ", ".join(f"{key} = {value}" for key, value in changes.items())
+    return text
+
+
+def _objects(dataset: xr.Dataset) -> list[str]:
+    items: list[dict[str, Any]] = json.loads(dataset.attrs.get("foreign_objects", "[]"))
+    if not items:
+        return ["none"]
+    placed = [
+        f"{item['size'] * 1e3:g} mm at {item['place']} (x = {item['x']:g} m), rail {item['rail']}"
+        for item in items
+    ]
+    if "object_touched" not in dataset or not dataset.sizes.get("time", 0):
+        return placed
+    if not dataset["object_touched"]:
+        return [*placed, "never touched"]
+    text = f"first touched at t = {float(dataset['contact_time']):.3f} s"
+    if "object_force" in dataset:
+        peak = float(dataset["object_force"].max())
+        text += (
+            f"; force {_kilo(at_end(dataset['object_force']))} at the end, {_kilo(peak)} at most"
+        )
+    return [*placed, text]
+
+
+def _run(dataset: xr.Dataset) -> str:
+    attributes = dataset.attrs
+    if attributes.get("complete", True):
+        end = float(dataset["time"][-1])
+        return f"complete, {end:g} s of motion in {attributes.get('wall_time', math.nan):.2f} s"
+    return f"NOT COMPLETE: {attributes.get('outcome_message', 'ended early')}"
+
+
+def _state(dataset: xr.Dataset) -> list[tuple[str, str]]:
+    lines = []
+    if "locked" in dataset:
+        rule = dataset.attrs.get("lock_rule", "not stated")
+        answer = "yes" if at_end(dataset["locked"]) else "NO"
+        lines.append(("locked", f"{answer}, at the end, by the rule '{rule}'"))
+    if "in_control" in dataset and "sensor_gap" in dataset:
+        for name in dataset["sensor"].values:
+            sensor = dataset.sel(sensor=name)
+            answer = "yes" if at_end(sensor["in_control"]) else "NO"
+            gap, limit = at_end(sensor["sensor_gap"]), sensor["sensor_limit"]
+            lines.append(
+                ("in control", f"{name} {answer}: gap {_milli(gap)}, limit {_milli(limit)}")
+            )
+    return lines
+
+
+def _drives(dataset: xr.Dataset) -> list[tuple[str, str]]:
+    """Return end force, raw end gap and margins of every drive."""
+    lines = []
+    for name in dataset["drive"].values if "drive" in dataset.coords else []:
+        drive = dataset.sel(drive=name)
+        parts = []
+        if "drive_force" in drive:
+            parts.append(f"end force {_kilo(at_end(drive['drive_force']))}")
+        if "end_gap" in drive:
+            parts.append(f"raw end gap {_milli(drive['end_gap'])}{_stretch(drive)}")
+        if "force_margin" in drive:
+            parts += _margins(drive["force_margin"])
+        lines.append((f"drive {name}", "; ".join(parts)))
+    if "end_gap" in dataset:
+        lines.append(("", "gaps are raw: a held force stretches the bushing (force / stiffness)"))
+    return lines
+
+
+def _margins(margin: xr.DataArray) -> list[str]:
+    found = {str(name): float(margin.sel(direction=name)) for name in margin["direction"].values}
+    texts = [
+        f"{f'{_kilo(value)}' if value > 0 else 'none left'} {direction}"
+        for direction, value in found.items()
+        if not math.isnan(value)
+    ]
+    return [f"margin to slip {', '.join(texts)}"] if texts else []
+
+
+def _stretch(drive: xr.Dataset) -> str:
+    """Say how much of an end gap is the elastic stretch of a bushing that does not slip."""
+    if "drive_force" not in drive or "drive_slipping" not in drive:
+        return ""
+    if at_end(drive["drive_slipping"]):
+        return ""
+    stretch = abs(at_end(drive["drive_force"])) / drive["drive_stiffness"]
+    return f" (bushing stretch {_milli(stretch)})"
+
+
+def _slips(dataset: xr.Dataset) -> list[str]:
+    if "drive_slipping" not in dataset:
+        return []
+    found = slips(dataset)
+    return [_slip(dataset, slip) for slip in found] if found else ["no drive slipped"]
+
+
+def _slip(dataset: xr.Dataset, slip: Slip) -> str:
+    place = float(dataset["drive_x"].sel(drive=slip.drive))
+    text = f"drive {slip.drive} at x = {place:g} m from t = {slip.time:.3f} s"
+    if slip.movement is None:
+        return text
+    direction = "closing" if slip.movement.to == "closed" else "opening"
+    text += f", in the {direction} movement"
+    if slip.movement != movements(dataset)[-1]:
+        text += " (not the last one: no sign of a trapped object)"
+    return text
+
+
+def _flangeway(dataset: xr.Dataset) -> list[tuple[str, str]]:
+    if "least_flangeway" not in dataset or math.isnan(float(dataset["least_flangeway"])):
+        return []
+    text = (
+        f"{_milli(dataset['least_flangeway'])} at x = {float(dataset['least_flangeway_x']):g} m, "
+        f"rail {str(dataset['least_flangeway_rail'].values)}"
+    )
+    limit = float(dataset.attrs.get("flangeway_limit", math.nan))
+    if not math.isnan(limit):
+        below = float(dataset["least_flangeway"]) < limit
+        text += f"; {'BELOW the' if below else 'above the'} limit of {limit * 1e3:g} mm"
+    return [("least flangeway", text)]
+
+
+def _energy(dataset: xr.Dataset) -> list[tuple[str, str]]:
+    if "energy_residual" not in dataset or "energy_numerical" not in dataset:
+        return []
+    scale = float(dataset.attrs.get("energy_scale", 0.0))
+    if not scale > 0:
+        return []
+    return [
+        (
+            "energy",
+            f"books close to {residual_share(dataset):.1e} of {scale:.3g} J; "
+            f"the scheme itself lost {numerical_share(dataset):.1e} of it",
+        )
+    ]
+
+
+def _kilo(force: xr.DataArray | float) -> str:
+    value = float(force)
+    return f"{value / 1e3:.2f} kN"
+
+
+def _milli(length: xr.DataArray | float) -> str:
+    # Adding zero turns a negative zero into a plain one.
+    return f"{round(float(length) * 1e3, 2) + 0.0:.2f} mm"

@@ -1,0 +1,215 @@
+"""One throw over time: object force, drive forces, markers and gaps, stacked."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from turnout.errors import ResponseError
+from turnout.metric.movement import Slip, movements, slips
+from turnout.plot.style import (
+    COLOURS,
+    COMPARED,
+    DASHES,
+    GREY,
+    SHADE,
+    new_figure,
+    styled,
+    title_of,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+KILO, MILLI = 1e-3, 1e3
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """One line: values in the units of its axes, its label and its place among the colours."""
+
+    label: str
+    values: np.ndarray
+    colour: int
+
+
+def plot_throw(dataset: xr.Dataset, *, compare: xr.Dataset | None = None) -> "Figure":
+    """Draw a run over time, as the published figures do.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Simulated or measured; channels that it lacks are left out.
+    compare : xarray.Dataset, optional
+        A second run, drawn thin and grey behind the first.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Stacked axes that share time: object force, drive forces [kN], marker displacements and
+        gaps [mm]. Movements are shaded, the first contact and slips are marked, the saturation
+        force is dashed.
+    """
+    rows = [(label, curves) for label, curves in _rows(dataset) if curves]
+    if not rows:
+        message = "nothing to draw: the dataset has no forces, displacements or gaps"
+        raise ResponseError(message)
+    behind = dict(_rows(compare)) if compare is not None else {}
+    figure, axes = new_figure(len(rows))
+    time = dataset["time"].values
+    for ax, (label, curves) in zip(axes, rows, strict=True):
+        for curve in behind.get(label, []) if compare is not None else []:
+            _draw(ax, compare["time"].values, curve, behind=True)  # type: ignore[index]
+        for curve in curves:
+            _draw(ax, time, curve, behind=False)
+        styled(ax, label, span=(float(time[0]), float(time[-1])))
+        _shade(ax, dataset)
+        if "drive_force" in dataset and label.startswith("Drive force"):
+            _saturation(ax, dataset)
+            _slips(ax, dataset)
+        if label.startswith("Object"):
+            _contact(ax, dataset)
+        ax.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False)
+    _name_movements(axes[0], dataset)
+    axes[-1].set_xlabel("Time [s]")
+    figure.align_ylabels(axes)
+    figure.suptitle(title_of(dataset, compare), x=0.01, ha="left")
+    return figure
+
+
+def _rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
+    """Return what goes into each of the stacked axes, in screen units."""
+    forces = _of_drives(dataset, "drive_force", KILO)
+    objects = []
+    if "object_force" in dataset and dataset.attrs.get("foreign_objects", "") != "[]":
+        objects = [Curve("Object", dataset["object_force"].values * KILO, len(COLOURS) - 1)]
+    markers = _of_drives(dataset, "drive_displacement", MILLI)
+    gaps = [
+        Curve(f"{curve.label}\n(closing rail)", _torn(curve.values, dataset), curve.colour)
+        for curve in _of_drives(dataset, "drive_gap", MILLI)
+    ]
+    if "sensor_gap" in dataset:
+        for number, name in enumerate(dataset["sensor"].values, start=len(gaps)):
+            values = dataset["sensor_gap"].sel(sensor=name).values * MILLI
+            gaps.append(Curve(str(name), values, number))
+    return [
+        ("Object force\n[kN]", objects),
+        ("Drive force\non rail [kN]", forces),
+        ("Marker\nposition [mm]", markers),
+        ("Gap to stock\nrail [mm]", gaps),
+    ]
+
+
+def _of_drives(dataset: xr.Dataset, channel: str, factor: float) -> list[Curve]:
+    if channel not in dataset:
+        return []
+    return [
+        Curve(f"Drive {name}", dataset[channel].sel(drive=name).values * factor, number)
+        for number, name in enumerate(dataset["drive"].values)
+    ]
+
+
+def _torn(values: np.ndarray, dataset: xr.Dataset) -> np.ndarray:
+    """Tear a curve where a movement begins, as the rail that should be closed changes there."""
+    torn = values.copy()
+    time = dataset["time"].values
+    for span in movements(dataset):
+        at = int(np.searchsorted(time, span.start - 1e-9))
+        torn[at : at + 1] = np.nan
+    return torn
+
+
+def _draw(ax: "Axes", time: np.ndarray, curve: Curve, *, behind: bool) -> None:
+    number = curve.colour % len(COLOURS)
+    if behind:
+        ax.plot(time, curve.values, color=COMPARED, linewidth=0.8, zorder=1.5)
+        return
+    ax.plot(
+        time,
+        curve.values,
+        color=COLOURS[number],
+        linestyle=DASHES[number],
+        linewidth=1.3,
+        label=curve.label,
+    )
+
+
+def _shade(ax: "Axes", dataset: xr.Dataset) -> None:
+    """Shade the time in which markers move."""
+    for span in movements(dataset):
+        ax.axvspan(span.start, span.end, color=SHADE, linewidth=0, zorder=0)
+
+
+def _name_movements(ax: "Axes", dataset: xr.Dataset) -> None:
+    for span in movements(dataset):
+        ax.annotate(
+            f"{span.name} ({'closing' if span.to == 'closed' else 'opening'})",
+            xy=(0.5 * (span.start + span.end), 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, 2),
+            textcoords="offset points",
+            ha="center",
+            va="bottom",
+            color=GREY,
+            fontsize=8,
+        )
+
+
+def _saturation(ax: "Axes", dataset: xr.Dataset) -> None:
+    """Dash the saturation force of each drive where the axes come near it."""
+    if "saturation_force" not in dataset.coords:
+        return
+    for limit in np.unique(dataset["saturation_force"].values) * KILO:
+        for side in (-limit, limit):
+            ax.axhline(side, color=GREY, linestyle=(0, (6, 3)), linewidth=0.8, zorder=1)
+        ax.annotate(
+            "slips",
+            xy=(0.0, limit),
+            xycoords=("axes fraction", "data"),
+            xytext=(3, -2),
+            textcoords="offset points",
+            va="top",
+            color=GREY,
+            fontsize=7,
+        )
+
+
+def _slips(ax: "Axes", dataset: xr.Dataset) -> None:
+    """Mark where a drive reaches its saturation force."""
+    if "drive_slipping" not in dataset:
+        return
+    names = [str(name) for name in dataset["drive"].values]
+    found: list[Slip] = slips(dataset)
+    for number, slip in enumerate(found):
+        force = dataset["drive_force"].sel(drive=slip.drive).sel(time=slip.time, method="nearest")
+        ax.plot(
+            [slip.time],
+            [float(force) * KILO],
+            marker="v" if force > 0 else "^",
+            color=COLOURS[names.index(slip.drive) % len(COLOURS)],
+            markeredgecolor="black",
+            markersize=7,
+            linestyle="none",
+            label="Slip begins" if number == 0 else None,
+            zorder=5,
+        )
+
+
+def _contact(ax: "Axes", dataset: xr.Dataset) -> None:
+    """Mark the first contact with a foreign object."""
+    if "contact_time" not in dataset or np.isnan(float(dataset["contact_time"])):
+        return
+    when = float(dataset["contact_time"])
+    ax.axvline(when, color="black", linewidth=0.8, linestyle=":")
+    ax.annotate(
+        f"first contact\n{when:.2f} s",
+        xy=(when, 0.95),
+        xycoords=("data", "axes fraction"),
+        xytext=(-4, 0),
+        textcoords="offset points",
+        ha="right",
+        va="top",
+        fontsize=8,
+    )

@@ -1,0 +1,1 @@
+"""From a history of reduced coordinates to a dataset in the terms of the schema."""

@@ -1,0 +1,66 @@
+"""Names and places of the members of a panel as coordinates of a dataset."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.mechanism.mechanism import Mechanism
+from turnout.panel.model import Panel
+from turnout.response.labels import DIRECTIONS
+from turnout.response.recovery import Motion
+from turnout.response.save import Save
+from turnout.response.signals import Variable, stop_names
+
+Floats = NDArray[np.float64]
+
+
+def stations(panel: Panel, motion: Motion, save: Save) -> Floats:
+    """Return the places of `gap` and `lateral_displacement`, rising [m]."""
+    if save.stations == "all":
+        return motion.rails[next(iter(panel.rail))].x.copy()
+    if save.stations is not None:
+        return np.array(save.stations, dtype=float)
+    places = [item.x for family in (panel.chair, panel.drive) for item in family.values()]
+    return np.unique(np.round(places, 9))
+
+
+def coordinates(
+    panel: Panel, mechanism: Mechanism, *, time: Floats, x: Floats
+) -> dict[str, Variable]:
+    """Return every coordinate that some channel may use."""
+    found: dict[str, Variable] = {
+        "time": (("time",), time),
+        "x": (("x",), x),
+        "rail": _names("rail", panel.rail),
+        "drive": _names("drive", panel.drive),
+        "drive_x": _numbers("drive", [drive.x for drive in panel.drive.values()]),
+        "saturation_force": _numbers(
+            "drive", [drive.saturation_force for drive in panel.drive.values()]
+        ),
+        "drive_stiffness": _numbers("drive", [drive.stiffness for drive in panel.drive.values()]),
+        "direction": _names("direction", DIRECTIONS),
+    }
+    if panel.chair:
+        found["chair"] = _names("chair", panel.chair)
+        found["chair_x"] = _numbers("chair", [chair.x for chair in panel.chair.values()])
+    if stops := [*panel.stop.values(), *panel.stud.values()]:
+        found["stop"] = _names("stop", stop_names(panel))
+        found["stop_x"] = _numbers("stop", [stop.x for stop in stops])
+    if panel.link:
+        found["link"] = _names("link", panel.link)
+        found["link_x"] = _numbers("link", [link.x for link in panel.link.values()])
+    if panel.sensor:
+        sensors = panel.sensor.values()
+        found["sensor"] = _names("sensor", panel.sensor)
+        found["sensor_x"] = _numbers("sensor", [sensor.x for sensor in sensors])
+        found["sensor_limit"] = _numbers("sensor", [sensor.limit for sensor in sensors])
+    if len(mechanism.index.object) > 1:
+        found["object"] = _names("object", mechanism.index.object)
+    return found
+
+
+def _names(dimension: str, names: object) -> Variable:
+    return (dimension,), np.array(list(names), dtype=np.str_)  # type: ignore[call-overload]
+
+
+def _numbers(dimension: str, values: list[float]) -> Variable:
+    return (dimension,), np.array(values, dtype=float)

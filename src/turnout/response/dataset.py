@@ -1,0 +1,228 @@
+"""A run as a dataset in the terms of the schema."""
+
+import json
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.files.provenance import provenance
+from turnout.integrate.run import History
+from turnout.integrate.scheme import Scheme
+from turnout.mechanism.mechanism import Mechanism
+from turnout.panel.foreign_object import PlacedObject
+from turnout.panel.load import LoadedPanel
+from turnout.panel.model import Panel
+from turnout.response.coordinates import coordinates, stations
+from turnout.response.energies import energy_channels, energy_scale
+from turnout.response.gaps import contact_height, drive_gaps, sensor_gaps, stock_gap
+from turnout.response.labels import (
+    contact_labels,
+    control_states,
+    flangeway_labels,
+    force_margins,
+)
+from turnout.response.recovery import (
+    PLACE_TOLERANCE,
+    Motion,
+    lateral_displacement,
+    recover_motion,
+)
+from turnout.response.route import throws
+from turnout.response.save import Save
+from turnout.response.signals import (
+    Variable,
+    chair_signals,
+    drive_signals,
+    link_signals,
+    object_signals,
+    stop_signals,
+)
+from turnout.schema.channels import SCHEMA_VERSION, label
+from turnout.schema.check import check_schema
+
+Floats = NDArray[np.float64]
+
+
+def response_dataset(
+    panel: Panel, mechanism: Mechanism, history: History, *, save: Save | None = None
+) -> xr.Dataset:
+    """Turn a run into a dataset, complete or up to where it ended.
+
+    Parameters
+    ----------
+    panel : Panel
+        What was simulated.
+    mechanism : Mechanism
+        Its mechanics, with the foreign objects.
+    history : History
+        What the integration left behind.
+    save : Save, optional
+        What to keep; default everything at chairs and drives.
+
+    Returns
+    -------
+    xarray.Dataset
+        Labelled and checked; ``attrs`` are left to `describe_run`.
+    """
+    save = save or Save()
+    motion = recover_motion(mechanism, history)
+    x = stations(panel, motion, save)
+    channels = {
+        **drive_signals(panel, mechanism, history),
+        **object_signals(mechanism, history),
+        **chair_signals(panel, mechanism, history),
+        **stop_signals(panel, mechanism, history),
+        **link_signals(panel, mechanism, history),
+        **_shapes(panel, motion, x, save),
+        **contact_labels(mechanism, history),
+        **energy_channels(history.stored, history.ledger),
+    }
+    channels |= _states(panel, motion, history.time, channels)
+    kept = {name: value for name, value in channels.items() if save.keeps(name)}
+    used = {dim for dims, _ in kept.values() for dim in dims} | {"time"}
+    named = coordinates(panel, mechanism, time=history.time, x=x)
+    coords = {name: value for name, value in named.items() if set(value[0]) <= used}
+    return check_schema(label(xr.Dataset(kept, coords)))
+
+
+def _shapes(panel: Panel, motion: Motion, x: Floats, save: Save) -> dict[str, Variable]:
+    """Return gap and lateral displacement of all rails at contact height."""
+    if not save.keeps("gap", "lateral_displacement"):
+        return {}
+    shape = (len(panel.rail), x.size, motion.q.shape[0])
+    moved, gap = np.empty(shape), np.empty(shape)
+    for r, (name, body) in enumerate(motion.rails.items()):
+        z = contact_height(panel, name, x)
+        moved[r] = lateral_displacement(motion, name, x=x, z=z)
+        gap[r] = stock_gap(panel, name, x)[:, np.newaxis] - body.closes * moved[r]
+    dims = ("rail", "x", "time")
+    return {"gap": (dims, gap), "lateral_displacement": (dims, moved)}
+
+
+def _states(
+    panel: Panel, motion: Motion, time: Floats, channels: dict[str, Variable]
+) -> dict[str, Variable]:
+    """Return gaps at drives and sensors, and what follows from them."""
+    drive_gap = drive_gaps(panel, motion, time)
+    sensor_gap = sensor_gaps(panel, motion) if panel.sensor else None
+    found: dict[str, Variable] = {"drive_gap": (("drive", "time"), drive_gap)}
+    if sensor_gap is not None:
+        found["sensor_gap"] = (("sensor", "time"), sensor_gap)
+    margins = force_margins(
+        panel, time=time, drive_force=np.asarray(channels["drive_force"][1], dtype=float)
+    )
+    last = drive_gap[:, -1] if time.size else np.full(drive_gap.shape[0], np.nan)
+    found["force_margin"] = (("drive", "direction"), margins)
+    found["end_gap"] = (("drive",), last.copy())
+    found |= control_states(
+        panel,
+        time=time,
+        slipping=np.asarray(channels["drive_slipping"][1], dtype=np.bool_),
+        drive_gap=drive_gap,
+        sensor_gap=sensor_gap,
+    )
+    return found | flangeway_labels(panel, motion, time)
+
+
+def describe_run(
+    panel: LoadedPanel,
+    mechanism: Mechanism,
+    history: History,
+    *,
+    scheme: Scheme,
+    objects: Sequence[PlacedObject],
+    wall_time: float,
+    solver_time: float,
+) -> dict[str, str | int | float | bool]:
+    """Return what made the numbers, as attributes of a dataset; records as JSON text."""
+    outcome = history.outcome
+    return {
+        "title": f"Throw of {panel.name}",
+        "kind": "simulation",
+        **provenance(),
+        "schema_version": SCHEMA_VERSION,
+        "panel": panel.name,
+        "panel_hash": panel.hash,
+        "overrides": json.dumps(dict(panel.overrides), default=_plain),
+        "foreign_objects": json.dumps([_object_record(panel, item) for item in objects]),
+        "movements": json.dumps(_movement_records(panel)),
+        "lock_rule": panel.lock.rule,
+        "lock_gap_limit": panel.lock.gap_limit,
+        "flangeway_limit": panel.flangeway.limit if panel.flangeway else float("nan"),
+        "instrumented_rail": panel.instrumented_rail,
+        "scheme": scheme.describe(),
+        "step": scheme.step,
+        "cutoff_frequency": scheme.cutoff_frequency,
+        "spectral_radius": scheme.spectral_radius,
+        "gap_tolerance": scheme.gap_tolerance,
+        "force_tolerance": scheme.force_tolerance,
+        "output_interval": scheme.output_interval,
+        "outcome": outcome.code.name.lower().replace("_", " "),
+        "outcome_message": outcome.message(),
+        "complete": outcome.complete,
+        "residual": outcome.residual,
+        "steps": outcome.step,
+        "iterations": history.iterations,
+        "flips": history.flips,
+        "halved_steps": history.halved,
+        "wall_time": wall_time,
+        "solver_time": solver_time,
+        "modes": history.model.eigenvalues.size,
+        "highest_mode_frequency": float(history.model.frequencies[-1]),
+        "superelements": json.dumps(_superelement_records(mechanism)),
+        "energy_scale": energy_scale(history.stored, history.ledger),
+    }
+
+
+def _object_record(panel: Panel, item: PlacedObject) -> dict[str, object]:
+    times = {"appears": item.appears, "disappears": item.disappears}
+    return {
+        "name": item.name,
+        "size": item.size,
+        "x": item.x,
+        "place": _place_name(panel, item.x),
+        "rail": item.rail,
+        "height": item.height,
+        "stiffness": item.stiffness,
+        **{key: value if np.isfinite(value) else None for key, value in times.items()},
+    }
+
+
+def _place_name(panel: Panel, x: float) -> str:
+    """Return what stands at a place, as it is called in the field."""
+    families = {"sleeper": panel.sleeper, "drive": panel.drive, "sensor": panel.sensor}
+    for family, members in families.items():
+        for name, member in members.items():
+            if abs(member.x - x) < PLACE_TOLERANCE:
+                return f"{family} {name}"
+    return f"x = {x:g} m"
+
+
+def _movement_records(panel: Panel) -> list[dict[str, object]]:
+    return [
+        {"name": throw.name, "to": throw.to, "start": throw.start, "end": throw.end}
+        for throw in throws(panel)
+    ]
+
+
+def _superelement_records(mechanism: Mechanism) -> list[dict[str, object]]:
+    return [
+        {
+            "rail": body.name,
+            "frequency_kept": body.frequency_kept if np.isfinite(body.frequency_kept) else None,
+            "frequency_omitted": body.frequency_omitted
+            if np.isfinite(body.frequency_omitted)
+            else None,
+            "dofs": body.n_full,
+            "dofs_kept": body.count,
+            "dofs_interface": body.n_interface,
+        }
+        for body in mechanism.rails
+    ]
+
+
+def _plain(value: object) -> object:
+    """Turn a number of an override into one that JSON knows."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)

@@ -1,0 +1,68 @@
+"""The books of energy of a run in the terms of the schema."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.integrate.energy import (
+    ALGORITHMIC,
+    CONTACT,
+    DAMPING,
+    FRICTION,
+    GRAVITY,
+    KINETIC,
+    MARKERS,
+    SEGMENTS,
+    STRAIN,
+    SWITCHED,
+)
+from turnout.response.signals import Variable
+
+Floats = NDArray[np.float64]
+
+
+def energy_channels(stored: Floats, ledger: Floats) -> dict[str, Variable]:
+    """Return all energies; stored ones as change from the first instant.
+
+    `energy_residual` is the only one that is a remainder: the stored change less what was put in
+    and not taken out. The others come each from its own history.
+
+    Parameters
+    ----------
+    stored : ndarray, shape (n_times, 4)
+        Columns of `turnout.integrate.energy`, kinetic first [J].
+    ledger : ndarray, shape (n_times, 6)
+        Columns of `turnout.integrate.energy`, work of markers first [J].
+
+    Returns
+    -------
+    dict
+        Channel name to dimensions and values.
+    """
+    change = stored - stored[:1]
+    numerical = ledger[:, ALGORITHMIC] + ledger[:, SEGMENTS]
+    books = (
+        ledger[:, MARKERS]
+        + ledger[:, SWITCHED]
+        - ledger[:, FRICTION]
+        - ledger[:, DAMPING]
+        - numerical
+    )
+    values = {
+        "work_markers": ledger[:, MARKERS],
+        "energy_kinetic": change[:, KINETIC],
+        "energy_strain": change[:, STRAIN],
+        "energy_contact": change[:, CONTACT],
+        "energy_gravity": change[:, GRAVITY],
+        "energy_friction": ledger[:, FRICTION],
+        "energy_damping": ledger[:, DAMPING],
+        "energy_object_switched": ledger[:, SWITCHED],
+        "energy_numerical": numerical,
+        "energy_residual": change.sum(axis=1) - books,
+    }
+    return {name: (("time",), value.copy()) for name, value in values.items()}
+
+
+def energy_scale(stored: Floats, ledger: Floats) -> float:
+    """Return the largest sum of marker work and stored change of a run, for ratios [J]."""
+    change = (stored - stored[:1]).sum(axis=1)
+    return float(np.max(np.abs(ledger[:, MARKERS]) + np.abs(change), initial=0.0))

@@ -1,0 +1,119 @@
+"""Single numbers and states of a run: contact, margins, control, lock, least flangeway."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.integrate.run import History
+from turnout.mechanism.mechanism import Mechanism
+from turnout.panel.model import Panel
+from turnout.response.gaps import least_flangeway
+from turnout.response.recovery import Motion
+from turnout.response.route import Throw, at_rest, throws
+from turnout.response.signals import Variable
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+DIRECTIONS = ("opening", "closing")
+TIME_TOLERANCE = 1e-9
+
+
+def contact_labels(mechanism: Mechanism, history: History) -> dict[str, Variable]:
+    """Return whether and when foreign objects were first touched, from every step of the run."""
+    laws = list(mechanism.index.object.values())
+    first = history.law_first[laws]
+    touched = ~np.isnan(first)
+    earliest = float(np.min(first[touched])) if touched.any() else np.nan
+    labels: dict[str, Variable] = {
+        "object_touched": ((), np.array(bool(touched.any()))),
+        "contact_time": ((), np.array(earliest)),
+    }
+    if len(laws) > 1:
+        labels["object_contact_time"] = (("object",), first.copy())
+    return labels
+
+
+def force_margins(panel: Panel, *, time: Floats, drive_force: Floats) -> Floats:
+    """Return what is left below the saturation force in opening and in closing movements.
+
+    Only force in the direction of the movement counts. At the onset of a movement a drive still
+    holds the rail with the force of the one before, the other way round; that is not its effort.
+
+    Parameters
+    ----------
+    panel : Panel
+        For saturation forces and movements.
+    time : ndarray, shape (n_times,)
+        [s]
+    drive_force : ndarray, shape (n_drives, n_times)
+        [N]
+
+    Returns
+    -------
+    ndarray, shape (n_drives, 2)
+        Saturation force less the largest force in the direction of a movement, from its onset to
+        that of the next one; opening first [N]. NaN where there is no such movement.
+    """
+    limits = np.array([drive.saturation_force for drive in panel.drive.values()])
+    margins = np.full((limits.size, len(DIRECTIONS)), np.nan)
+    for throw in throws(panel):
+        during = (time >= throw.start - TIME_TOLERANCE) & (time < throw.until - TIME_TOLERANCE)
+        if not during.any():
+            continue
+        effort = drive_force[:, during] * (1.0 if throw.to == "closed" else -1.0)
+        margin = limits - np.max(effort, axis=1, initial=0.0)
+        column = DIRECTIONS.index(throw.direction)
+        margins[:, column] = np.fmin(margins[:, column], margin)
+    return margins
+
+
+def control_states(
+    panel: Panel, *, time: Floats, slipping: Flags, drive_gap: Floats, sensor_gap: Floats | None
+) -> dict[str, Variable]:
+    """Return `in_control` of every sensor and `locked` by the panel's rule.
+
+    Nothing is locked while a movement is under way, from its onset until the last marker rests.
+
+    Parameters
+    ----------
+    panel : Panel
+        For the rule and the limits.
+    time : ndarray, shape (n_times,)
+        [s]
+    slipping : ndarray of bool, shape (n_drives, n_times)
+        Whether a drive is at its saturation force.
+    drive_gap : ndarray, shape (n_drives, n_times)
+        Raw gap at the rods [m].
+    sensor_gap : ndarray, shape (n_sensors, n_times), optional
+        [m]
+    """
+    if panel.lock.rule == "no slip":
+        held = ~slipping.any(axis=0)
+    else:
+        held = (drive_gap < panel.lock.gap_limit).all(axis=0)
+    states: dict[str, Variable] = {"locked": (("time",), held & at_rest(panel, time))}
+    if sensor_gap is not None:
+        limits = np.array([sensor.limit for sensor in panel.sensor.values()])
+        states["in_control"] = (("sensor", "time"), sensor_gap < limits[:, np.newaxis])
+    return states
+
+
+def flangeway_labels(panel: Panel, motion: Motion, time: Floats) -> dict[str, Variable]:
+    """Return the least flangeway at the end of any movement with its place and rail."""
+    found = []
+    for throw in throws(panel):
+        at = _end_index(throw, time)
+        if at is not None:
+            found.append(least_flangeway(panel, motion, throw, at=at))
+    value, x, rail = min((f for f in found if f is not None), default=(np.nan, np.nan, ""))
+    return {
+        "least_flangeway": ((), np.array(value)),
+        "least_flangeway_x": ((), np.array(x)),
+        "least_flangeway_rail": ((), np.array(rail)),
+    }
+
+
+def _end_index(throw: Throw, time: Floats) -> int | None:
+    """Return the first stored instant at which a movement is over, None where the run is not."""
+    at = int(np.searchsorted(time, throw.end - TIME_TOLERANCE))
+    return at if at < time.size else None

@@ -1,0 +1,86 @@
+"""Which rail should be closed when: what the schedule asks of the switch."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.panel.model import Panel
+from turnout.panel.motion import movement_end, ordered_movements
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Throw:
+    """One movement with the time at which its last drive arrives.
+
+    Attributes
+    ----------
+    name : str
+        Name of the movement.
+    to : str
+        "open" or "closed": where the instrumented rail goes.
+    start, end : float
+        Onset, and arrival of the last drive [s].
+    until : float
+        Onset of the next movement, infinite for the last [s].
+    """
+
+    name: str
+    to: str
+    start: float
+    end: float
+    until: float
+
+    @property
+    def direction(self) -> str:
+        """Return "opening" or "closing", as seen by the instrumented rail."""
+        return "closing" if self.to == "closed" else "opening"
+
+
+def throws(panel: Panel) -> tuple[Throw, ...]:
+    """Return the movements of a panel in the order of time."""
+    ordered = ordered_movements(panel)
+    onsets = [movement.start for _, movement in ordered[1:]] + [float("inf")]
+    return tuple(
+        Throw(name, movement.to, movement.start, movement_end(panel, movement), until)
+        for (name, movement), until in zip(ordered, onsets, strict=True)
+    )
+
+
+def closed_rail(panel: Panel, position: str) -> str:
+    """Return the rail that should be closed while the instrumented rail is "open" or "closed"."""
+    others = [name for name in panel.rail if name != panel.instrumented_rail]
+    if position == "open" and others:
+        return others[0]
+    return panel.instrumented_rail
+
+
+def open_rail(panel: Panel, position: str) -> str | None:
+    """Return the rail that should be open then; None for a panel with a single closed rail."""
+    closed = closed_rail(panel, position)
+    others = [name for name in panel.rail if name != closed]
+    if others:
+        return others[0]
+    return closed if position == "open" else None
+
+
+def wanted_closed(panel: Panel, time: Floats) -> list[tuple[str, Flags]]:
+    """Return rails with the instants at which the present or last movement wants each closed."""
+    position = np.full(time.size, panel.schedule.starts == "closed")
+    for throw in throws(panel):
+        position[time >= throw.start - 1e-9] = throw.to == "closed"
+    return [
+        (closed_rail(panel, "closed"), position),
+        (closed_rail(panel, "open"), ~position),
+    ]
+
+
+def at_rest(panel: Panel, time: Floats) -> Flags:
+    """Return whether no movement is under way, shape (n_times,)."""
+    rest = np.ones(time.size, dtype=np.bool_)
+    for throw in throws(panel):
+        rest &= (time < throw.start - 1e-9) | (time >= throw.end - 1e-9)
+    return rest

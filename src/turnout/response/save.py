@@ -1,0 +1,56 @@
+"""What a response keeps."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from turnout.errors import ResponseError
+from turnout.schema.check import unknown_channels
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Save:
+    """How often, where and what a response keeps.
+
+    Attributes
+    ----------
+    interval : float, optional
+        Time between kept instants [s], a multiple of the step; default that of the scheme.
+    stations : tuple of float or "all", optional
+        Places x of `gap` and `lateral_displacement` [m]; "all" for every node of the first rail;
+        default the chairs and drives.
+    fields : tuple of str, optional
+        Channels to keep; default all.
+
+    Examples
+    --------
+    >>> Save(interval=0.01, fields=("drive_force", "object_force")).interval
+    0.01
+    """
+
+    interval: float | None = None
+    stations: tuple[float, ...] | Literal["all"] | None = None
+    fields: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be kept, all at once."""
+        problems = []
+        if self.interval is not None and not 0 < self.interval < float("inf"):
+            problems.append(f"interval = {self.interval:g} s: must be positive")
+        if isinstance(self.stations, str):
+            if self.stations != "all":
+                problems.append(f"stations = {self.stations!r}: allowed are places [m] or 'all'")
+        elif self.stations is not None:
+            rising = all(a < b for a, b in zip(self.stations, self.stations[1:], strict=False))
+            if not self.stations or not rising:
+                problems.append("stations: must be places in rising order")
+        if isinstance(self.fields, str):
+            problems.append(f"fields = {self.fields!r}: must be a tuple of channel names")
+        elif self.fields is not None:
+            problems += unknown_channels(self.fields)
+        if problems:
+            message = "save: " + "; ".join(problems)
+            raise ResponseError(message)
+
+    def keeps(self, *names: str) -> bool:
+        """Return whether any of these channels is kept."""
+        return self.fields is None or any(name in self.fields for name in names)

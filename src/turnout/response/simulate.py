@@ -1,0 +1,108 @@
+"""The one chain from a panel to its response."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+
+from turnout.integrate.outcome import NotConverged
+from turnout.integrate.run import Floats, integrate
+from turnout.integrate.scheme import Scheme
+from turnout.mechanism.build import build_mechanism
+from turnout.panel.foreign_object import ForeignObject, resolve_objects
+from turnout.panel.load import LoadedPanel
+from turnout.panel.motion import marker_offsets, marker_positions
+from turnout.response.dataset import describe_run, response_dataset
+from turnout.response.save import Save
+
+
+def simulate(
+    panel: LoadedPanel,
+    *,
+    foreign_object: ForeignObject | Sequence[ForeignObject] | None = None,
+    scheme: Scheme | None = None,
+    save: Save | None = None,
+    throw: bool = True,
+    report: Callable[[int, int], None] | None = None,
+) -> xr.Dataset:
+    """Throw a switch from its static equilibrium through its whole schedule.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        From `load_panel`.
+    foreign_object : ForeignObject or sequence of them, optional
+        What is trapped, in addition to the objects of the panel itself.
+    scheme : Scheme, optional
+        Numerical choices.
+    save : Save, optional
+        How often, where and what to keep.
+    throw : bool
+        Whether a run that ends early raises; otherwise its dataset comes back with
+        ``attrs["complete"]`` false and the reason in ``attrs["outcome_message"]``.
+    report : callable, optional
+        Called now and then with steps done and steps in all.
+
+    Returns
+    -------
+    xarray.Dataset
+        Channels, energies and labels of the schema, in SI; lateral quantities are positive in the
+        closing direction of the instrumented rail.
+
+    Raises
+    ------
+    PanelError
+        When a foreign object does not fit the panel.
+    NotConverged
+        When the run ends early, with the response until then as ``partial``.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> panel = load_panel("sb1").with_overrides({"schedule.end": "1.5 s"})  # doctest: +SKIP
+    >>> simulate(panel)["drive_force"].dims  # doctest: +SKIP
+    ('drive', 'time')
+    """
+    began = time.perf_counter()
+    scheme, save = scheme or Scheme(), save or Save()
+    if save.interval is not None:
+        scheme = replace(scheme, output_interval=save.interval)
+    objects = resolve_objects(panel, _as_objects(foreign_object))
+    mechanism = build_mechanism(panel, objects)
+    history = integrate(
+        mechanism,
+        scheme,
+        inputs=lambda instants: _markers(panel, instants),
+        end=panel.schedule.end,
+        report=report,
+    )
+    solved = time.perf_counter()
+    dataset = response_dataset(panel, mechanism, history, save=save)
+    attributes = describe_run(
+        panel,
+        mechanism,
+        history,
+        scheme=scheme,
+        objects=objects,
+        wall_time=time.perf_counter() - began,
+        solver_time=solved - began,
+    )
+    dataset = dataset.assign_attrs(attributes)
+    if throw and not history.outcome.complete:
+        raise NotConverged(history.outcome, partial=dataset)
+    return dataset
+
+
+def _markers(panel: LoadedPanel, instants: Floats) -> Floats:
+    """Return marker positions from the stress-free position of the rails [m]."""
+    return marker_positions(panel, instants) + marker_offsets(panel)[:, np.newaxis]
+
+
+def _as_objects(
+    given: ForeignObject | Sequence[ForeignObject] | None,
+) -> tuple[ForeignObject, ...]:
+    if given is None:
+        return ()
+    return (given,) if isinstance(given, ForeignObject) else tuple(given)

@@ -1,0 +1,139 @@
+"""Datasets in netCDF files, written whole or not at all and read back to the last bit."""
+
+import errno
+import json
+import re
+from collections.abc import Hashable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from turnout.errors import FileError
+from turnout.files.atomic import atomic_path, write_fault
+from turnout.schema.channels import SCHEMA_VERSION
+
+SUFFIXES = (".nc",)
+ENGINE: Any = "h5netcdf"
+COMPRESSION = {"zlib": True, "complevel": 1, "shuffle": True}
+# netCDF has neither logical values nor None: they travel as JSON, and this attribute names them.
+JSON_ATTRIBUTES = "json_attributes"
+
+
+def save_response(dataset: xr.Dataset, path: Path | str) -> None:
+    """Write a dataset to a netCDF-4 file, completely or not at all.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Simulated or measured.
+    path : path-like
+        File to write; an existing one is replaced.
+
+    Raises
+    ------
+    FileError
+        When the file cannot be written; nothing half-written stays behind.
+    """
+    stored = dataset.copy()
+    stored.attrs = _encoded(dataset.attrs)
+    encoding = {
+        name: dict(COMPRESSION)
+        for name, variable in stored.variables.items()
+        if variable.ndim and variable.size and variable.dtype.kind in "fb"
+    }
+    with atomic_path(path) as temporary:
+        try:
+            stored.to_netcdf(temporary, engine=ENGINE, encoding=encoding)
+        except (OSError, RuntimeError) as error:
+            raise FileError(write_fault(Path(path), _system_error(error))) from None
+
+
+def open_response(path: Path | str) -> xr.Dataset:
+    """Read a dataset that `save_response` wrote.
+
+    Parameters
+    ----------
+    path : path-like
+        A netCDF-4 file.
+
+    Returns
+    -------
+    xarray.Dataset
+        In memory; the file is closed again.
+
+    Raises
+    ------
+    FileError
+        When the file is missing, no netCDF-4 file, or of another version of the schema.
+    """
+    file = Path(path)
+    if not file.exists():
+        message = f"{file}: there is no such file"
+        raise FileError(message)
+    if file.is_dir():
+        message = f"{file}: is a folder; name the file inside it"
+        raise FileError(message)
+    try:
+        with xr.open_dataset(
+            file, engine=ENGINE, decode_times=False, decode_timedelta=False
+        ) as opened:
+            dataset = opened.load()
+    except PermissionError:
+        message = f"{file}: may not be read; change its permissions"
+        raise FileError(message) from None
+    except (OSError, RuntimeError, ValueError, KeyError, TypeError, AttributeError):
+        message = f"{file}: is no netCDF-4 file, or a damaged one; write it again with turnout"
+        raise FileError(message) from None
+    found = dataset.attrs.get("schema_version")
+    if found is None or int(found) != SCHEMA_VERSION:
+        said = "has no schema_version" if found is None else f"has schema_version {found}"
+        message = f"{file}: {said}, this turnout reads {SCHEMA_VERSION}; write it again with it"
+        raise FileError(message)
+    return _restored(dataset)
+
+
+def _encoded(attributes: Mapping[Any, Any]) -> dict[Any, Any]:
+    """Return attributes that netCDF can hold."""
+    encoded, as_json = {}, []
+    for name, value in attributes.items():
+        if value is None or isinstance(value, bool | np.bool_):
+            encoded[name] = json.dumps(None if value is None else bool(value))
+            as_json.append(name)
+        else:
+            encoded[name] = value
+    encoded[JSON_ATTRIBUTES] = " ".join(as_json)
+    return encoded
+
+
+def _restored(dataset: xr.Dataset) -> xr.Dataset:
+    """Turn texts and attributes back to what they were."""
+    texts: dict[Hashable, Any] = {
+        name: (variable.dims, variable.values.astype(np.str_), variable.attrs)
+        for name, variable in dataset.variables.items()
+        if variable.dtype.kind in "OTSU"
+    }
+    restored = dataset.assign_coords({k: v for k, v in texts.items() if k in dataset.coords})
+    restored = restored.assign({k: v for k, v in texts.items() if k in dataset.data_vars})
+    attributes = {name: _plain(value) for name, value in dataset.attrs.items()}
+    for name in str(attributes.pop(JSON_ATTRIBUTES, "")).split():
+        attributes[name] = json.loads(attributes[name])
+    restored.attrs = attributes
+    for variable in restored.variables.values():
+        variable.encoding = {}
+    restored.encoding = {}
+    return restored
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _system_error(error: Exception) -> OSError:
+    """Find the system's error number in what HDF5 says."""
+    number = getattr(error, "errno", None)
+    if number is None:
+        found = re.search(r"errno = (\d+)", str(error))
+        number = int(found.group(1)) if found else errno.EIO
+    return OSError(number, "the netCDF library could not write it")

@@ -1,0 +1,1 @@
+"""The table of channels that simulations and measurements share."""

@@ -1,0 +1,176 @@
+"""The table of channels: name, dimensions, unit and sign of every variable of a dataset."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import xarray as xr
+
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One row of the table.
+
+    Attributes
+    ----------
+    name : str
+        Name of the variable.
+    dims : tuple of str
+        Its dimensions, in this order.
+    units : str
+        SI unit, "1" for what has none.
+    long_name : str
+        What it is, fit for an axis.
+    positive : str
+        What a positive value means; empty where there is nothing to choose.
+    kind : str
+        "number", "logical" or "text".
+    """
+
+    name: str
+    dims: tuple[str, ...]
+    units: str
+    long_name: str
+    positive: str = ""
+    kind: str = "number"
+
+
+def _table(*rows: Channel) -> Mapping[str, Channel]:
+    return {row.name: row for row in rows}
+
+
+COORDINATES: Mapping[str, Channel] = _table(
+    Channel("time", ("time",), "s", "time since the start of the schedule", "forward"),
+    Channel("x", ("x",), "m", "position from the toe", "towards the heel"),
+    Channel("drive", ("drive",), "1", "drive", kind="text"),
+    Channel("rail", ("rail",), "1", "switch rail", kind="text"),
+    Channel("chair", ("chair",), "1", "slide chair", kind="text"),
+    Channel("stop", ("stop",), "1", "stop or stud", kind="text"),
+    Channel("link", ("link",), "1", "link", kind="text"),
+    Channel("sensor", ("sensor",), "1", "switch rail control contact", kind="text"),
+    Channel("object", ("object",), "1", "foreign object", kind="text"),
+    Channel("direction", ("direction",), "1", "direction of a movement", kind="text"),
+    Channel("drive_x", ("drive",), "m", "position of the drive", "towards the heel"),
+    Channel("chair_x", ("chair",), "m", "position of the chair", "towards the heel"),
+    Channel("stop_x", ("stop",), "m", "position of the stop", "towards the heel"),
+    Channel("link_x", ("link",), "m", "position of the link", "towards the heel"),
+    Channel("sensor_x", ("sensor",), "m", "position of the sensor", "towards the heel"),
+    Channel("sensor_limit", ("sensor",), "m", "gap from which a sensor is out of control"),
+    Channel("saturation_force", ("drive",), "N", "force at which the drive slips"),
+    Channel("drive_stiffness", ("drive",), "N/m", "stiffness of the bushing below saturation"),
+)
+
+CHANNELS: Mapping[str, Channel] = _table(
+    Channel("drive_force", ("drive", "time"), "N", "drive force on the rail", "closing"),
+    Channel("drive_displacement", ("drive", "time"), "m", "marker displacement", "closing"),
+    Channel(
+        "drive_gap", ("drive", "time"), "m", "gap at the drive, of the rail to be closed", "open"
+    ),
+    Channel("drive_current", ("drive", "time"), "A", "motor current"),
+    Channel(
+        "drive_slipping", ("drive", "time"), "1", "drive at its saturation force", kind="logical"
+    ),
+    Channel("object_force", ("time",), "N", "force on the foreign object", "compression"),
+    Channel(
+        "single_object_force",
+        ("object", "time"),
+        "N",
+        "force on each of several foreign objects",
+        "compression",
+    ),
+    Channel("gap", ("rail", "x", "time"), "m", "gap at contact height", "open"),
+    Channel(
+        "lateral_displacement",
+        ("rail", "x", "time"),
+        "m",
+        "lateral displacement at contact height",
+        "closing",
+    ),
+    Channel("sensor_gap", ("sensor", "time"), "m", "gap at the sensor's height", "open"),
+    Channel(
+        "chair_normal_force", ("rail", "chair", "time"), "N", "chair normal force", "compression"
+    ),
+    Channel(
+        "chair_friction_force",
+        ("rail", "chair", "time"),
+        "N",
+        "chair friction on the rail",
+        "closing",
+    ),
+    Channel("stop_force", ("rail", "stop", "time"), "N", "force at the stop", "compression"),
+    Channel("link_force", ("link", "time"), "N", "force in the link", "tension"),
+    Channel("in_control", ("sensor", "time"), "1", "sensor gap below its limit", kind="logical"),
+    Channel("locked", ("time",), "1", "lock rule met, no movement under way", kind="logical"),
+    Channel("work_markers", ("time",), "J", "work of the drives' markers", "put in"),
+    Channel("energy_kinetic", ("time",), "J", "change of kinetic energy", "stored"),
+    Channel(
+        "energy_strain", ("time",), "J", "change of strain in beams and linear springs", "stored"
+    ),
+    Channel(
+        "energy_contact",
+        ("time",),
+        "J",
+        "change of potential in contacts, bushings, links and sticking feet",
+        "stored",
+    ),
+    Channel("energy_gravity", ("time",), "J", "change of potential of the weight", "stored"),
+    Channel("energy_friction", ("time",), "J", "dissipated by sliding", "taken out"),
+    Channel("energy_damping", ("time",), "J", "dissipated by dampers", "taken out"),
+    Channel(
+        "energy_object_switched",
+        ("time",),
+        "J",
+        "brought in where an object is placed or removed",
+        "put in",
+    ),
+    Channel("energy_numerical", ("time",), "J", "lost by the time stepping", "taken out"),
+    Channel("energy_residual", ("time",), "J", "left over when the books are closed"),
+    Channel("object_touched", (), "1", "whether a rail reached a foreign object", kind="logical"),
+    Channel("contact_time", (), "s", "first contact with a foreign object", "forward"),
+    Channel("object_contact_time", ("object",), "s", "first contact with each object", "forward"),
+    Channel("end_gap", ("drive",), "m", "gap at the drive at the end", "open"),
+    Channel(
+        "force_margin",
+        ("drive", "direction"),
+        "N",
+        "saturation force less the largest drive force in the direction of a movement",
+        "not slipping",
+    ),
+    Channel("least_flangeway", (), "m", "least flangeway at the end of a movement", "open"),
+    Channel("least_flangeway_x", (), "m", "place of the least flangeway", "towards the heel"),
+    Channel("least_flangeway_rail", (), "1", "rail of the least flangeway", kind="text"),
+)
+
+# Left out where nothing of the kind exists or was measured; a simulation has all the others.
+OPTIONAL = frozenset({"drive_current", "single_object_force", "object_contact_time"})
+
+
+def label(dataset: xr.Dataset) -> xr.Dataset:
+    """Give every variable of a dataset its unit, name and sign.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        With variables of the table only; it is not changed.
+
+    Returns
+    -------
+    xarray.Dataset
+        The same data with ``units``, ``long_name`` and, where there is a sign, ``positive``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> bare = xr.Dataset({"object_force": ("time", np.zeros(2))}, {"time": [0.0, 1.0]})
+    >>> label(bare)["object_force"].attrs["units"]
+    'N'
+    """
+    labelled = dataset.copy()
+    for name in labelled.variables:
+        channel = CHANNELS.get(str(name)) or COORDINATES[str(name)]
+        attributes = {"units": channel.units, "long_name": channel.long_name}
+        if channel.positive:
+            attributes["positive"] = channel.positive
+        labelled[name].attrs.update(attributes)
+    return labelled
