@@ -1,0 +1,73 @@
+"""SB1 and SB2 against answers of independent programs; limits and origin: see `agreement`."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.verification.agreement import sb1_checks, sb2_checks
+from tests.verification.reference import full, thinned
+from tests.verification.runs import books, throw
+
+RUNS = {
+    "sb1_A": ("sb1", None),
+    "sb1_B": ("sb1", "x = 3.9 m"),
+    "sb2_none": ("sb2", None),
+    "sb2_sleeper6_13mm": ("sb2", "sleeper 6"),
+}
+
+
+def checks_of(case, reference):
+    panel, place = RUNS[case]
+    compare = sb1_checks if panel == "sb1" else sb2_checks
+    return compare(throw(panel, place), reference)
+
+
+@pytest.mark.parametrize("case", RUNS)
+def test_thinned_answers(case):
+    failed = [str(check) for check in checks_of(case, thinned(case)) if not check.passed]
+    assert not failed, "\n".join(failed)
+
+
+@pytest.mark.parametrize("case", RUNS)
+def test_full_answers(case, reference_dir: Path):
+    failed = [
+        str(check) for check in checks_of(case, full(case, reference_dir)) if not check.passed
+    ]
+    assert not failed, "\n".join(failed)
+
+
+@pytest.mark.parametrize("case", RUNS)
+def test_thinned_copies_are_of_the_answers(case, reference_dir: Path):
+    copy, original = thinned(case), full(case, reference_dir)
+    stride = round(
+        (copy["time"][1] - copy["time"][0]) / (original["time"][1] - original["time"][0])
+    )
+    assert copy["drive1"] == pytest.approx(original["drive1"][::stride], rel=1e-6, abs=1e-3)
+
+
+@pytest.mark.parametrize("case", RUNS)
+def test_books_close(case):
+    residual, loss = books(throw(*RUNS[case]))
+    assert residual < 1e-6
+    assert loss < 0.02
+
+
+def test_the_comparison_can_fail():
+    """The answers of one case are refused for the other."""
+    assert not all(check.passed for check in sb1_checks(throw("sb1"), thinned("sb1_B")))
+    assert not all(check.passed for check in sb2_checks(throw("sb2"), thinned("sb2_sleeper6_13mm")))
+
+
+def test_known_figures_of_sb2():
+    """First contact and flangeway, as domain.md section 7.4 and the benchmark tell them."""
+    with_object = throw("sb2", "sleeper 6")
+    assert float(with_object["contact_time"]) == pytest.approx(7.357, abs=0.005)
+    assert 1e3 * float(throw("sb2")["least_flangeway"]) == pytest.approx(50.9, abs=0.3)
+
+
+def test_axis_laid_straight_or_on_the_foot():
+    """Where the beam axis lies moves the toe's forces little: Drive 1 by 0.1 to 1 %."""
+    foot = throw("sb2", "sleeper 6", overrides=(("rail.A.axis", "foot"), ("rail.B.axis", "foot")))
+    straight = throw("sb2", "sleeper 6")
+    change = foot["drive_force"][0, -1] / straight["drive_force"][0, -1] - 1
+    assert 0.001 < abs(float(change)) < 0.01
