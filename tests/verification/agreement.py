@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-
 from tests.verification.reference import Arrays
 
 Floats = NDArray[np.float64]

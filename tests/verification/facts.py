@@ -7,7 +7,6 @@ converged study of the same panel supports. Drive 2's end of throw is at 7.8 s, 
 
 import numpy as np
 import xarray as xr
-
 from tests.verification.agreement import Check, filtered
 from tests.verification.runs import DEFAULT, end_force, throw
 
@@ -72,7 +71,7 @@ def fact_c() -> list[Check]:
 
 
 def fact_d() -> list[Check]:
-    """An object at a drive saturates that drive and moves the other little; build-up by stiffness."""
+    """An object at a drive saturates it and moves the other little; build-up by stiffness."""
     checks = []
     for drive, other in (("1", "2"), ("2", "1")):
         without, ds = throw(DEFAULT), throw(DEFAULT, f"drive {drive}", 13)
@@ -80,7 +79,7 @@ def fact_d() -> list[Check]:
         share = 100 * abs(end_force(ds, other) - end_force(without, other)) / own
         peak = float(ds["drive_force"].sel(drive=drive).max())
         checks.append(Check(f"d: 13 mm at Drive {drive}, its largest force", peak, 6000, 6100, "N"))
-        checks.append(Check(f"d: the other drive changes by", share, 0, 25, "% of this"))
+        checks.append(Check("d: the other drive changes by", share, 0, 25, "% of this"))
     for stiffness, expected in ((75e3, 1.8), (750e3, 22.0), (7500e3, 47.0)):
         ds = throw(DEFAULT, "drive 1", 13, (("drive.1.stiffness", stiffness),))
         rate = 1e-3 * build_up(ds, "1")

@@ -28,7 +28,7 @@ Arrays = dict[str, NDArray[np.float64]]
 
 
 def thinned(case: str) -> Arrays:
-    """Return the committed copy of a case; `time` goes with histories, `time_chairs` with chairs."""
+    """Return the committed copy of a case; arrays over chairs go with `time_chairs`."""
     with np.load(DATA / f"{case}.npz") as file:
         return {name: file[name].astype(np.float64) for name in file.files}
 

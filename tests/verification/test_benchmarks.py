@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-
 from tests.verification.agreement import sb1_checks, sb2_checks
 from tests.verification.reference import full, thinned
 from tests.verification.runs import books, throw

@@ -1,7 +1,6 @@
 """Facts a to e of the paper on the default panel; limits and sources: see `facts`."""
 
 import pytest
-
 from tests.verification.facts import ALL
 from tests.verification.runs import DEFAULT, books, throw
 
