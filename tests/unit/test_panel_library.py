@@ -33,8 +33,14 @@ def numbers(value: object, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ..
     elif isinstance(value, list):
         for item in value:
             yield from numbers(item, path)
-    elif isinstance(value, dict | int | float) and not isinstance(value, bool) or isinstance(value, str) and re.match(r"-?\d[\d.e-]* ?[A-Za-z]", value):
+    elif _is_number(value):
         yield path
+
+
+def _is_number(value: object) -> bool:
+    if isinstance(value, str):
+        return re.match(r"-?\d[\d.e-]* ?[A-Za-z]", value) is not None
+    return isinstance(value, dict | int | float) and not isinstance(value, bool)
 
 
 @pytest.mark.parametrize("name", NAMES)

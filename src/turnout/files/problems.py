@@ -52,6 +52,10 @@ def nearest(name: str, names: Iterable[str]) -> str:
     "; nearest is 'stiffness'"
     """
     known = list(dict.fromkeys(names))
+    numbered = [item for item in known if item.isdigit()]
+    if name.isdigit() and numbered:
+        closest = min(numbered, key=lambda item: abs(int(item) - int(name)))
+        return f"; nearest is '{closest}'"
     lower = {item.lower(): item for item in reversed(known)}
     match = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.5)
     return f"; nearest is '{lower[match[0]]}'" if match else ""

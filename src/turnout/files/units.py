@@ -114,7 +114,7 @@ def parse_quantity(value: object, dimension: Dimension, *, si: bool = False) -> 
         message = f"must be text with a number and a unit of {_of(dimension)}"
         raise ValueError(message)
     if isinstance(value, int | float):
-        if not math.isfinite(value):
+        if not is_finite(value):
             message = "must be a finite number"
             raise ValueError(message)
         if si or isinstance(value, SI):
@@ -131,6 +131,14 @@ def parse_quantity(value: object, dimension: Dimension, *, si: bool = False) -> 
     if not unit:
         raise ValueError(_bare(number, dimension))
     return _scaled(float(number), unit, dimension)
+
+
+def is_finite(value: float) -> bool:
+    """Tell whether a number is finite as a float; a whole number may be too large for one."""
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
 
 
 def _of(dimension: Dimension) -> str:
@@ -284,7 +292,7 @@ def parse_numbers(value: object) -> tuple[float, ...]:
                 f"item {number} of {len(items)} must be a plain number, without quotes or unit"
             )
             raise ValueError(message)
-        if not math.isfinite(item):
+        if not is_finite(item):
             message = f"item {number} of {len(items)} must be a finite number"
             raise ValueError(message)
     return tuple(float(item) for item in items)

@@ -73,7 +73,7 @@ def _plain(draft: Draft) -> Iterator[Problem]:
     if not isinstance(instrumented, Partial) and names and instrumented not in names:
         yield Problem(("instrumented_rail",), unknown_name("rail", instrumented, names))
     yield from known_part(_object_defaults(draft))
-    yield from known_part(_damping(draft.records["damping"].frequencies))
+    yield from known_part(_damping(draft))
 
 
 def _object_defaults(draft: Draft) -> Iterator[Problem]:
@@ -82,8 +82,8 @@ def _object_defaults(draft: Draft) -> Iterator[Problem]:
         yield Problem(("object_defaults", "rail"), unknown_name("rail", rail, names))
 
 
-def _damping(frequencies: list[float]) -> Iterator[Problem]:
-    path = ("damping", "frequencies")
+def _damping(draft: Draft) -> Iterator[Problem]:
+    path, frequencies = ("damping", "frequencies"), draft.records["damping"].frequencies
     if min(frequencies) <= 0:
         yield Problem(path, f" = {show_value(frequencies)}: every frequency must be more than 0")
     elif any(after <= before for before, after in itertools.pairwise(frequencies)):
@@ -127,8 +127,9 @@ def _rail_section(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Pr
     if rail.section not in names:
         yield Problem((*path, "section"), unknown_name("section", rail.section, names))
         return
-    offsets = draft.records["section"][rail.section].running_edge_offset
-    if offsets is not None and rail.running_edge is None:
+    table = draft.records["section"][rail.section]
+    by_offset = table.x is None and table.running_edge_offset is not None
+    if by_offset and rail.running_edge is None:
         text = f": is missing; the stations of section '{rail.section}' are offsets of it"
         yield Problem((*path, "running_edge"), text)
 
@@ -199,6 +200,8 @@ def _rails_of(family: str, record: Any, draft: Draft) -> list[str]:
 
 def _sleeper(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
     rails = draft.records["rail"].values()
+    if not rails:
+        return
     first, last = min(rail.start for rail in rails), max(rail.end for rail in rails)
     if first < last and not first <= record.x <= last:
         yield Problem(

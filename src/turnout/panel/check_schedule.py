@@ -49,6 +49,8 @@ def _table(path: tuple[str, ...], movement: Movement) -> Iterator[Problem]:
             yield Problem((*path, key), text)
         return
     time, fraction = movement.table_time, movement.table_fraction
+    if (time is None or fraction is None) and movement.table_file is not None:
+        return  # that file could not be read, which has been reported
     if time is None or fraction is None:
         missing = "table_time" if time is None else "table_fraction"
         text = ': is missing; shape = "table" needs table_time and table_fraction, or table_file'

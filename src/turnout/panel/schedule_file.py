@@ -51,8 +51,7 @@ def read_schedule_files(
             time, fraction = read_schedule_csv((folder or Path()) / Path(given).expanduser())
         except FileError as error:
             problems.append(Problem(path, f" = {show_value(given)}: {error}"))
-            # A stand-in, so that the missing table is not reported a second time.
-            time, fraction = [0.0, 1.0], [0.0, 1.0]
+            continue
         filled[name] = movement | {
             "table_time": [SI(value) for value in time],
             "table_fraction": fraction,

@@ -69,9 +69,6 @@ def _tidy(node: Any) -> None:
         return
     if not isinstance(node, dict):
         return
-    for stray in ("title", "gt", "ge", "lt", "le"):
-        if isinstance(node.get(stray), str | int | float):
-            del node[stray]
     if not isinstance(node.get("default", {}), dict):
         has_unit = node.get("type") != "number" and isinstance(node["default"], int | float | list)
         if node["default"] is None or has_unit:
@@ -83,5 +80,8 @@ def _tidy(node: Any) -> None:
         if len(kept) == 1:
             del node["anyOf"]
             node.update({key: item for key, item in kept[0].items() if key not in node})
+    for stray in ("title", "gt", "ge", "lt", "le"):
+        if isinstance(node.get(stray), str | int | float):
+            del node[stray]
     for item in node.values():
         _tidy(item)

@@ -1,0 +1,147 @@
+"""Markers: levels, shapes, order, against the reference and closed forms."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from turnout.panel.load import LoadedPanel, load_panel
+from turnout.panel.motion import (
+    marker_offsets,
+    marker_positions,
+    movement_end,
+    movement_fraction,
+    ordered_movements,
+    start_offset,
+)
+
+SHAPES = ("raised cosine", "smoothstep", "linear", "table")
+
+
+def shaped(shape: str, **more: object) -> LoadedPanel:
+    overrides: dict[str, object] = {"movement.shape": shape, **more}
+    if shape == "table":
+        overrides |= {
+            "movement.table_time": [0.0, 1.0, 2.2, 3.2],
+            "movement.table_fraction": [0.0, 0.1, 0.7, 1.0],
+        }
+    return load_panel("sb2", overrides=overrides)
+
+
+def test_markers_are_those_of_the_reference(reference_dir: Path) -> None:
+    data = np.load(reference_dir / "sb2" / "none.npz")
+    markers = marker_positions(load_panel("sb2"), data["time"])
+    # The reference is positive in the opening direction, and stored in single precision.
+    np.testing.assert_allclose(-markers[0], data["marker1"], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(-markers[1], data["marker2"], rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_every_shape_rises_from_0_to_1_in_the_drives_own_time(shape: str) -> None:
+    movement = shaped(shape).movement["return"]
+    for drive, total in (("1", 3.2), ("2", 3.4)):
+        time = np.linspace(0.0, total, 1001)
+        fraction = movement_fraction(movement, time, drive=drive)
+        assert fraction[0] == 0.0
+        assert fraction[-1] == pytest.approx(1.0, abs=1e-14)
+        assert np.all(np.diff(fraction) >= 0)
+        held = movement_fraction(movement, [-1.0, total, 99.0], drive=drive)
+        np.testing.assert_allclose(held, [0.0, 1.0, 1.0], atol=1e-14)
+
+
+def test_raised_cosine_has_constant_speed_between_smooth_ends() -> None:
+    movement = shaped("raised cosine").movement["throw"]
+    time = np.linspace(0.0, 3.2, 320_001)
+    speed = np.gradient(movement_fraction(movement, time, drive="1"), time)
+    expected = np.full_like(time, 1.0 / 2.9)
+    for ends in (time, 3.2 - time):
+        ramp = ends < 0.3
+        expected[ramp] = 0.5 / 2.9 * (1.0 - np.cos(np.pi * ends[ramp] / 0.3))
+    np.testing.assert_allclose(speed[1:-1], expected[1:-1], rtol=0, atol=1e-5)
+
+
+def test_a_ramp_of_zero_is_the_linear_shape_and_the_longest_ramp_is_half() -> None:
+    time = np.linspace(0.0, 3.2, 33)
+    no_ramp = movement_fraction(
+        shaped("raised cosine", **{"movement.ramp": 0.0}).movement["throw"], time, drive="1"
+    )
+    np.testing.assert_allclose(no_ramp, time / 3.2, rtol=1e-14)
+    full = shaped("raised cosine", **{"movement.ramp": 1.6}).movement["throw"]
+    expected = time / 3.2 - np.sin(2.0 * np.pi * time / 3.2) / (2.0 * np.pi)
+    np.testing.assert_allclose(movement_fraction(full, time, drive="1"), expected, atol=1e-14)
+
+
+def test_smoothstep_is_the_cubic() -> None:
+    movement = load_panel("sb1").movement["return"]
+    s = np.linspace(0.0, 1.0, 11)
+    for drive, total in (("1", 3.0), ("2", 3.2)):
+        fraction = movement_fraction(movement, s * total, drive=drive)
+        np.testing.assert_allclose(fraction, 3.0 * s**2 - 2.0 * s**3, rtol=1e-12)
+
+
+def test_a_table_is_stretched_to_the_drives_own_time() -> None:
+    movement = shaped("table").movement["return"]
+    np.testing.assert_allclose(movement_fraction(movement, [1.0, 2.2], drive="1"), [0.1, 0.7])
+    late = np.array([1.0, 2.2]) * 3.4 / 3.2
+    np.testing.assert_allclose(movement_fraction(movement, late, drive="2"), [0.1, 0.7])
+
+
+@pytest.mark.parametrize(
+    ("name", "levels"),
+    [
+        # rest, after the first movement, after the second: starts closed, starts open
+        ("sb2", [0.0, -0.115 - 0.001, 0.002]),
+        ("sb1", [0.0, 0.120 + 0.002, -0.001]),
+    ],
+)
+def test_over_travel_is_added_only_where_a_movement_goes(name: str, levels: list[float]) -> None:
+    panel = load_panel(
+        name, overrides={"drive.1.over_travel_open": 0.001, "drive.1.over_travel_closed": 0.002}
+    )
+    first, second = (movement for _, movement in ordered_movements(panel))
+    times = [0.0, movement_end(panel, first), movement_end(panel, second)]
+    np.testing.assert_allclose(marker_positions(panel, times)[0], levels, rtol=0, atol=1e-15)
+
+
+def test_order_of_movements_in_the_file_does_not_matter() -> None:
+    panel = load_panel("sb2")
+    turned = panel.model_copy(update={"movement": dict(reversed(list(panel.movement.items())))})
+    time = np.linspace(0.0, 8.5, 100)
+    np.testing.assert_array_equal(marker_positions(panel, time), marker_positions(turned, time))
+    assert [name for name, _ in ordered_movements(turned)] == ["throw", "return"]
+
+
+def test_a_drive_on_the_other_rail_moves_the_same_way_in_panel_axes() -> None:
+    panel = load_panel("sb2")
+    both = load_panel("sb2", overrides={"drive.2.rail": "B"})
+    time = np.linspace(0.0, 8.5, 100)
+    np.testing.assert_array_equal(marker_positions(panel, time), marker_positions(both, time))
+
+
+@pytest.mark.parametrize(
+    ("starts", "closes", "stress_free", "expected"),
+    [
+        ("closed", "+y", "closed", 0.0),
+        ("closed", "+y", "open", 1.0),
+        ("open", "+y", "open", 0.0),
+        ("open", "+y", "closed", -1.0),
+        ("closed", "-y", "open", 0.0),
+        ("closed", "-y", "closed", 1.0),
+        ("open", "-y", "closed", 0.0),
+        ("open", "-y", "open", -1.0),
+    ],
+)
+def test_offset_of_the_start_from_the_stress_free_position(
+    starts: str, closes: str, stress_free: str, expected: float
+) -> None:
+    panel = load_panel("sb2")
+    rail = panel.rail["A"].model_copy(update={"closes": closes, "stress_free": stress_free})
+    changed = panel.model_copy(
+        update={
+            "rail": {"A": rail},
+            "schedule": panel.schedule.model_copy(update={"starts": starts}),
+        }
+    )
+    assert start_offset(changed, "A", 1.0) == expected
+    strokes = np.array([drive.stroke for drive in panel.drive.values()])
+    np.testing.assert_array_equal(marker_offsets(changed), expected * strokes)
