@@ -54,7 +54,7 @@ def read_toml(path: Path | str) -> TomlFile:
     """Read a TOML file; every failure is a FileError that names the file and the remedy."""
     path = Path(path)
     text = decode(read_bytes(path), source=str(path))
-    return parse_toml(text, source=str(path), folder=path.parent)
+    return parse_toml(text, source=str(path), folder=path.resolve().parent)
 
 
 def read_bytes(path: Path, *, largest: int = LARGEST_FILE) -> bytes:

@@ -34,12 +34,15 @@ class Document:
         Origin by dotted key of the value in the tree.
     problems : tuple of Problem
         What was wrong with the families themselves.
+    tables : dict
+        Time [s] and fraction columns of the schedule files read so far, by their name.
     """
 
     tree: dict[str, Any]
     shared: frozenset[Path] = frozenset()
     origins: dict[str, Origin] = field(default_factory=dict)
     problems: tuple[Problem, ...] = ()
+    tables: dict[str, tuple[list[float], list[float]]] = field(default_factory=dict)
 
 
 def _family_records() -> dict[str, type[BaseModel]]:

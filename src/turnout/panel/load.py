@@ -1,6 +1,7 @@
 """Load a panel from the library or a file, and make changed ones from it."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
@@ -133,7 +134,7 @@ class LoadedPanel(Panel):
             lines = [str(item) for item in (*problems, *sorted(found, key=_order))]
             raise PanelError(list(dict.fromkeys(lines)), source=heading)
         panel = cls.model_construct(**draft.records)
-        panel._document = document
+        panel._document = replace(document, tables=filled.tables)
         panel._overrides = overrides
         panel._source = source
         panel._folder = folder
@@ -169,7 +170,20 @@ def library_names() -> tuple[str, ...]:
 
 
 def library_text(name: str) -> str:
-    """Give the TOML text of a library panel, to start an own panel file from."""
+    """Give the TOML text of a library panel, to start an own panel file from.
+
+    Raises
+    ------
+    FileError
+        When there is no such panel; the text lists those there are.
+    """
+    names = library_names()
+    if name not in names:
+        message = (
+            f"no library panel is called '{name}'{nearest(name, names)}; "
+            f"there are {choices(names)}; a file needs its .toml"
+        )
+        raise FileError(message)
     folder = resources.files("turnout.panel").joinpath("library")
     return decode(folder.joinpath(f"{name}.toml").read_bytes(), source=name)
 
@@ -225,14 +239,7 @@ def _open(name_or_path: str | Path) -> TomlFile:
     name = name_or_path.strip()
     if name.endswith(".toml") or "/" in name or "\\" in name:
         return read_toml(Path(name).expanduser())
-    names = library_names()
-    if name in names:
-        return parse_toml(library_text(name), source=name)
-    message = (
-        f"no library panel is called '{name}'{nearest(name, names)}; "
-        f"there are {choices(names)}; a file needs its .toml"
-    )
-    raise FileError(message)
+    return parse_toml(library_text(name), source=name)
 
 
 __all__ = [

@@ -7,7 +7,7 @@ key that names a member sets it for that one. Within one set of overrides the br
 import tomllib
 import typing
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pydantic import BaseModel
@@ -145,7 +145,8 @@ def apply_overrides(
                 shared.add(target.place[:3])
             else:
                 shared.discard(target.place[:3])
-    return Document(tree, frozenset(shared), origins, document.problems), problems, applied
+    changed = replace(document, tree=tree, shared=frozenset(shared), origins=origins)
+    return changed, problems, applied
 
 
 def supersede(before: Mapping[str, object], applied: Mapping[str, object]) -> dict[str, object]:

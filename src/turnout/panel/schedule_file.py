@@ -1,6 +1,7 @@
 """Schedules recorded elsewhere: a CSV file with the columns time and fraction."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,8 @@ def read_schedule_files(
     Returns
     -------
     document : Document
-        The document with `table_time` and `table_fraction` filled.
+        The document with `table_time` and `table_fraction` filled; it keeps what was read, so
+        that a panel made from it elsewhere does not need the file.
     problems : list of Problem
         Files that could not be read.
     """
@@ -36,6 +38,7 @@ def read_schedule_files(
     if not isinstance(movements, dict) or not any(_names_file(item) for item in movements.values()):
         return document, []
     problems: list[Problem] = []
+    tables = dict(document.tables)
     filled: dict[str, Any] = {}
     for name, movement in movements.items():
         filled[name] = movement
@@ -48,17 +51,18 @@ def read_schedule_files(
             problems.append(Problem(path, text))
             continue
         try:
-            time, fraction = read_schedule_csv((folder or Path()) / Path(given).expanduser())
+            if given not in tables:
+                tables[given] = read_schedule_csv((folder or Path()) / Path(given).expanduser())
         except FileError as error:
             problems.append(Problem(path, f" = {show_value(given)}: {error}"))
             continue
+        time, fraction = tables[given]
         filled[name] = movement | {
             "table_time": [SI(value) for value in time],
             "table_fraction": fraction,
         }
     tree = document.tree | {"movement": filled}
-    changed = Document(tree, document.shared, document.origins, document.problems)
-    return changed, problems
+    return replace(document, tree=tree, tables=tables), problems
 
 
 def _names_file(movement: object) -> bool:
