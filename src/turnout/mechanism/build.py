@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from turnout.beam.material import Material
 from turnout.beam.mesh import mesh_nodes
@@ -21,7 +22,8 @@ from turnout.mechanism.rail import (
 )
 from turnout.mechanism.threads import one_blas_thread
 from turnout.panel.foreign_object import PlacedObject
-from turnout.panel.model import Chair, Drive, Fastening, Panel, Rail, Stop
+from turnout.panel.model import Chair, Drive, Fastening, Link, Panel, Rail, Stop
+from turnout.panel.motion import start_offset
 from turnout.panel.profile import section_values, stock_rail_gap
 from turnout.section.properties import SectionProperties
 
@@ -87,15 +89,7 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
         index.drive[name] = _add_drive(rows, laws, drive, number)
         law_names.append(f"drive {name}")
     for name, link in panel.link.items():
-        # the rail that closes towards +y stands on that side, so that tension is positive
-        ends = [
-            (r, Point(link.x, "uy", z=link.height, sign=SIGN[panel.rail[r].closes]))
-            for r in link.rails
-        ]
-        row = rows.add(*ends)
-        index.link[name] = laws.add_piecewise(
-            row, breakpoints=np.empty(0), slopes=np.array([link.stiffness]), base_segment=0
-        )
+        index.link[name] = _add_link(rows, laws, panel, link)
         law_names.append(f"link {name}")
     for item in objects:
         index.object[item.name] = _add_object(rows, laws, panel.rail[item.rail], item)
@@ -103,9 +97,9 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
     with one_blas_thread():
         rails = _reduced_rails(panel, rows, objects)
     return Mechanism(
-        stiffness=_diagonal_blocks([r.stiffness for r in rails]),
-        mass=_diagonal_blocks([r.mass for r in rails]),
-        damping=_diagonal_blocks([r.damping for r in rails]),
+        stiffness=block_diag(*(r.stiffness for r in rails)),
+        mass=block_diag(*(r.mass for r in rails)),
+        damping=block_diag(*(r.damping for r in rails)),
         load=np.concatenate([r.load for r in rails]),
         rows=_stacked_rows(rows, rails),
         laws=laws.table(),
@@ -196,6 +190,26 @@ def _add_drive(rows: _Rows, laws: LawTableBuilder, drive: Drive, number: int) ->
         slopes=np.array([drive.saturated_stiffness, drive.stiffness, drive.saturated_stiffness]),
         input_index=number,
         base_segment=1,
+    )
+
+
+def _add_link(rows: _Rows, laws: LawTableBuilder, panel: Panel, link: Link) -> int:
+    """Add a spring that is slack where the rails start; tension is positive.
+
+    The rail that closes towards +y stands on that side. The distance of a start from the
+    stress-free position is interpolated between the strokes of the drives.
+    """
+    signs = [SIGN[panel.rail[rail].closes] for rail in link.rails]
+    ends = [Point(link.x, "uy", z=link.height, sign=sign) for sign in signs]
+    drives = sorted((drive.x, drive.stroke) for drive in panel.drive.values())
+    travel = float(np.interp(link.x, *np.array(drives).T))
+    starts = [start_offset(panel, rail, travel) for rail in link.rails]
+    return laws.add_piecewise(
+        rows.add(*zip(link.rails, ends, strict=True)),
+        breakpoints=np.empty(0),
+        slopes=np.array([link.stiffness]),
+        offset=float(np.dot(signs, starts)),
+        base_segment=0,
     )
 
 
@@ -313,17 +327,6 @@ def _gap(rail: Rail, x: float) -> float:
         msg = f"a foreign object or stop at x = {x:g} m needs a stock rail; give stock_rail_gap"
         raise MechanicsError(msg)
     return float(gap)
-
-
-def _diagonal_blocks(blocks: list[Floats]) -> Floats:
-    size = sum(block.shape[0] for block in blocks)
-    matrix = np.zeros((size, size))
-    first = 0
-    for block in blocks:
-        last = first + block.shape[0]
-        matrix[first:last, first:last] = block
-        first = last
-    return matrix
 
 
 def _stacked_rows(rows: _Rows, rails: list[ReducedRail]) -> Floats:

@@ -1,0 +1,131 @@
+"""Time one throw of the default panel and write docs/performance.md.
+
+    python -m benchmarks.throw
+
+Reported are the median and the spread (least to largest) of repeated runs on one core: the solution
+of a full cycle (panel record to history), the same up to the finished dataset, and the command
+`turnout simulate` from start to files written, with its peak memory. Kernels are compiled before.
+"""
+
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from turnout.integrate.run import integrate
+from turnout.integrate.scheme import Scheme
+from turnout.mechanism.build import build_mechanism
+from turnout.panel.foreign_object import ForeignObject, resolve_objects
+from turnout.panel.load import load_panel
+from turnout.panel.motion import marker_positions
+from turnout.response.simulate import simulate
+
+PAGE = Path(__file__).parents[1] / "docs" / "performance.md"
+PANEL = "uic60-760-1-15"
+REPEATS = 15
+
+
+def repeated(work: Callable[[], object], *, count: int = REPEATS) -> list[float]:
+    """Return the seconds of repeated calls, after one that does not count."""
+    work()
+    seconds = []
+    for _ in range(count):
+        began = time.perf_counter()
+        work()
+        seconds.append(time.perf_counter() - began)
+    return seconds
+
+
+def solution() -> None:
+    """Build and integrate one cycle."""
+    panel = load_panel(PANEL)
+    objects = resolve_objects(panel, [ForeignObject(0.013, "sleeper 6")])
+    mechanism = build_mechanism(panel, objects)
+    integrate(
+        mechanism,
+        Scheme(),
+        inputs=lambda times: marker_positions(panel, times),
+        end=panel.schedule.end,
+    )
+
+
+def dataset() -> None:
+    """Simulate one cycle to the finished dataset."""
+    simulate(load_panel(PANEL), foreign_object=ForeignObject(0.013, "sleeper 6"))
+
+
+COMMAND = """
+import sys
+from pathlib import Path
+from turnout.cli.main import main
+try:
+    main()
+finally:
+    status = Path("/proc/self/status").read_text()
+    peak = next(line for line in status.splitlines() if line.startswith("VmHWM"))
+    sys.stderr.write(peak.split()[1])
+"""
+
+
+def command() -> float:
+    """Run the command line to its files; return its peak memory [MB]."""
+    with tempfile.TemporaryDirectory() as folder:
+        run = subprocess.run(
+            [
+                *(sys.executable, "-c", COMMAND, "simulate", PANEL, "--object", "13mm@sleeper6"),
+                *("--out", f"{folder}/throw.nc", "--plot", f"{folder}/throw.png", "--quiet"),
+            ],
+            check=True,
+            capture_output=True,
+            text=True,
+        )
+    return float(run.stderr) / 1024
+
+
+def row(what: str, seconds: list[float]) -> str:
+    """Return one line of the table."""
+    least, largest = min(seconds), max(seconds)
+    return f"| {what} | {statistics.median(seconds):.3f} | {least:.3f} to {largest:.3f} |"
+
+
+def machine() -> str:
+    """Describe the machine in one line."""
+    model = platform.processor() or platform.machine()
+    for line in Path("/proc/cpuinfo").read_text().splitlines():
+        if line.startswith("model name"):
+            model = line.split(":", 1)[1].strip()
+            break
+    system = f"{platform.system()}, Python {platform.python_version()}"
+    return f"{model}, {os.cpu_count()} cores (shared), {system}"
+
+
+def main() -> None:
+    """Measure and write the page."""
+    lines = [
+        "# Performance",
+        "",
+        f"Written by `python -m benchmarks.throw` on {machine()}.",
+        "One full cycle of the default panel (8.5 s, two flexible switch rails, 50 chairs with two",
+        f"feet each) with a 13 mm object at sleeper 6. Scheme: {Scheme().describe()}.",
+        f"Median and spread of {REPEATS} runs (command: 5), kernels compiled before.",
+        "",
+        "| what | median [s] | spread [s] |",
+        "|---|---:|---:|",
+        row("solution: panel to history, one core", repeated(solution)),
+        row("dataset: panel to labelled channels", repeated(dataset)),
+        row("command: `turnout simulate` to result file and figure", repeated(command, count=5)),
+        "",
+    ]
+    lines.append(f"Peak memory of the command: {command():.0f} MB.")
+    text = "\n".join(lines) + "\n"
+    PAGE.write_text(text, encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()
