@@ -1,0 +1,128 @@
+r"""Area, centroid and second moments of an outline, exactly, from its vertices.
+
+By Green's theorem an integral over the section is one along its boundary, and along a straight edge
+from :math:`(y_i, z_i)` to :math:`(y_j, z_j)` that is a polynomial. With
+:math:`c = y_i z_j - y_j z_i`
+
+.. math::
+
+    A = \tfrac12 \sum c, \quad
+    \int y\,dA = \tfrac16 \sum c\,(y_i + y_j), \quad
+    \int y^2\,dA = \tfrac1{12} \sum c\,(y_i^2 + y_i y_j + y_j^2), \quad
+    \int y z\,dA = \tfrac1{24} \sum c\,(2 y_i z_i + y_i z_j + y_j z_i + 2 y_j z_j).
+
+Clockwise holes count negative by themselves. Arcs are as good as the polygon that stands for them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from turnout.section.outline import FloatArray, Outline
+
+
+@dataclass(frozen=True, slots=True)
+class AreaMoments:
+    """Moments of a section's area; second moments about axes through the centroid.
+
+    Parameters
+    ----------
+    area : float
+        A [m^2].
+    centroid_y, centroid_z : float
+        Position of the centroid in the frame of the outline [m].
+    second_moment_vertical : float
+        I_y, the integral of z^2 [m^4]; resists vertical bending.
+    second_moment_lateral : float
+        I_z, the integral of y^2 [m^4]; resists lateral bending.
+    product_moment : float
+        I_yz, the integral of y z [m^4].
+    """
+
+    area: float
+    centroid_y: float
+    centroid_z: float
+    second_moment_vertical: float
+    second_moment_lateral: float
+    product_moment: float
+
+
+def area_moments(outline: Outline) -> AreaMoments:
+    """Integrate the moments of an outline's area.
+
+    Parameters
+    ----------
+    outline : Outline
+
+    Returns
+    -------
+    AreaMoments
+
+    Examples
+    --------
+    >>> from turnout.section.outline import make_outline
+    >>> moments = area_moments(make_outline([[0, 0], [2, 0], [2, 6], [0, 6]]))
+    >>> moments.area, moments.centroid_z, moments.second_moment_vertical
+    (12.0, 3.0, 36.0)
+    """
+    origin = outline.points.mean(axis=0)  # near the centroid, so that nothing large cancels
+    sums = np.sum([_ring_sums(ring - origin) for ring in (outline.points, *outline.holes)], axis=0)
+    area, first_y, first_z, lateral, vertical, product = (float(value) for value in sums)
+    y, z = first_y / area, first_z / area
+    return AreaMoments(
+        area=area,
+        centroid_y=float(origin[0]) + y,
+        centroid_z=float(origin[1]) + z,
+        second_moment_vertical=vertical - area * z**2,
+        second_moment_lateral=lateral - area * y**2,
+        product_moment=product - area * y * z,
+    )
+
+
+def principal_moments(moments: AreaMoments) -> tuple[float, float, float]:
+    """Return the greatest and the least second moment [m^4] and the angle of the first one's axis.
+
+    Parameters
+    ----------
+    moments : AreaMoments
+
+    Returns
+    -------
+    greatest, least : float
+        Principal second moments [m^4].
+    angle : float
+        From the y axis towards z to the axis about which the greatest acts [rad], in
+        (-pi/2, pi/2]; zero where all axes are alike.
+
+    Examples
+    --------
+    >>> from turnout.section.outline import make_outline, rotated
+    >>> upright = make_outline([[-1, -3], [1, -3], [1, 3], [-1, 3]])
+    >>> greatest, least, angle = principal_moments(area_moments(rotated(upright, angle=0.2)))
+    >>> round(greatest, 9), round(least, 9), round(angle, 9)
+    (36.0, 4.0, 0.2)
+    """
+    mean = 0.5 * (moments.second_moment_vertical + moments.second_moment_lateral)
+    difference = 0.5 * (moments.second_moment_vertical - moments.second_moment_lateral)
+    radius = float(np.hypot(difference, moments.product_moment))
+    if radius <= 1e-12 * mean:
+        return mean, mean, 0.0
+    angle = 0.5 * float(np.arctan2(-moments.product_moment, difference))
+    return mean + radius, mean - radius, angle
+
+
+def _ring_sums(ring: FloatArray) -> FloatArray:
+    """Sum over the edges: area, first moments in y and z, and of y^2, z^2, y z."""
+    y, z = ring.T
+    y_next, z_next = np.roll(ring, -1, axis=0).T
+    cross = y * z_next - y_next * z
+    mixed = 2.0 * y * z + y * z_next + y_next * z + 2.0 * y_next * z_next
+    rows = [
+        cross / 2.0,
+        cross * (y + y_next) / 6.0,
+        cross * (z + z_next) / 6.0,
+        cross * (y**2 + y * y_next + y_next**2) / 12.0,
+        cross * (z**2 + z * z_next + z_next**2) / 12.0,
+        cross * mixed / 24.0,
+    ]
+    return np.asarray(np.sum(rows, axis=1), dtype=float)
