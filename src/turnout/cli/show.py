@@ -54,7 +54,7 @@ def _family(panel: "LoadedPanel", name: str, members: dict[str, Any]) -> Iterato
             groups = fields.setdefault(leaf.below, {})
             groups.setdefault((leaf.text, leaf.origin), []).append(member)
     for below, groups in fields.items():
-        if below == "x" and len({origin for _, origin in groups}) == 1:
+        if below == "x" and _stand_alike(members, groups):
             yield from _aligned([Leaf(below, _places(members), next(iter(groups))[1])])
             continue
         ranked = sorted(groups.items(), key=lambda item: -len(item[1]))
@@ -64,6 +64,12 @@ def _family(panel: "LoadedPanel", name: str, members: dict[str, Any]) -> Iterato
             common = everyone or (number == 0 and most > len(members) / 2)
             label = below if common else f"{below} ({_listed(owners)})"
             yield from _aligned([Leaf(label, text, origin)])
+
+
+def _stand_alike(members: dict[str, Any], groups: dict[tuple[str, str], list[str]]) -> bool:
+    """Return whether positions can share a line: one number each, all of the same origin."""
+    one_each = all(isinstance(record.x, float) for record in members.values())
+    return one_each and len({origin for _, origin in groups}) == 1
 
 
 def _places(members: dict[str, Any]) -> str:

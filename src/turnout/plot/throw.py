@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.errors import ResponseError
-from turnout.metric.movement import Slip, movements, slips
+from turnout.metric.movement import Slip, Span, movements, slips
 from turnout.plot.style import (
     COLOURS,
     COMPARED,
@@ -136,17 +136,24 @@ def _draw(ax: "Axes", time: np.ndarray, curve: Curve, *, behind: bool) -> None:
     )
 
 
+def _shown(dataset: xr.Dataset) -> list[tuple[Span, float, float]]:
+    """Return each movement with the part of it that lies within the time of a dataset."""
+    first, last = float(dataset["time"][0]), float(dataset["time"][-1])
+    parts = [(span, max(span.start, first), min(span.end, last)) for span in movements(dataset)]
+    return [(span, start, end) for span, start, end in parts if start < end]
+
+
 def _shade(ax: "Axes", dataset: xr.Dataset) -> None:
     """Shade the time in which markers move."""
-    for span in movements(dataset):
-        ax.axvspan(span.start, span.end, color=SHADE, linewidth=0, zorder=0)
+    for _, start, end in _shown(dataset):
+        ax.axvspan(start, end, color=SHADE, linewidth=0, zorder=0)
 
 
 def _name_movements(ax: "Axes", dataset: xr.Dataset) -> None:
-    for span in movements(dataset):
+    for span, start, end in _shown(dataset):
         ax.annotate(
             f"{span.name} ({'closing' if span.to == 'closed' else 'opening'})",
-            xy=(0.5 * (span.start + span.end), 1.0),
+            xy=(0.5 * (start + end), 1.0),
             xycoords=("data", "axes fraction"),
             xytext=(0, 2),
             textcoords="offset points",

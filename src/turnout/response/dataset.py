@@ -1,7 +1,7 @@
 """A run as a dataset in the terms of the schema."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
@@ -13,7 +13,7 @@ from turnout.integrate.scheme import Scheme
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
-from turnout.panel.model import Panel
+from turnout.panel.model import Panel, Placed
 from turnout.response.coordinates import coordinates, stations
 from turnout.response.energies import energy_channels, energy_scale
 from turnout.response.gaps import contact_height, drive_gaps, sensor_gaps, stock_gap
@@ -192,7 +192,11 @@ def _object_record(panel: Panel, item: PlacedObject) -> dict[str, object]:
 
 def _place_name(panel: Panel, x: float) -> str:
     """Return what stands at a place, as it is called in the field."""
-    families = {"sleeper": panel.sleeper, "drive": panel.drive, "sensor": panel.sensor}
+    families: dict[str, Mapping[str, Placed]] = {
+        "sleeper": panel.sleeper,
+        "drive": panel.drive,
+        "sensor": panel.sensor,
+    }
     for family, members in families.items():
         for name, member in members.items():
             if abs(member.x - x) < PLACE_TOLERANCE:

@@ -97,7 +97,7 @@ def running_edge_distance(edge: RunningEdge, x: Floats) -> Floats:
 
     Examples
     --------
-    >>> edge = RunningEdge(radius=760.7, lead=2.1, minimum=0.0029, maximum=0.08)
+    >>> edge = RunningEdge(radius="760.7 m", lead="2.1 m", minimum="2.9 mm", maximum="80 mm")
     >>> running_edge_distance(edge, np.array([0.0, 15.0])).round(4).tolist()
     [0.0029, 0.1922]
     """

@@ -2,6 +2,7 @@
 
 import math
 
+from turnout.errors import ResponseError
 from turnout.integrate.scheme import Scheme
 
 LEAST_OUTPUT_INTERVAL = 1e-3
@@ -24,8 +25,10 @@ def scheme_for(*, step: float, cutoff_frequency: float) -> Scheme:
     >>> scheme_for(step=2e-3, cutoff_frequency=300.0).output_interval
     0.002
     """
-    whole = step > 0 and math.isfinite(step)
-    stride = max(1, math.ceil(LEAST_OUTPUT_INTERVAL / step - 1e-9)) if whole else 1
+    if not step > 0:
+        message = f"scheme: step = {step:g} s: must be more than 0"
+        raise ResponseError(message)
+    stride = max(1, math.ceil(LEAST_OUTPUT_INTERVAL / step - 1e-9))
     return Scheme(step=step, cutoff_frequency=cutoff_frequency, output_interval=stride * step)
 
 

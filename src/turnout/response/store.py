@@ -1,8 +1,6 @@
 """Datasets in netCDF files, written whole or not at all and read back to the last bit."""
 
-import errno
 import json
-import re
 from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.errors import FileError
-from turnout.files.atomic import atomic_path, write_fault
+from turnout.files.atomic import write_atomic
 from turnout.schema.channels import SCHEMA_VERSION
 
 SUFFIXES = (".nc",)
@@ -43,11 +41,9 @@ def save_response(dataset: xr.Dataset, path: Path | str) -> None:
         for name, variable in stored.variables.items()
         if variable.ndim and variable.size and variable.dtype.kind in "fb"
     }
-    with atomic_path(path) as temporary:
-        try:
-            stored.to_netcdf(temporary, engine=ENGINE, encoding=encoding)
-        except (OSError, RuntimeError) as error:
-            raise FileError(write_fault(Path(path), _system_error(error))) from None
+    # In memory first: on a full disk the HDF5 library crashes instead of reporting it.
+    content = stored.to_netcdf(engine=ENGINE, encoding=encoding)
+    write_atomic(path, bytes(content))
 
 
 def open_response(path: Path | str) -> xr.Dataset:
@@ -128,12 +124,3 @@ def _restored(dataset: xr.Dataset) -> xr.Dataset:
 
 def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
-
-
-def _system_error(error: Exception) -> OSError:
-    """Find the system's error number in what HDF5 says."""
-    number = getattr(error, "errno", None)
-    if number is None:
-        found = re.search(r"errno = (\d+)", str(error))
-        number = int(found.group(1)) if found else errno.EIO
-    return OSError(number, "the netCDF library could not write it")

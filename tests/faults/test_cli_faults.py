@@ -1,0 +1,124 @@
+"""Bad input on the command line: one message, exit code 2, no traceback, no file left."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import xarray as xr
+from tests.unit.simulated import sb1_dataset
+from tests.unit.test_cli_simulate import QUICK
+
+from turnout.panel.load import library_text
+from turnout.response.store import open_response
+
+
+def turnout(*arguments: str, folder: Path, limit: int | None = None) -> tuple[int, str]:
+    """Run the program in a folder; return exit code and stderr. The limit is of file sizes."""
+    run = subprocess.run(
+        [sys.executable, "-m", "turnout", *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))},
+        preexec_fn=_limiter(limit) if limit is not None else None,
+    )
+    return run.returncode, run.stderr
+
+
+def _limiter(limit: int) -> Callable[[], None]:
+    import resource
+
+    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (
+            ("--set", "chair.friction_coeficient=0.3"),
+            ("chair.friction_coeficient", "nearest is 'chair.friction_coefficient'"),
+        ),
+        (("--set", "drive.2.stiffness=81 mm"), ("drive.2.stiffness", "stiffness", "kN/m")),
+        (("--set", "drive.2.stiffness=81000"), ("drive.2.stiffness", "write the unit")),
+        (("--set", "drive.2.stiffness"), ("KEY=VALUE",)),
+        (("--set", "chair.friction_coefficient=nan"), ("chair.friction_coefficient",)),
+        (("sb3",), ("'sb3'", "nearest is 'sb2'")),
+        (("none.toml",), ("none.toml",)),
+        (("--object", "13mm"), ("SIZE@PLACE",)),
+        (("--object", "13@sleeper6"), ("13 would be 13 m",)),
+        (("--object", "13mm@sleeper66"), ("sleeper '66'", "there are '1'")),
+        (("--object", "200mm@sleeper6"), ("200 mm", "larger than the opening")),
+        (("--step", "1"), ("--step 1", "write the unit")),
+        (("--step", "0s"), ("must be more than 0",)),
+        (("--cutoff", "300ms"), ("--cutoff 300ms", "frequency")),
+        (("--out", "."), ("--out .", "is a folder")),
+        (("--out", "none/run.nc"), ("--out none/run.nc", "create it first")),
+        (("--out", "run.txt"), ("--out run.txt", "must end in .nc")),
+        (("--plot", "run.gif"), ("--plot run.gif", "must end in .png or .pdf or .svg")),
+        (("--no-such-option",), ("--no-such-option",)),
+    ],
+)
+def test_bad_input_is_one_message(
+    tmp_path: Path, arguments: tuple[str, ...], words: tuple[str, ...]
+) -> None:
+    outputs = () if {"--out", "--plot"} & set(arguments) else ("--out", "run.nc")
+    code, message = turnout("simulate", *arguments, *outputs, folder=tmp_path)
+    assert code == 2, message
+    assert "Traceback" not in message
+    for word in words:
+        assert word in message
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_out_and_plot_to_one_file(tmp_path: Path) -> None:
+    code, message = turnout("simulate", "--out", "run.nc", "--plot", "./run.nc", folder=tmp_path)
+    assert code == 2
+    assert "is also the file of --out" in message
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_is_not_writable(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    code, message = turnout("simulate", "--out", str(tmp_path / "run.nc"), folder=tmp_path)
+    tmp_path.chmod(0o700)
+    assert code == 2
+    assert "not writable" in message
+
+
+@pytest.mark.parametrize(("option", "limit"), [("--out=run.nc", 50_000), ("--plot=run.png", 9_000)])
+def test_no_space_left(tmp_path: Path, option: str, limit: int) -> None:
+    """The limit holds for every file of the process, so the kernels must be compiled before."""
+    assert sb1_dataset().sizes["time"] > 0
+    code, message = turnout("simulate", "sb1", *QUICK, option, folder=tmp_path, limit=limit)
+    assert code == 2, message
+    assert "no space left" in message
+    assert "Traceback" not in message
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_all_problems_of_a_panel_file_at_once(tmp_path: Path) -> None:
+    text = library_text("sb1").replace("friction_coefficient", "friction_coeficient")
+    text = text.replace('stroke = "0.120 m"', "stroke = 0.12").replace("750 kN/m", "750 kN")
+    (tmp_path / "own.toml").write_text(text, encoding="utf-8")
+    code, message = turnout("panel", "check", "own.toml", folder=tmp_path)
+    assert code == 2
+    assert "Traceback" not in message
+    assert "friction_coeficient" in message
+    assert "drive.1.stiffness" in message
+    assert "problems" in message.splitlines()[0]
+
+
+def test_the_same_run_from_a_shell(tmp_path: Path) -> None:
+    """From the program's start to the file on disk: the same numbers as in this process."""
+    from tests.unit.simulated import sb1_dataset
+
+
+    code, message = turnout("simulate", "sb1", *QUICK, "--out", "run.nc", folder=tmp_path)
+    assert code == 0, message
+    xr.testing.assert_identical(
+        open_response(tmp_path / "run.nc").drop_attrs(), sb1_dataset().drop_attrs()
+    )

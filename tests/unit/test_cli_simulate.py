@@ -1,0 +1,119 @@
+"""The command `simulate` in this process: the same numbers as Python, files, exit codes."""
+
+from pathlib import Path
+
+import pytest
+import xarray as xr
+from tests.unit.simulated import sb1_dataset, sb1_panel
+from typer.testing import CliRunner, Result
+
+from turnout.cli.main import app
+from turnout.integrate.scheme import Scheme
+from turnout.response.store import open_response
+
+# The panel of `sb1_panel`, as it is said on the command line.
+QUICK = [
+    "--set=schedule.end=2.5 s",
+    "--set=movement.return.start=1.6 s",
+    "--set=movement.return.duration=0.6 s",
+    "--set=movement.throw.start=0.2 s",
+    "--set=movement.throw.duration=1 s",
+]
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["simulate", "sb1", *QUICK, *map(str, arguments)])
+
+
+def test_python_and_program_agree_to_the_last_bit(tmp_path: Path) -> None:
+    result = run("--out", tmp_path / "run.nc")
+    assert result.exit_code == 0, result.stderr
+    written = open_response(tmp_path / "run.nc")
+    xr.testing.assert_identical(written.drop_attrs(), sb1_dataset().drop_attrs())
+    assert written.attrs["panel_hash"] == sb1_panel().hash
+
+
+def test_summary_and_files_are_told(tmp_path: Path) -> None:
+    result = run("--out", tmp_path / "run.nc", "--plot", tmp_path / "run.svg")
+    assert "locked" in result.stdout
+    assert f"{tmp_path / 'run.nc'} (" in result.stdout
+    assert f"{tmp_path / 'run.svg'} (" in result.stdout
+    assert (tmp_path / "run.svg").read_bytes().startswith(b"<?xml")
+
+
+def test_quiet_shows_nothing() -> None:
+    result = run("--quiet")
+    assert (result.exit_code, result.stdout, result.stderr) == (0, "", "")
+
+
+def test_step_and_cutoff_reach_the_scheme(tmp_path: Path) -> None:
+    run("--step", "2ms", "--cutoff", "0.2 kHz", "--out", tmp_path / "run.nc")
+    attributes = open_response(tmp_path / "run.nc").attrs
+    assert attributes["step"] == 2e-3
+    assert attributes["cutoff_frequency"] == 200.0
+    assert attributes["highest_mode_frequency"] <= 200.0
+
+
+def test_an_incomplete_run_is_kept_and_marked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "turnout.response.scheme.scheme_for", lambda **_: Scheme(iterations=1, halvings=0)
+    )
+    result = run("--out", tmp_path / "run.nc", "--plot", tmp_path / "run.png")
+    assert result.exit_code == 3
+    assert "not converged at t = " in result.stderr
+    assert "try a smaller step" in result.stderr
+    assert "NOT COMPLETE" in result.stdout
+    partial = open_response(tmp_path / "run.nc")
+    assert partial.attrs["complete"] is False
+    assert 0 < partial["time"][-1] < 2.5
+
+
+def test_ctrl_c_keeps_what_there_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def press(_watch: object, done: int, _total: int) -> None:
+        if done >= 1000:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("turnout.cli.watch.Watch.report", press)
+    result = run("--out", tmp_path / "run.nc")
+    assert result.exit_code == 130
+    assert "interrupted at t = 1.0" in result.stderr
+    partial = open_response(tmp_path / "run.nc")
+    assert partial.attrs["outcome"] == "interrupted"
+    assert float(partial["time"][-1]) == pytest.approx(1.0)
+
+
+def test_ctrl_c_before_the_first_step_writes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def press(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("turnout.response.simulate.build_mechanism", press)
+    result = run("--out", tmp_path / "run.nc")
+    assert result.exit_code == 130
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["list", "show", "sections", "schema"])
+def test_panel_commands_answer(command: str) -> None:
+    result = CliRunner().invoke(app, ["panel", command])
+    assert result.exit_code == 0, result.stderr
+    assert len(result.stdout.splitlines()) >= 3
+
+
+def test_panel_check_says_ok(tmp_path: Path) -> None:
+    from turnout.panel.load import library_text
+
+    path = tmp_path / "own.toml"
+    path.write_text(library_text("sb1"), encoding="utf-8")
+    result = CliRunner().invoke(app, ["panel", "check", str(path)])
+    assert result.exit_code == 0
+    assert "OK" in result.stdout
+
+
+def test_schema_goes_to_a_file(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["panel", "schema", "--out", str(tmp_path / "s.json")])
+    assert result.exit_code == 0
+    assert '"$schema"' in (tmp_path / "s.json").read_text(encoding="utf-8")

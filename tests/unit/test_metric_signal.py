@@ -1,0 +1,100 @@
+"""Features of channels and movements on hand-made datasets."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from tests.unit.simulated import sb2_dataset
+
+from turnout.metric.books import numerical_share, residual_share
+from turnout.metric.movement import movements, slips
+from turnout.metric.signal import at_end, filtered, first_time, largest
+
+TIME = np.linspace(0.0, 9.0, 9001)
+MOVEMENTS = [
+    {"name": "throw", "to": "open", "start": 1.0, "end": 4.0},
+    {"name": "return", "to": "closed", "start": 5.0, "end": 8.2},
+]
+
+
+def hand_made(*periods: tuple[float, float]) -> xr.Dataset:
+    """A drive that slips during the given periods."""
+    slipping = np.zeros((2, TIME.size), dtype=bool)
+    for first, last in periods:
+        slipping[1] |= (first <= TIME) & (last >= TIME)
+    return xr.Dataset(
+        {"drive_slipping": (("drive", "time"), slipping)},
+        {"drive": ["1", "2"], "time": TIME},
+        {"movements": json.dumps(MOVEMENTS)},
+    )
+
+
+def test_filter_keeps_a_constant_and_the_mean_of_a_ripple() -> None:
+    ripple = xr.DataArray(3.0 + np.sin(2 * np.pi * 10 * TIME), {"time": TIME}, "time")
+    smooth = filtered(ripple)
+    inner = smooth.sel(time=slice(0.1, 8.9))
+    np.testing.assert_allclose(inner, 3.0, atol=0.02)
+    constant = filtered(xr.full_like(ripple, 2.5))
+    np.testing.assert_allclose(constant, 2.5, rtol=1e-9)
+
+
+def test_filter_does_not_shift_a_ramp_and_works_along_time_only() -> None:
+    ramp = xr.DataArray(np.outer(TIME, [1.0, 2.0]), {"time": TIME}, ("time", "drive"))
+    smooth = filtered(ramp, window=0.2)
+    assert smooth.dims == ramp.dims
+    inner = slice(200, -200)
+    np.testing.assert_allclose(smooth[inner], ramp[inner], atol=1e-9)
+
+
+def test_filter_of_a_single_instant_is_that_instant() -> None:
+    one = xr.DataArray([4.0], {"time": [0.0]}, "time")
+    assert filtered(one).values.tolist() == [4.0]
+
+
+def test_first_time_of_what_never_happens_is_nan() -> None:
+    flag = xr.DataArray(np.zeros(3, dtype=bool), {"time": [0.0, 1.0, 2.0]}, "time")
+    assert np.isnan(float(first_time(flag)))
+    assert np.isnan(float(first_time(flag[:0])))
+
+
+def test_largest_and_last() -> None:
+    force = xr.DataArray([1.0, -5.0, 2.0], {"time": [0.0, 1.0, 2.0]}, "time")
+    assert float(largest(force)) == 5.0
+    assert float(at_end(force)) == 2.0
+
+
+def test_movements_come_from_the_attributes() -> None:
+    assert [span.to for span in movements(hand_made())] == ["open", "closed"]
+    assert movements(xr.Dataset()) == ()
+
+
+def test_nobody_slips() -> None:
+    assert slips(hand_made()) == []
+
+
+def test_a_slip_is_placed_in_its_movement() -> None:
+    found = slips(hand_made((2.0, 2.5), (3.0, 3.5), (7.5, 9.0)))
+    assert [(s.drive, s.time) for s in found] == [
+        ("2", pytest.approx(2.0)),
+        ("2", pytest.approx(7.5)),
+    ]
+    assert [s.movement.to for s in found if s.movement] == ["open", "closed"]
+
+
+def test_a_slip_held_into_the_next_movement_is_not_counted_again() -> None:
+    """A drive rests at its saturation force until the return relieves it."""
+    found = slips(hand_made((2.0, 5.4)))
+    assert [s.time for s in found] == [pytest.approx(2.0)]
+
+
+def test_without_movements_the_first_slip_counts() -> None:
+    found = slips(hand_made((2.0, 2.5)).drop_attrs())
+    assert [(s.time, s.movement) for s in found] == [(pytest.approx(2.0), None)]
+
+
+def test_shares_of_the_books() -> None:
+    dataset = sb2_dataset()
+    assert residual_share(dataset) < 1e-6
+    assert 0 < numerical_share(dataset) < 5e-3
+    assert np.isnan(residual_share(dataset.assign_attrs(energy_scale=0.0)))

@@ -1,0 +1,80 @@
+"""The words after a run, checked against the dataset that they are about."""
+
+import pytest
+import xarray as xr
+from tests.unit.simulated import sb1_dataset, sb2_dataset
+from tests.unit.test_response_simulate import interrupted
+
+from turnout.metric.summary import summary
+
+
+def text_of(dataset: xr.Dataset) -> str:
+    return "\n".join(f"{heading}: {text}" for heading, text in summary(dataset))
+
+
+def test_the_end_state_is_told() -> None:
+    dataset, text = sb2_dataset(), text_of(sb2_dataset())
+    end = dataset.isel(time=-1)
+    for name in ("1", "2"):
+        force = float(end["drive_force"].sel(drive=name)) / 1e3
+        gap = float(end["drive_gap"].sel(drive=name)) * 1e3
+        assert f"end force {force:.2f} kN; raw end gap {gap:.2f} mm" in text
+    assert f"first touched at t = {float(dataset['contact_time']):.3f} s" in text
+    assert "locked: yes" in text
+    assert "TKK1 yes" in text
+    assert "no drive slipped" in text
+    assert "13 mm at sleeper 6 (x = 3.6 m), rail A" in text
+    assert "BELOW the limit of 58 mm" in text
+    assert "cut-off 300 Hz" in text
+
+
+def test_a_gap_at_a_drive_is_told_as_bushing_stretch() -> None:
+    dataset = sb2_dataset()
+    stretch = float(dataset["drive_force"].sel(drive="2")[-1]) / 810.0
+    assert f"(bushing stretch {stretch:.2f} mm)" in text_of(dataset)
+
+
+def test_a_slipping_drive_is_told_with_place_and_time() -> None:
+    dataset = sb2_dataset().copy(deep=True)
+    late = dataset["time"].values >= 7.5
+    dataset["drive_slipping"].loc[{"drive": "2"}] = late
+    dataset["locked"].values[-1] = False
+    dataset["in_control"].values[:, -1] = False
+    dataset["force_margin"].loc[{"drive": "2", "direction": "closing"}] = -5.0
+    text = text_of(dataset)
+    assert "drive 2 at x = 6.9 m from t = 7.500 s, in the closing movement" in text
+    assert "none left closing" in text
+    assert "locked: NO" in text
+    assert "TKK1 NO" in text
+
+
+def test_a_slip_in_the_opening_throw_is_no_sign_of_an_object() -> None:
+    dataset = sb2_dataset().copy(deep=True)
+    early = (dataset["time"].values >= 3.0) & (dataset["time"].values < 3.2)
+    dataset["drive_slipping"].loc[{"drive": "2"}] = early
+    assert "in the opening movement (not the last one" in text_of(dataset)
+
+
+def test_an_incomplete_run_says_so_first() -> None:
+    assert "NOT COMPLETE: interrupted at t = 1.0" in text_of(interrupted())
+
+
+def test_no_object_and_overrides() -> None:
+    text = text_of(sb1_dataset())
+    assert "object: none" in text
+    assert "schedule.end = 2.5" in text
+
+
+def test_an_object_that_is_never_touched() -> None:
+    untouched = sb2_dataset().assign(object_touched=False)
+    assert "never touched" in text_of(untouched)
+
+
+@pytest.mark.parametrize("kept", [["drive_force"], ["gap"], ["locked"]])
+def test_what_was_not_kept_is_left_out(kept: list[str]) -> None:
+    assert "panel: sb2" in text_of(sb2_dataset()[kept])
+
+
+def test_a_run_without_equilibrium_has_little_to_tell() -> None:
+    nothing = sb2_dataset().isel(time=slice(0, 0)).assign_attrs(complete=False)
+    assert [heading for heading, _ in summary(nothing)] == ["panel", "object", "run"]

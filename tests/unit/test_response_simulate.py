@@ -1,0 +1,154 @@
+"""The chain from panel to dataset: what is kept, how runs end early, what is recorded."""
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+import xarray as xr
+from tests.unit.simulated import OBJECT, sb1_dataset, sb1_panel, sb2_dataset, sb2_panel
+
+from turnout.errors import PanelError, ResponseError, SolverError
+from turnout.integrate.outcome import Code, NotConverged
+from turnout.integrate.scheme import Scheme
+from turnout.panel.foreign_object import ForeignObject
+from turnout.response.save import Save
+from turnout.response.scheme import scheme_for
+from turnout.response.simulate import simulate
+from turnout.schema.check import schema_problems
+
+STUBBORN = Scheme(iterations=1, halvings=0)
+
+
+def interrupt(done: int, total: int) -> None:
+    """Press Ctrl-C half-way."""
+    assert total == 2500
+    if done >= 1000:
+        raise KeyboardInterrupt
+
+
+@cache
+def interrupted() -> xr.Dataset:
+    return simulate(sb1_panel(), throw=False, report=interrupt)
+
+
+def test_the_end_of_the_schedule_is_reached() -> None:
+    time = sb1_dataset()["time"].values
+    assert time[0] == 0.0
+    assert time[-1] == pytest.approx(2.5)
+    assert sb1_dataset().attrs["complete"] is True
+    assert sb1_dataset().attrs["outcome"] == "complete"
+
+
+def test_two_runs_are_the_same_to_the_last_bit() -> None:
+    again = simulate(sb1_panel())
+    xr.testing.assert_identical(again.drop_attrs(), sb1_dataset().drop_attrs())
+
+
+def test_attributes_say_what_made_the_numbers() -> None:
+    attributes = sb2_dataset().attrs
+    assert attributes["panel_hash"] == sb2_panel().hash
+    assert "cut-off 300 Hz" in attributes["scheme"]
+    placed = json.loads(attributes["foreign_objects"])
+    assert placed[0]["size"] == 0.013
+    assert placed[0]["place"] == "sleeper 6"
+    assert placed[0]["disappears"] is None
+    assert json.loads(attributes["overrides"]) == {}
+    assert json.loads(sb1_dataset().attrs["overrides"])["schedule.end"] == 2.5
+    rails = json.loads(attributes["superelements"])
+    assert all(rail["dofs_kept"] < 0.2 * rail["dofs"] for rail in rails)
+
+
+def test_an_interrupted_run_keeps_what_it_has() -> None:
+    partial = interrupted()
+    assert partial.attrs["complete"] is False
+    assert partial.attrs["outcome"] == "interrupted"
+    assert schema_problems(partial) == []
+    assert partial.sizes["time"] == 1001
+    same = sb1_dataset().isel(time=slice(0, 1001))
+    np.testing.assert_array_equal(partial["drive_force"], same["drive_force"])
+
+
+def test_an_early_end_raises_with_the_partial_response() -> None:
+    with pytest.raises(NotConverged, match="not converged at t = ") as caught:
+        simulate(sb1_panel(), scheme=STUBBORN)
+    partial = caught.value.partial
+    assert isinstance(partial, xr.Dataset)
+    assert caught.value.outcome.code is Code.NOT_CONVERGED
+    assert 0 < partial.sizes["time"] < 2501
+    assert partial.attrs["outcome_message"] == caught.value.outcome.message()
+    assert schema_problems(partial) == []
+
+
+def test_without_raising_the_partial_response_comes_back() -> None:
+    partial = simulate(sb1_panel(), scheme=STUBBORN, throw=False)
+    assert partial.attrs["complete"] is False
+
+
+def test_unknown_places_are_refused_before_the_run() -> None:
+    with pytest.raises(PanelError, match="sleeper"):
+        simulate(sb2_panel(), foreign_object=ForeignObject("13 mm", "sleeper 99"))
+
+
+def test_an_object_of_the_panel_and_one_given_are_both_placed() -> None:
+    panel = sb2_panel().with_overrides({"object.stone": {"size": 0.01, "at": "sleeper 9"}})
+    dataset = simulate(panel, foreign_object=OBJECT, save=Save(fields=("object_force",)))
+    names = [item["name"] for item in json.loads(dataset.attrs["foreign_objects"])]
+    assert names == ["stone", "1"]
+
+
+def test_output_interval_thins_the_same_run() -> None:
+    thin = simulate(sb1_panel(), save=Save(interval=0.01))
+    same = sb1_dataset().isel(time=slice(0, None, 10))
+    np.testing.assert_array_equal(thin["drive_force"], same["drive_force"])
+    np.testing.assert_allclose(thin["time"], same["time"], rtol=0, atol=1e-12)
+
+
+def test_chosen_stations() -> None:
+    dataset = simulate(sb1_panel(), save=Save(stations=(1.0, 2.5), interval=0.05))
+    assert dataset["x"].values.tolist() == [1.0, 2.5]
+    whole = simulate(sb1_panel(), save=Save(stations="all", interval=0.05))
+    assert whole.sizes["x"] > 140
+    for x in (1.0, 2.5):
+        np.testing.assert_allclose(
+            dataset["gap"].sel(x=x), whole["gap"].interp(x=x), rtol=0, atol=1e-12
+        )
+
+
+def test_chosen_fields_bring_only_their_coordinates() -> None:
+    dataset = simulate(sb1_panel(), save=Save(fields=("drive_force", "locked"), interval=0.05))
+    assert set(dataset.data_vars) == {"drive_force", "locked"}
+    assert "chair" not in dataset.coords
+    assert "drive_x" in dataset.coords
+    assert schema_problems(dataset) == []
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"fields": ("drive_forse",)}, "nearest is drive_force"),
+        ({"fields": "gap"}, "tuple of channel names"),
+        ({"interval": -1.0}, "must be positive"),
+        ({"stations": "some"}, "places .* or 'all'"),
+        ({"stations": (2.0, 1.0)}, "rising order"),
+    ],
+)
+def test_a_wrong_choice_is_refused(given: dict[str, object], words: str) -> None:
+    with pytest.raises(ResponseError, match=words):
+        Save(**given)  # type: ignore[arg-type]
+
+
+def test_an_interval_that_is_no_multiple_of_the_step_is_refused() -> None:
+    with pytest.raises(SolverError, match="no multiple"):
+        simulate(sb1_panel(), save=Save(interval=1.5e-3))
+
+
+@pytest.mark.parametrize(("step", "stride"), [(2.5e-4, 4), (3e-4, 4), (1e-3, 1), (2e-3, 1)])
+def test_scheme_stores_about_every_millisecond(step: float, stride: int) -> None:
+    assert scheme_for(step=step, cutoff_frequency=300.0).stride == stride
+
+
+@pytest.mark.parametrize("step", [0.0, -1e-3])
+def test_no_step_is_refused(step: float) -> None:
+    with pytest.raises(ResponseError, match="must be more than 0"):
+        scheme_for(step=step, cutoff_frequency=300.0)
