@@ -14,7 +14,7 @@ the change of potential where a law changes its segment within a step.
 from turnout.integrate.solve import Work, friction_limit, row_forces
 from turnout.integrate.system import Floats, State, System, set_segment
 from turnout.law.compiled import compiled
-from turnout.law.kernel import STICK, law_argument, law_energy
+from turnout.law.kernel import STICK, law_argument, law_energy, law_force, segment_for
 from turnout.law.table import LawTable
 
 MARKERS, FRICTION, DAMPING, SWITCHED, ALGORITHMIC, SEGMENTS = range(6)
@@ -90,23 +90,27 @@ def account_friction(table: LawTable, state: State) -> None:
 
 @compiled
 def switch_laws(table: LawTable, state: State, work: Work, time: float) -> int:
-    """Let laws appear or disappear at `time`; return how many rows are marked for an update."""
+    """Let laws appear or disappear at `time`; return how many rows are marked for an update.
+
+    A law that would press on the structure at once (a foreign object larger than the gap) waits
+    until there is room for it.
+    """
     count = 0
     for law in range(table.row.size):
         present = 1 if table.appears[law] <= time + 1e-9 <= table.disappears[law] + 2e-9 else 0
         if present == state.present[law]:
             continue
-        state.present[law] = present
         e = law_argument(table, law, state.g, state.inputs)
-        energy = 0.0
-        segment = state.segment[law]
         if present:
-            first, last = table.segment_start[law], table.segment_start[law + 1]
-            segment = 0
-            while first + segment < last - 1 and e > table.segment_upper[first + segment]:
-                segment += 1
-            energy = law_energy(table, law, segment, e)
+            segment = segment_for(table, law, e, state.segment[law], 0.0)
+            if law_force(table, law, segment, e) > 0.0:
+                continue
+            state.law_placed[law] = time
+        else:
+            segment = state.segment[law]
+        state.present[law] = present
         set_segment(table, state, law, segment)
+        energy = law_energy(table, law, segment, e) if present else 0.0
         state.ledger[SWITCHED] += energy - state.law_energy[law]
         state.law_energy[law] = energy
         state.law_argument[law] = e

@@ -53,8 +53,9 @@ class History:
         Forces with which laws and frictions resist [N].
     stored, ledger : ndarray, shape (n, 4), (n, 6)
         Energies, see `turnout.integrate.energy` for the columns [J].
-    law_first, law_peak : ndarray, shape (n_laws,)
-        First time with a force (nan: never) [s] and largest force [N], from every step.
+    law_placed, law_first, law_peak : ndarray, shape (n_laws,)
+        When a law began to act (nan: there was never room for it), when it first had a force
+        (nan: never) [s], and its largest force [N]; from every step.
     model : ModalModel
         The condensed system, for the recovery of shapes.
     outcome : Outcome
@@ -71,6 +72,7 @@ class History:
     friction_force: Floats
     stored: Floats
     ledger: Floats
+    law_placed: Floats
     law_first: Floats
     law_peak: Floats
     model: ModalModel
@@ -170,6 +172,7 @@ def _integrate(
         friction_force=record.friction[:kept],
         stored=record.stored[:kept],
         ledger=record.ledger[:kept],
+        law_placed=state.law_placed,
         law_first=state.law_first,
         law_peak=state.law_peak,
         model=model,
@@ -211,6 +214,7 @@ def _start(
     """Find the static equilibrium without friction, then anchor the feet where they stand."""
     slippery = laws._replace(friction_coefficient=np.zeros_like(laws.friction_coefficient))
     state.present[:] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9)
+    state.law_placed[state.present == 1] = 0.0
     for law in range(laws.row.size):
         set_segment(laws, state, law, state.segment[law])
     state.friction[:] = SLIP_FORWARD

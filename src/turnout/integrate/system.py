@@ -81,6 +81,7 @@ class State(NamedTuple):
     inputs: Floats
     ledger: Floats
     counters: Ints
+    law_placed: Floats
     law_first: Floats
     law_peak: Floats
 
@@ -196,6 +197,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int) -> State:
         inputs=np.zeros(n_inputs),
         ledger=np.zeros(6),
         counters=np.zeros(6, dtype=np.int64),
+        law_placed=np.full(n_laws, np.nan),
         law_first=np.full(n_laws, np.nan),
         law_peak=np.zeros(n_laws),
     )
