@@ -117,3 +117,21 @@ def test_schema_goes_to_a_file(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["panel", "schema", "--out", str(tmp_path / "s.json")])
     assert result.exit_code == 0
     assert '"$schema"' in (tmp_path / "s.json").read_text(encoding="utf-8")
+
+
+def thrown(panel: str, *arguments: str) -> str:
+    result = CliRunner().invoke(app, ["panel", "check", panel, "--throw", *arguments])
+    assert result.exit_code == 0
+    return result.stdout
+
+
+def test_a_panel_is_thrown_to_warn_of_slip() -> None:
+    """The opening throw of SB2 has 0.44 kN of 6 kN left, its closing throw 2.4 kN."""
+    text = thrown("sb2")
+    assert "warning: drive 2 has 0.44 kN left before it slips when opening" in text
+    assert "when closing" not in text
+
+
+def test_a_panel_with_less_friction_has_no_warning() -> None:
+    text = thrown("sb2", "--set", "chair.friction_coefficient=0.2")
+    assert "every drive keeps at least 10 % of its force" in text

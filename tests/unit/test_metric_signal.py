@@ -8,7 +8,7 @@ import xarray as xr
 from tests.unit.simulated import sb2_dataset
 
 from turnout.metric.books import numerical_share, residual_share
-from turnout.metric.movement import movements, slips
+from turnout.metric.movement import margins, movements, slips
 from turnout.metric.signal import at_end, filtered, first_time, largest
 
 TIME = np.linspace(0.0, 9.0, 9001)
@@ -98,3 +98,10 @@ def test_shares_of_the_books() -> None:
     assert residual_share(dataset) < 1e-6
     assert 0 < numerical_share(dataset) < 5e-3
     assert np.isnan(residual_share(dataset.assign_attrs(energy_scale=0.0)))
+
+
+def test_margins_are_tight_below_a_tenth() -> None:
+    dataset = sb2_dataset().copy(deep=True)
+    dataset["force_margin"].values[:] = [[599.0, np.nan], [601.0, -5.0]]
+    found = [(m.drive, m.direction, m.tight) for m in margins(dataset)]
+    assert found == [("1", "opening", True), ("2", "opening", False), ("2", "closing", True)]

@@ -1,12 +1,15 @@
 """The commands `turnout panel ...`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from turnout.cli.options import DEFAULT_PANEL, PanelArgument, SetOption, opened_panel
 from turnout.cli.outputs import check_outputs
+
+if TYPE_CHECKING:
+    from turnout.panel.load import LoadedPanel
 
 app = typer.Typer(
     help="Look at switch panels: list, show, check, sections, schema.",
@@ -41,10 +44,38 @@ def show_command(
 def check_command(
     file: Annotated[str, typer.Argument(metavar="FILE", help="Panel file (.toml).")],
     settings: SetOption = [],  # noqa: B006 - typer copies it
+    throw: Annotated[
+        bool,
+        typer.Option(
+            "--throw", help="Throw it as well, and warn of drives that come near to slipping."
+        ),
+    ] = False,
 ) -> None:
     """Check a panel file: OK, or all that is wrong with it."""
     panel = opened_panel(file, settings)
     typer.echo(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
+    if throw:
+        _warn_of_slip(panel)
+
+
+def _warn_of_slip(panel: "LoadedPanel") -> None:
+    """Throw a panel; say which drives have less than a tenth of their force left."""
+    from turnout.cli.watch import Watch
+    from turnout.metric.movement import margins
+    from turnout.response.compilation import must_compile
+    from turnout.response.simulate import simulate
+
+    with Watch(f"throwing {panel.name}", compiling=must_compile(), quiet=False) as watch:
+        dataset = simulate(panel, report=watch.report)
+    tight = [margin for margin in margins(dataset) if margin.tight]
+    for margin in tight:
+        left = f"{margin.force / 1e3:.2f} kN" if margin.force > 0 else "nothing"
+        typer.echo(
+            f"warning: drive {margin.drive} has {left} left before it slips when "
+            f"{margin.direction}, less than 10 %; such a slip is no trapped object"
+        )
+    if not tight:
+        typer.echo("every drive keeps at least 10 % of its force")
 
 
 @app.command("sections")

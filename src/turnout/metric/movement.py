@@ -1,11 +1,14 @@
-"""The movements of a dataset, and when its drives slip in them."""
+"""The movements of a dataset, when its drives slip in them, and how near they come to it."""
 
 import json
+import math
 from dataclasses import dataclass
 
 import xarray as xr
 
 from turnout.metric.signal import first_time
+
+LEAST_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +28,21 @@ class Slip:
     drive: str
     time: float
     movement: Span | None
+
+
+@dataclass(frozen=True, slots=True)
+class Margin:
+    """What a drive has left below its saturation force in movements of a direction [N]."""
+
+    drive: str
+    direction: str
+    force: float
+    share: float
+
+    @property
+    def tight(self) -> bool:
+        """Whether less than a tenth of the saturation force is left."""
+        return self.share < LEAST_SHARE
 
 
 def movements(dataset: xr.Dataset) -> tuple[Span, ...]:
@@ -51,3 +69,15 @@ def slips(dataset: xr.Dataset) -> list[Slip]:
             if when < until:
                 found.append(Slip(str(drive), when, span))
     return sorted(found, key=lambda slip: slip.time)
+
+
+def margins(dataset: xr.Dataset) -> list[Margin]:
+    """Return the margin of each drive in each direction that it moved in."""
+    found = []
+    for drive in dataset["drive"].values:
+        limit = float(dataset["saturation_force"].sel(drive=drive))
+        for direction in dataset["direction"].values:
+            force = float(dataset["force_margin"].sel(drive=drive, direction=direction))
+            if not math.isnan(force):
+                found.append(Margin(str(drive), str(direction), force, force / limit))
+    return found

@@ -7,7 +7,7 @@ from typing import Any
 import xarray as xr
 
 from turnout.metric.books import numerical_share, residual_share
-from turnout.metric.movement import Slip, movements, slips
+from turnout.metric.movement import Margin, Slip, margins, movements, slips
 from turnout.metric.signal import at_end
 
 
@@ -112,26 +112,26 @@ def _drives(dataset: xr.Dataset) -> list[tuple[str, str]]:
         if "end_gap" in drive:
             parts.append(f"raw end gap {_milli(drive['end_gap'])}{_stretch(drive)}")
         if "force_margin" in drive:
-            parts += _margins(drive["force_margin"])
+            own = [_margin(item) for item in margins(dataset) if item.drive == str(name)]
+            parts += [f"margin to slip {', '.join(own)}"] if own else []
         lines.append((f"drive {name}", "; ".join(parts)))
     if "end_gap" in dataset:
         lines.append(("", "gaps are raw: a held force stretches the bushing (force / stiffness)"))
     return lines
 
 
-def _margins(margin: xr.DataArray) -> list[str]:
-    found = {str(name): float(margin.sel(direction=name)) for name in margin["direction"].values}
-    texts = [
-        f"{f'{_kilo(value)}' if value > 0 else 'none left'} {direction}"
-        for direction, value in found.items()
-        if not math.isnan(value)
-    ]
-    return [f"margin to slip {', '.join(texts)}"] if texts else []
+def _margin(margin: Margin) -> str:
+    if margin.force <= 0:
+        return f"none left {margin.direction}"
+    text = f"{_kilo(margin.force)} {margin.direction}"
+    return f"{text} (only {100 * margin.share:.1f} %)" if margin.tight else text
 
 
 def _stretch(drive: xr.Dataset) -> str:
     """Say how much of an end gap is the elastic stretch of a bushing that does not slip."""
     if "drive_force" not in drive or "drive_slipping" not in drive:
+        return ""
+    if not drive.attrs.get("complete", True):
         return ""
     if at_end(drive["drive_slipping"]):
         return ""

@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
+from turnout.errors import ResponseError
 from turnout.integrate.outcome import NotConverged
 from turnout.integrate.run import Floats, integrate
 from turnout.integrate.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
+from turnout.mechanism.threads import one_blas_thread
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.panel.motion import marker_offsets, marker_positions
@@ -53,6 +55,8 @@ def simulate(
 
     Raises
     ------
+    ResponseError
+        When `panel` is no loaded panel.
     PanelError
         When a foreign object does not fit the panel.
     NotConverged
@@ -66,6 +70,9 @@ def simulate(
     ('drive', 'time')
     """
     began = time.perf_counter()
+    if not isinstance(panel, LoadedPanel):
+        message = f"simulate() takes a panel from load_panel(), not {type(panel).__name__}"
+        raise ResponseError(message)
     scheme, save = scheme or Scheme(), save or Save()
     if save.interval is not None:
         scheme = replace(scheme, output_interval=save.interval)
@@ -79,7 +86,8 @@ def simulate(
         report=report,
     )
     solved = time.perf_counter()
-    dataset = response_dataset(panel, mechanism, history, save=save)
+    with one_blas_thread():
+        dataset = response_dataset(panel, mechanism, history, save=save)
     attributes = describe_run(
         panel,
         mechanism,
