@@ -43,7 +43,7 @@ def changed(edits: list[tuple[tuple[Any, ...], Any]]) -> dict[str, Any]:
         for part in path[:-1]:
             table = table.get(part) if isinstance(table, dict) else None
         if isinstance(table, dict):
-            table[path[-1]] = value
+            table[path[-1]] = copy.deepcopy(value)  # no value may come to hold itself
     return data
 
 
