@@ -2,6 +2,7 @@
 
 import json
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from turnout.errors import PanelError, ResponseError, SolverError
 from turnout.integrate.outcome import Code, NotConverged
 from turnout.integrate.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
+from turnout.response.compilation import must_compile
 from turnout.response.save import Save
 from turnout.response.scheme import scheme_for
 from turnout.response.simulate import simulate
@@ -152,3 +154,12 @@ def test_scheme_stores_about_every_millisecond(step: float, stride: int) -> None
 def test_no_step_is_refused(step: float) -> None:
     with pytest.raises(ResponseError, match="must be more than 0"):
         scheme_for(step=step, cutoff_frequency=300.0)
+
+
+def test_compilation_is_announced_only_when_it_is_due(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert sb1_dataset().attrs["complete"]
+    assert not must_compile()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert must_compile()
