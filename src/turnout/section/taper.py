@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import shapely
-from shapely.affinity import translate
 
 from turnout.errors import MechanicsError
-from turnout.section.outline import FloatArray, Outline, outline_of, polygon_of
+from turnout.section.outline import FloatArray, Outline, moved, outline_of, polygon_of
 
 # What cutting leaves closer together than this is one point [m].
 _SMALLEST_EDGE = 1e-6
@@ -79,6 +78,8 @@ class PlanedSection:
         Distance w between the running edges [m].
     outline : Outline
         The largest piece left; y from the switch rail's running edge, z from its foot [m].
+    stock_rail : Outline
+        The stock rail beside it, in the same frame [m].
     dropped_areas : tuple of float
         Areas of the other pieces, which the cuts severed, largest first [m^2].
     thin_area : float
@@ -87,6 +88,7 @@ class PlanedSection:
 
     running_edge_offset: float
     outline: Outline
+    stock_rail: Outline
     dropped_areas: tuple[float, ...]
     thin_area: float
 
@@ -124,10 +126,9 @@ def planed_section(
     [-0.038, 0.0]
     """
     offset = running_edge_offset
-    full = translate(polygon_of(switch_rail), -planing.running_edge_switch, 0.0)
-    stock = translate(
-        polygon_of(stock_rail), -planing.running_edge_stock - offset, -planing.seat_height
-    )
+    beside = moved(stock_rail, y=-planing.running_edge_stock - offset, z=-planing.seat_height)
+    full = polygon_of(moved(switch_rail, y=-planing.running_edge_switch))
+    stock = polygon_of(beside)
     reach = stock.bounds[2] - full.bounds[0] + planing.clearance
     left = full.difference(_shadow(stock, clearance=planing.clearance, reach=max(reach, 0.0)))
     lowering = float(np.interp(offset, planing.lowering_offset, planing.lowering))
@@ -143,6 +144,7 @@ def planed_section(
     return PlanedSection(
         running_edge_offset=offset,
         outline=outline_of(_pieces(tidy, smallest=0.0)[0]),
+        stock_rail=beside,
         dropped_areas=tuple(piece.area for piece in pieces[1:]),
         thin_area=whole.area - thick.area,
     )
