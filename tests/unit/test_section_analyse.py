@@ -121,6 +121,7 @@ def test_finer_mesh_says_that_it_errs_less() -> None:
         ({"poisson_ratio": -1.0}, "Poisson's ratio"),
         ({"poisson_ratio": 0.6}, "Poisson's ratio"),
         ({"refinements": 0}, "at least 1"),
+        ({"element_length": 0.0}, "must be positive"),
         ({"element_length": -0.01}, "must be positive"),
     ],
 )

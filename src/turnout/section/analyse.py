@@ -127,7 +127,7 @@ def analyse_outlines(
     rows = []
     for outline in outlines:
         moments = area_moments(outline)
-        length = element_length or moments.area**0.5 / _ELEMENTS_ACROSS
+        length = moments.area**0.5 / _ELEMENTS_ACROSS if element_length is None else element_length
         fine, coarse = (
             _elastic(outline, poisson_ratio=poisson_ratio, length=length, refinements=times)
             for times in (refinements, refinements - 1)
