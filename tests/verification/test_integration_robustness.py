@@ -89,7 +89,7 @@ def test_halved_steps_come_nearer_to_a_fine_solution_not_further() -> None:
 
 
 def test_a_run_that_cannot_settle_ends_with_time_names_and_partial_history() -> None:
-    history = attempt(iterations=1, halvings=1)
+    history = attempt(iterations=1, halvings=1, follow_path=False)
     outcome = history.outcome
     assert outcome.code is Code.NOT_CONVERGED
     assert 0.0 <= outcome.time < 2.0
@@ -104,7 +104,7 @@ def test_a_run_that_cannot_settle_ends_with_time_names_and_partial_history() -> 
 
 
 def test_a_run_that_cannot_settle_names_what_did_not() -> None:
-    outcome = attempt(iterations=1, halvings=1).outcome
+    outcome = attempt(iterations=1, halvings=1, follow_path=False).outcome
     assert outcome.code is Code.NOT_CONVERGED
     assert outcome.contacts, "no law is named"
     assert len(outcome.contacts) < 2 * N_FEET + 2, "every law is named"
@@ -162,3 +162,13 @@ def test_a_blow_up_is_an_outcome() -> None:
     assert history.outcome.time == pytest.approx(0.5, abs=5e-3)
     assert np.all(np.isfinite(history.g))
     assert "no longer finite" in history.outcome.message()
+
+
+def test_a_step_that_does_not_settle_is_walked_event_by_event() -> None:
+    """One iteration a step settles nothing with an event in it: the path does all of them."""
+    walked, free = attempt(iterations=1, halvings=1), attempt()
+    assert walked.outcome.complete, walked.outcome.message()
+    assert walked.halved > 20
+    peak = np.abs(free.g).max()
+    assert np.sqrt(np.mean((walked.g - free.g) ** 2)) < 0.01 * peak
+    assert energy_residual(walked) < 1e-6

@@ -32,6 +32,10 @@ from turnout.law.compiled import compiled
 from turnout.law.kernel import STICK
 from turnout.law.table import LawTable
 
+# After so many flips, or one that divides by so little, columns are made anew after the step.
+REBUILD_AFTER = 500
+SHARP = 1e-3
+
 
 @compiled
 def row_target(system: System, table: LawTable, state: State, row: int, entries: Floats) -> float:
@@ -151,6 +155,8 @@ def update_row(system: System, table: LawTable, state: State, row: int, scratch:
         pivot[i] /= denominator
     state.counters[COUNT_FLIPS] += 1
     state.counters[COUNT_RECENT] += 1
+    if abs(denominator) < SHARP:
+        state.counters[COUNT_RECENT] += REBUILD_AFTER
     if vanished:
         deactivate(system, state, row)
 
@@ -187,7 +193,10 @@ def refresh_inverse(system: System, state: State, inertia: float, viscosity: flo
         for j in range(n_modes):
             matrix[i, j] = viscosity * system.damping[i, j] - state.columns[j, n_rows + i]
         matrix[i, i] += inertia + system.eigenvalues[i]
-    state.inverse[:, :] = np.linalg.inv(matrix)
+    try:
+        state.inverse[:, :] = np.linalg.inv(matrix)
+    except Exception:  # the only kind a kernel can name; a body that floats, or NaN before it
+        state.inverse[:, :] = np.nan
 
 
 @compiled

@@ -11,7 +11,7 @@ residual. The numerical loss is the scheme's (`algorithmic`) and, law by law, th
 the change of potential where a law changes its segment within a step.
 """
 
-from turnout.integrate.solve import Work, friction_limit, row_forces
+from turnout.integrate.solve import Work, friction_limit, mark_law, row_forces
 from turnout.integrate.system import Floats, State, System, set_segment
 from turnout.law.compiled import compiled
 from turnout.law.kernel import STICK, law_argument, law_energy, law_force, segment_for
@@ -89,11 +89,10 @@ def account_friction(table: LawTable, state: State) -> None:
 
 
 @compiled
-def switch_laws(table: LawTable, state: State, work: Work, time: float) -> int:
+def switch_laws(system: System, table: LawTable, state: State, work: Work, time: float) -> int:
     """Let laws appear or disappear at `time`; return how many rows are marked for an update.
 
-    A law that would press on the structure at once (a foreign object larger than the gap) waits
-    until there is room for it.
+    A law that waits for room (a foreign object) does not appear while it would press at once.
     """
     count = 0
     for law in range(table.row.size):
@@ -101,24 +100,19 @@ def switch_laws(table: LawTable, state: State, work: Work, time: float) -> int:
         if present == state.present[law]:
             continue
         e = law_argument(table, law, state.g, state.inputs)
+        segment = state.segment[law]
         if present:
-            segment = segment_for(table, law, e, state.segment[law], 0.0)
-            if law_force(table, law, segment, e) > 0.0:
+            segment = segment_for(table, law, e, segment, 0.0)
+            if table.waits[law] and law_force(table, law, segment, e) > 0.0:
                 continue
             state.law_placed[law] = time
-        else:
-            segment = state.segment[law]
         state.present[law] = present
         set_segment(table, state, law, segment)
         energy = law_energy(table, law, segment, e) if present else 0.0
         state.ledger[SWITCHED] += energy - state.law_energy[law]
         state.law_energy[law] = energy
         state.law_argument[law] = e
-        row = table.row[law]
-        if work.dirty[row] == 0:
-            work.dirty[row] = 1
-            work.dirty_list[count] = row
-            count += 1
+        count = mark_law(system, table, state, work, count, law)
     return count
 
 

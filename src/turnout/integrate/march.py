@@ -5,7 +5,7 @@ Kernels change `State` in place and return an outcome code; they never raise and
 
 from typing import NamedTuple
 
-from turnout.integrate.columns import rebuild, refresh_inverse
+from turnout.integrate.columns import REBUILD_AFTER, rebuild, refresh_inverse
 from turnout.integrate.energy import (
     account_friction,
     account_laws,
@@ -13,8 +13,10 @@ from turnout.integrate.energy import (
     stored_energy,
     switch_laws,
 )
+from turnout.integrate.follow import follow_path, start_of_path
 from turnout.integrate.solve import (
     CONVERGED,
+    NOT_CONVERGED,
     Tolerances,
     Work,
     equilibrium_residual,
@@ -26,8 +28,6 @@ from turnout.integrate.system import COUNT_HALVED, COUNT_RECENT, Floats, State, 
 from turnout.law.compiled import compiled
 from turnout.law.table import LawTable
 
-REBUILD_AFTER = 500
-
 
 class Stepping(NamedTuple):
     """Step size and generalised-alpha coefficients."""
@@ -38,6 +38,7 @@ class Stepping(NamedTuple):
     beta: float
     gamma: float
     halvings: int
+    follow_path: bool
     stride: int
 
 
@@ -113,18 +114,32 @@ def _try_step(
     tolerances: Tolerances,
     stepping: Stepping,
     h: float,
+    inputs: tuple[Floats, Floats],
+    last: bool,
 ) -> int:
-    """Take one step of length `h`; on failure leave the state as it was."""
+    """Take one step of length `h`; on failure leave the state as it was, bar its inputs.
+
+    A `last` attempt follows the path where the contact set does not settle.
+    """
     _predict(system, state, work, stepping, h)
-    work.g[:] = state.g
+    work.g_start[:] = state.g
     work.old_segment[:] = state.segment
     work.old_friction[:] = state.friction
     code = settle(system, table, state, work, tolerances)
+    if code == NOT_CONVERGED and last:
+        state.q[:] = work.q
+        state.inputs[:] = inputs[0]
+        restore_set(system, table, state, work)
+        inertia, viscosity = _coefficients(stepping, h)
+        rebuild(system, table, state, inertia, viscosity, work.row)
+        aim = work.right_side.copy()
+        start = start_of_path(system, table, state, inertia, viscosity)
+        code = follow_path(system, table, state, work, tolerances, (start, aim), inputs)
     if code == CONVERGED:
         _correct(state, work, stepping, h)
         return code
     state.q[:] = work.q
-    state.g[:] = work.g
+    state.g[:] = work.g_start
     restore_set(system, table, state, work)
     return code
 
@@ -152,7 +167,9 @@ def _advance(
         begin[:] = state.inputs
         for k in range(new.size):
             state.inputs[k] = old[k] + share * (new[k] - old[k])
-        code = _try_step(system, table, state, work, tolerances, stepping, h)
+        last = stepping.follow_path and level == stepping.halvings
+        pair = (begin, state.inputs.copy())
+        code = _try_step(system, table, state, work, tolerances, stepping, h, pair, last)
         if code != CONVERGED:
             state.inputs[:] = begin
             level += 1
@@ -162,6 +179,7 @@ def _advance(
             inertia, viscosity = _coefficients(stepping, stepping.step / (1 << level))
             rebuild(system, table, state, inertia, viscosity, work.row)
             continue
+        work.unsettled[:] = 0
         account_modal(system, state, work)
         account_laws(table, state, begin, time + share * stepping.step)
         account_friction(table, state)
@@ -211,7 +229,7 @@ def march(
     refresh_inverse(system, state, inertia, viscosity)
     for n in range(first, last):
         time = n * stepping.step
-        count = switch_laws(table, state, work, time + stepping.step)
+        count = switch_laws(system, table, state, work, time + stepping.step)
         update_marked(system, table, state, work, count)
         pair = (inputs[n], inputs[n + 1])
         code = _advance(system, table, state, work, tolerances, stepping, pair, time)

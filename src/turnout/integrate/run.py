@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from turnout.errors import SolverError
 from turnout.integrate.columns import rebuild
 from turnout.integrate.energy import account_friction, account_laws
+from turnout.integrate.equilibrium import resting_segments
 from turnout.integrate.march import Record, Stepping, march, store
 from turnout.integrate.outcome import Code, Outcome
 from turnout.integrate.scheme import AlphaCoefficients, Scheme
@@ -114,6 +115,20 @@ def integrate(
         return _integrate(mechanism, scheme, inputs, end, report)
 
 
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """What the kernels of one run work on."""
+
+    system: System
+    laws: LawTable
+    state: State
+    work: Work
+    tolerances: Tolerances
+    stepping: Stepping
+    positions: Floats
+    record: Record
+
+
 def _integrate(
     mechanism: Mechanism,
     scheme: Scheme,
@@ -121,51 +136,34 @@ def _integrate(
     end: float,
     report: Callable[[int, int], None] | None,
 ) -> History:
-    stride = scheme.stride
     n_stored = round(end / scheme.output_interval) + 1
     if n_stored < 2:
         msg = f"end = {end:g} s is shorter than one output interval"
         raise SolverError(msg)
-    n_steps = (n_stored - 1) * stride
     model = condense(mechanism, cutoff_frequency=scheme.cutoff_frequency)
-    system = condensed_system(model, mechanism.laws)
-    positions = np.ascontiguousarray(
-        inputs(scheme.step * np.arange(n_steps + 1, dtype=np.float64)).T
-    )
-    state = fresh_state(system, mechanism.laws, n_inputs=positions.shape[1])
-    work = new_work(system, mechanism.laws)
-    state.inputs[:] = positions[0]
-    tolerances = Tolerances(scheme.gap_tolerance, scheme.force_tolerance, scheme.iterations)
-    record = _empty_record(system, mechanism.laws, n_stored)
-    code = _start(system, mechanism.laws, state, work, tolerances)
-    done = 0
+    times = scheme.step * np.arange((n_stored - 1) * scheme.stride + 1, dtype=np.float64)
+    run = _prepare(mechanism, model, scheme, np.ascontiguousarray(inputs(times).T), n_stored)
+    code, done = _start(run, mechanism), 0
     if code == Code.COMPLETE:
-        store(system, mechanism.laws, state, work, record, 0)
-        code, done = _march_in_chunks(
-            system,
-            mechanism.laws,
-            state,
-            work,
-            tolerances,
-            _stepping(scheme),
-            positions,
-            record,
-            report,
-        )
-    residual = equilibrium_residual(system, mechanism.laws, state, work)
+        store(run.system, run.laws, run.state, run.work, run.record, 0)
+        code, done = _march_in_chunks(run, report)
+    residual = equilibrium_residual(run.system, run.laws, run.state, run.work)
     outcome = Outcome(
         code=code,
         time=done * scheme.step,
         step=done,
-        residual=max(float(record.residual[0]), float(residual)),
-        contacts=()
-        if code in (Code.COMPLETE, Code.INTERRUPTED)
-        else _unsettled(mechanism, state, work),
+        residual=max(float(run.record.residual[0]), float(residual)),
+        contacts=_unsettled(mechanism, run.work),
     )
-    kept = 0 if code == Code.NO_EQUILIBRIUM else done // stride + 1
+    kept = 0 if code == Code.NO_EQUILIBRIUM else done // scheme.stride + 1
+    return _history(run, scheme, model, outcome, kept)
+
+
+def _history(run: _Run, scheme: Scheme, model: ModalModel, outcome: Outcome, kept: int) -> History:
+    record, state = run.record, run.state
     return History(
         time=scheme.output_interval * np.arange(kept, dtype=np.float64),
-        inputs=positions[: done + 1 : stride][:kept],
+        inputs=run.positions[:: scheme.stride][:kept],
         q=record.q[:kept],
         g=record.g[:kept],
         law_force=record.law[:kept],
@@ -183,45 +181,60 @@ def _integrate(
     )
 
 
-def _stepping(scheme: Scheme) -> Stepping:
+def _prepare(
+    mechanism: Mechanism, model: ModalModel, scheme: Scheme, positions: Floats, n_stored: int
+) -> _Run:
+    laws = mechanism.laws
+    system = condensed_system(model, laws)
+    state = fresh_state(system, laws, n_inputs=positions.shape[1])
+    state.inputs[:] = positions[0]
     alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
-    return Stepping(
-        scheme.step,
-        alpha.alpha_m,
-        alpha.alpha_f,
-        alpha.beta,
-        alpha.gamma,
-        scheme.halvings,
-        scheme.stride,
+    return _Run(
+        system=system,
+        laws=laws,
+        state=state,
+        work=new_work(system, laws),
+        tolerances=Tolerances(scheme.gap_tolerance, scheme.force_tolerance, scheme.iterations),
+        stepping=Stepping(
+            scheme.step,
+            alpha.alpha_m,
+            alpha.alpha_f,
+            alpha.beta,
+            alpha.gamma,
+            scheme.halvings,
+            scheme.follow_path,
+            scheme.stride,
+        ),
+        positions=positions,
+        record=Record(
+            q=np.empty((n_stored, system.eigenvalues.size)),
+            g=np.empty((n_stored, system.row_load.size)),
+            friction=np.empty((n_stored, laws.friction_row.size)),
+            law=np.empty((n_stored, laws.row.size)),
+            stored=np.empty((n_stored, 4)),
+            ledger=np.empty((n_stored, 6)),
+            residual=np.zeros(1),
+        ),
     )
 
 
-def _empty_record(system: System, laws: LawTable, n_stored: int) -> Record:
-    return Record(
-        q=np.empty((n_stored, system.eigenvalues.size)),
-        g=np.empty((n_stored, system.row_load.size)),
-        friction=np.empty((n_stored, laws.friction_row.size)),
-        law=np.empty((n_stored, laws.row.size)),
-        stored=np.empty((n_stored, 4)),
-        ledger=np.empty((n_stored, 6)),
-        residual=np.zeros(1),
-    )
-
-
-def _start(
-    system: System, laws: LawTable, state: State, work: Work, tolerances: Tolerances
-) -> Code:
+def _start(run: _Run, mechanism: Mechanism) -> Code:
     """Find the static equilibrium without friction, then anchor the feet where they stand."""
+    system, laws, state, work = run.system, run.laws, run.state, run.work
     slippery = laws._replace(friction_coefficient=np.zeros_like(laws.friction_coefficient))
-    state.present[:] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9)
+    state.present[:] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9) & (laws.waits == 0)
     state.law_placed[state.present == 1] = 0.0
     for law in range(laws.row.size):
         set_segment(laws, state, law, state.segment[law])
     state.friction[:] = SLIP_FORWARD
     rebuild(system, slippery, state, 1.0, 0.0, work.row)
-    generous = tolerances._replace(iterations=max(tolerances.iterations, 400))
-    if equilibrium(system, slippery, state, work, generous) != Code.COMPLETE:
-        return Code.NO_EQUILIBRIUM
+    if equilibrium(system, slippery, state, work, run.tolerances) != Code.COMPLETE:
+        segments = resting_segments(mechanism, inputs=state.inputs, present=state.present)
+        for law, segment in enumerate(segments):
+            set_segment(laws, state, law, segment)
+        rebuild(system, slippery, state, 1.0, 0.0, work.row)
+        if equilibrium(system, slippery, state, work, run.tolerances) != Code.COMPLETE:
+            return Code.NO_EQUILIBRIUM
     state.friction[:] = STICK
     state.anchor[:] = state.g[laws.friction_row]
     account_laws(laws, state, state.inputs, 0.0)
@@ -231,25 +244,23 @@ def _start(
     return Code.COMPLETE
 
 
-def _march_in_chunks(
-    system: System,
-    laws: LawTable,
-    state: State,
-    work: Work,
-    tolerances: Tolerances,
-    stepping: Stepping,
-    positions: Floats,
-    record: Record,
-    report: Callable[[int, int], None] | None,
-) -> tuple[Code, int]:
+def _march_in_chunks(run: _Run, report: Callable[[int, int], None] | None) -> tuple[Code, int]:
     """March, coming up for air now and then so that progress shows and Ctrl-C is heard."""
-    n_steps = positions.shape[0] - 1
+    n_steps = run.positions.shape[0] - 1
     done = 0
     try:
         while done < n_steps:
-            last = min(done + CHUNK_STEPS, n_steps)
             number, done = march(
-                system, laws, state, work, tolerances, stepping, positions, done, last, record
+                run.system,
+                run.laws,
+                run.state,
+                run.work,
+                run.tolerances,
+                run.stepping,
+                run.positions,
+                done,
+                min(done + CHUNK_STEPS, n_steps),
+                run.record,
             )
             if number != Code.COMPLETE:
                 return Code(number), done
@@ -260,10 +271,15 @@ def _march_in_chunks(
     return Code.COMPLETE, done
 
 
-def _unsettled(mechanism: Mechanism, state: State, work: Work) -> tuple[str, ...]:
-    """Name the laws whose check still fails after the last attempt."""
-    slipping = np.flatnonzero(state.friction != work.old_friction)
-    moving = np.flatnonzero(state.segment != work.old_segment)
-    names = [mechanism.law_names[i] for i in moving]
-    names += [f"friction {mechanism.friction_names[i]}" for i in slipping]
-    return tuple(names)
+def _unsettled(mechanism: Mechanism, work: Work) -> tuple[str, ...]:
+    """Name the laws on rows that still changed when the last attempt ended."""
+    rows = work.unsettled.astype(bool)
+    names = [
+        name for name, row in zip(mechanism.law_names, mechanism.laws.row, strict=True) if rows[row]
+    ]
+    names += [
+        f"friction {name}"
+        for name, row in zip(mechanism.friction_names, mechanism.laws.friction_row, strict=True)
+        if rows[row]
+    ]
+    return tuple(dict.fromkeys(names))

@@ -26,6 +26,8 @@ class Scheme:
         Contact-set iterations a step before the step is halved.
     halvings : int
         How often a step is halved before the run ends.
+    follow_path : bool
+        Whether the smallest step, where it does not settle, is walked event by event.
     output_interval : float
         Time between stored instants [s]; a multiple of the step.
     """
@@ -37,6 +39,7 @@ class Scheme:
     force_tolerance: float = 1e-6
     iterations: int = 40
     halvings: int = 6
+    follow_path: bool = True
     output_interval: float = 1e-3
 
     def __post_init__(self) -> None:
@@ -48,20 +51,23 @@ class Scheme:
             problems.append(f"cutoff_frequency = {self.cutoff_frequency:g} Hz: must be positive")
         if not 0 <= self.spectral_radius <= 1:
             problems.append(f"spectral_radius = {self.spectral_radius:g}: allowed is 0 to 1")
-        if self.output_interval < self.step * (1 - 1e-9):
-            problems.append(
-                f"output_interval = {self.output_interval:g} s is below the step; "
-                "take the step or a multiple of it"
-            )
-        elif abs(self.stride * self.step - self.output_interval) > 1e-6 * self.output_interval:
-            problems.append(
-                f"output_interval = {self.output_interval:g} s is no multiple of the step "
-                f"{self.step:g} s"
-            )
+        if not problems:
+            problems += self._output_problems()
         if self.iterations < 1 or self.halvings < 0:
             problems.append("iterations must be at least 1, halvings at least 0")
         if problems:
             raise SolverError("scheme: " + "; ".join(problems))
+
+    def _output_problems(self) -> list[str]:
+        interval = self.output_interval
+        if not interval >= self.step * (1 - 1e-9):
+            return [
+                f"output_interval = {interval:g} s is below the step; "
+                "take the step or a multiple of it"
+            ]
+        if not abs(self.stride * self.step - interval) <= 1e-6 * interval:
+            return [f"output_interval = {interval:g} s is no multiple of the step {self.step:g} s"]
+        return []
 
     @property
     def stride(self) -> int:

@@ -24,7 +24,10 @@ CONVERGED, NOT_CONVERGED, NOT_FINITE = 0, 1, 2
 
 
 class Work(NamedTuple):
-    """Scratch arrays of the kernels; their content means nothing between calls."""
+    """Scratch arrays of the kernels; their content means nothing between calls.
+
+    Except `unsettled`: it flags the rows that still changed when a step was given up.
+    """
 
     row: Floats
     predicted: Floats
@@ -32,6 +35,7 @@ class Work(NamedTuple):
     right_side: Floats
     dirty: Ints
     dirty_list: Ints
+    unsettled: Ints
     old_segment: Ints
     old_friction: Ints
     q: Floats
@@ -39,6 +43,7 @@ class Work(NamedTuple):
     a: Floats
     acceleration: Floats
     g: Floats
+    g_start: Floats
 
 
 class Tolerances(NamedTuple):
@@ -144,7 +149,10 @@ def check_segments(
             at -= state.inputs[table.input_index[law]]
         if at > state.upper[law] + gap or at < state.lower[law] - gap:
             e = at - table.offset[law]
-            segment = segment_for(table, law, e, state.segment[law], gap)
+            present = state.segment[law]
+            segment = segment_for(table, law, e, present, gap)
+            # to the neighbour only: a jump over a segment can go back and forth for ever
+            segment = min(max(segment, present - 1), present + 1)
             set_segment(table, state, law, segment)
             count = mark_law(system, table, state, work, count, law)
             if one_at_a_time:
@@ -207,6 +215,8 @@ def settle(
         count = check_laws(system, table, state, work, tolerances, one_at_a_time)
         if count == 0:
             return CONVERGED
+        if iteration == tolerances.iterations - 1:
+            work.unsettled[:] = work.dirty
         update_marked(system, table, state, work, count)
     return NOT_CONVERGED
 
@@ -283,6 +293,7 @@ def new_work(system: System, table: LawTable) -> Work:
         right_side=modal[2],
         dirty=np.zeros(n_rows, dtype=np.int64),
         dirty_list=np.zeros(n_rows, dtype=np.int64),
+        unsettled=np.zeros(n_rows, dtype=np.int64),
         old_segment=np.zeros(table.row.size, dtype=np.int64),
         old_friction=np.zeros(table.friction_row.size, dtype=np.int64),
         q=modal[3],
@@ -290,4 +301,5 @@ def new_work(system: System, table: LawTable) -> Work:
         a=modal[5],
         acceleration=modal[6],
         g=np.zeros(n_rows),
+        g_start=np.zeros(n_rows),
     )

@@ -126,6 +126,10 @@ def condensed_system(model: ModalModel, table: LawTable) -> System:
     if np.any(table.input_index[normals] >= 0):
         msg = "the normal law of a friction row cannot be driven by a marker"
         raise MechanicsError(msg)
+    lowest = table.segment_start[normals]
+    if np.any(table.slope[lowest] != 0) or np.any(table.intercept[lowest] != 0):
+        msg = "the normal law of a friction row must be a contact, which never pulls"
+        raise MechanicsError(msg)
     pattern: list[list[int]] = [[r] for r in range(n_rows)]
     for friction in range(n_frictions):
         columns = pattern[table.friction_row[friction]]

@@ -48,11 +48,6 @@ def kernel_cache_folder() -> Path:
     return user_cache_folder() / f"kernels-{digest.hexdigest()[:16]}"
 
 
-def kernels_are_cached() -> bool:
-    """Tell whether compiled kernels for the present sources lie in the cache."""
-    return any(kernel_cache_folder().rglob("*.nbi"))
-
-
 def _prepare_numba() -> Any:
     folder = kernel_cache_folder()
     try:

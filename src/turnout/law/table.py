@@ -24,7 +24,8 @@ class LawTable(NamedTuple):
 
     Segment `s` of law `l` is entry ``segment_start[l] + s``; it holds for arguments between
     ``segment_lower`` and ``segment_upper``. ``potential`` makes the energy continuous and zero
-    where ``e`` is zero. ``base_segment[l]`` is folded into the linear system (-1: none).
+    where ``e`` is zero. ``base_segment[l]`` is folded into the linear system (-1: none). A law with
+    ``waits`` appears only once it would not press at once.
     """
 
     row: Ints
@@ -39,6 +40,7 @@ class LawTable(NamedTuple):
     base_segment: Ints
     appears: Floats
     disappears: Floats
+    waits: Ints
     friction_row: Ints
     friction_normal: Ints
     friction_coefficient: Floats
@@ -49,7 +51,7 @@ class LawTable(NamedTuple):
 class LawTableBuilder:
     """Collects laws one by one; `table` closes the books."""
 
-    laws: list[tuple[int, float, int, int, float, float]] = field(default_factory=list)
+    laws: list[tuple[int, float, int, int, float, float, bool]] = field(default_factory=list)
     segments: list[list[tuple[float, float, float, float, float]]] = field(default_factory=list)
     frictions: list[tuple[int, int, float, float]] = field(default_factory=list)
 
@@ -64,6 +66,7 @@ class LawTableBuilder:
         base_segment: int = -1,
         appears: float = -np.inf,
         disappears: float = np.inf,
+        waits: bool = False,
     ) -> int:
         """Add a continuous piecewise-linear law with zero force at ``e = 0``.
 
@@ -83,6 +86,8 @@ class LawTableBuilder:
             Segment that the linear system already holds, -1 for none.
         appears, disappears : float
             The law acts for ``appears <= t <= disappears`` [s].
+        waits : bool
+            It does not appear before its force would be zero: an object needs room.
 
         Returns
         -------
@@ -103,7 +108,7 @@ class LawTableBuilder:
             _continue(intercept, potential, slopes, s, s - 1, lower[s])
         for s in range(home - 1, -1, -1):
             _continue(intercept, potential, slopes, s, s + 1, upper[s])
-        self.laws.append((row, offset, input_index, base_segment, appears, disappears))
+        self.laws.append((row, offset, input_index, base_segment, appears, disappears, waits))
         self.segments.append(
             list(zip(lower, upper, slopes, intercept, potential, strict=True)),
         )
@@ -118,6 +123,7 @@ class LawTableBuilder:
         base_closed: bool = False,
         appears: float = -np.inf,
         disappears: float = np.inf,
+        waits: bool = False,
     ) -> int:
         """Add a unilateral spring that acts once the row exceeds `clearance` (segment 1)."""
         return self.add_piecewise(
@@ -128,6 +134,7 @@ class LawTableBuilder:
             base_segment=1 if base_closed else -1,
             appears=appears,
             disappears=disappears,
+            waits=waits,
         )
 
     def add_friction(
@@ -139,7 +146,7 @@ class LawTableBuilder:
 
     def table(self) -> LawTable:
         """Return the finished table."""
-        laws = np.array(self.laws, dtype=float).reshape(-1, 6)
+        laws = np.array(self.laws, dtype=float).reshape(-1, 7)
         flat = np.array([s for law in self.segments for s in law], dtype=float).reshape(-1, 5)
         counts = [len(law) for law in self.segments]
         frictions = np.array(self.frictions, dtype=float).reshape(-1, 4)
@@ -157,6 +164,7 @@ class LawTableBuilder:
             base_segment=laws[:, 3].astype(np.int64),
             appears=laws[:, 4].copy(),
             disappears=laws[:, 5].copy(),
+            waits=laws[:, 6].astype(np.int64),
             friction_row=frictions[:, 0].astype(np.int64),
             friction_normal=frictions[:, 1].astype(np.int64),
             friction_coefficient=frictions[:, 2].copy(),

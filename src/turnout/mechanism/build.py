@@ -221,6 +221,7 @@ def _add_object(rows: _Rows, laws: LawTableBuilder, rail: Rail, item: PlacedObje
         clearance=_gap(rail, item.x) - item.size,
         appears=item.appears,
         disappears=item.disappears,
+        waits=True,
     )
 
 

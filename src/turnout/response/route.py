@@ -43,10 +43,10 @@ class Throw:
 def throws(panel: Panel) -> tuple[Throw, ...]:
     """Return the movements of a panel in the order of time."""
     ordered = ordered_movements(panel)
-    onsets = [movement.start for _, movement in ordered[1:]] + [float("inf")]
+    starts = [movement.start for _, movement in ordered]
     return tuple(
         Throw(name, movement.to, movement.start, movement_end(panel, movement), until)
-        for (name, movement), until in zip(ordered, onsets, strict=True)
+        for (name, movement), until in zip(ordered, (*starts, float("inf"))[1:], strict=False)
     )
 
 

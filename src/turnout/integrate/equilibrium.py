@@ -1,0 +1,74 @@
+"""Where a mechanism rests without friction: the lowest point of its potential energy.
+
+Every law resists with a force that does not fall, so the energy is convex and Newton steps that are
+shortened until the energy falls find its lowest point from anywhere. It works on all coordinates
+and serves where iterating the contact set goes round in circles.
+"""
+
+import numpy as np
+
+from turnout.integrate.system import Floats, Ints
+from turnout.law.table import LawTable
+from turnout.mechanism.mechanism import Mechanism
+
+ITERATIONS = 300
+
+
+def resting_segments(mechanism: Mechanism, *, inputs: Floats, present: Ints) -> Ints:
+    """Return the segment of every law at rest, as near as the iterations come.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Its laws without friction.
+    inputs : ndarray, shape (n_inputs,)
+        Marker positions [m].
+    present : ndarray of int, shape (n_laws,)
+        Whether a law acts.
+    """
+    table, rows = mechanism.laws, mechanism.rows
+    at_input = np.where(table.input_index >= 0, inputs[table.input_index] if inputs.size else 0, 0)
+    zero = table.offset + at_input
+    u = np.zeros(rows.shape[1])
+
+    def energy(u: Floats) -> float:
+        _, potential, _ = _laws(table, (rows @ u)[table.row] - zero)
+        return float(u @ (0.5 * (mechanism.stiffness @ u) - mechanism.load) + present @ potential)
+
+    for _ in range(ITERATIONS):
+        e = (rows @ u)[table.row] - zero
+        force, _, slope = _laws(table, e)
+        residual = mechanism.stiffness @ u - mechanism.load
+        residual += np.bincount(table.row, present * force, rows.shape[0]) @ rows
+        tangent = (
+            mechanism.stiffness
+            + (rows.T * np.bincount(table.row, present * slope, rows.shape[0])) @ rows
+        )
+        if not np.isfinite(residual).all():
+            break
+        direction = -np.linalg.lstsq(tangent, residual)[0]
+        now, descent, share = energy(u), float(residual @ direction), 1.0
+        while energy(u + share * direction) > now + 1e-4 * share * descent and share > 1e-9:
+            share *= 0.5
+        u = u + share * direction
+        if np.abs(direction).max() <= 1e-12 * max(float(np.abs(u).max()), 1e-6):
+            break
+    return _segments(table, (rows @ u)[table.row] - zero)
+
+
+def _segments(table: LawTable, e: Floats) -> Ints:
+    counts = [
+        int(np.searchsorted(table.segment_upper[first : last - 1], value))
+        for first, last, value in zip(
+            table.segment_start[:-1], table.segment_start[1:], e, strict=True
+        )
+    ]
+    return np.array(counts, dtype=np.int64)
+
+
+def _laws(table: LawTable, e: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return force [N], energy [J] and slope [N/m] of every law at its argument."""
+    at = table.segment_start[:-1] + _segments(table, e)
+    force = table.slope[at] * e + table.intercept[at]
+    energy = (0.5 * table.slope[at] * e + table.intercept[at]) * e + table.potential[at]
+    return force, energy, table.slope[at]
