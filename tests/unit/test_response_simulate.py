@@ -19,7 +19,7 @@ from turnout.response.scheme import scheme_for
 from turnout.response.simulate import simulate
 from turnout.schema.check import schema_problems
 
-STUBBORN = Scheme(iterations=1, halvings=0)
+STUBBORN = Scheme(iterations=1, halvings=0, follow_path=False)
 
 
 def interrupt(done: int, total: int) -> None:
