@@ -150,20 +150,21 @@ def update_row(system: System, table: LawTable, state: State, row: int, scratch:
             alpha[j] = weight
         for i in range(column.size):
             column[i] += weight * pivot[i]
-    _update_inverse(state, alpha, pivot[system.row_load.size :], scratch[width + n_modes :])
+    modal_force = pivot[system.row_load.size :]
+    modal = _update_inverse(state, alpha, modal_force, scratch[width + n_modes :])
     for i in range(pivot.size):
         pivot[i] /= denominator
     state.counters[COUNT_FLIPS] += 1
     state.counters[COUNT_RECENT] += 1
-    if abs(denominator) < SHARP:
+    if min(abs(denominator), abs(modal)) < SHARP:
         state.counters[COUNT_RECENT] += REBUILD_AFTER
     if vanished:
         deactivate(system, state, row)
 
 
 @compiled
-def _update_inverse(state: State, alpha: Floats, force: Floats, scratch: Floats) -> None:
-    """Subtract ``force alpha^T`` from the modal matrix by updating its inverse."""
+def _update_inverse(state: State, alpha: Floats, force: Floats, scratch: Floats) -> float:
+    """Subtract ``force alpha^T`` from the modal matrix by its inverse; return the divisor."""
     n_modes = alpha.size
     left = scratch[:n_modes]
     right = scratch[n_modes : 2 * n_modes]
@@ -182,6 +183,7 @@ def _update_inverse(state: State, alpha: Floats, force: Floats, scratch: Floats)
         row = state.inverse[i]
         for j in range(n_modes):
             row[j] += weight * right[j]
+    return denominator
 
 
 @compiled

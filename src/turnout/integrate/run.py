@@ -228,12 +228,13 @@ def _start(run: _Run, mechanism: Mechanism) -> Code:
         set_segment(laws, state, law, state.segment[law])
     state.friction[:] = SLIP_FORWARD
     rebuild(system, slippery, state, 1.0, 0.0, work.row)
-    if equilibrium(system, slippery, state, work, run.tolerances) != Code.COMPLETE:
+    patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
+    if equilibrium(system, slippery, state, work, patient) != Code.COMPLETE:
         segments = resting_segments(mechanism, inputs=state.inputs, present=state.present)
         for law, segment in enumerate(segments):
             set_segment(laws, state, law, segment)
         rebuild(system, slippery, state, 1.0, 0.0, work.row)
-        if equilibrium(system, slippery, state, work, run.tolerances) != Code.COMPLETE:
+        if equilibrium(system, slippery, state, work, patient) != Code.COMPLETE:
             return Code.NO_EQUILIBRIUM
     state.friction[:] = STICK
     state.anchor[:] = state.g[laws.friction_row]
