@@ -34,7 +34,7 @@ from turnout.law.table import LawTable
 
 # After so many flips, or one that divides by so little, columns are made anew after the step.
 REBUILD_AFTER = 500
-SHARP = 1e-3
+SHARP = 0.1
 
 
 @compiled

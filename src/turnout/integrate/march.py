@@ -55,7 +55,7 @@ class Record(NamedTuple):
 
 
 @compiled
-def _coefficients(stepping: Stepping, h: float) -> tuple[float, float]:
+def coefficients(stepping: Stepping, h: float) -> tuple[float, float]:
     """Return what multiplies identity and damping in the matrix of the implicit step."""
     kappa = (1.0 - stepping.alpha_f) / (1.0 - stepping.alpha_m)
     return 1.0 / (h * h * stepping.beta * kappa), stepping.gamma / (h * stepping.beta)
@@ -64,7 +64,7 @@ def _coefficients(stepping: Stepping, h: float) -> tuple[float, float]:
 @compiled
 def _predict(system: System, state: State, work: Work, stepping: Stepping, h: float) -> None:
     """Save the state and write the right side of the implicit step."""
-    inertia, viscosity = _coefficients(stepping, h)
+    inertia, viscosity = coefficients(stepping, h)
     share = 1.0 / (1.0 - stepping.alpha_m)
     n_modes = state.q.size
     for i in range(n_modes):
@@ -92,7 +92,7 @@ def _predict(system: System, state: State, work: Work, stepping: Stepping, h: fl
 @compiled
 def _correct(state: State, work: Work, stepping: Stepping, h: float) -> None:
     """Complete velocity and accelerations from the solved coordinates."""
-    inertia, viscosity = _coefficients(stepping, h)
+    inertia, viscosity = coefficients(stepping, h)
     share = 1.0 / (1.0 - stepping.alpha_m)
     for i in range(state.q.size):
         change = state.q[i] - work.predicted[i]
@@ -130,7 +130,7 @@ def _try_step(
         state.q[:] = work.q
         state.inputs[:] = inputs[0]
         restore_set(system, table, state, work)
-        inertia, viscosity = _coefficients(stepping, h)
+        inertia, viscosity = coefficients(stepping, h)
         rebuild(system, table, state, inertia, viscosity, work.row)
         aim = work.right_side.copy()
         start = start_of_path(system, table, state, inertia, viscosity)
@@ -176,7 +176,7 @@ def _advance(
             if level > stepping.halvings:
                 return code
             state.counters[COUNT_HALVED] += 1
-            inertia, viscosity = _coefficients(stepping, stepping.step / (1 << level))
+            inertia, viscosity = coefficients(stepping, stepping.step / (1 << level))
             rebuild(system, table, state, inertia, viscosity, work.row)
             continue
         work.unsettled[:] = 0
@@ -185,7 +185,7 @@ def _advance(
         account_friction(table, state)
         position += size
     if level > 0:
-        inertia, viscosity = _coefficients(stepping, stepping.step)
+        inertia, viscosity = coefficients(stepping, stepping.step)
         refresh_inverse(system, state, inertia, viscosity)
     return CONVERGED
 
@@ -223,10 +223,10 @@ def march(
     inputs : ndarray, shape (n_steps + 1, n_inputs)
         Marker positions at the ends of the steps [m].
     first, last : int
-        Indices into `inputs`; the state is that of instant `first`.
+        Indices into `inputs`; the state is that of instant `first`, its modal inverse that of the
+        nominal step. Where a march is cut into several does not change a bit of the result.
     """
-    inertia, viscosity = _coefficients(stepping, stepping.step)
-    refresh_inverse(system, state, inertia, viscosity)
+    inertia, viscosity = coefficients(stepping, stepping.step)
     for n in range(first, last):
         time = n * stepping.step
         count = switch_laws(system, table, state, work, time + stepping.step)

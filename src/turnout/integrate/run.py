@@ -1,5 +1,6 @@
 """Integrate a mechanism from its static equilibrium through a motion of its markers."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -10,7 +11,7 @@ from turnout.errors import SolverError
 from turnout.integrate.columns import rebuild
 from turnout.integrate.energy import account_friction, account_laws
 from turnout.integrate.equilibrium import resting_segments
-from turnout.integrate.march import Record, Stepping, march, store
+from turnout.integrate.march import Record, Stepping, coefficients, march, store
 from turnout.integrate.outcome import Code, Outcome
 from turnout.integrate.scheme import AlphaCoefficients, Scheme
 from turnout.integrate.solve import Tolerances, Work, equilibrium, equilibrium_residual, new_work
@@ -33,7 +34,8 @@ from turnout.mechanism.threads import one_blas_thread
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-CHUNK_STEPS = 500
+# A march comes up for air after so many seconds, and at the first after so many steps.
+BREATH, FIRST_CHUNK = 0.1, 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,16 +243,18 @@ def _start(run: _Run, mechanism: Mechanism) -> Code:
     account_laws(laws, state, state.inputs, 0.0)
     account_friction(laws, state)
     state.ledger[:] = 0.0
-    rebuild(system, laws, state, 1.0, 0.0, work.row)
+    inertia, viscosity = coefficients(run.stepping, run.stepping.step)
+    rebuild(system, laws, state, inertia, viscosity, work.row)
     return Code.COMPLETE
 
 
 def _march_in_chunks(run: _Run, report: Callable[[int, int], None] | None) -> tuple[Code, int]:
     """March, coming up for air now and then so that progress shows and Ctrl-C is heard."""
     n_steps = run.positions.shape[0] - 1
-    done = 0
+    done, chunk = 0, FIRST_CHUNK
     try:
         while done < n_steps:
+            began = time.perf_counter()
             number, done = march(
                 run.system,
                 run.laws,
@@ -260,11 +264,13 @@ def _march_in_chunks(run: _Run, report: Callable[[int, int], None] | None) -> tu
                 run.stepping,
                 run.positions,
                 done,
-                min(done + CHUNK_STEPS, n_steps),
+                min(done + chunk, n_steps),
                 run.record,
             )
             if number != Code.COMPLETE:
                 return Code(number), done
+            took = max(time.perf_counter() - began, 1e-3)
+            chunk = max(1, round(chunk * min(BREATH / took, 4.0)))
             if report is not None:
                 report(done, n_steps)
     except KeyboardInterrupt:
