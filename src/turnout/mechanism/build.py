@@ -1,46 +1,48 @@
-"""From panel records to a mechanism: the only file that sees both definition and mechanics."""
+"""From panel records to a mechanism: laws and rows; see `build_rails` for the rails.
+
+These two files alone see both definition and mechanics.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from turnout.beam.material import Material
-from turnout.beam.mesh import mesh_nodes
 from turnout.errors import MechanicsError
 from turnout.law.table import LawTableBuilder
+from turnout.mechanism.build_rails import (
+    SIGN,
+    stands_on,
+    stock_body,
+    stock_rail_data,
+    switch_rail_data,
+)
 from turnout.mechanism.mechanism import LawIndex, Mechanism
 from turnout.mechanism.rail import (
     Point,
-    RailData,
     ReducedRail,
-    Support,
-    rayleigh_factors,
     reduce_rail,
 )
 from turnout.mechanism.threads import one_blas_thread
 from turnout.panel.foreign_object import PlacedObject
-from turnout.panel.model import Chair, Drive, Fastening, Link, Panel, Rail, Stop
+from turnout.panel.model import Chair, Drive, Link, Panel, Rail, Stop
 from turnout.panel.motion import start_offset
-from turnout.panel.profile import section_values, stock_rail_gap
-from turnout.section.properties import SectionProperties
+from turnout.panel.profile import stock_rail_gap
 
 Floats = NDArray[np.float64]
-SIGN = {"+y": 1.0, "-y": -1.0}
 
 
 @dataclass(slots=True)
 class _Rows:
     """Points of each rail in the order of their rows, before the rails are reduced.
 
-    A row is a sum over points: (rail, index of the point within the rail, weight).
+    A row is a sum over points: (rail, index of the point within the rail).
     """
 
     points: dict[str, list[Point]]
-    rows: list[list[tuple[str, int, float]]] = field(default_factory=list)
-    names: list[str] = field(default_factory=list)
+    rows: list[list[tuple[str, int]]] = field(default_factory=list)
 
     def point(self, rail: str, point: Point) -> int:
         """Register a point of a rail; return its index there."""
@@ -49,7 +51,7 @@ class _Rows:
 
     def add(self, *parts: tuple[str, Point]) -> int:
         """Add a row that sums points; return its index."""
-        self.rows.append([(rail, self.point(rail, point), 1.0) for rail, point in parts])
+        self.rows.append([(rail, self.point(rail, point)) for rail, point in parts])
         return len(self.rows) - 1
 
 
@@ -68,22 +70,23 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
     Mechanism
         One input a drive, in the order of ``panel.drive``: its marker position [m].
     """
-    rows = _Rows({name: [] for name in panel.rail})
+    stocks = [f"stock rail {name}" for name in panel.stock_rail]
+    rows = _Rows({name: [] for name in (*panel.rail, *stocks)})
     laws = LawTableBuilder()
     index = LawIndex()
     law_names: list[str] = []
     friction_names: list[str] = []
     for rail_name, rail in panel.rail.items():
         for name, chair in panel.chair.items():
-            if _stands_on(chair.rails, rail_name):
+            if stands_on(chair.rails, rail_name):
                 key = (rail_name, name)
                 contacts, frictions = _add_chair(rows, laws, rail_name, chair)
                 index.chair[key], index.chair_friction[key] = contacts, frictions
                 law_names += [f"chair {name} of rail {rail_name}"] * len(contacts)
                 friction_names += [f"chair {name} of rail {rail_name}"] * len(frictions)
         for name, stop, kind in _stops(panel):
-            if rail.stock_rail_gap is not None and _stands_on(stop.rails, rail_name):
-                index.stop[rail_name, name] = _add_stop(rows, laws, rail_name, rail, stop)
+            if rail.stock_rail_gap is not None and stands_on(stop.rails, rail_name):
+                index.stop[rail_name, name] = _add_stop(rows, laws, panel, rail_name, stop)
                 law_names.append(f"{kind} {name} of rail {rail_name}")
     for number, (name, drive) in enumerate(panel.drive.items()):
         index.drive[name] = _add_drive(rows, laws, drive, number)
@@ -92,7 +95,7 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
         index.link[name] = _add_link(rows, laws, panel, link)
         law_names.append(f"link {name}")
     for item in objects:
-        index.object[item.name] = _add_object(rows, laws, panel.rail[item.rail], item)
+        index.object[item.name] = _add_object(rows, laws, panel, item)
         law_names.append(f"object {item.name}")
     with one_blas_thread():
         rails = _reduced_rails(panel, rows, objects)
@@ -108,28 +111,6 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
         index=index,
         rails=tuple(r.body for r in rails),
     )
-
-
-def stations(panel: Panel, objects: Sequence[PlacedObject] = ()) -> dict[str, Floats]:
-    """Return the positions on each rail where something stands, rising [m]."""
-    found: dict[str, Floats] = {}
-    for rail_name in panel.rail:
-        places = [
-            item.x
-            for family in (panel.chair, panel.fastening, panel.stop, panel.stud)
-            for item in family.values()
-            if _stands_on(item.rails, rail_name)
-        ]
-        places += [d.x for d in panel.drive.values() if d.rail == rail_name]
-        places += [k.x for k in panel.link.values() if rail_name in k.rails]
-        places += [s.x for s in panel.sensor.values() if s.rail == rail_name]
-        places += [o.x for o in objects if o.rail == rail_name]
-        found[rail_name] = np.unique(np.round(places, 9))
-    return found
-
-
-def _stands_on(rails: list[str] | None, rail: str) -> bool:
-    return rails is None or rail in rails
 
 
 def _stops(panel: Panel) -> list[tuple[str, Stop, str]]:
@@ -164,10 +145,23 @@ def _add_chair(
     return tuple(contacts), tuple(frictions)
 
 
-def _add_stop(rows: _Rows, laws: LawTableBuilder, name: str, rail: Rail, stop: Stop) -> int:
-    point = Point(stop.x, "uy", z=stop.height, sign=SIGN[rail.closes])
-    gap = _gap(rail, stop.x) + stop.clearance
-    return laws.add_contact(rows.add((name, point)), stiffness=stop.stiffness, clearance=gap)
+def _approach(rows: _Rows, panel: Panel, name: str, *, x: float, height: float) -> int:
+    """Add the row of a switch rail's approach to its stock rail, positive closing."""
+    side = SIGN[panel.rail[name].closes]
+    ends = [(name, Point(x, "uy", z=height, sign=side))]
+    body = stock_body(panel, name)
+    if body is not None:
+        foot = next(s.foot_height for s in panel.stock_rail.values() if s.faces == name)
+        ends.append((body, Point(x, "uy", z=height - foot, sign=-side)))
+    return rows.add(*ends)
+
+
+def _add_stop(rows: _Rows, laws: LawTableBuilder, panel: Panel, name: str, stop: Stop) -> int:
+    return laws.add_contact(
+        _approach(rows, panel, name, x=stop.x, height=stop.height),
+        stiffness=stop.stiffness,
+        clearance=_gap(panel.rail[name], stop.x) + stop.clearance,
+    )
 
 
 def _add_drive(rows: _Rows, laws: LawTableBuilder, drive: Drive, number: int) -> int:
@@ -213,12 +207,11 @@ def _add_link(rows: _Rows, laws: LawTableBuilder, panel: Panel, link: Link) -> i
     )
 
 
-def _add_object(rows: _Rows, laws: LawTableBuilder, rail: Rail, item: PlacedObject) -> int:
-    point = Point(item.x, "uy", z=item.height, sign=SIGN[rail.closes])
+def _add_object(rows: _Rows, laws: LawTableBuilder, panel: Panel, item: PlacedObject) -> int:
     return laws.add_contact(
-        rows.add((item.rail, point)),
+        _approach(rows, panel, item.rail, x=item.x, height=item.height),
         stiffness=item.stiffness,
-        clearance=_gap(rail, item.x) - item.size,
+        clearance=_gap(panel.rail[item.rail], item.x) - item.size,
         appears=item.appears,
         disappears=item.disappears,
         waits=True,
@@ -226,99 +219,16 @@ def _add_object(rows: _Rows, laws: LawTableBuilder, rail: Rail, item: PlacedObje
 
 
 def _reduced_rails(panel: Panel, rows: _Rows, objects: Sequence[PlacedObject]) -> list[ReducedRail]:
-    places = stations(panel, objects)
+    data = [switch_rail_data(panel, n, tuple(rows.points[n]), objects) for n in panel.rail]
+    data += [
+        stock_rail_data(panel, n, tuple(rows.points[f"stock rail {n}"])) for n in panel.stock_rail
+    ]
     rails: list[ReducedRail] = []
     first = 0
-    for name in panel.rail:
-        data = _rail_data(panel, name, tuple(rows.points[name]), places[name])
-        rails.append(reduce_rail(data, first=first))
+    for rail in data:
+        rails.append(reduce_rail(rail, first=first))
         first += rails[-1].body.count
     return rails
-
-
-def _rail_data(panel: Panel, name: str, points: tuple[Point, ...], places: Floats) -> RailData:
-    rail = panel.rail[name]
-    x = mesh_nodes(
-        rail.start,
-        rail.end,
-        element_length=panel.discretisation.element_length,
-        forced=places,
-    )
-    dashpots = tuple(
-        Support(Point(chair.x, "uz", y=offset, z=chair.foot_height), 0.0, chair.damping)
-        for chair in panel.chair.values()
-        if chair.damping > 0 and _stands_on(chair.rails, name)
-        for offset in chair.foot_offsets
-    )
-    sections = _sections(panel, name, 0.5 * (x[1:] + x[:-1]))
-    axis_height = np.zeros(x.size)
-    if rail.axis == "centroid":
-        axis_height = _sections(panel, name, x).centroid_z
-        sections = replace(
-            sections,
-            centroid_z=np.zeros(x.size - 1),
-            shear_centre_z=sections.shear_centre_z - sections.centroid_z,
-        )
-    return RailData(
-        name=name,
-        closes=SIGN[rail.closes],
-        x=x,
-        axis_height=axis_height,
-        sections=sections,
-        material=Material(
-            youngs_modulus=panel.material.youngs_modulus,
-            poisson_ratio=panel.material.poisson_ratio,
-            density=panel.material.density,
-        ),
-        gravity=panel.gravity,
-        clamped=rail.heel == "clamped",
-        damping=rayleigh_factors(panel.damping.ratio, panel.damping.frequencies),
-        supports=tuple(
-            support
-            for fastening in panel.fastening.values()
-            if _stands_on(fastening.rails, name)
-            for support in _fastening_supports(fastening)
-        ),
-        dashpots=dashpots,
-        points=points,
-        cutoff_frequency=panel.discretisation.superelement_cutoff,
-    )
-
-
-def _fastening_supports(fastening: Fastening) -> list[Support]:
-    f = fastening
-    values = (
-        ("ux", f.stiffness_x, f.damping_x),
-        ("uy", f.stiffness_y, f.damping_y),
-        ("uz", f.stiffness_z, f.damping_z),
-        ("rx", f.stiffness_roll, 0.0),
-        ("ry", f.stiffness_pitch, 0.0),
-        ("rz", f.stiffness_yaw, 0.0),
-    )
-    return [
-        Support(Point(f.x, direction, z=f.height), stiffness, damping)
-        for direction, stiffness, damping in values
-        if stiffness > 0 or damping > 0
-    ]
-
-
-def _sections(panel: Panel, name: str, x: Floats) -> SectionProperties:
-    """Evaluate the section table of a rail; its y offsets point towards the stock rail."""
-    values = section_values(panel, name, x)
-    side = SIGN[panel.rail[name].closes]
-    return SectionProperties(
-        area=values["area"],
-        second_moment_vertical=values["second_moment_vertical"],
-        second_moment_lateral=values["second_moment_lateral"],
-        product_moment=side * values["product_moment"],
-        torsion_constant=values["torsion_constant"],
-        shear_factor_vertical=values["shear_factor_vertical"],
-        shear_factor_lateral=values["shear_factor_lateral"],
-        centroid_y=side * values["centroid_offset"],
-        centroid_z=values["centroid_height"],
-        shear_centre_y=side * values["shear_centre_offset"],
-        shear_centre_z=values["shear_centre_height"],
-    )
 
 
 def _gap(rail: Rail, x: float) -> float:
@@ -335,8 +245,8 @@ def _stacked_rows(rows: _Rows, rails: list[ReducedRail]) -> Floats:
     size = sum(rail.body.count for rail in rails)
     matrix = np.zeros((len(rows.rows), size))
     for number, parts in enumerate(rows.rows):
-        for rail_name, point, weight in parts:
+        for rail_name, point in parts:
             rail = by_name[rail_name]
             place = slice(rail.body.first, rail.body.first + rail.body.count)
-            matrix[number, place] += weight * rail.rows[point]
+            matrix[number, place] += rail.rows[point]
     return matrix

@@ -41,7 +41,8 @@ class RailData:
 
     `axis_height`, one entry a node, is the height of the beams' reference line above the foot; the
     sections' heights are measured from it, those of points and supports from the foot. `damping`
-    holds the factors of mass and beam stiffness; `dashpots` act in addition at points.
+    holds the factors of mass and beam stiffness; `dashpots` act in addition at points. `clamped`
+    names the clamped ends, "first" and "last".
     """
 
     name: str
@@ -51,7 +52,7 @@ class RailData:
     sections: SectionProperties
     material: Material
     gravity: float
-    clamped: bool
+    clamped: tuple[str, ...]
     damping: tuple[float, float]
     supports: tuple[Support, ...]
     dashpots: tuple[Support, ...]
@@ -90,7 +91,7 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
         data.x, data.sections, data.material, gravity=data.gravity, name=f"rail {data.name}"
     )
     size = beam.gravity_load.size
-    free = np.arange(size - 6 if data.clamped else size)
+    free = np.arange(6 if "first" in data.clamped else 0, size - 6 * ("last" in data.clamped))
     support_rows = _rows(beam, data, tuple(s.point for s in data.supports))
     springs = np.array([s.stiffness for s in data.supports])
     dashpots = np.array([s.damping for s in data.supports])

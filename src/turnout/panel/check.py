@@ -236,7 +236,58 @@ def _drive_saturated(path: tuple[str, str], drive: Any) -> Iterator[Problem]:
         yield Problem((*path, "saturated_stiffness"), text)
 
 
+def _stock_rail(draft: Draft, path: tuple[str, str], stock: Any) -> Iterator[Problem]:
+    """Check a flexible stock rail: whom it faces, where it reaches, that something holds it."""
+    yield from known_part(_stock_rail_faces(draft, path, stock))
+    names = draft.names["section"]
+    if stock.section not in names:
+        yield Problem((*path, "section"), unknown_name("section", stock.section, names))
+    if stock.end <= stock.start:
+        text = f" = {stock.end:g} m: must be more than start, {stock.start:g} m"
+        yield Problem((*path, "end"), text)
+    fastenings = draft.records["stock_fastening"].values()
+    held = any(f.stiffness_x > 0 and (f.rails is None or path[1] in f.rails) for f in fastenings)
+    if stock.ends == "free" and not held:
+        text = ' = "free": nothing holds the rail; clamp it or give it stock_fastening'
+        yield Problem((*path, "ends"), text)
+
+
+def _stock_rail_faces(draft: Draft, path: tuple[str, str], stock: Any) -> Iterator[Problem]:
+    names = draft.names["rail"]
+    if stock.faces not in names:
+        yield Problem((*path, "faces"), unknown_name("rail", stock.faces, names))
+        return
+    others = [n for n, s in draft.records["stock_rail"].items() if s.faces == stock.faces]
+    if others[0] != path[1]:
+        text = f" = '{stock.faces}': stock rail '{others[0]}' faces it already"
+        yield Problem((*path, "faces"), text)
+    rail = draft.records["rail"][stock.faces]
+    if rail.stock_rail_gap is None:
+        yield Problem((*path, "faces"), f' = "{stock.faces}": that rail has no stock_rail_gap')
+    for family in ("stop", "stud"):
+        for name, item in draft.records[family].items():
+            if stock.faces in _rails_of(family, item, draft) and not (
+                stock.start <= item.x <= stock.end
+            ):
+                text = f": does not reach {family} '{name}' at {item.x:g} m"
+                yield Problem(path, text)
+
+
+def _stock_fastening(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+    names = draft.names["stock_rail"]
+    for rail in names if record.rails is None else record.rails:
+        if rail not in names:
+            yield Problem((*path, "rails"), unknown_name("stock rail", rail, names))
+            continue
+        stock = draft.records["stock_rail"][rail]
+        if not stock.start <= record.x <= stock.end:
+            text = f" = {record.x:g} m: is off stock rail '{rail}'"
+            yield Problem((*path, "x"), f"{text}, {stock.start:g} ... {stock.end:g} m")
+
+
 _CHECKS = {
+    "stock_rail": _stock_rail,
+    "stock_fastening": _stock_fastening,
     "rail": _rail,
     "section": _section,
     "chair": _chair,

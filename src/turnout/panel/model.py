@@ -135,6 +135,19 @@ class Rail(Record):
     )
 
 
+class StockRail(Record):
+    """A flexible stock rail, prismatic, that a switch rail closes against."""
+
+    faces: str = Field(description="the switch rail that closes against it")
+    start: Length = Field(description="x of its first end [m]")
+    end: Length = Field(description="x of its last end [m]")
+    ends: Literal["clamped", "free"] = Field("clamped", description="condition at both ends")
+    section: str = Field(description="name of the section, prismatic")
+    foot_height: Length = Field(
+        0.0, description="z of its foot above that of the switch rail, mostly negative [m]"
+    )
+
+
 class Placed(Record):
     """Something at a place along the switch rails."""
 
@@ -322,6 +335,8 @@ class Panel(Record):
     discretisation: Discretisation
     section: dict[str, SectionTable] = Field(min_length=1)
     rail: dict[str, Rail] = Field(min_length=1, max_length=2)
+    stock_rail: dict[str, StockRail] = Field({}, max_length=2)
+    stock_fastening: dict[str, Fastening] = {}
     chair: dict[str, Chair] = {}
     fastening: dict[str, Fastening] = {}
     stop: dict[str, Stop] = {}

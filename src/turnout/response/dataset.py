@@ -16,7 +16,7 @@ from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel, Placed
 from turnout.response.coordinates import coordinates, stations
 from turnout.response.energies import energy_channels, energy_scale
-from turnout.response.gaps import contact_height, drive_gaps, sensor_gaps, stock_gap
+from turnout.response.gaps import contact_height, drive_gaps, rail_gap, sensor_gaps
 from turnout.response.labels import (
     contact_labels,
     control_states,
@@ -93,10 +93,10 @@ def _shapes(panel: Panel, motion: Motion, x: Floats, save: Save) -> dict[str, Va
         return {}
     shape = (len(panel.rail), x.size, motion.q.shape[0])
     moved, gap = np.empty(shape), np.empty(shape)
-    for r, (name, body) in enumerate(motion.rails.items()):
+    for r, name in enumerate(panel.rail):
         z = contact_height(panel, name, x)
         moved[r] = lateral_displacement(motion, name, x=x, z=z)
-        gap[r] = stock_gap(panel, name, x)[:, np.newaxis] - body.closes * moved[r]
+        gap[r] = rail_gap(panel, motion, name, x=x, z=z)
     dims = ("rail", "x", "time")
     return {"gap": (dims, gap), "lateral_displacement": (dims, moved)}
 

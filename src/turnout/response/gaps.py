@@ -49,8 +49,17 @@ def stock_gap(panel: Panel, rail: str, x: Floats) -> Floats:
 def rail_gap(
     panel: Panel, motion: Motion, rail: str, *, x: Floats, z: Floats, at: Ints | None = None
 ) -> Floats:
-    """Return the open distance to the stock rail, shape (n_points, n_times) [m]."""
+    """Return the open distance to the stock rail, shape (n_points, n_times) [m].
+
+    A flexible stock rail takes part with its own displacement at the same height; beyond its ends
+    it is held.
+    """
     moved = lateral_displacement(motion, rail, x=x, z=z, at=at)
+    for name, stock in panel.stock_rail.items():
+        if stock.faces == rail:
+            body = f"stock rail {name}"
+            inside = np.clip(x, stock.start, stock.end)
+            moved -= lateral_displacement(motion, body, x=inside, z=z - stock.foot_height, at=at)
     side = SIDE[panel.rail[rail].closes]
     gap: Floats = stock_gap(panel, rail, x)[:, np.newaxis] - side * moved
     return gap
