@@ -127,8 +127,8 @@ class Rail(Record):
     )
     stock_rail_gap: Gap | None = Field(
         None,
-        description="open distance to the rigid stock rail in the stress-free position, at "
-        "contact height [m]; leave out where there is no stock rail",
+        description="open distance to the unloaded stock rail in the stress-free position, at "
+        "contact height [m]; leave out where there is none",
     )
     head_width: Length | None = Field(
         None, gt=0, description="full head width: w beyond it adds to the flangeway [m]"
@@ -136,16 +136,14 @@ class Rail(Record):
 
 
 class StockRail(Record):
-    """A flexible stock rail, prismatic, that a switch rail closes against."""
+    """A flexible, prismatic stock rail that a switch rail closes against."""
 
     faces: str = Field(description="the switch rail that closes against it")
     start: Length = Field(description="x of its first end [m]")
     end: Length = Field(description="x of its last end [m]")
-    ends: Literal["clamped", "free"] = Field("clamped", description="condition at both ends")
-    section: str = Field(description="name of the section, prismatic")
-    foot_height: Length = Field(
-        0.0, description="z of its foot above that of the switch rail, mostly negative [m]"
-    )
+    ends: Literal["clamped", "free"] = "clamped"
+    section: str = Field(description="name of its section")
+    foot_height: Length = Field(0.0, description="z of its foot, from the switch rail's [m]")
 
 
 class Placed(Record):
@@ -169,9 +167,7 @@ class Chair(OnRails):
     friction_coefficient: float = Field(ge=0, le=2, description="Coulomb friction [-]")
     stick_stiffness: Stiffness = Field(gt=0, description="tangential stiffness a foot point [N/m]")
     damping: Damping = Field(0.0, ge=0, description="vertical dashpot a foot point [N s/m]")
-    clearance: Length = Field(
-        0.0, description="height error: free distance under the unloaded foot [m]"
-    )
+    clearance: Length = Field(0.0, description="free distance under the unloaded foot [m]")
 
 
 class Fastening(OnRails):
@@ -190,7 +186,7 @@ class Fastening(OnRails):
 
 
 class Stop(OnRails):
-    """Unilateral lateral contact of the switch rail with the stock rail or one of its studs."""
+    """Unilateral lateral contact of the switch rail with the stock rail or a stud."""
 
     height: Length = Field(description="z of the contact [m]")
     stiffness: Stiffness = Field(gt=0, description="[N/m]")
@@ -335,7 +331,7 @@ class Panel(Record):
     discretisation: Discretisation
     section: dict[str, SectionTable] = Field(min_length=1)
     rail: dict[str, Rail] = Field(min_length=1, max_length=2)
-    stock_rail: dict[str, StockRail] = Field({}, max_length=2)
+    stock_rail: dict[str, StockRail] = {}
     stock_fastening: dict[str, Fastening] = {}
     chair: dict[str, Chair] = {}
     fastening: dict[str, Fastening] = {}
