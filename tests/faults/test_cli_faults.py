@@ -116,7 +116,6 @@ def test_the_same_run_from_a_shell(tmp_path: Path) -> None:
     """From the program's start to the file on disk: the same numbers as in this process."""
     from tests.unit.simulated import sb1_dataset
 
-
     code, message = turnout("simulate", "sb1", *QUICK, "--out", "run.nc", folder=tmp_path)
     assert code == 0, message
     xr.testing.assert_identical(

@@ -16,11 +16,13 @@ from turnout.response.route import at_rest, closed_rail, open_rail, throws, want
 TIME = np.linspace(0.0, 8.5, 86)
 
 
-def touched(first: list[float]) -> dict[str, Any]:
+def touched(first: list[float], placed: float = 4.4) -> dict[str, Any]:
     index = SimpleNamespace(object={str(n): n for n in range(len(first))})
     found = contact_labels(
         SimpleNamespace(index=index),  # type: ignore[arg-type]
-        SimpleNamespace(law_first=np.array(first)),  # type: ignore[arg-type]
+        SimpleNamespace(  # type: ignore[arg-type]
+            law_first=np.array(first), law_placed=np.full(len(first), placed)
+        ),
     )
     return {name: value for name, (_, value) in found.items()}
 
@@ -109,6 +111,8 @@ def test_contact_labels() -> None:
     assert not never["object_touched"]
     assert np.isnan(never["contact_time"])
     assert touched([6.5])["contact_time"] == 6.5
+    assert touched([6.5])["object_placed"]
+    assert not touched([6.5], placed=np.nan)["object_placed"]
     assert "object_contact_time" not in touched([6.5])
     several = touched([np.nan, 7.0, 6.0])
     assert several["contact_time"] == 6.0

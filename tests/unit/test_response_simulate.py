@@ -66,8 +66,8 @@ def test_an_interrupted_run_keeps_what_it_has() -> None:
     assert partial.attrs["complete"] is False
     assert partial.attrs["outcome"] == "interrupted"
     assert schema_problems(partial) == []
-    assert partial.sizes["time"] == 1001
-    same = sb1_dataset().isel(time=slice(0, 1001))
+    assert 1001 <= partial.sizes["time"] < 2501
+    same = sb1_dataset().isel(time=slice(0, partial.sizes["time"]))
     np.testing.assert_array_equal(partial["drive_force"], same["drive_force"])
 
 

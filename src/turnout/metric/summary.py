@@ -65,6 +65,8 @@ def _objects(dataset: xr.Dataset) -> list[str]:
     ]
     if "object_touched" not in dataset or not dataset.sizes.get("time", 0):
         return placed
+    if "object_placed" in dataset and not dataset["object_placed"]:
+        placed.append("NOT PLACED: the gap never had room for it from the time it appears")
     if not dataset["object_touched"]:
         return [*placed, "never touched"]
     text = f"first touched at t = {float(dataset['contact_time']):.3f} s"

@@ -19,12 +19,13 @@ TIME_TOLERANCE = 1e-9
 
 
 def contact_labels(mechanism: Mechanism, history: History) -> dict[str, Variable]:
-    """Return whether and when foreign objects were first touched, from every step of the run."""
+    """Return whether foreign objects had room and were touched, and when, from every step."""
     laws = list(mechanism.index.object.values())
     first = history.law_first[laws]
     touched = ~np.isnan(first)
     earliest = float(np.min(first[touched])) if touched.any() else np.nan
     labels: dict[str, Variable] = {
+        "object_placed": ((), np.array(not np.isnan(history.law_placed[laws]).any())),
         "object_touched": ((), np.array(bool(touched.any()))),
         "contact_time": ((), np.array(earliest)),
     }

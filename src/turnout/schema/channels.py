@@ -126,6 +126,7 @@ CHANNELS: Mapping[str, Channel] = _table(
     ),
     Channel("energy_numerical", ("time",), "J", "lost by the time stepping", "taken out"),
     Channel("energy_residual", ("time",), "J", "left over when the books are closed"),
+    Channel("object_placed", (), "1", "whether there was room for every object", kind="logical"),
     Channel("object_touched", (), "1", "whether a rail reached a foreign object", kind="logical"),
     Channel("contact_time", (), "s", "first contact with a foreign object", "forward"),
     Channel("object_contact_time", ("object",), "s", "first contact with each object", "forward"),
