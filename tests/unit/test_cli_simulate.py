@@ -82,7 +82,7 @@ def test_ctrl_c_keeps_what_there_is(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert "interrupted at t = " in result.stderr
     partial = open_response(tmp_path / "run.nc")
     assert partial.attrs["outcome"] == "interrupted"
-    assert float(partial["time"][-1]) == pytest.approx(1.0)
+    assert 1.0 <= float(partial["time"][-1]) < 2.5
 
 
 def test_ctrl_c_before_the_first_step_writes_nothing(
