@@ -15,10 +15,10 @@ With s = beta (x - a), alpha = beta a the stuck part lies at
 :math:`w = (q / k) e^{-s} (\cos s - \alpha \sin s)`; the slipping part is a cantilever on its slope
 :math:`\beta (1 + \alpha) q / k`, so that the end moves by
 :math:`(q / k) (1 + \alpha + \alpha^2 + 2 \alpha^3 / 3 + \alpha^4 / 6)`.
-Both hold until the bed gives way backwards, where w = -q / k: at alpha = 3.87. On a stiff bed
-(beta -> infinity) the first zone is 2 P / q long, and it is never alone: one zone that slips one
-way cannot leave the rest of the beam straight, as shear, moment, slope and deflection would all
-have to vanish at its end (on a rigid bed zones of alternating sign follow each other without end). That is why the bed here is elastic.
+Both hold until the bed gives way backwards, where w = -q / k: at alpha = 3.87. On a stiffer bed
+further zones follow that slip to either side; on a rigid one they would be without end, as one zone
+that slips one way cannot leave the rest of the beam straight (deflection, slope, moment and shear
+would all have to vanish at its end). That is why the bed here is elastic.
 
 Reference: the closed form above; the bed of the program is chairs at the middle of equal cells,
 each with its own weight of rail, k = k_t / spacing, q = mu N / spacing. Tolerance with
