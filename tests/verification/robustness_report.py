@@ -1,0 +1,134 @@
+"""Write docs/robustness.md from the results of the long job."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import median, quantiles
+from typing import Any
+
+PAGE = Path(__file__).parents[2] / "docs" / "robustness.md"
+Record = dict[str, Any]
+
+HEAD = """# Robustness
+
+The job below draws random panels and throws them. The library panels are changed by overrides,
+small panels are written from nothing: one or two rails, with and without stock rails, one to six
+drives, feet, links and movements in any number. Stiffnesses are spread over six decades around
+their defaults (drives from 1 kN/m to 1 GN/m), friction from 0 to 1, for all chairs or chair by
+chair; movements follow each other at once, rests have no length, all chairs are lifted off or
+stick; up to three objects from 1 mm to the opening stand at any station, some of them placed while
+the rail is closed. Steps are 0.5 to 4 ms, cut-offs 100 Hz to none.
+
+Each run must come to its end, or stop with a message that names time, step, residual, contacts and
+a remedy and keeps the response until then. Every run, whole or partial, must be free of NaN, close
+its books of energy to 1e-6 of their scale, and keep every law: no contact pulls by more than 1 mN
+(or the scheme's gap tolerance times its stiffness, if that is more), no friction is above its
+limit, no force is off its law, friction in sum takes energy. Where the books are a small difference
+of large terms, as in a rail that never moves, rounding is let pass: 1e-13 of the energy in the
+linear system with all closed chairs folded in. A run that stops early is repeated with steps of
+0.1 ms; if that one comes to its end, the first counts as a defect.
+
+    python -m tests.verification.robustness run --count 2000 --out DIR
+    python -m tests.verification.robustness report DIR
+    python -m tests.verification.robustness show INDEX
+
+The first command can be killed and started again; the second writes this page; the third repeats
+one scenario. The same job is the test `test_robustness_long.py`, left out unless asked for with
+`-m long`.
+"""
+
+
+def write_page(results: Sequence[Record], job: Record) -> str:
+    """Write the page; return its text."""
+    text = page(results, job)
+    PAGE.write_text(text)
+    return text
+
+
+def page(results: Sequence[Record], job: Record) -> str:
+    """Return the page for the results of a job."""
+    parts = [HEAD, "## Result\n", _table(_figures(results, job), ("figure", "value"))]
+    parts += ["## Outcomes by kind of panel\n", _by(results, "kind")]
+    parts += ["## Outcomes by what is extreme\n", _by(results, "special")]
+    parts.append("## Runs that stopped early\n")
+    parts.append(_early(results))
+    parts.append("## Defects\n")
+    parts.append(_defects(results))
+    return "\n".join(parts)
+
+
+def _figures(results: Sequence[Record], job: Record) -> list[tuple[str, str]]:
+    ran = [record for record in results if "steps" in record]
+    seconds = [record["seconds"] for record in results]
+    low, high = (quantiles(seconds, n=20)[k] for k in (0, 18))
+    early = sum(not record["complete"] for record in results)
+    defects = sum(bool(record["faults"]) or record.get("fine") == "COMPLETE" for record in results)
+    return [
+        ("runs", str(len(results))),
+        ("complete", str(len(results) - early)),
+        ("stopped early", f"{early} ({100 * early / len(results):.2f} %; allowed 1 %)"),
+        ("defects", str(defects)),
+        ("steps in all", f"{sum(record['steps'] for record in ran):,}"),
+        ("halved steps", f"{sum(record['halved'] for record in ran):,}"),
+        ("runs with halved steps", str(sum(record["halved"] > 0 for record in ran))),
+        ("largest energy residual", _worst(ran, "residual", "of the scale")),
+        ("largest numerical loss", _worst(ran, "numerical", "of the scale")),
+        ("median numerical loss", f"{median(_numbers(ran, 'numerical')):.1e} of the scale"),
+        ("longest time deaf to Ctrl-C", _worst(ran, "silence", "s")),
+        ("runs deaf for more than 1 s", str(sum(record["silence"] > 1.0 for record in ran))),
+        ("time a run, median", f"{median(seconds):.2f} s"),
+        ("time a run, 5 % to 95 %", f"{low:.2f} s to {high:.2f} s"),
+        ("longest run", f"{max(seconds):.1f} s"),
+        ("machine", f"{job['machine']}, {job['workers']} workers, Python {job['python']}"),
+        ("seed", f"{job['seed']} and the index of the scenario"),
+    ]
+
+
+def _numbers(results: Sequence[Record], key: str) -> list[float]:
+    return [record[key] for record in results if record[key] == record[key]]
+
+
+def _worst(results: Sequence[Record], key: str, unit: str) -> str:
+    known = [record for record in results if record[key] == record[key]]
+    worst = max(known, key=lambda record: float(record[key]))
+    return f"{worst[key]:.1e} {unit} (scenario {worst['index']}, {worst['kind']})"
+
+
+def _by(results: Sequence[Record], key: str) -> str:
+    counts = Counter((record[key], record["outcome"]) for record in results)
+    outcomes = sorted({record["outcome"] for record in results})
+    rows = [
+        (kind, *(str(counts[kind, outcome]) for outcome in outcomes))
+        for kind in sorted({record[key] for record in results})
+    ]
+    return _table(rows, (key, *(name.lower().replace("_", " ") for name in outcomes)))
+
+
+def _early(results: Sequence[Record]) -> str:
+    rows = [
+        (
+            str(record["index"]),
+            f"{record['kind']}, {record['special']}",
+            str(record.get("message", record["faults"][:1])).replace("|", "/"),
+            record.get("fine", "-").lower().replace("_", " "),
+        )
+        for record in results
+        if not record["complete"]
+    ]
+    return _table(rows, ("index", "scenario", "message", "at 0.1 ms")) if rows else "None.\n"
+
+
+def _defects(results: Sequence[Record]) -> str:
+    def told(record: Record) -> str:
+        converges = ["complete at 0.1 ms"] if record.get("fine") == "COMPLETE" else []
+        return "; ".join([*converges, *record["faults"]][:3]).replace("|", "/")
+
+    rows = [(str(r["index"]), r["kind"], told(r)) for r in results if told(r)]
+    return _table(rows, ("index", "scenario", "what")) if rows else "None.\n"
+
+
+def _table(rows: Sequence[tuple[str, ...]], head: tuple[str, ...]) -> str:
+    def line(cells: Sequence[str]) -> str:
+        return f"| {' | '.join(cells)} |"
+
+    return "\n".join([line(head), line(["---"] * len(head)), *map(line, rows), ""])

@@ -1,0 +1,220 @@
+"""Whatever the panel, a run keeps its laws and its books, or says why it stopped.
+
+Scenarios: `robustness_scenarios`; what must hold: `robustness_checks`. The long job draws thousands
+of them from a seeded generator; here hypothesis draws some, the same ones in each run.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.verification.robustness_checks import Run, faults, run_scenario
+from tests.verification.robustness_scenarios import (
+    LIFTED,
+    Scenario,
+    numbered_scenario,
+    scenario,
+)
+
+from turnout.integrate.outcome import Code, NotConverged
+from turnout.integrate.scheme import Scheme
+from turnout.panel.load import library_names, load_panel
+from turnout.response.simulate import simulate
+
+QUICK: dict[str, float | None] = {
+    "movement.throw.start": 0.1,
+    "movement.throw.duration": 0.8,
+    "movement.return.start": 0.9,
+    "movement.return.duration": 0.8,
+    "movement.return.extra_time.2": 0.1,
+    "schedule.end": 1.8,
+    "object_defaults.appears": None,
+    "object_defaults.disappears": None,
+}
+"""A throw and, the instant it ends, the return; the run ends with it."""
+
+
+class Drawn:
+    """Choices of hypothesis, which can make a failing scenario plainer."""
+
+    def __init__(self, draw: st.DrawFn) -> None:
+        self._draw = draw
+
+    def integer(self, low: int, high: int) -> int:
+        return self._draw(st.integers(low, high))
+
+    def number(self, low: float, high: float) -> float:
+        return self._draw(st.floats(low, high))
+
+
+@st.composite
+def scenarios(draw: st.DrawFn) -> Scenario:
+    return scenario(Drawn(draw))
+
+
+def library_scenario(panel: str, **changes: object) -> Scenario:
+    plain = Scenario(panel, dict(QUICK), (), 1e-3, 300.0, 0.5, "plain")
+    return replace(plain, **changes)
+
+
+@settings(max_examples=60)
+@given(scenarios())
+def test_any_scenario_keeps_laws_and_books(drawn: Scenario) -> None:
+    assert faults(run_scenario(drawn)) == []
+
+
+@pytest.mark.parametrize("panel", library_names())
+def test_what_simulate_raises_keeps_the_partial_response(panel: str) -> None:
+    hasty = Scheme(iterations=1, halvings=0, follow_path=False)
+    quick = load_panel(panel).with_overrides(QUICK)
+    with pytest.raises(NotConverged, match=r"not converged at t = 0\.\d+ s \(step") as caught:
+        simulate(quick, scheme=hasty)
+    found, outcome = caught.value.partial, caught.value.outcome
+    assert isinstance(found, xr.Dataset)
+    assert outcome.contacts
+    assert 0 < found.sizes["time"] == outcome.step + 1
+    assert found.attrs["complete"] is False
+    assert found.attrs["outcome_message"] == str(caught.value)
+    assert np.isfinite(found["drive_force"]).all()
+    whole = simulate(quick)["drive_force"][:, : outcome.step + 1]
+    np.testing.assert_allclose(found["drive_force"], whole, rtol=0, atol=1e-6)
+
+
+EXTREMES: dict[str, dict[str, float | None]] = {
+    "all chairs lifted": {"chair.clearance": LIFTED},
+    "all sticking": {"chair.friction_coefficient": 2.0},
+    "no friction": {"chair.friction_coefficient": 0.0},
+    "soft drives": {"drive.stiffness": 1e3, "drive.saturated_stiffness": 0.0},
+    "hard drives": {"drive.stiffness": 1e9, "drive.saturation_force": 2e4},
+    "soft stops": {"stop.stiffness": 2e5},
+    "hard stops": {"stop.stiffness": 2e11},
+    "soft chairs": {"chair.normal_stiffness": 1e4},
+    "hard chairs": {"chair.normal_stiffness": 1e10},
+    "soft stick": {"chair.stick_stiffness": 5e3},
+    "hard stick": {"chair.stick_stiffness": 5e9},
+}
+
+
+@pytest.mark.parametrize("extreme", EXTREMES)
+@pytest.mark.parametrize("panel", library_names())
+def test_extremes_of_library_panels(panel: str, extreme: str) -> None:
+    run = run_scenario(library_scenario(panel, overrides=QUICK | EXTREMES[extreme]))
+    assert faults(run) == []
+    assert run.history.outcome.complete, run.history.outcome.message()
+
+
+def test_lifted_chairs_carry_nothing_and_soft_ones_do() -> None:
+    lifted = run_scenario(library_scenario("sb2", overrides=QUICK | {"chair.clearance": LIFTED}))
+    assert not lifted.dataset["chair_normal_force"].any()
+    soft = run_scenario(library_scenario("sb2", overrides=QUICK | {"chair.normal_stiffness": 1e4}))
+    assert float(soft.dataset["chair_normal_force"].min()) >= -1e-3
+    assert float(soft.dataset["chair_normal_force"].sum(("rail", "chair"))[-1]) > 1e4
+
+
+def test_an_object_placed_in_a_closed_rail_waits_for_room() -> None:
+    inside = {"size": 0.013, "at": "sleeper 6", "rail": "straight", "appears": 0.05}
+    run = run_scenario(library_scenario("uic60-760-1-15", objects=(inside,)))
+    assert faults(run) == []
+    law = run.mechanism.index.object["1"]
+    placed, first = run.history.law_placed[law], run.history.law_first[law]
+    gap = run.dataset["sensor_gap"].sel(sensor="TKK1")
+    assert 0.1 < placed < 0.9
+    assert float(gap.sel(time=placed - 0.002, method="nearest")) < 0.0131
+    assert float(gap.sel(time=placed + 0.002, method="nearest")) > 0.0129
+    assert 0.9 < first < 1.8
+    assert not run.dataset["object_force"].sel(time=slice(0, first - 1e-3)).any()
+    assert float(run.dataset["object_force"].max()) > 100.0
+
+
+def test_an_object_for_which_there_is_never_room_is_never_placed() -> None:
+    inside = {"size": 0.05, "at": "drive 1", "rail": "straight", "appears": 1.79}
+    run = run_scenario(library_scenario("uic60-760-1-15", objects=(inside,)))
+    assert faults(run) == []
+    assert np.isnan(run.history.law_placed[run.mechanism.index.object["1"]])
+    assert not run.dataset["object_touched"]
+
+
+@pytest.mark.parametrize("panel", library_names())
+def test_a_panel_that_never_moves(panel: str) -> None:
+    still = load_panel(panel).model_copy(update={"movement": {}})
+    found = simulate(still)
+    assert found.attrs["complete"]
+    assert float(np.abs(found["drive_force"] - found["drive_force"][:, 0]).max()) < 1e-6
+
+
+def test_the_scenarios_are_as_wide_as_they_claim() -> None:
+    drawn = [numbered_scenario(index) for index in range(120)]
+    panels = [item.panel() for item in drawn]
+    drives = [drive.stiffness for panel in panels for drive in panel.drive.values()]
+    assert min(drives) < 1e4
+    assert max(drives) > 1e8
+    assert {len(panel.drive) for panel in panels} == {1, 2, 3, 4, 5, 6}
+    assert {len(panel.rail) for panel in panels} == {1, 2}
+    assert {len(panel.movement) for panel in panels} == {0, 1, 2, 3, 4}
+    assert {len(item.objects) for item in drawn} == {0, 1, 2, 3}
+    assert {item.special for item in drawn} >= {"plain", "lifted", "sticking", "uneven"}
+    places = {item["at"].split()[0] for one in drawn for item in one.objects}
+    assert places == {"sleeper", "drive", "sensor", "chair", "x"}
+    without = [p for p in panels if any(r.stock_rail_gap is None for r in p.rail.values())]
+    assert 10 < len(without) < 60
+
+
+def sound() -> Run:
+    """Return a run for the tests below to spoil."""
+    inside = {"size": 0.013, "at": "sleeper 6", "rail": "straight", "appears": 0.05}
+    return run_scenario(library_scenario("uic60-760-1-15", objects=(inside,)))
+
+
+def no_number(run: Run) -> None:
+    run.dataset["drive_force"][0, 5] = np.nan
+
+
+def a_pull(run: Run) -> None:
+    run.history.law_force[3, run.mechanism.index.chair["straight", "3"][0]] = -0.01
+
+
+def too_much_friction(run: Run) -> None:
+    run.history.friction_force[3, 0] = 1e4
+
+
+def off_the_law(run: Run) -> None:
+    run.history.law_force[3, run.mechanism.index.drive["2"]] += 0.01
+
+
+def open_books(run: Run) -> None:
+    run.dataset["energy_residual"][-1] = 1.01e-6 * run.dataset.attrs["energy_scale"]
+
+
+def friction_that_gives(run: Run) -> None:
+    run.dataset["energy_friction"][-1] = -1.0
+
+
+SPOILT: dict[Callable[[Run], None], str] = {
+    no_number: "drive_force has NaN",
+    a_pull: "pulls with",
+    too_much_friction: "above its limit",
+    off_the_law: "off its law",
+    open_books: "books open",
+    friction_that_gives: "friction gave",
+}
+
+
+@pytest.mark.parametrize("spoil", SPOILT, ids=lambda spoil: spoil.__name__)
+def test_what_is_spoilt_is_seen(spoil: Callable[[Run], None]) -> None:
+    run = sound()
+    assert faults(run) == []
+    spoil(run)
+    assert any(SPOILT[spoil] in text for text in faults(run))
+
+
+def test_a_message_that_says_too_little_is_seen() -> None:
+    run = sound()
+    outcome = replace(run.history.outcome, code=Code.NOT_CONVERGED, contacts=())
+    silent = replace(run, history=replace(run.history, outcome=outcome))
+    assert "message without contacts" in faults(silent)
+    named = replace(outcome, contacts=("drive 1",))
+    assert faults(replace(run, history=replace(run.history, outcome=named))) == []
