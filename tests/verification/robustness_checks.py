@@ -27,7 +27,7 @@ from turnout.panel.load import LoadedPanel
 
 BOOKS = 1e-6
 """Largest residual of the books, as a share of their scale."""
-ROUNDING = 1e-13
+ROUNDING = 5e-13
 """What the books may be off besides, as a share of the energy of the folded linear system.
 
 Closed chairs and drives are part of that system; chairs lifted by metres, or rails that never move,

@@ -24,7 +24,7 @@ a remedy and keeps the response until then. Every run, whole or partial, must be
 its books of energy to 1e-6 of their scale, and keep every law: no contact pulls by more than 1 mN
 (or the scheme's gap tolerance times its stiffness, if that is more), no friction is above its
 limit, no force is off its law, friction in sum takes energy. Where the books are a small difference
-of large terms, as in a rail that never moves, rounding is let pass: 1e-13 of the energy in the
+of large terms, as in a rail that never moves, rounding is let pass: 5e-13 of the energy in the
 linear system with all closed chairs folded in. A run that stops early is repeated with steps of
 0.1 ms; if that one comes to its end, the first counts as a defect.
 
