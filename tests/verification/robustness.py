@@ -199,7 +199,7 @@ def _pooled(indices: list[int], workers: int, under_way: set[int]) -> Iterator[R
                 under_way.discard(futures.pop(done))
                 yield record
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _first(rest: Iterator[int], count: int) -> Iterator[int]:

@@ -95,11 +95,12 @@ def test_the_page_tells_what_happened(monkeypatch: pytest.MonkeyPatch) -> None:
         "fine": "COMPLETE",
     }
     assert [is_defect(record) for record in (*sound, early)] == [False, False, True]
-    job = {"machine": "a machine", "workers": 2, "python": "3", "seed": 1}
+    job = {"machine": "a machine", "workers": 2, "python": "3", "seed": 1, "kernels": "k"}
     text = page([*sound, early], job)
     assert "| runs | 3 |" in text
     assert "| stopped early | 1 (33.33 %; allowed 1 %) |" in text
     assert "| defects | 1 |" in text
+    assert "| 1 ms | 2 | " in text
     assert "| 7 | " in text
     assert "not converged at t = 1 s" in text
     assert "complete at 0.1 ms" in text
