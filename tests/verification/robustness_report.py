@@ -42,8 +42,9 @@ one scenario. The same job is the test `test_robustness_long.py`, left out unles
 
 LOSSES = """The books close, whatever the step; how much of them is the scheme's own says whether
 the step is small enough. Many of these scenarios are hard blows: a rail thrown in 0.3 s against
-stops or an object of a thousand times the usual stiffness, without damping. Then a large step loses or
-makes energy of the order of what there is, and the summary of a run says so; take a smaller step.
+stops or an object of a thousand times the usual stiffness, without damping. Then a large step
+loses or makes energy of the order of what there is, and the summary of a run says so; take a
+smaller step.
 """
 
 
