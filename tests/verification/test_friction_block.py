@@ -8,51 +8,21 @@ path is monotone between turning points), else 1e-3 for the inertia of a block m
 
 import numpy as np
 import pytest
-from tests.verification.hand_made import (
-    energy_residual,
-    hand_made,
-    linear_spring,
-    run,
-    smooth_ramp,
+from tests.verification import friction_block
+from tests.verification.friction_block import (
+    DRIVE,
+    FEET,
+    LIMIT,
+    MU,
+    NORMAL,
+    SERIES,
+    STICK,
+    block,
+    drive_force,
 )
+from tests.verification.hand_made import energy_residual, run, smooth_ramp
 
-from turnout.integrate.run import History
-from turnout.law.table import LawTableBuilder
-from turnout.mechanism.mechanism import Mechanism
-
-NORMAL, DRIVE, STICK = 200.0, 1e5, 1e6
-MU = 0.3
-LIMIT = MU * NORMAL
-SERIES = DRIVE * STICK / (DRIVE + STICK)
 EXACT, SLOW, BOOKS = 1e-9, 1e-3, 1e-6
-
-
-def block(
-    *,
-    drive: float = DRIVE,
-    feet: tuple[tuple[float, float], ...] = ((MU, STICK),),
-    lifter: float = 0.0,
-    mass: float = 0.1,
-    damping: float = 20.0,
-) -> Mechanism:
-    """Return a block (x) on a contact spring (z down); marker 0 pushes, marker 1 lifts."""
-    laws = LawTableBuilder()
-    linear_spring(laws, 0, drive, input_index=0)
-    normal = laws.add_contact(1, stiffness=1e6, clearance=0.0, base_closed=True)
-    if lifter:
-        linear_spring(laws, 1, lifter, input_index=1)
-    for coefficient, stiffness in feet:
-        laws.add_friction(
-            0, normal=normal, friction_coefficient=coefficient, stick_stiffness=stiffness
-        )
-    return hand_made(
-        laws, mass=[mass, mass], damping=np.diag([damping, 10 * damping]), load=[0.0, NORMAL]
-    )
-
-
-def drive_force(history: History) -> np.ndarray:
-    """Force of the drive on the block, positive in the direction of the push."""
-    return -history.law_force[:, 0]
 
 
 def test_a_push_below_the_limit_sticks_elastically() -> None:
@@ -66,54 +36,24 @@ def test_a_push_below_the_limit_sticks_elastically() -> None:
 
 
 def test_the_block_breaks_away_at_the_limit_and_slips_steadily() -> None:
-    reach = 5 * LIMIT / SERIES
-    # no damper: a slow push, so that inertia is all that is left of the tolerance
-    history = run(
-        block(damping=0.0), lambda t: reach * smooth_ramp(t, start=0.1, end=20.0), end=20.0
-    )
-    force, marker = drive_force(history), history.inputs[:, 0]
+    loop = friction_block.broken_away()
+    history, force, marker = loop.history, loop.found, loop.at
     before = marker < 0.98 * LIMIT / SERIES
-    np.testing.assert_allclose(force[before], SERIES * marker[before], atol=SLOW * LIMIT)
-    slipping = (marker > 1.02 * LIMIT / SERIES) & (history.time < 18.0)
-    np.testing.assert_allclose(force[slipping], LIMIT, rtol=5 * SLOW)
+    np.testing.assert_allclose(force[before], loop.exact[before], atol=SLOW * LIMIT)
+    slipping = marker > 1.02 * LIMIT / SERIES
+    np.testing.assert_allclose(force[slipping], loop.exact[slipping], rtol=5 * SLOW)
     assert history.friction_force.max() == pytest.approx(LIMIT, rel=EXACT)
     friction_work = LIMIT * (history.g[-1, 0] - history.friction_force[-1, 0] / STICK)
     assert history.ledger[-1, 1] == pytest.approx(friction_work, rel=1e-6)
     assert energy_residual(history) < BOOKS
 
 
-FEET = ((0.1, 2e6), (0.25, 1e6), (0.4, 4e5))
-
-
-def virgin(x: np.ndarray) -> np.ndarray:
-    """Force of the parallel feet on first loading to `x` >= 0."""
-    return sum(np.minimum(kt * x, mu * NORMAL) for mu, kt in FEET)
-
-
 def test_reversal_follows_masing_loops_twice_the_virgin_curve() -> None:
-    amplitude = 4e-4
-
-    def marker(t: np.ndarray) -> np.ndarray:
-        return amplitude * (
-            smooth_ramp(t, start=0.0, end=1.0)
-            - 1.7 * smooth_ramp(t, start=1.0, end=2.0)
-            + 1.4 * smooth_ramp(t, start=2.0, end=3.0)
-        )
-
-    mechanism = block(drive=1e9, feet=FEET, damping=2000.0)
-    history = run(mechanism, marker, end=3.0)
-    x, force = history.g[:, 0], history.friction_force.sum(axis=1)
-    first, second, third = (
-        (history.time >= a) & (history.time <= a + 1.0) for a in (0.0, 1.0, 2.0)
-    )
-    scale = virgin(np.array([1.0]))[0]
-    np.testing.assert_allclose(force[first], virgin(x[first]), rtol=0, atol=1e-6 * scale)
-    top, bottom = np.argmax(x), np.argmin(x)
-    down = force[top] - 2 * virgin((x[top] - x[second]) / 2)
-    np.testing.assert_allclose(force[second], down, rtol=0, atol=1e-6 * scale)
-    up = force[bottom] + 2 * virgin((x[third] - x[bottom]) / 2)
-    np.testing.assert_allclose(force[third], up, rtol=0, atol=1e-6 * scale)
-    assert energy_residual(history) < BOOKS
+    loop = friction_block.masing()
+    np.testing.assert_allclose(loop.found, loop.exact, rtol=0, atol=1e-6 * loop.exact.max())
+    turns = np.sum(np.abs(np.diff(np.sign(np.diff(loop.at)))) > 1)
+    assert turns >= 2
+    assert energy_residual(loop.history) < BOOKS
 
 
 @pytest.mark.parametrize("amplitude", [3.0, 8.0])
@@ -140,48 +80,35 @@ def test_no_friction_leaves_nothing_to_slip_against() -> None:
 
 def test_slip_follows_a_normal_force_that_changes() -> None:
     """While the block slips one way the drive force is mu N(t), with N set by a second spring."""
-    lifter, lift = 1e4, 0.008
-    contact_share = 1e6 / (1e6 + lifter)
-
-    def lifted(t: np.ndarray) -> np.ndarray:
-        return -lift * 0.5 * (1 - np.cos(2 * np.pi * t))
-
-    # the lifter is at rest where the block stands, so it carries some of the weight
-    history = run(block(lifter=lifter, damping=2.0), lambda t: 0.02 * t, lifted, end=3.0, step=5e-4)
-    normal = (NORMAL + lifter * lifted(history.time)) * contact_share
+    loop = friction_block.changing_normal()
+    history = loop.history
+    slipping = history.time > 0.8
+    normal = loop.exact[slipping] / MU
     assert normal.max() / normal.min() > 1.6
-    np.testing.assert_allclose(history.law_force[:, 1], normal, rtol=5e-3)
-    slipping = history.time > 0.4
+    np.testing.assert_allclose(history.law_force[slipping, 1], normal, rtol=5e-3)
     forces = history.friction_force[slipping, 0]
     np.testing.assert_allclose(forces, MU * history.law_force[slipping, 1], rtol=EXACT)
     inertia = 0.02 * np.sqrt(DRIVE * 0.1) + 2.0 * 0.02
-    np.testing.assert_allclose(
-        drive_force(history)[slipping], MU * normal[slipping], rtol=5e-3, atol=2 * inertia
-    )
+    np.testing.assert_allclose(loop.found[slipping], MU * normal, rtol=5e-3, atol=2 * inertia)
     assert energy_residual(history) < BOOKS
 
 
 def test_a_held_push_lets_go_when_the_normal_force_falls_to_its_limit() -> None:
     """A push P held while N falls slips at mu N = P, and the drive then relaxes with mu N."""
-    lifter = 1e4
-    push = 0.8 * LIMIT
-
-    def lifted(t: np.ndarray) -> np.ndarray:
-        return -0.012 * smooth_ramp(t, start=2.0, end=12.0)
-
-    history = run(
-        block(lifter=lifter, damping=2.0),
-        lambda t: push / SERIES * smooth_ramp(t, start=0.0, end=1.0),
-        lifted,
-        end=12.0,
-    )
-    bound = MU * history.law_force[:, 1]
-    expected = np.minimum(push, np.minimum.accumulate(bound))
+    loop = friction_block.let_go()
+    history = loop.history
     late = history.time > 1.2
-    np.testing.assert_allclose(drive_force(history)[late], expected[late], atol=3e-3 * LIMIT)
+    np.testing.assert_allclose(loop.found[late], loop.exact[late], atol=3e-3 * LIMIT)
+    bound = MU * history.law_force[:, 1]
     first_slip = history.time[np.flatnonzero(history.ledger[:, 1] > 1e-12)[0]]
-    assert bound[np.argmin(np.abs(history.time - first_slip))] == pytest.approx(push, rel=3e-3)
+    at_slip = bound[np.argmin(np.abs(history.time - first_slip))]
+    assert at_slip == pytest.approx(0.8 * LIMIT, rel=3e-3)
     assert energy_residual(history) < BOOKS
+
+
+def test_the_page_shows_what_is_asserted_here() -> None:
+    for check in friction_block.checks():
+        assert check.passed, str(check)
 
 
 def test_a_foot_that_lifts_carries_no_friction_and_takes_hold_again() -> None:

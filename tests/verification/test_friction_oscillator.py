@@ -56,9 +56,9 @@ def test_a_block_on_a_belt_sticks_and_slips_as_the_closed_form_says() -> None:
     assert coarse.error < 2e-2
     assert fine.error < coarse.error / 8
     assert max(coarse.residual, fine.residual) < 1e-6
-    carried = np.gradient(fine.found, fine.time)
-    assert carried.max() == pytest.approx(stick_slip.BELT_SPEED, rel=0.15)
-    assert carried.min() < -0.5 * stick_slip.BELT_SPEED  # it slips back
+    speed = np.gradient(fine.found, fine.time)
+    assert speed.max() > stick_slip.BELT_SPEED  # carried along
+    assert speed.min() < -0.5 * stick_slip.BELT_SPEED  # and slipping back
 
 
 def test_the_page_shows_what_is_asserted_here() -> None:
