@@ -26,8 +26,8 @@ until it vanishes: all modes together, none of them with a contact time of its o
 
 Reference: these closed forms with Euler-Bernoulli's omega_1 L^2 sqrt(rho A / E I) = 1.8751^2.
 Tolerance: 0.1 % for the single mode, 3 % for the rms of 1 - e at 80 steps a contact, 2 +- 0.1 for
-its order; for the rod (mesh of 0.3 m, and a load that drives it of 0.4 % of the force) 0.5 % of the
-contact time, 0.1 % of the impulse, 1e-5 between impulse and momentum, 1e-4 of the energy.
+its order; for the rod (mesh of 0.3 m; the drive that brings it takes 0.3 % of the force) 0.5 % of
+the contact time, 0.2 % of the impulse, 2e-5 between impulse and momentum, 1e-4 of the energy.
 """
 
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ from tests.verification.beams_by_hand import (
     joined,
     prismatic_rail,
 )
-from tests.verification.hand_made import energy_residual, run
+from tests.verification.hand_made import energy_residual, linear_spring, run
 
 from turnout.integrate.run import History
 from turnout.law.table import LawTableBuilder
@@ -158,7 +158,7 @@ def restitution_rates() -> Floats:
     return np.log(values[:-1] / values[1:]) / np.log(steps[:-1] / steps[1:])
 
 
-ROD, SPEED, DRIVING = 12.0, 0.3, 0.5
+ROD, SPEED, DRIVE = 12.0, 0.3, 2e5
 WAVE = np.sqrt(E / RHO)
 IMPEDANCE = AREA * np.sqrt(E * RHO)
 RETURN = 2 * ROD / WAVE
@@ -187,7 +187,7 @@ def rod_duration() -> float:
 class RodImpact:
     """Impact of the rod.
 
-    Impulse of the stop less that of the load that drives the rod, momentum that the rod gives up
+    Impulse of the stop less that of the drive, momentum that the rod gives up
     [N s], change of energy as a share of what it brought [-].
     """
 
@@ -200,36 +200,35 @@ class RodImpact:
 
 @cache
 def rod() -> RodImpact:
-    """Let a uniform load drive a free rail against a stop at its end."""
+    """Bring a free rail to speed with a soft drive, which runs on as it hits a stop."""
     ends = [
         Support(Point(x, direction), 1e7) for x in (0.0, ROD) for direction in ("uy", "uz", "rx")
     ]
-    adrift = Support(Point(0.5 * ROD, "ux"), 1.0)
     rail = prismatic_rail(
         ROD,
         [Point(0.0, "ux", sign=-1.0), Point(0.5 * ROD, "ux", sign=-1.0)],
         nodes=np.linspace(0.0, ROD, 41),
         clamped=False,
         shear_factor=0.6,
-        supports=[*ends, adrift],
+        supports=ends,
     )
     along = np.zeros(rail.body.recovery.shape[0])
     along[0::6] = -1.0
-    shift = np.linalg.lstsq(rail.body.recovery, along)[0]
-    weight = rail.mass @ shift
-    run_up = SPEED**2 / (2 * DRIVING)
+    weight = rail.mass @ np.linalg.lstsq(rail.body.recovery, along)[0]
+    # three half swings of rail and drive, after which the rail runs with the drive and no swing
+    ramp = 3 * np.pi / np.sqrt(DRIVE / (LINE_MASS * ROD))
+
+    def marker(t: Floats) -> Floats:
+        rising = 0.5 * (t - ramp / np.pi * np.sin(np.pi * t / ramp))
+        return SPEED * np.where(t < ramp, rising, t - 0.5 * ramp)
+
+    touch = ramp + 5 * RETURN
     laws = LawTableBuilder()
-    hold = 1e9
-    laws.add_piecewise(1, breakpoints=np.zeros(0), slopes=np.array([hold]), disappears=0.0)
-    laws.add_contact(0, stiffness=IMPEDANCE / RISE, clearance=run_up)
-    mechanism = joined(laws, [rail], [[(0, 0)], [(0, 1)]], load=DRIVING * weight)
+    linear_spring(laws, 1, DRIVE, input_index=0)
+    laws.add_contact(0, stiffness=IMPEDANCE / RISE, clearance=float(marker(np.array(touch))))
+    mechanism = joined(laws, [rail], [[(0, 0)], [(0, 1)]])
     step = RETURN / 200
-    history = run(
-        mechanism,
-        end=SPEED / DRIVING + 3 * RETURN,
-        step=step,
-        spectral_radius=1.0,
-    )
+    history = run(mechanism, marker, end=touch + 3 * RETURN, step=step, spectral_radius=1.0)
     force = history.law_force[:, 1]
     touching = np.flatnonzero(force > 0)
     first, last = touching[0] - 1, touching[-1] + 1
@@ -244,9 +243,9 @@ def rod() -> RodImpact:
         duration=touching.size * step,
         residual=energy_residual(history),
     )
-    energy = history.stored.sum(axis=1)
-    moving = 0.5 * float(weight @ shift) * SPEED**2
-    pushed = DRIVING * float(weight @ shift) * (last - first) * step
+    energy = history.stored.sum(axis=1) - history.ledger[:, 0]
+    moving = 0.5 * LINE_MASS * ROD * SPEED**2
+    pushed = -float(history.law_force[first : last + 1, 0].sum() * step)
     return RodImpact(
         impact=impact,
         impulse=float(force.sum() * step) - pushed,
@@ -281,7 +280,7 @@ def checks() -> list[Check]:
         *orders,
         Check("rod: contact time", rod_late, -0.5, 0.5, "%"),
         Check("rod: force, largest difference", 100 * rod_off, 0, 2, "% of peak"),
-        Check("rod: impulse", impulse, -0.1, 0.1, "%"),
-        Check("rod: momentum less impulse", momentum, -1e-3, 1e-3, "%"),
+        Check("rod: impulse", impulse, -0.2, 0.2, "%"),
+        Check("rod: momentum less impulse", momentum, -2e-3, 2e-3, "%"),
         Check("rod: energy after less before", 100 * long.energy_change, -0.01, 0.01, "%"),
     ]

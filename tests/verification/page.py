@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 from tests.verification.agreement import Check, sb1_checks, sb2_checks
+from tests.verification.battery import RUNGS, Rung
 from tests.verification.facts import ALL
 from tests.verification.reference import Arrays, thinned
 from tests.verification.runs import DEFAULT, books, throw
@@ -28,14 +29,23 @@ from the functions that the tests call, on the thinned copies of the independent
 
 | rung | reference | where |
 |---|---|---|
+| sections | closed forms, thin walls, EN values, orders | `test_section_*.py` |
 | beam element, gravity, mass | closed forms, orders in the element length | `test_beam_*.py` |
 | Craig-Bampton reduction | chain of masses, full model | `test_reduction_*.py` |
-| laws | closed forms: block, oscillator, contact, bushing | `test_laws_*`, `test_friction_*` |
-| integration | order 2 in the step, energy books, no creep | `test_integration_*.py` |
+| friction | closed forms: block, loops, belt, friction bed | `test_friction_*.py` |
+| contact, bushing, objects | closed forms: bounce, impact, blow | `test_laws_*`, `test_impact.py` |
+| integration | equilibrium, books of energy, no creep | `test_integration_*.py` |
+| the whole chain | orders 2 in element length and step | `test_orders.py` |
 | changing normal force, lift-off | independent fine-step program | `test_brute_force*.py` |
 | whole panels | independent programs: SB1, SB2 | `test_benchmarks.py` |
 | the paper | facts a to e | `test_paper_facts.py` |
 | books of energy | closed to rounding on every run | `test_benchmarks.py` and others |
+"""
+
+BATTERY_TEXT = """## The battery: closed forms and orders
+
+Each rung names its reference; derivations, references and tolerances are at the top of the files.
+Books of energy are asserted to close to 1e-6 in every case.
 """
 
 SB1_TEXT = """## SB1: one prismatic rail, against Exudyn (OpenSeesPy agrees with it)
@@ -76,7 +86,7 @@ the drives); b, d and e were not. What disagrees:
 def main() -> None:
     """Write the page and its figure."""
     (DOCS / "figures").mkdir(exist_ok=True)
-    parts = [HEAD, SB1_TEXT]
+    parts = [HEAD, BATTERY_TEXT, *(rung_part(rung) for rung in RUNGS), SB1_TEXT]
     for case, place in (("sb1_A", None), ("sb1_B", "x = 3.9 m")):
         ds = throw("sb1", place)
         parts += [f"### {case.replace('_', ', case ')}", table(sb1_checks(ds, thinned(case)))]
@@ -91,6 +101,25 @@ def main() -> None:
     parts += [FACTS_TEXT, table([check for fact in ALL for check in fact()])]
     parts.append(books_line(throw(DEFAULT, "sleeper 6")))
     (DOCS / "verification.md").write_text("\n".join(parts), encoding="utf-8")
+
+
+def rung_part(rung: Rung) -> str:
+    """Draw the figure of a rung; return its text and table."""
+    image = f"figures/verification_{rung.name}.png"
+    rung.figure().savefig(DOCS / image, dpi=130)
+    return "\n".join(
+        (
+            f"### {rung.title}",
+            "",
+            f"Reference: {rung.reference}. Where: {rung.where}.",
+            "",
+            f"![{rung.title}]({image})",
+            "",
+            rung.caption,
+            "",
+            table(rung.checks()),
+        )
+    )
 
 
 def table(checks: Sequence[Check]) -> str:
