@@ -102,13 +102,16 @@ def test_no_space_left(tmp_path: Path, option: str, limit: int) -> None:
 
 def test_all_problems_of_a_panel_file_at_once(tmp_path: Path) -> None:
     text = library_text("sb1").replace("friction_coefficient", "friction_coeficient")
-    text = text.replace('stroke = "0.120 m"', "stroke = 0.12").replace("750 kN/m", "750 kN")
+    assert 'stroke = "120 mm"' in text
+    text = text.replace('stroke = "120 mm"', "stroke = 0.12").replace("750 kN/m", "750 kN")
     (tmp_path / "own.toml").write_text(text, encoding="utf-8")
     code, message = turnout("panel", "check", "own.toml", folder=tmp_path)
     assert code == 2
     assert "Traceback" not in message
     assert "friction_coeficient" in message
     assert "drive.1.stiffness" in message
+    assert "drive.1.stroke" in message
+    assert "0.12 m" in message
     assert "problems" in message.splitlines()[0]
 
 

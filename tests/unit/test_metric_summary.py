@@ -48,11 +48,13 @@ def test_a_slipping_drive_is_told_with_place_and_time() -> None:
     assert "TKK1 NO" in text
 
 
-def test_a_slip_in_the_opening_throw_is_no_sign_of_an_object() -> None:
+def test_a_slip_says_whether_an_object_was_touched_before() -> None:
     dataset = sb2_dataset().copy(deep=True)
     early = (dataset["time"].values >= 3.0) & (dataset["time"].values < 3.2)
     dataset["drive_slipping"].loc[{"drive": "2"}] = early
-    assert "in the opening movement (not the last one" in text_of(dataset)
+    assert "in the opening movement, without any object touched before" in text_of(dataset)
+    dataset["contact_time"] = dataset["contact_time"] * 0.0 + 2.5
+    assert "in the opening movement, after an object was touched" in text_of(dataset)
 
 
 def test_an_incomplete_run_says_so_first() -> None:

@@ -8,8 +8,8 @@ from turnout.panel.document import FAMILIES, expand
 from turnout.panel.load import LoadedPanel, library_text, panel_from_file
 
 FAMILY_NAMES = (
-    "section", "rail", "chair", "fastening", "stop", "stud", "drive", "link", "sensor",
-    "sleeper", "movement", "object",
+    "section", "rail", "stock_rail", "stock_fastening", "chair", "fastening", "stop", "stud",
+    "drive", "link", "sensor", "sleeper", "movement", "object",
 )  # fmt: skip
 
 

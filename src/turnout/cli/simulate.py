@@ -80,6 +80,14 @@ def _run(
         dataset = simulate(
             panel, foreign_object=foreign, scheme=scheme, throw=False, report=watch.report
         )
+    if dataset.attrs["complete"] and not dataset.get("object_placed", True):
+        from turnout.errors import FileError
+
+        message = (
+            "object: the gap never had room for it from the time it appears, so it was not placed; "
+            "take a smaller size, another place or another time"
+        )
+        raise FileError(message)
     return dataset, not dataset.attrs["complete"]
 
 

@@ -7,6 +7,7 @@ Python code may pass SI numbers, marked by `turnout.files.units.SI` or by the va
 from collections.abc import Callable
 from typing import Annotated, Any
 
+from annotated_types import Le
 from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
 
 from turnout.files.units import (
@@ -27,6 +28,9 @@ from turnout.files.units import (
     parse_quantities,
     parse_quantity,
 )
+
+# Two steel surfaces are below 1e10 N/m; far above, a contact is lost in rounding [N/m].
+STIFFEST = 1e12
 
 
 def _positive_numbers(value: object) -> tuple[float, ...]:
@@ -103,7 +107,10 @@ Frequency = Annotated[
 ]
 Force = Annotated[float, BeforeValidator(_scalar(FORCE)), WithJsonSchema(_scalar_schema(FORCE))]
 Stiffness = Annotated[
-    float, BeforeValidator(_scalar(STIFFNESS)), WithJsonSchema(_scalar_schema(STIFFNESS))
+    float,
+    BeforeValidator(_scalar(STIFFNESS)),
+    WithJsonSchema(_scalar_schema(STIFFNESS)),
+    Le(STIFFEST),
 ]
 AngularStiffness = Annotated[
     float,

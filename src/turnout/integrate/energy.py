@@ -11,6 +11,8 @@ residual. The numerical loss is the scheme's (`algorithmic`) and, law by law, th
 the change of potential where a law changes its segment within a step.
 """
 
+import numpy as np
+
 from turnout.integrate.solve import Work, friction_limit, mark_law, row_forces
 from turnout.integrate.system import Floats, State, System, set_segment
 from turnout.law.compiled import compiled
@@ -19,6 +21,26 @@ from turnout.law.table import LawTable
 
 MARKERS, FRICTION, DAMPING, SWITCHED, ALGORITHMIC, SEGMENTS = range(6)
 KINETIC, STRAIN, CONTACT, GRAVITY = range(4)
+
+
+LEAST_SCALE = 1e-3
+"""Where less than this has moved, rounding is compared with it [J]."""
+
+
+def closing_error(stored: Floats, ledger: Floats) -> float:
+    """Return the largest residual of the books over the scale of a run (work and stored) [-].
+
+    Parameters
+    ----------
+    stored, ledger : ndarray, shape (n, 4), (n, 6)
+        Energies at the stored instants [J].
+    """
+    change = stored.sum(axis=1) - stored[:1].sum()
+    gained = ledger[:, MARKERS] + ledger[:, SWITCHED]
+    lost = ledger[:, [FRICTION, DAMPING, ALGORITHMIC, SEGMENTS]].sum(axis=1)
+    turned = np.abs(stored - stored[:1]).sum(axis=1)
+    scale = max(float(np.max(np.abs(ledger[:, MARKERS]) + turned)), LEAST_SCALE)
+    return float(np.max(np.abs(change - gained + lost))) / scale
 
 
 @compiled

@@ -126,11 +126,15 @@ def _try_step(
     work.old_segment[:] = state.segment
     work.old_friction[:] = state.friction
     code = settle(system, table, state, work, tolerances)
+    inertia, viscosity = coefficients(stepping, h)
+    if code == CONVERGED and state.counters[COUNT_RECENT] >= REBUILD_AFTER:
+        # the set is found; its solution is taken from columns without a history
+        rebuild(system, table, state, inertia, viscosity, work.row)
+        code = settle(system, table, state, work, tolerances)
     if code == NOT_CONVERGED and last:
         state.q[:] = work.q
         state.inputs[:] = inputs[0]
         restore_set(system, table, state, work)
-        inertia, viscosity = coefficients(stepping, h)
         rebuild(system, table, state, inertia, viscosity, work.row)
         aim = work.right_side.copy()
         start = start_of_path(system, table, state, inertia, viscosity)
@@ -226,7 +230,6 @@ def march(
         Indices into `inputs`; the state is that of instant `first`, its modal inverse that of the
         nominal step. Where a march is cut into several does not change a bit of the result.
     """
-    inertia, viscosity = coefficients(stepping, stepping.step)
     for n in range(first, last):
         time = n * stepping.step
         count = switch_laws(system, table, state, work, time + stepping.step)
@@ -235,8 +238,6 @@ def march(
         code = _advance(system, table, state, work, tolerances, stepping, pair, time)
         if code != CONVERGED:
             return code, n
-        if state.counters[COUNT_RECENT] >= REBUILD_AFTER:
-            rebuild(system, table, state, inertia, viscosity, work.row)
         if (n + 1) % stepping.stride == 0:
             store(system, table, state, work, record, (n + 1) // stepping.stride)
             if (n + 1) % (100 * stepping.stride) == 0:

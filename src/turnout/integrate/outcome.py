@@ -14,6 +14,7 @@ class Code(IntEnum):
     NOT_FINITE = 2
     NO_EQUILIBRIUM = 3
     INTERRUPTED = 4
+    INACCURATE = 5
 
 
 ADVICE = {
@@ -28,6 +29,10 @@ ADVICE = {
     Code.NO_EQUILIBRIUM: (
         "no static equilibrium was found at the start; check that stops and chairs "
         "do not press against each other in the stress-free position"
+    ),
+    Code.INACCURATE: (
+        "the books of energy do not close, so the numbers are not to be trusted; look for a "
+        "stiffness that is far out of range, or take a smaller step"
     ),
     Code.INTERRUPTED: "the run was interrupted; what was computed until then is kept",
 }

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from turnout.errors import SolverError
 from turnout.integrate.columns import rebuild
-from turnout.integrate.energy import account_friction, account_laws
+from turnout.integrate.energy import account_friction, account_laws, closing_error
 from turnout.integrate.equilibrium import resting_segments
 from turnout.integrate.march import Record, Stepping, coefficients, march, store
 from turnout.integrate.outcome import Code, Outcome
@@ -36,6 +36,10 @@ Ints = NDArray[np.int64]
 
 # A march comes up for air after so many seconds, and at the first after so many steps.
 BREATH, FIRST_CHUNK = 0.1, 20
+# Books of energy that are further open than this share of their scale are not to be trusted.
+CLOSES = 1e-5
+# A history may take so much memory [bytes].
+MOST_MEMORY = 64e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +146,13 @@ def _integrate(
     if n_stored < 2:
         msg = f"end = {end:g} s is shorter than one output interval"
         raise SolverError(msg)
+    a_row = 8 * (mechanism.rows.shape[0] + mechanism.laws.row.size + mechanism.rows.shape[1])
+    if n_stored * a_row > MOST_MEMORY or end / scheme.step > 1e9:
+        msg = (
+            f"end = {end:g} s with an output interval of {scheme.output_interval:g} s makes "
+            f"{n_stored:.3g} instants, too many to hold; end sooner or store less often"
+        )
+        raise SolverError(msg)
     model = condense(mechanism, cutoff_frequency=scheme.cutoff_frequency)
     times = scheme.step * np.arange((n_stored - 1) * scheme.stride + 1, dtype=np.float64)
     run = _prepare(mechanism, model, scheme, np.ascontiguousarray(inputs(times).T), n_stored)
@@ -149,6 +160,8 @@ def _integrate(
     if code == Code.COMPLETE:
         store(run.system, run.laws, run.state, run.work, run.record, 0)
         code, done = _march_in_chunks(run, report)
+    if code == Code.COMPLETE and not closing_error(run.record.stored, run.record.ledger) < CLOSES:
+        code = Code.INACCURATE
     residual = equilibrium_residual(run.system, run.laws, run.state, run.work)
     outcome = Outcome(
         code=code,

@@ -7,7 +7,7 @@ from typing import Any
 import xarray as xr
 
 from turnout.metric.books import numerical_share, residual_share
-from turnout.metric.movement import Margin, Slip, margins, movements, slips
+from turnout.metric.movement import Margin, Slip, margins, slips
 from turnout.metric.signal import at_end
 
 
@@ -155,9 +155,14 @@ def _slip(dataset: xr.Dataset, slip: Slip) -> str:
         return text
     direction = "closing" if slip.movement.to == "closed" else "opening"
     text += f", in the {direction} movement"
-    if slip.movement != movements(dataset)[-1]:
-        text += " (not the last one: no sign of a trapped object)"
-    return text
+    if _touched_before(dataset, slip.time):
+        return text + ", after an object was touched"
+    return text + ", without any object touched before"
+
+
+def _touched_before(dataset: xr.Dataset, time: float) -> bool:
+    """Tell whether a rail reached a foreign object before a time; a NaN is never before."""
+    return "contact_time" in dataset and bool(dataset["contact_time"] <= time)
 
 
 def _flangeway(dataset: xr.Dataset) -> list[tuple[str, str]]:

@@ -141,7 +141,7 @@ class StockRail(Record):
     faces: str = Field(description="the switch rail that closes against it")
     start: Length = Field(description="x of its first end [m]")
     end: Length = Field(description="x of its last end [m]")
-    ends: Literal["clamped", "free"] = "clamped"
+    ends: Literal["clamped", "free"] = Field("clamped", description="condition at both ends")
     section: str = Field(description="name of its section")
     foot_height: Length = Field(0.0, description="z of its foot, from the switch rail's [m]")
 
