@@ -9,8 +9,8 @@ class FileError(TurnoutError):
     """A file cannot be read or written; the text names the path and the remedy."""
 
 
-class PanelError(TurnoutError):
-    """A panel, an override or a foreign object is not valid.
+class ListedError(TurnoutError):
+    """Input with problems, reported all at once.
 
     Parameters
     ----------
@@ -20,12 +20,28 @@ class PanelError(TurnoutError):
         Where the values came from (a file, a library panel, an option).
     """
 
-    def __init__(self, problems: list[str] | tuple[str, ...], *, source: str = "panel") -> None:
+    def __init__(self, problems: list[str] | tuple[str, ...], *, source: str) -> None:
         self.problems = tuple(problems)
         self.source = source
         count = len(self.problems)
         heading = f"{source}: {count} problem{'s' if count != 1 else ''}"
         super().__init__("\n  - ".join((heading, *self.problems)))
+
+
+class PanelError(ListedError):
+    """A panel, an override or a foreign object is not valid; takes what `ListedError` takes."""
+
+    def __init__(self, problems: list[str] | tuple[str, ...], *, source: str = "panel") -> None:
+        super().__init__(problems, source=source)
+
+
+class MeasurementError(ListedError):
+    """A recording, a channel map or a campaign is not valid; takes what `ListedError` takes."""
+
+    def __init__(
+        self, problems: list[str] | tuple[str, ...], *, source: str = "measurement"
+    ) -> None:
+        super().__init__(problems, source=source)
 
 
 class MechanicsError(TurnoutError):

@@ -1,0 +1,1 @@
+"""From the files of a data acquisition system to datasets in the terms of the schema."""

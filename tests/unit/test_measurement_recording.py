@@ -1,0 +1,62 @@
+"""Channels made of samples with times: even, rounded, with holes, and not even at all."""
+
+import numpy as np
+import pytest
+
+from turnout.errors import MeasurementError
+from turnout.measurement.recording import Channel, Recording, even_channel
+
+
+@pytest.mark.parametrize(("decimals", "rate"), [(9, 1000.0), (3, 1000.0), (4, 3000.0)])
+def test_a_rounded_time_column_is_even(decimals: int, rate: float) -> None:
+    time = np.round(5.0 + np.arange(10_000) / rate, decimals)
+    channel, problem = even_channel("a", time, np.arange(10_000.0))
+    assert problem == ""
+    assert channel.rate == pytest.approx(rate, rel=1e-4)
+    assert channel.start == 5.0
+    np.testing.assert_array_equal(channel.values, np.arange(10_000.0))
+
+
+def test_a_coarse_time_column_says_what_it_hides() -> None:
+    time = np.round(np.arange(10_000) / 2048, 3)
+    channel, problem = even_channel("a", time, np.zeros(10_000))
+    assert "rounded too coarsely" in problem
+    assert channel.rate == pytest.approx(2048, rel=1e-3)
+
+
+@pytest.mark.parametrize("lost", [[1], [5000], [9998], [40, 41, 42, 7000]])
+def test_missing_samples_become_nan(lost: list[int]) -> None:
+    time = np.delete(np.arange(10_000) / 1000, lost)
+    channel, problem = even_channel("a", time, time.copy())
+    assert np.flatnonzero(np.isnan(channel.values)).tolist() == lost
+    assert channel.values.size == 10_000
+    assert channel.rate == pytest.approx(1000, rel=1e-9)
+    assert f"at {lost[0] / 1000:.6g} s" in problem
+    assert problem.startswith(f"{len(lost)} sample")
+
+
+@pytest.mark.parametrize(
+    ("time", "words"),
+    [
+        ([0.0], "at least 2 samples"),
+        ([0.0, np.nan, 0.2], "time of sample 2 is no number"),
+        ([0.0, 0.2, 0.1], "goes from 0.2 to 0.1 s"),
+        ([0.0, 0.0, 0.0], "must rise"),
+        ([0.0, 0.1, 0.2, 90.0], "jumps from 0.2 to 90 s"),
+        ([0.0, 0.1, 0.11, 0.12, 0.22, 0.32, 0.42, 0.52, 0.62], "less than a step"),
+    ],
+)
+def test_times_that_are_no_grid(time: list[float], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        even_channel("a", np.array(time), np.zeros(len(time)))
+
+
+def test_a_channel_that_is_not_there() -> None:
+    channel = Channel("Rod 1", "mV/V", np.zeros(5), rate=10.0, start=1.0)
+    assert channel.duration == 0.5
+    assert channel.time[-1] == pytest.approx(1.4)
+    recording = Recording({"Rod 1": channel}, "throw.csv")
+    with pytest.raises(
+        MeasurementError, match=r"throw.csv: 1 problem\n.*'rod1'; nearest is 'Rod 1'"
+    ):
+        recording.channel("rod1")
