@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from turnout.errors import MeasurementError
-from turnout.measurement.recording import Channel, Recording, even_channel
+from turnout.measurement.recording import Channel, Recording, on_grid, time_grid
 
 
 @pytest.mark.parametrize(("decimals", "rate"), [(9, 1000.0), (3, 1000.0), (4, 3000.0)])
 def test_a_rounded_time_column_is_even(decimals: int, rate: float) -> None:
     time = np.round(5.0 + np.arange(10_000) / rate, decimals)
-    channel, problem = even_channel("a", time, np.arange(10_000.0))
+    channel, problem = on_grid(time_grid(time), "a", np.arange(10_000.0))
     assert problem == ""
     assert channel.rate == pytest.approx(rate, rel=1e-4)
     assert channel.start == 5.0
@@ -19,7 +19,7 @@ def test_a_rounded_time_column_is_even(decimals: int, rate: float) -> None:
 
 def test_a_coarse_time_column_says_what_it_hides() -> None:
     time = np.round(np.arange(10_000) / 2048, 3)
-    channel, problem = even_channel("a", time, np.zeros(10_000))
+    channel, problem = on_grid(time_grid(time), "a", np.zeros(10_000))
     assert "rounded too coarsely" in problem
     assert channel.rate == pytest.approx(2048, rel=1e-3)
 
@@ -27,7 +27,7 @@ def test_a_coarse_time_column_says_what_it_hides() -> None:
 @pytest.mark.parametrize("lost", [[1], [5000], [9998], [40, 41, 42, 7000]])
 def test_missing_samples_become_nan(lost: list[int]) -> None:
     time = np.delete(np.arange(10_000) / 1000, lost)
-    channel, problem = even_channel("a", time, time.copy())
+    channel, problem = on_grid(time_grid(time), "a", time.copy())
     assert np.flatnonzero(np.isnan(channel.values)).tolist() == lost
     assert channel.values.size == 10_000
     assert channel.rate == pytest.approx(1000, rel=1e-9)
@@ -48,7 +48,7 @@ def test_missing_samples_become_nan(lost: list[int]) -> None:
 )
 def test_times_that_are_no_grid(time: list[float], words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        even_channel("a", np.array(time), np.zeros(len(time)))
+        time_grid(np.array(time))
 
 
 def test_a_channel_that_is_not_there() -> None:

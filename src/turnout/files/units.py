@@ -41,6 +41,12 @@ DENSITY = Dimension("density", "kg/m^3", "7850 kg/m^3")
 ACCELERATION = Dimension("acceleration", "m/s^2", "9.81 m/s^2")
 AREA = Dimension("area", "m^2", "76.7 cm^2")
 SECOND_MOMENT = Dimension("second moment of area", "m^4", "3038 cm^4")
+VOLTAGE = Dimension("voltage", "V", "10 V")
+CURRENT = Dimension("current", "A", "2 A")
+CURRENT_SENSITIVITY = Dimension("current sensitivity", "V/A", "100 mV/A")
+VOLTAGE_RATIO = Dimension("voltage ratio", "V/V", "1 mV/V")
+STRAIN = Dimension("strain", "m/m", "273 um/m")
+SECTION_MODULUS = Dimension("section modulus", "m^3", "6.28 cm^3")
 
 DIMENSIONS = (
     LENGTH,
@@ -55,6 +61,12 @@ DIMENSIONS = (
     ACCELERATION,
     AREA,
     SECOND_MOMENT,
+    VOLTAGE,
+    CURRENT,
+    CURRENT_SENSITIVITY,
+    VOLTAGE_RATIO,
+    STRAIN,
+    SECTION_MODULUS,
 )
 
 # Unit texts resolved without pint; tests/unit/test_files_quantity.py compares each with pint.
@@ -73,6 +85,12 @@ COMMON_UNITS: dict[str, dict[str, float]] = {
     "acceleration": {"m/s^2": 1.0},
     "area": {"m^2": 1.0, "cm^2": 1e-4, "mm^2": 1e-6},
     "second moment of area": {"m^4": 1.0, "cm^4": 1e-8, "mm^4": 1e-12},
+    "voltage": {"V": 1.0, "mV": 1e-3},
+    "current": {"A": 1.0, "mA": 1e-3},
+    "current sensitivity": {"V/A": 1.0, "mV/A": 1e-3},
+    "voltage ratio": {"V/V": 1.0, "mV/V": 1e-3},
+    "strain": {"m/m": 1.0, "um/m": 1e-6},
+    "section modulus": {"m^3": 1.0, "cm^3": 1e-6, "mm^3": 1e-9},
 }  # fmt: skip
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*\Z", re.DOTALL)

@@ -100,35 +100,33 @@ class Recording:
         return self.channels[name]
 
 
-def even_channel(
-    name: str,
-    time: NDArray[np.float64],
-    values: NDArray[np.float64],
-    *,
-    unit: str = "",
-    description: str = "",
-) -> tuple[Channel, str]:
-    """Make a channel of samples with a time each.
+@dataclass(frozen=True, slots=True, eq=False)
+class TimeGrid:
+    """Where the samples of a time column stand on an even grid.
 
-    A time column may be rounded, up to half a step. Samples that are missing become NaN.
+    Attributes
+    ----------
+    start, step : float
+        First time and distance of two [s].
+    index : ndarray of int, shape (n,)
+        Place of each sample on the grid; not consecutive where samples are missing.
+    remark : str
+        What the column hides; empty where nothing.
+    """
+
+    start: float
+    step: float
+    index: NDArray[np.int64]
+    remark: str = ""
+
+
+def time_grid(time: NDArray[np.float64]) -> TimeGrid:
+    """Find the even grid of a time column, which may be rounded by up to half a step.
 
     Parameters
     ----------
-    name : str
-        Name of the channel.
     time : ndarray, shape (n,)
         Time of each sample, rising [s].
-    values : ndarray, shape (n,)
-        Samples.
-    unit, description : str
-        As in `Channel`.
-
-    Returns
-    -------
-    channel : Channel
-        Evenly sampled.
-    problem : str
-        What was mended; empty where nothing was.
 
     Raises
     ------
@@ -137,40 +135,25 @@ def even_channel(
 
     Examples
     --------
-    >>> time = np.array([0.0, 0.1, 0.2, 0.3, 0.5, 0.6])
-    >>> channel, problem = even_channel("a", time, time)
-    >>> channel.values, problem
-    (array([0. , 0.1, 0.2, 0.3, nan, 0.5, 0.6]), '1 sample is missing at 0.4 s')
+    >>> time_grid(np.array([0.0, 0.1, 0.2, 0.3, 0.5, 0.6])).index
+    array([0, 1, 2, 3, 5, 6])
     """
-    step, index, remark = _grid(time)
-    start, count = float(time[0]), int(index[-1]) + 1
-    if count == time.size:
-        return Channel(name, unit, values, 1.0 / step, start, description), remark
-    filled = np.full(count, np.nan)
-    filled[index] = values
-    lost = count - time.size
-    first = start + step * (int(index[np.argmax(np.diff(index) > 1)]) + 1)
-    what = "1 sample is missing" if lost == 1 else f"{lost} samples are missing, the first"
-    channel = Channel(name, unit, filled, 1.0 / step, start, description)
-    return channel, f"{what} at {first:.6g} s"
-
-
-def _grid(time: NDArray[np.float64]) -> tuple[float, NDArray[np.int64], str]:
-    """Return the step of a time column, the number of each sample on its grid, and a remark."""
     _check_rising(time)
+    start = float(time[0])
     number = np.arange(time.size, dtype=np.int64)
     steps = np.diff(time)
-    step = float((time[-1] - time[0]) / (time.size - 1))
-    away = float(np.max(np.abs(time - time[0] - number * step))) / step
+    step = float((time[-1] - start) / (time.size - 1))
+    away = float(np.max(np.abs(time - start - number * step))) / step
     # In all but the shortest channels a missing sample puts some time half a step off.
     if away <= 0.45:
-        return step, number, ""
+        return TimeGrid(start, step, number)
     if np.any(steps == 0) and away <= 2.0 * float(np.max(steps)) / step:
-        return step, number, "time is rounded too coarsely to see whether samples are missing"
+        remark = "time is rounded too coarsely to see whether samples are missing"
+        return TimeGrid(start, step, number, remark)
     typical = float(np.median(steps))
     regular = steps[np.abs(steps - typical) <= 0.5 * typical]
     step = float(np.mean(regular))
-    if (time[-1] - time[0]) / step > MOST_GROWTH * time.size:
+    if (time[-1] - start) / step > MOST_GROWTH * time.size:
         at = int(np.argmax(steps))
         message = f"time is not even: it jumps from {time[at]:.6g} to {time[at + 1]:.6g} s"
         raise ValueError(message)
@@ -181,7 +164,56 @@ def _grid(time: NDArray[np.float64]) -> tuple[float, NDArray[np.int64], str]:
         message = f"time is not even: {time[at]:.6g} and {time[at + 1]:.6g} s are less than a step"
         raise ValueError(message)
     index = np.concatenate((np.zeros(1, np.int64), np.cumsum(counts)))
-    return float((time[-1] - time[0]) / index[-1]), index, ""
+    return TimeGrid(start, float((time[-1] - start) / index[-1]), index)
+
+
+def on_grid(
+    grid: TimeGrid,
+    name: str,
+    values: NDArray[np.float64],
+    *,
+    unit: str = "",
+    description: str = "",
+) -> tuple[Channel, str]:
+    """Make an even channel of samples; those that are missing become NaN.
+
+    Parameters
+    ----------
+    grid : TimeGrid
+        Of the time column.
+    name : str
+        Name of the channel.
+    values : ndarray, shape (n,)
+        Samples, as many as the time column has.
+    unit, description : str
+        As in `Channel`.
+
+    Returns
+    -------
+    channel : Channel
+        Evenly sampled.
+    problem : str
+        What was mended; empty where nothing was.
+
+    Examples
+    --------
+    >>> time = np.array([0.0, 0.1, 0.2, 0.3, 0.5, 0.6])
+    >>> channel, problem = on_grid(time_grid(time), "a", time)
+    >>> channel.values, problem
+    (array([0. , 0.1, 0.2, 0.3, nan, 0.5, 0.6]), '1 sample is missing at 0.4 s')
+    """
+    rate, count = 1.0 / grid.step, int(grid.index[-1]) + 1
+    # 1 / 0.001 is not 1000: a rate within rounding of a whole one is that.
+    rate = float(round(rate)) if abs(rate - round(rate)) < 1e-9 * rate else rate
+    lost = count - values.size
+    if not lost:
+        return Channel(name, unit, values, rate, grid.start, description), grid.remark
+    filled = np.full(count, np.nan)
+    filled[grid.index] = values
+    first = int(grid.index[np.argmax(np.diff(grid.index) > 1)]) + 1
+    what = "1 sample is missing" if lost == 1 else f"{lost} samples are missing, the first"
+    channel = Channel(name, unit, filled, rate, grid.start, description)
+    return channel, f"{what} at {grid.start + first * grid.step:.6g} s"
 
 
 def _check_rising(time: NDArray[np.float64]) -> None:

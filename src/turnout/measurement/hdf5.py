@@ -1,0 +1,127 @@
+"""HDF5 files: a dataset a channel, with its unit and rate as attributes."""
+
+import io
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.errors import FileError
+from turnout.measurement.arrays import NAME_LISTS, NO_TIME, columns_of_arrays
+from turnout.measurement.assemble import RATE_NAME, Column, assemble, tidy_unit
+from turnout.measurement.recording import Recording
+
+UNITS = ("unit", "units", "unit_string")
+STEPS = ("dt", "sample_interval", "wf_increment")
+STARTS = ("start", "wf_start_offset")
+DESCRIPTIONS = ("description", "long_name", "comment")
+START_TIMES = ("start_time", "start_store_time", "date")
+
+
+def read_hdf5(path: Path) -> Recording:
+    """Read an HDF5 file: numeric datasets, with their rates in attributes or times beside them.
+
+    Raises
+    ------
+    FileError
+        When it is damaged or holds no channel.
+    """
+    arrays: dict[str, NDArray[Any]] = {}
+    units: dict[str, str] = {}
+    texts: dict[str, list[str]] = {}
+    own: list[Column] = []
+
+    def visit(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Group):
+            for inner, value in item.items():
+                visit(f"{name}/{inner}" if name else inner, value)
+            return
+        if item.dtype.kind in "OS" and name.rsplit("/", 1)[-1].lower() in (*NAME_LISTS, "units"):
+            texts[name.replace("/", ".")] = [_text(value) for value in np.ravel(item[()])]
+        if item.dtype.kind not in "biuf" or item.size == 0 or item.ndim > 2:
+            return
+        attributes = {key.lower(): value for key, value in item.attrs.items()}
+        rate = _rate(attributes)
+        if rate is None or item.ndim > 1:
+            arrays[name], units[name] = item[()], _first(attributes, UNITS)
+            return
+        start = _first(attributes, STARTS)
+        own.append(
+            Column(
+                _first(attributes, ("name",)) or name,
+                item[()],
+                tidy_unit(_first(attributes, UNITS)),
+                _first(attributes, DESCRIPTIONS),
+                rate=rate,
+                start=float(start) if start else 0.0,
+            )
+        )
+
+    try:
+        with h5py.File(path, "r") as file:
+            visit("", file)
+            attributes = {key.lower(): value for key, value in file.attrs.items()}
+    except (OSError, RuntimeError, KeyError, ValueError) as error:
+        reason = " ".join(str(error).split())[:80]
+        message = f"{path}: is no HDF5 file, or a damaged one ({reason}); save it again"
+        raise FileError(message) from None
+    rate = _rate(attributes)
+    if rate is not None:
+        arrays["sample_rate"] = np.array(rate)
+    columns, problems = columns_of_arrays(arrays, texts, units)
+    return assemble(
+        [*own, *columns],
+        source=str(path),
+        start_time=_first(attributes, START_TIMES) or None,
+        problems=problems,
+        remedy=NO_TIME,
+    )
+
+
+def hdf5_bytes(recording: Recording) -> bytes:
+    """Return a recording as the content of an HDF5 file: a compressed dataset a channel.
+
+    The name, unit, rate, start and description of a channel are attributes of its dataset.
+    """
+    # In memory first: on a full disk the HDF5 library crashes instead of reporting it.
+    content = io.BytesIO()
+    with h5py.File(content, "w", track_order=True) as file:
+        if recording.start_time:
+            file.attrs["start_time"] = recording.start_time
+        for channel in recording.channels.values():
+            # A slash would make a group.
+            key = channel.name.replace("/", "|")
+            item = file.create_dataset(
+                key, data=channel.values, compression="gzip", compression_opts=1, shuffle=True
+            )
+            item.attrs["name"] = channel.name
+            item.attrs["unit"] = channel.unit
+            item.attrs["rate"] = channel.rate
+            item.attrs["start"] = channel.start
+            item.attrs["description"] = channel.description
+    return content.getvalue()
+
+
+def _first(attributes: dict[str, Any], keys: tuple[str, ...]) -> str:
+    return next((_text(attributes[key]) for key in keys if key in attributes), "")
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        value = value.reshape(-1)[0] if value.size else ""
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+def _rate(attributes: dict[str, Any]) -> float | None:
+    """Return a sample rate from attributes that tell it or its inverse."""
+    try:
+        for key, value in attributes.items():
+            if RATE_NAME.fullmatch(key):
+                return float(np.ravel(value)[0])
+            if key in STEPS:
+                return 1.0 / float(np.ravel(value)[0])
+    except (ValueError, TypeError, IndexError, ZeroDivisionError):
+        return None
+    return None

@@ -1,0 +1,122 @@
+"""Read a file of a data acquisition system, whatever its format."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from turnout.errors import FileError
+from turnout.measurement.hdf5 import read_hdf5
+from turnout.measurement.mat import read_mat, read_mat73
+from turnout.measurement.recording import Recording
+from turnout.measurement.text import read_text
+
+HEAD = 600
+_HDF5_MARK = b"\x89HDF\r\n\x1a\n"
+
+
+@dataclass(frozen=True, slots=True)
+class FileFormat:
+    """One kind of file: how it is told from others, and who reads it.
+
+    Attributes
+    ----------
+    name : str
+        What it is called.
+    suffixes : tuple of str
+        What its files end in; asked only where the content tells nothing.
+    recognise : callable
+        Whether the first bytes are of this format.
+    read : callable
+        From a path to a recording; raises FileError.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    recognise: Callable[[bytes], bool]
+    read: Callable[[Path], Recording]
+
+
+def _begins(*marks: bytes) -> Callable[[bytes], bool]:
+    return lambda head: head.startswith(marks)
+
+
+FORMATS = (
+    FileFormat("MATLAB 7.3", (), _begins(b"MATLAB 7.3 MAT-file"), read_mat73),
+    FileFormat("MATLAB", (".mat",), _begins(b"MATLAB 5.0 MAT-file"), read_mat),
+    FileFormat("HDF5", (".h5", ".hdf5", ".hdf", ".nc"), lambda head: _HDF5_MARK in head, read_hdf5),
+    FileFormat("text", (".csv", ".txt", ".tsv", ".asc", ".dat"), lambda head: False, read_text),
+)
+
+
+def read_recording(path: Path | str) -> Recording:
+    r"""Read the channels of a file; its content tells the format, then its name.
+
+    Parameters
+    ----------
+    path : path-like
+        Text (CSV, TXT), MATLAB, HDF5.
+
+    Returns
+    -------
+    Recording
+        Every channel that can be read; `problems` names the others and why.
+
+    Raises
+    ------
+    FileError
+        When nothing can be read; the text names the file, what is wrong and the remedy.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "throw.csv"
+    >>> _ = file.write_text("Time (s),Rod 1 (mV/V)\n0,0.1\n0.001,0.2\n0.002,0.3\n")
+    >>> rod = read_recording(file).channel("Rod 1")
+    >>> rod.rate, rod.unit, rod.values
+    (1000.0, 'mV/V', array([0.1, 0.2, 0.3]))
+    """
+    path = Path(path)
+    return format_of(path).read(path)
+
+
+def format_of(path: Path) -> FileFormat:
+    """Tell the format of a file; FileError when it cannot be read at all."""
+    head = _head(path)
+    if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
+        message = f"{path}: is an Excel workbook or another archive; save the sheet as CSV"
+        raise FileError(message)
+    for item in FORMATS:
+        if item.recognise(head):
+            return item
+    suffix = path.suffix.lower()
+    by_name = next((item for item in FORMATS if suffix in item.suffixes), FORMATS[-1])
+    if by_name.name != "text" and _is_text(head):
+        return FORMATS[-1]
+    return by_name
+
+
+def _is_text(head: bytes) -> bool:
+    return not any(byte < 9 for byte in head)
+
+
+def _head(path: Path) -> bytes:
+    """Return the first bytes of a file that is there, is readable and is not empty."""
+    try:
+        if path.is_dir():
+            message = f"{path}: is a folder, not a file; name a file inside it"
+            raise FileError(message)
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+    except FileNotFoundError:
+        message = f"{path}: no such file; check the path (the current folder is {Path.cwd()})"
+        raise FileError(message) from None
+    except PermissionError:
+        message = f"{path}: may not be read; check its permissions"
+        raise FileError(message) from None
+    except (OSError, ValueError) as error:
+        message = f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})"
+        raise FileError(message) from None
+    if not head.strip():
+        message = f"{path}: the file is empty"
+        raise FileError(message)
+    return head

@@ -1,0 +1,119 @@
+"""Text files as DewesoftX, MATLAB and Excel write them, and as they arrive when something broke."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from turnout.errors import FileError, MeasurementError
+from turnout.measurement.read import read_recording
+from turnout.measurement.recording import Channel, Recording
+from turnout.measurement.text import csv_bytes
+
+DEWESOFT = (
+    "Data file\tD:\\throw.dxd\r\nStart time:\t2025-11-03 10:12:33.250\r\n"
+    "Sample rate:\t1000 Hz\r\n\r\n"
+    "Time (s)\tRod 1 (mV/V)\tStrain (µm/m)\r\n0\t0,1\t1\r\n0,001\t0,2\t\r\n0,002\t-3e-1\t3,5\r\n"
+)
+EXCEL = (
+    "sep=;\r\nTime;Rod 1;Strain\r\ns;mV/V;µm/m\r\n0,000;0,1;1\r\n0,001;0,2;\r\n0,002;-0,3;3,5\r\n"
+)
+PLAIN = 'Time [ms],"Rod 1 [mV/V]",Strain [um/m]\n0,0.1,1\n1,0.2,\n2,-0.3,3.5\n'
+MATLAB = (
+    "# t, Rod 1 (mV/V), Strain (µm/m)\n 0.0e+00, 1e-1, 1\n 1.0e-03, 2.0e-01, NaN\n .002, -.3, 3.5"
+)
+
+
+def written(folder: Path, content: str | bytes, encoding: str = "utf-8") -> Path:
+    path = folder / "throw.csv"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode(encoding))
+    return path
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "latin-1"])
+@pytest.mark.parametrize("text", [DEWESOFT, EXCEL, PLAIN, MATLAB])
+def test_the_same_numbers_however_they_are_written(
+    tmp_path: Path, text: str, encoding: str
+) -> None:
+    recording = read_recording(written(tmp_path, text, encoding))
+    assert list(recording.channels) == ["Rod 1", "Strain"]
+    rod, strain = recording.channels.values()
+    assert (rod.unit, strain.unit) == ("mV/V", "um/m")
+    assert (rod.rate, rod.start) == (1000.0, 0.0)
+    np.testing.assert_allclose(rod.values, [0.1, 0.2, -0.3], rtol=1e-15)
+    np.testing.assert_array_equal(strain.values, [1.0, np.nan, 3.5])
+    assert recording.problems == ("channel 'Strain': 1 cell is empty, taken as missing",)
+
+
+def test_the_lines_above_the_table_tell_start_and_rate(tmp_path: Path) -> None:
+    text = "Start time: 2025-11-03 10:12:33\nSample rate (kHz): 2,5\nA [V];B [-]\n1;2\n3;4\n"
+    recording = read_recording(written(tmp_path, text))
+    assert recording.start_time == "2025-11-03 10:12:33"
+    assert recording.channel("A").rate == 2500.0
+    np.testing.assert_array_equal(recording.channel("B").values, [2.0, 4.0])
+
+
+def test_numbers_alone(tmp_path: Path) -> None:
+    """Columns of white space, as `save -ascii` writes them; the first rises evenly: time."""
+    recording = read_recording(written(tmp_path, " 0.0  1e0 5\n 1.0e-3  2 6\n 2.0e-03  3 7\n"))
+    assert list(recording.channels) == ["column 2", "column 3"]
+    assert recording.channel("column 3").rate == 1000.0
+
+
+@pytest.mark.parametrize(
+    "stamps",
+    [
+        ("23:59:59.999", "00:00:00.000", "00:00:00.001"),
+        ("2025-11-03 23:59:59.999", "2025-11-04 00:00:00.000", "2025-11-04 00:00:00.001"),
+    ],
+)
+def test_clock_times_over_midnight(tmp_path: Path, stamps: tuple[str, ...]) -> None:
+    rows = "".join(f"{stamp};{value}\n" for value, stamp in enumerate(stamps))
+    recording = read_recording(written(tmp_path, "Time;A (V)\n" + rows))
+    assert recording.channel("A").rate == pytest.approx(1000.0, rel=1e-6)
+
+
+def test_a_line_that_was_cut_off_is_left_out(tmp_path: Path) -> None:
+    recording = read_recording(written(tmp_path, "t,a,b\n0,1,2\n0.1,3,4\n0.2,5"))
+    np.testing.assert_array_equal(recording.channel("a").values, [1.0, 3.0])
+    assert recording.problems == ("the last line is cut off and left out",)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "the file is empty"),
+        (b" \n\n", "the file is empty"),
+        (b"hello\nworld\n", "no rows of numbers in it (it begins with: hello)"),
+        (bytes(range(256)) * 10, "no text file"),
+        (b"PK\x03\x04 and more", "save the sheet as CSV"),
+        (b"t,a,b\n0,1,2\n0.1,x7,4\n0.2,5,6\n", "line 3, column 'a': 'x7' is not a number"),
+        (b"t,a\n0,1\n0.1,3\n\n0.2,oops\n", "line 5, column 'a': 'oops' is not a number"),
+        (b"t;a\n0;1,5\n0,1;3.5\n0,2;4,5\n", "line 3, column 'a': '3.5' is not a number"),
+        (b"Time,a\n10:00:00.1,1\n10:00:00.2,x\n10:00:00.3,3\n", "line 3, column 'a': 'x'"),
+        (b"t,a,b\n0,1,2\n0.1,3,4\n0.2,5,6,7\n", "line 4, saw 4"),
+        (b"Time (kg),a\n0,1\n1,2\n", "column 'Time': 'kg' is no unit of time"),
+        (b"t,a\n0,1\n2,2\n1,3\n", "time must rise; it goes from 2 to 1 s"),
+        (b"a (V),b (V)\n1,2\n3,4\n", "'a', 'b' are left out: neither times nor a sample rate"),
+    ],
+)
+def test_what_cannot_be_read_is_one_message(tmp_path: Path, content: bytes, words: str) -> None:
+    path = written(tmp_path, content)
+    with pytest.raises(FileError) as caught:
+        read_recording(path)
+    assert words in str(caught.value)
+    assert str(path) in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_fault_far_down_is_found(tmp_path: Path) -> None:
+    rows = [f"{number / 1000:.3f},{number}\n" for number in range(30_000)]
+    rows[25_000] = "25.000,Overload\n"
+    with pytest.raises(FileError, match="line 25002, column 'a': 'Overload' is not a number"):
+        read_recording(written(tmp_path, "t,a\n" + "".join(rows)))
+
+
+def test_a_table_has_one_time() -> None:
+    slow, fast = (Channel(n, "V", np.zeros(4), rate=r) for n, r in (("slow", 10.0), ("fast", 20.0)))
+    with pytest.raises(MeasurementError, match="'fast' and 'slow' have different times"):
+        csv_bytes(Recording({"slow": slow, "fast": fast}, "test"))
