@@ -1,0 +1,61 @@
+"""What is said of the vibrations of a panel in motion."""
+
+import pytest
+
+from turnout.errors import ResponseError
+from turnout.panel.load import load_panel
+from turnout.response.stability import (
+    FrictionStability,
+    SlidingCase,
+    friction_stability,
+    sliding_places,
+)
+
+NAN = float("nan")
+
+
+def case(growth: float, *, share: float = 0.5, frequency: float = 120.0) -> SlidingCase:
+    return SlidingCase("return", "closed", share, True, frequency, -growth / 750.0, growth)
+
+
+def test_default_panel_is_stable_with_a_quarter_more_friction() -> None:
+    found = friction_stability(load_panel("uic60-760-1-15"), friction_factor=1.25)
+    assert found.stable
+    assert all(case.settled for case in found.cases)
+    assert "decay" in str(found)
+
+
+def test_places_lie_between_the_ends_of_each_movement() -> None:
+    panel = load_panel("uic60-760-1-15")
+    opening, closing = sliding_places(panel, shares=(0.5,))
+    assert (opening.to, opening.sense, closing.sense) == ("open", -1.0, 1.0)
+    assert opening.inputs == pytest.approx([-0.058, -0.041])
+    assert closing.inputs == pytest.approx([-0.058, -0.041])
+
+
+def test_worst_case_is_the_one_that_grows_fastest() -> None:
+    found = FrictionStability(1.0, (case(-3.0), case(2.0, share=0.7), case(1.0)), 600.0)
+    assert not found.stable
+    assert found.worst.share == 0.7
+    assert found.frequency == 120.0
+    assert found.damping_ratio == pytest.approx(-2.0 / 750.0)
+    assert "flutter at 120.0 Hz" in str(found)
+    assert "70 % of the movement 'return'" in str(found)
+
+
+def test_growth_without_swing_is_called_divergence() -> None:
+    assert "divergence" in str(FrictionStability(1.0, (case(1.0, frequency=0.0),), 600.0))
+
+
+def test_a_place_without_steady_sliding_is_not_called_stable() -> None:
+    lost = SlidingCase("throw", "open", 0.1, False, NAN, NAN, NAN)
+    found = FrictionStability(1.0, (lost, case(-3.0)), 600.0)
+    assert not found.stable
+    assert found.worst.growth_rate == -3.0
+    assert "no steady sliding was found in 1 of 2" in str(found)
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0, NAN, float("inf")])
+def test_factor_must_be_positive(factor: float) -> None:
+    with pytest.raises(ResponseError, match="friction_factor"):
+        friction_stability(load_panel("sb1"), friction_factor=factor)
