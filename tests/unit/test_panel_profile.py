@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from turnout.panel.load import load_panel
-from turnout.panel.model import Profile
 from turnout.panel.profile import (
     evaluate_profile,
     running_edge_offset,
@@ -13,6 +12,7 @@ from turnout.panel.profile import (
     section_values,
     stock_rail_gap,
 )
+from turnout.panel.rail_records import Profile
 
 
 def profile(x: list[float], value: list[float], interpolation: str) -> Profile:

@@ -24,7 +24,7 @@ def unit_of(field: Any) -> str | None:
 
     Examples
     --------
-    >>> from turnout.panel.model import Chair
+    >>> from turnout.panel.support_records import Chair
     >>> unit_of(Chair.model_fields["damping"]), unit_of(Chair.model_fields["friction_coefficient"])
     ('N s/m', None)
     """

@@ -26,10 +26,13 @@ from turnout.mechanism.rail import (
     reduce_rail,
 )
 from turnout.mechanism.threads import one_blas_thread
+from turnout.panel.drive_records import Drive, Link
 from turnout.panel.foreign_object import PlacedObject
-from turnout.panel.model import Chair, Drive, Link, Panel, Rail, Stop
+from turnout.panel.model import Panel
 from turnout.panel.motion import start_offset
 from turnout.panel.profile import stock_rail_gap
+from turnout.panel.rail_records import Rail
+from turnout.panel.support_records import Chair, Stop
 
 Floats = NDArray[np.float64]
 

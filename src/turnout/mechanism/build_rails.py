@@ -13,8 +13,9 @@ from turnout.beam.material import Material
 from turnout.beam.mesh import mesh_nodes
 from turnout.mechanism.rail import Point, RailData, Support, rayleigh_factors
 from turnout.panel.foreign_object import PlacedObject
-from turnout.panel.model import Fastening, Panel
+from turnout.panel.model import Panel
 from turnout.panel.profile import section_columns, section_values
+from turnout.panel.support_records import Fastening
 from turnout.section.properties import SectionProperties
 
 Floats = NDArray[np.float64]

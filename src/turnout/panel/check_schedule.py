@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from turnout.files.problems import Problem, choices, nearest, show_value
 from turnout.panel.check_table import rising_fault
-from turnout.panel.model import Movement
+from turnout.panel.schedule_records import Movement
 from turnout.panel.validate import Draft, known_part
 
 _SAME_TIME = 1e-9

@@ -6,8 +6,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from turnout.files.problems import Problem
-from turnout.panel.model import Drive, Profile, SectionTable
+from turnout.panel.drive_records import Drive
 from turnout.panel.profile import section_columns
+from turnout.panel.rail_records import Profile
+from turnout.panel.section_records import SectionTable
 
 Path = tuple[str, ...]
 _POSITIVE = (

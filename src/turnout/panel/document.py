@@ -15,7 +15,8 @@ from pydantic import BaseModel
 from turnout.files.problems import Problem, nearest, show_value
 from turnout.files.toml import Origin, TomlFile
 from turnout.files.units import LENGTH, SI, parse_quantities
-from turnout.panel.model import Panel, Placed
+from turnout.panel.model import Panel
+from turnout.panel.record import Placed
 
 Path = tuple[str, ...]
 

@@ -8,10 +8,11 @@ from typing import Any
 from turnout.errors import PanelError
 from turnout.files.problems import choices, nearest, show_value
 from turnout.files.units import LENGTH, STIFFNESS, TIME, Dimension, parse_quantity
-from turnout.panel.model import Panel, PanelObject
+from turnout.panel.model import Panel
 from turnout.panel.motion import ordered_movements
 from turnout.panel.opening import largest_opening
 from turnout.panel.place import find_place
+from turnout.panel.schedule_records import PanelObject
 
 # The opening is an estimate; an object is refused only when it is larger by more than this [m].
 OPENING_MARGIN = 0.003

@@ -8,7 +8,9 @@ drive on the other rail, whose marker moves the same way.
 import numpy as np
 import numpy.typing as npt
 
-from turnout.panel.model import Drive, Movement, Panel
+from turnout.panel.drive_records import Drive
+from turnout.panel.model import Panel
+from turnout.panel.schedule_records import Movement
 
 FloatArray = npt.NDArray[np.float64]
 

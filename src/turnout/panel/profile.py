@@ -6,7 +6,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from turnout.panel.model import Panel, Profile, Rail, RunningEdge, SectionTable
+from turnout.panel.model import Panel
+from turnout.panel.rail_records import Profile, Rail, RunningEdge
+from turnout.panel.section_records import SectionTable
 
 FloatArray = npt.NDArray[np.float64]
 

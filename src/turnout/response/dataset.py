@@ -13,7 +13,8 @@ from turnout.integrate.scheme import Scheme
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
-from turnout.panel.model import Panel, Placed
+from turnout.panel.model import Panel
+from turnout.panel.record import Placed
 from turnout.response.coordinates import coordinates, stations
 from turnout.response.energies import energy_channels, energy_scale
 from turnout.response.gaps import contact_height, drive_gaps, rail_gap, sensor_gaps

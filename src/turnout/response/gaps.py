@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.panel.model import Panel, RunningEdge
+from turnout.panel.model import Panel
 from turnout.panel.profile import stock_rail_gap
+from turnout.panel.rail_records import RunningEdge
 from turnout.response.recovery import Ints, Motion, lateral_displacement
 from turnout.response.route import Throw, open_rail, wanted_closed
 

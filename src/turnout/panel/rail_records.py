@@ -1,0 +1,80 @@
+"""Rails of a panel as records: switch rails, stock rails, and what varies along them."""
+
+from typing import Annotated, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from turnout.files.quantity import (
+    Length,
+    LengthList,
+)
+from turnout.panel.record import Record
+
+
+class RunningEdge(Record):
+    """Running edge on a tangent circle: w(x) = (x + lead)^2 / (2 radius), held within bounds."""
+
+    radius: Length = Field(gt=0, description="radius of the outer running edge [m]")
+    lead: Length = Field(description="distance of the toe behind the tangent point [m]")
+    minimum: Length = Field(0.0, ge=0, description="least offset, the blade at the toe [m]")
+    maximum: Length = Field(gt=0, description="offset from which the section is full [m]")
+
+
+class Profile(Record):
+    """A length that varies along x, held constant beyond its ends."""
+
+    x: LengthList = Field(description="positions, rising [m]")
+    value: LengthList = Field(description="the length at each position [m]")
+    interpolation: Literal["linear", "cubic"] = Field(
+        "linear", description="'cubic' is the not-a-knot spline, exact for a cubic parabola"
+    )
+
+
+def _gap_form(value: object) -> str:
+    """Tell a tabulated gap from a constant one, so that an error speaks of one form only."""
+    tabulated = isinstance(value, Profile) or (isinstance(value, dict) and "unit" not in value)
+    return "profile" if tabulated else "length"
+
+
+Gap = Annotated[
+    Annotated[Length, Tag("length")] | Annotated[Profile, Tag("profile")],
+    Discriminator(_gap_form),
+]
+
+
+class Rail(Record):
+    """A switch rail, straight in its stress-free position."""
+
+    closes: Literal["+y", "-y"] = Field(description="closing direction; instrumented rail: '+y'")
+    stress_free: Literal["closed", "open"] = Field(description="position without any force")
+    start: Length = Field(0.0, description="x of the toe end [m]")
+    end: Length = Field(description="x of the heel end [m]")
+    heel: Literal["clamped", "free"] = Field("free", description="condition at the heel end")
+    section: str = Field(description="name of the section table")
+    axis: Literal["foot", "centroid"] = Field(
+        "foot",
+        description="line of the beam nodes: the straight foot line with eccentric sections, or "
+        "the centroids laid straight (leaves out the torque of lateral shear on a rising axis)",
+    )
+    running_edge: RunningEdge | None = Field(
+        None, description="needed where the section's stations are running-edge offsets"
+    )
+    stock_rail_gap: Gap | None = Field(
+        None,
+        description="open distance to the unloaded stock rail in the stress-free position, at "
+        "contact height [m]; leave out where there is none",
+    )
+    head_width: Length | None = Field(
+        None, gt=0, description="full head width: w beyond it adds to the flangeway [m]"
+    )
+
+
+class StockRail(Record):
+    """A flexible, prismatic stock rail that a switch rail closes against."""
+
+    faces: str = Field(description="the switch rail that closes against it")
+    start: Length = Field(description="x of its first end [m]")
+    end: Length = Field(description="x of its last end [m]")
+    ends: Literal["clamped", "free"] = Field("clamped", description="condition at both ends")
+    section: str = Field(description="name of its section")
+    foot_height: Length = Field(0.0, description="z of its foot, from the switch rail's [m]")
