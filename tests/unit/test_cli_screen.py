@@ -4,14 +4,19 @@ import re
 from pathlib import Path
 
 import pytest
+from tests.unit.simulated import sb2_panel
 
 from turnout.cli.outputs import check_outputs
 from turnout.cli.sections import section_lines
-from turnout.cli.show import panel_lines
+from turnout.cli.show import Thrown, panel_lines
 from turnout.cli.units import shown
+from turnout.cli.values import value_lines
 from turnout.cli.watch import Watch
 from turnout.errors import FileError
 from turnout.panel.load import library_names, load_panel
+from turnout.panel.model import Panel
+from turnout.response.simulate import simulate
+from turnout.study.test_piece import PieceResult
 
 SUFFIXES = {"--out": (".nc",), "--plot": (".png", ".svg")}
 
@@ -24,7 +29,7 @@ def line_of(lines: list[str], start: str) -> str:
 @pytest.fixture(scope="module")
 def default() -> list[str]:
     panel = load_panel("uic60-760-1-15")
-    return list(panel_lines(panel.with_settings(["chair.5.friction_coefficient=0.3"])))
+    return list(value_lines(panel.with_settings(["chair.5.friction_coefficient=0.3"])))
 
 
 @pytest.mark.parametrize(
@@ -43,18 +48,98 @@ def test_values_are_shown_with_their_origin(default: list[str], start: str, rest
     assert rest in line_of(default, start)
 
 
-def test_the_bushing_is_explained(default: list[str]) -> None:
-    text = " ".join(default)
-    assert "leaves 4.4 mm at Drive 2" in text
+def screen(thrown: Thrown | None = None, *, values: bool = False) -> list[str]:
+    return list(panel_lines(sb2_panel(), thrown=thrown, values=values))
+
+
+@pytest.fixture(scope="module")
+def thrown() -> Thrown:
+    pieces = [
+        PieceResult("1", 0.005, False, 2960.0, 2445.0, 3500.0, 0.00425),
+        PieceResult("2", 0.005, True, -1.0, 0.0, 6001.0, 0.0123),
+        PieceResult.without("3", 0.005, "no room"),
+    ]
+    return Thrown(simulate(sb2_panel()), pieces)
+
+
+def test_the_screen_has_the_order_of_an_engineer(thrown: Thrown) -> None:
+    order = ("PLAN", "CLOSED GAP", "FORCE MARGINS", "LEAST FLANGEWAY", "TEST PIECE", "ASSUMED")
+    for lines in (screen(), screen(thrown)):
+        heads = [
+            next(word for word in order if line.startswith(word))
+            for line in lines
+            if line.startswith(order)
+        ]
+        assert tuple(heads) == order
+
+
+def test_without_a_throw_the_screen_says_what_one_would_add() -> None:
+    lines = screen()
+    assert sum("add --throw" in line for line in lines) == 3
+    assert any("estimated from the strokes" in line for line in lines)
+
+
+def test_closed_gaps_are_those_of_the_run(thrown: Thrown) -> None:
+    lines = screen(thrown)
+    at = [number for number, line in enumerate(lines) if line.startswith("  x [m]")]
+    places = [float(cell) for number in at for cell in lines[number].split()[2:]]
+    gaps = [float(cell) for number in at for cell in lines[number + 1].split()[1:]]
+    end = thrown.dataset["gap"].sel(rail="A").isel(time=-1)
+    assert places == pytest.approx(thrown.dataset["x"].values, abs=0.005)
+    assert gaps == pytest.approx(1e3 * end.values, abs=0.0051)
+
+
+def test_margins_are_those_of_the_run(thrown: Thrown) -> None:
+    force = thrown.dataset["drive_force"].sel(drive="2")
+    opening = -float(force.min()) / 1e3
+    line = line_of(screen(thrown), "2 opening")
+    assert line.startswith(f"2 opening {opening:.2f} kN 6.00 kN {6 - opening:.2f} kN")
+    assert line.endswith("near its slip level")
+    assert "near" not in line_of(screen(thrown), "2 closing")
+
+
+def test_the_flangeway_is_told_with_its_place(thrown: Thrown) -> None:
+    least = float(thrown.dataset["least_flangeway"])
+    rail = thrown.dataset["least_flangeway_rail"].values
+    line = line_of(screen(thrown), f"{1e3 * least:.2f} mm, rail {rail} at x = ")
+    assert line.endswith("BELOW the limit of 58 mm")
+
+
+def test_test_pieces_are_told(thrown: Thrown) -> None:
+    lines = screen(thrown)
+    assert line_of(lines, "1 YES, not seen") == ("1 YES, not seen 2.96 kN 2.44 kN 3.50 kN 4.25 mm")
+    assert line_of(lines, "2 no") == "2 no 0.00 kN 0.00 kN 6.00 kN 12.30 mm"
+    assert line_of(lines, "3 no result") == "3 no result: no room"
+
+
+def test_only_assumptions_unless_all_values_are_asked_for() -> None:
+    short = list(panel_lines(load_panel("uic60-760-1-15")))
+    assumed = short[short.index("ASSUMED (all values with their origins: --values)") + 1 :]
+    values = [line for line in assumed if line.startswith("  ")]
+    assert len(values) > 20
+    assert all("assumption" in line for line in values)
+    assert all("assumption" in line or line.split()[0] in Panel.model_fields for line in assumed)
+    assert any(
+        "paper:" in line
+        for line in screen(values=True)
+        + list(panel_lines(load_panel("uic60-760-1-15"), values=True))
+    )
+
+
+def test_the_bushing_is_explained() -> None:
+    text = " ".join(panel_lines(load_panel("uic60-760-1-15")))
+    assert "it is the bushing" in text
     assert "drive 1 by 1.33 mm for each kN" in text
+    table = {"drive.2.extension": [-0.01, 0.0, 0.01], "drive.2.force": [-6000.0, 0.0, 6000.0]}
+    tabulated = load_panel("uic60-760-1-15").with_overrides(table)
+    assert "drive 2 by its table" in " ".join(panel_lines(tabulated))
 
 
 @pytest.mark.parametrize("name", library_names())
 def test_every_number_of_a_library_panel_has_an_origin_or_is_a_default(name: str) -> None:
     kinds = ("paper:", "source:", "computed:", "assumption:", "default")
-    lines = list(panel_lines(load_panel(name)))
-    body = lines[lines.index("") + 1 : -5]
-    numbers = [line for line in body if re.match(r"  \S.{29} -?\d", line)]
+    lines = list(value_lines(load_panel(name)))
+    numbers = [line for line in lines if re.match(r"  \S.{29} -?\d", line)]
     assert len(numbers) > 20
     assert [line for line in numbers if not any(kind in line for kind in kinds)] == []
 

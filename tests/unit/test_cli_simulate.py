@@ -8,6 +8,7 @@ from tests.unit.simulated import sb1_dataset, sb1_panel
 from typer.testing import CliRunner, Result
 
 from turnout.cli.main import app
+from turnout.errors import FileError
 from turnout.integrate.scheme import Scheme
 from turnout.response.store import open_response
 
@@ -120,19 +121,54 @@ def test_schema_goes_to_a_file(tmp_path: Path) -> None:
     assert '"$schema"' in (tmp_path / "s.json").read_text(encoding="utf-8")
 
 
-def thrown(panel: str, *arguments: str) -> str:
-    result = CliRunner().invoke(app, ["panel", "check", panel, "--throw", *arguments])
-    assert result.exit_code == 0
-    return result.stdout
+def checked(panel: str, *arguments: str) -> Result:
+    return CliRunner().invoke(app, ["panel", "check", panel, *arguments])
 
 
-def test_a_panel_is_thrown_to_warn_of_slip() -> None:
+def test_a_panel_is_thrown_to_warn() -> None:
     """The opening throw of SB2 has 0.44 kN of 6 kN left, its closing throw 2.4 kN."""
-    text = thrown("sb2")
-    assert "warning: drive 2 has 0.44 kN left before it slips when opening" in text
-    assert "when closing" not in text
+    result = checked("sb2")
+    assert result.exit_code == 0
+    warnings = [line for line in result.stdout.splitlines() if line.startswith("warning: ")]
+    assert len(warnings) == 2
+    assert "drive 2 at x = 6.9 m, opening" in warnings[0]
+    assert "0.44 kN (7.3 %) left" in warnings[0]
+    assert "flangeway below its limit" in warnings[1]
 
 
-def test_a_panel_with_less_friction_has_no_warning() -> None:
-    text = thrown("sb2", "--set", "chair.friction_coefficient=0.2")
-    assert "every drive keeps at least 10 % of its force" in text
+def test_strict_turns_warnings_into_a_refusal() -> None:
+    assert checked("sb2", "--strict").exit_code == 2
+    assert checked("sb2", "--strict", "--no-throw").exit_code == 0
+
+
+def test_a_panel_in_order_has_no_warning() -> None:
+    changes = ["chair.friction_coefficient=0.2", "flangeway.limit=40 mm"]
+    result = checked("sb2", "--strict", *(f"--set={change}" for change in changes))
+    assert result.exit_code == 0, result.stdout
+    assert "no warnings" in result.stdout
+
+
+def test_without_a_throw_only_the_file_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("turnout.cli.throwing.thrown_alone", None)
+    result = checked("sb2", "--no-throw")
+    assert result.exit_code == 0
+    assert result.stdout.startswith("sb2: OK")
+
+
+def test_a_panel_is_shown_and_drawn(tmp_path: Path) -> None:
+    """All of it for a panel with one rail, cut short."""
+    path = tmp_path / "plan.svg"
+    result = CliRunner().invoke(
+        app, ["panel", "show", "sb1", *QUICK, "--throw", "--plot", str(path)]
+    )
+    assert result.exit_code == 0, result.stderr
+    assert "needs throws" not in result.stdout
+    assert result.stdout.count("kN") > 10
+    assert f"{path}: written" in result.stdout
+    assert path.read_bytes().startswith(b"<?xml")
+
+
+def test_a_plan_that_cannot_be_written_is_refused_first(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["panel", "show", "--plot", str(tmp_path / "plan.gif")])
+    assert isinstance(result.exception, FileError)
+    assert result.stdout == ""

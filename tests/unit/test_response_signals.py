@@ -8,8 +8,8 @@ import xarray as xr
 from tests.unit.simulated import OBJECT, sb1_dataset, sb2_dataset, sb2_panel, sb2_run
 
 from turnout.panel.foreign_object import ForeignObject
-from turnout.panel.profile import running_edge_offset
-from turnout.response.gaps import rail_gap, running_edge_distance
+from turnout.panel.profile import running_edge_distance, running_edge_offset
+from turnout.response.gaps import rail_gap
 from turnout.response.recovery import recover_motion
 from turnout.response.simulate import simulate
 

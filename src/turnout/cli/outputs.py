@@ -6,6 +6,8 @@ from pathlib import Path
 
 from turnout.errors import FileError
 
+FIGURES = (".png", ".pdf", ".svg")
+
 
 def check_outputs(paths: Mapping[str, Path | None], suffixes: Mapping[str, Sequence[str]]) -> None:
     """Refuse every output path that could not be written, all at once.
@@ -54,3 +56,13 @@ def _problem(path: Path, suffixes: Sequence[str]) -> str | None:
     if path.exists() and not os.access(path, os.W_OK):
         return "exists and may not be written; choose another name or change its permissions"
     return None
+
+
+def write_told(path: Path, content: str | bytes) -> None:
+    """Write a file, completely or not at all, and say so."""
+    import typer
+
+    from turnout.files.atomic import write_atomic
+
+    write_atomic(path, content)
+    typer.echo(f"{path}: written")

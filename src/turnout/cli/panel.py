@@ -1,15 +1,14 @@
 """The commands `turnout panel ...`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from turnout.cli.options import DEFAULT_PANEL, PanelArgument, SetOption, opened_panel
-from turnout.cli.outputs import check_outputs
+from turnout.cli.outputs import FIGURES, check_outputs, write_told
 
-if TYPE_CHECKING:
-    from turnout.panel.load import LoadedPanel
+BAD_INPUT = 2
 
 app = typer.Typer(
     help="Look at switch panels: list, show, check, sections, schema.",
@@ -32,12 +31,33 @@ def list_command() -> None:
 def show_command(
     panel: PanelArgument = DEFAULT_PANEL,
     settings: SetOption = [],  # noqa: B006 - typer copies it
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Draw the plan (.png, .pdf or .svg)."),
+    ] = None,
+    throw: Annotated[
+        bool,
+        typer.Option("--throw", help="Throw it, for gaps, force margins and the test piece."),
+    ] = False,
+    values: Annotated[
+        bool, typer.Option("--values", help="List every value with where it comes from.")
+    ] = False,
 ) -> None:
-    """Show a panel: every value with its unit and where it comes from."""
+    """Show a panel: plan, closed gap, force margins, test piece, and what is assumed."""
+    check_outputs({"--plot": plot}, {"--plot": FIGURES})
     from turnout.cli.show import panel_lines
+    from turnout.cli.throwing import thrown
 
-    for line in panel_lines(opened_panel(panel, settings)):
+    opened = opened_panel(panel, settings)
+    found = thrown(opened) if throw else None
+    for line in panel_lines(opened, thrown=found, values=values):
         typer.echo(line)
+    if plot is not None:
+        from turnout.plot.plan import plot_plan
+        from turnout.plot.style import rendered
+
+        figure = plot_plan(opened, dataset=found.dataset if found else None)
+        write_told(plot, rendered(figure, plot.suffix))
 
 
 @app.command("check")
@@ -46,36 +66,27 @@ def check_command(
     settings: SetOption = [],  # noqa: B006 - typer copies it
     throw: Annotated[
         bool,
-        typer.Option(
-            "--throw", help="Throw it as well, and warn of drives that come near to slipping."
-        ),
+        typer.Option(help="Throw it as well, and warn of what a switch should not do."),
+    ] = True,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="End with exit code 2 where there are warnings.")
     ] = False,
 ) -> None:
-    """Check a panel file: OK, or all that is wrong with it."""
+    """Check a panel file: all that is wrong with it; then throw it, and warn of what comes near."""
     panel = opened_panel(file, settings)
     typer.echo(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
-    if throw:
-        _warn_of_slip(panel)
+    if not throw:
+        return
+    from turnout.cli.throwing import thrown_alone
+    from turnout.metric.concern import concerns
 
-
-def _warn_of_slip(panel: "LoadedPanel") -> None:
-    """Throw a panel; say which drives have less than a tenth of their force left."""
-    from turnout.cli.watch import Watch
-    from turnout.metric.movement import margins
-    from turnout.response.compilation import must_compile
-    from turnout.response.simulate import simulate
-
-    with Watch(f"throwing {panel.name}", compiling=must_compile(), quiet=False) as watch:
-        dataset = simulate(panel, report=watch.report)
-    tight = [margin for margin in margins(dataset) if margin.tight]
-    for margin in tight:
-        left = f"{margin.force / 1e3:.2f} kN" if margin.force > 0 else "nothing"
-        typer.echo(
-            f"warning: drive {margin.drive} has {left} left before it slips when "
-            f"{margin.direction}, less than 10 %; such a slip is no trapped object"
-        )
-    if not tight:
-        typer.echo("every drive keeps at least 10 % of its force")
+    found = concerns(thrown_alone(panel))
+    for concern in found:
+        typer.echo(f"warning: {concern.text}")
+    if not found:
+        typer.echo("no warnings: force margins, flangeway and chairs are in order")
+    elif strict:
+        raise typer.Exit(BAD_INPUT)
 
 
 @app.command("sections")
@@ -107,7 +118,4 @@ def schema_command(
     if out is None:
         typer.echo(text)
         return
-    from turnout.files.atomic import write_atomic
-
-    write_atomic(out, text + "\n")
-    typer.echo(f"{out}: written")
+    write_told(out, text + "\n")

@@ -1,149 +1,189 @@
-"""A panel as lines of text: every value with its unit and where it comes from."""
+"""The screen of `turnout panel show`, in the order in which a switch engineer looks at a panel."""
 
+import math
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from turnout.cli.units import shown, unit_of
+import numpy as np
+
+from turnout.cli.plan import plan_lines
+from turnout.cli.values import assumption_lines, value_lines
+from turnout.panel.layout import resting_gap
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from turnout.panel.load import LoadedPanel
+    from turnout.study.test_piece import PieceResult
 
 WIDTH = 100
-LONG_LIST = 6
-NAME_WIDTH, VALUE_WIDTH = 32, 24
-HEAD = frozenset({"schema_version", "name", "description"})
+GAPS_IN_A_LINE, GAP_WIDTH = 12, 7
+NEEDS_THROW = "needs throws of the switch: add --throw"
 
 
 @dataclass(frozen=True, slots=True)
-class Leaf:
-    """One value of a panel: its key below the member, text, and origin."""
+class Thrown:
+    """What throws of a panel gave: the one without an object, and one a test piece."""
 
-    below: str
-    text: str
-    origin: str
+    dataset: "xr.Dataset"
+    pieces: Sequence["PieceResult"]
 
 
-def panel_lines(panel: "LoadedPanel") -> Iterator[str]:
-    """Yield what `turnout panel show` prints."""
+def panel_lines(
+    panel: "LoadedPanel", *, thrown: Thrown | None = None, values: bool = False
+) -> Iterator[str]:
+    """Yield what `turnout panel show` prints.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        The panel.
+    thrown : Thrown, optional
+        Adds what only throws can tell.
+    values : bool
+        Whether every value is listed, or only those that are assumed.
+    """
     yield f"{panel.name}  (hash {panel.hash[:12]})"
     yield from textwrap.wrap(" ".join(panel.description.split()), WIDTH)
+    yield from ("", "PLAN, the closing direction of the instrumented rail upwards")
+    yield from plan_lines(panel)
     yield ""
-    for name, field in type(panel).model_fields.items():
-        value = getattr(panel, name)
-        if name in HEAD or value is None or value == {}:
-            continue
-        if _is_family(value):
-            yield from _family(panel, name, value)
-        elif _is_record(value):
-            yield name
-            yield from _aligned(list(_leaves(panel, (name,), value)))
-        else:
-            yield from _aligned([_leaf(panel, (name,), name, value, field)], indent="")
+    yield from _closed_gap(panel, thrown)
+    yield ""
+    yield from _margins(thrown)
+    yield ""
+    yield from _flangeway(panel, thrown)
+    yield ""
+    yield from _pieces(panel, thrown)
     yield ""
     yield from _bushing_note(panel)
+    yield ""
+    if values:
+        yield "VALUES, with where each comes from"
+        yield from value_lines(panel)
+    else:
+        yield "ASSUMED (all values with their origins: --values)"
+        yield from list(assumption_lines(panel)) or ["nothing, or the file does not say so"]
 
 
-def _family(panel: "LoadedPanel", name: str, members: dict[str, Any]) -> Iterator[str]:
-    """Yield a family field by field: what most members have, then who has something else."""
-    yield f"{name} ({_listed(list(members))})"
-    fields: dict[str, dict[tuple[str, str], list[str]]] = {}
-    for member, record in members.items():
-        for leaf in _leaves(panel, (name, member), record):
-            groups = fields.setdefault(leaf.below, {})
-            groups.setdefault((leaf.text, leaf.origin), []).append(member)
-    for below, groups in fields.items():
-        if below == "x" and _stand_alike(members, groups):
-            yield from _aligned([Leaf(below, _places(members), next(iter(groups))[1])])
+def gap_places(panel: "LoadedPanel") -> "np.ndarray":
+    """Return where gaps are told, chairs and drives, rising [m]."""
+    places = [item.x for family in (panel.chair, panel.drive) for item in family.values()]
+    return np.unique(np.round(places, 9))
+
+
+def _closed_gap(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
+    rails = {}
+    x = gap_places(panel)
+    if thrown is None:
+        yield "CLOSED GAP [mm], estimated from the strokes within 3 mm; simulated with --throw"
+        for name in panel.rail:
+            gap = resting_gap(panel, name, x, closed=True)
+            if gap is not None:
+                rails[name] = gap
+    else:
+        from turnout.metric.movement import settled
+
+        yield "CLOSED GAP [mm] at contact height, simulated, each rail when it lies closed"
+        x = thrown.dataset["x"].values
+        for name, rail in panel.rail.items():
+            closed = settled(thrown.dataset, to="closed" if rail.closes == "+y" else "open")
+            rails[name] = closed["gap"].sel(rail=name).values
+    if not rails:
+        yield "no rail has a stock rail"
+        return
+    for first in range(0, x.size, GAPS_IN_A_LINE):
+        part = slice(first, first + GAPS_IN_A_LINE)
+        yield f"  {'x [m]':<12}" + "".join(f"{place:{GAP_WIDTH}.2f}" for place in x[part])
+        for name, gap in rails.items():
+            cells = "".join(f"{round(1e3 * value, 2) + 0.0:{GAP_WIDTH}.2f}" for value in gap[part])
+            yield f"  {name[:11]:<12}{cells}"
+
+
+def _margins(thrown: Thrown | None) -> Iterator[str]:
+    yield "FORCE MARGINS of the throw without an object"
+    if thrown is None:
+        yield f"  {NEEDS_THROW}"
+        return
+    from turnout.metric.movement import margins
+
+    if not thrown.dataset.attrs["complete"]:
+        yield f"  NOT COMPLETE: {thrown.dataset.attrs['outcome_message']}"
+    yield f"  {'drive':<8}{'direction':<12}{'largest':>10}{'slip level':>12}{'margin':>11}{'':>9}"
+    for item in margins(thrown.dataset):
+        note = "   near its slip level" if item.tight else ""
+        yield (
+            f"  {item.drive:<8}{item.direction:<12}{item.largest / 1e3:7.2f} kN"
+            f"{item.limit / 1e3:9.2f} kN{_zero(item.force / 1e3):8.2f} kN"
+            f"{_zero(100 * item.share, 1):7.1f} %{note}"
+        )
+
+
+def _flangeway(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
+    yield "LEAST FLANGEWAY of the open rail"
+    if thrown is None:
+        yield f"  {NEEDS_THROW}"
+        return
+    least = float(thrown.dataset["least_flangeway"])
+    if math.isnan(least):
+        yield "  not known: the rails need running_edge, head_width and stock_rail_gap"
+        return
+    place = float(thrown.dataset["least_flangeway_x"])
+    text = f"  {1e3 * least:.2f} mm, rail {thrown.dataset['least_flangeway_rail'].values!s}"
+    text += f" at x = {place:g} m"
+    if panel.flangeway is not None:
+        below = least < panel.flangeway.limit
+        text += f"; {'BELOW' if below else 'above'} the limit of {1e3 * panel.flangeway.limit:g} mm"
+    yield text
+
+
+def _pieces(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
+    size = f"{1e3 * panel.lock.gap_limit:g} mm"
+    yield f"TEST PIECE of {size} at each drive; lock rule '{panel.lock.rule}'"
+    if thrown is None:
+        yield f"  {NEEDS_THROW}"
+        return
+    yield (
+        f"  {'drive':<8}{'locks':<18}{'force there':>12}{'on the piece':>15}"
+        f"{'largest of any drive':>23}{'raw gap':>12}"
+    )
+    for piece in thrown.pieces:
+        if piece.fault:
+            yield f"  {piece.drive:<8}no result: {piece.fault}"
             continue
-        ranked = sorted(groups.items(), key=lambda item: -len(item[1]))
-        most = len(ranked[0][1])
-        everyone = most == len(members)
-        for number, ((text, origin), owners) in enumerate(ranked):
-            common = everyone or (number == 0 and most > len(members) / 2)
-            label = below if common else f"{below} ({_listed(owners)})"
-            yield from _aligned([Leaf(label, text, origin)])
+        answer = "no" if piece.seen else "YES, not seen"
+        yield (
+            f"  {piece.drive:<8}{answer:<18}{_zero(piece.drive_force / 1e3):9.2f} kN"
+            f"{_zero(piece.piece_force / 1e3):12.2f} kN{piece.largest_force / 1e3:20.2f} kN"
+            f"{1e3 * piece.gap:9.2f} mm"
+        )
 
 
-def _stand_alike(members: dict[str, Any], groups: dict[tuple[str, str], list[str]]) -> bool:
-    """Return whether positions can share a line: one number each, all of the same origin."""
-    one_each = all(isinstance(record.x, float) for record in members.values())
-    return one_each and len({origin for _, origin in groups}) == 1
-
-
-def _places(members: dict[str, Any]) -> str:
-    places = [record.x for record in members.values()]
-    if len(places) <= LONG_LIST:
-        return f"{', '.join(f'{place:g}' for place in places)} m"
-    return f"{min(places):g} ... {max(places):g} m"
-
-
-def _listed(names: list[str]) -> str:
-    if len(names) <= LONG_LIST:
-        return ", ".join(names)
-    return f"{len(names)}: {names[0]} ... {names[-1]}"
-
-
-def _leaves(
-    panel: "LoadedPanel", path: tuple[str, ...], record: Any, below: str = ""
-) -> Iterator[Leaf]:
-    for name, field in type(record).model_fields.items():
-        value = getattr(record, name)
-        if value is None or value == {}:
-            continue
-        inner = f"{below}.{name}" if below else name
-        if _is_record(value):
-            yield from _leaves(panel, (*path, name), value, inner)
-        else:
-            yield _leaf(panel, (*path, name), inner, value, field)
-
-
-def _leaf(panel: "LoadedPanel", path: tuple[str, ...], below: str, value: Any, field: Any) -> Leaf:
-    key = ".".join(path)
-    text = shown(value, unit_of(field), path[-1])
-    if isinstance(value, list | tuple) and len(value) > LONG_LIST:
-        ends = [shown(end, unit_of(field), path[-1]) for end in (value[0], value[-1])]
-        text = f"{ends[0]} ... {ends[1]} ({len(value)} values)"
-    return Leaf(below, text, _origin(panel, key, value))
-
-
-def _origin(panel: "LoadedPanel", key: str, value: Any) -> str:
-    origin = panel.origins.get(key)
-    if origin is None and isinstance(value, dict):
-        found = [panel.origins.get(f"{key}.{name}") for name in value]
-        origin = next((item for item in found if item is not None), None)
-    if origin is None:
-        return "" if isinstance(value, str) else "default"
-    return f"{origin.kind}: {origin.text}" if origin.text else origin.kind
-
-
-def _aligned(leaves: list[Leaf], indent: str = "  ") -> Iterator[str]:
-    for leaf in leaves:
-        head = f"{indent}{leaf.below}".ljust(NAME_WIDTH)
-        yield f"{head} {leaf.text:<{VALUE_WIDTH}} {leaf.origin}".rstrip()
+def _zero(value: float, digits: int = 2) -> float:
+    """Round, without a negative zero."""
+    return round(value, digits) + 0.0
 
 
 def _bushing_note(panel: "LoadedPanel") -> Iterator[str]:
     text = (
-        "Note: gaps are reported raw. A drive that rests at the end of its stroke holds the rail "
-        "through its bushing, which stretches by force / stiffness: "
+        "Gaps are raw. A drive at the end of its stroke holds the rail through its bushing, which "
+        "stretches by force / stiffness: "
     )
     parts = [
         f"drive {name} by {1e6 / drive.stiffness:.2f} mm for each kN"
         for name, drive in panel.drive.items()
+        if drive.extension is None
+    ]
+    parts += [
+        f"drive {name} by its table"
+        for name, drive in panel.drive.items()
+        if drive.extension is not None
     ]
     text += ", ".join(parts) + (
-        ". On the default panel this alone leaves 4.4 mm at Drive 2, with nothing trapped: it is "
-        "the bushing, not a maintained switch. The lock rule 'no slip' therefore asks whether a "
-        "drive slips, 'raw gap' asks for the gap itself."
+        ". That alone leaves millimetres at a drive with nothing trapped: it is the bushing, not a "
+        "switch badly maintained. The lock rule 'no slip' therefore asks whether a drive slips, "
+        "'raw gap' asks for the gap itself."
     )
     yield from textwrap.wrap(text, WIDTH)
-
-
-def _is_record(value: Any) -> bool:
-    return hasattr(type(value), "model_fields")
-
-
-def _is_family(value: Any) -> bool:
-    return isinstance(value, dict) and all(_is_record(item) for item in value.values())

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from turnout.cli.options import DEFAULT_PANEL, PanelArgument, SetOption, opened_panel
-from turnout.cli.outputs import check_outputs
+from turnout.cli.outputs import FIGURES, check_outputs
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from turnout.response.scheme import Scheme
 
 INCOMPLETE, INTERRUPTED = 3, 130
-FIGURES = (".png", ".pdf", ".svg")
 
 
 def simulate_command(

@@ -9,6 +9,7 @@ import xarray as xr
 from turnout.metric.signal import first_time
 
 LEAST_SHARE = 0.1
+TIME_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +33,22 @@ class Slip:
 
 @dataclass(frozen=True, slots=True)
 class Margin:
-    """What a drive has left below its saturation force in movements of a direction [N]."""
+    """What a drive has left below its slip level in movements of a direction: both forces [N]."""
 
     drive: str
     direction: str
     force: float
-    share: float
+    limit: float
+
+    @property
+    def share(self) -> float:
+        """What is left, as a share of the slip level [-]."""
+        return self.force / self.limit
+
+    @property
+    def largest(self) -> float:
+        """The largest force in the direction of the movement [N]."""
+        return self.limit - self.force
 
     @property
     def tight(self) -> bool:
@@ -48,6 +59,32 @@ class Margin:
 def movements(dataset: xr.Dataset) -> tuple[Span, ...]:
     """Return the movements that a dataset names in its attributes, in the order of time."""
     return tuple(Span(**record) for record in json.loads(dataset.attrs.get("movements", "[]")))
+
+
+def settled(dataset: xr.Dataset, *, to: str) -> xr.Dataset:
+    """Return the last instant before the switch leaves a position for the last time.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A run with at least one instant.
+    to : str
+        "open" or "closed", of the instrumented rail.
+
+    Returns
+    -------
+    xarray.Dataset
+        Without "time": the instant before the onset of the movement that follows the last one to
+        that position; the start where no movement goes there, the end where none follows.
+    """
+    spans = movements(dataset)
+    going = [number for number, span in enumerate(spans) if span.to == to]
+    after = (going[-1] if going else -1) + 1
+    time = dataset["time"].values
+    if after >= len(spans):
+        return dataset.isel(time=-1)
+    before = int((time < spans[after].start - TIME_TOLERANCE).sum())
+    return dataset.isel(time=max(before - 1, 0))
 
 
 def slips(dataset: xr.Dataset) -> list[Slip]:
@@ -79,5 +116,5 @@ def margins(dataset: xr.Dataset) -> list[Margin]:
         for direction in dataset["direction"].values:
             force = float(dataset["force_margin"].sel(drive=drive, direction=direction))
             if not math.isnan(force):
-                found.append(Margin(str(drive), str(direction), force, force / limit))
+                found.append(Margin(str(drive), str(direction), force, limit))
     return found

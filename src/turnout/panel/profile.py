@@ -54,27 +54,57 @@ def stock_rail_gap(rail: Rail, x: npt.ArrayLike) -> FloatArray | None:
     return evaluate_profile(rail.stock_rail_gap, x)
 
 
-def running_edge_offset(edge: RunningEdge, x: npt.ArrayLike) -> FloatArray:
-    r"""Give the offset of the running edge from the stock rail's, on a tangent circle.
+def running_edge_distance(edge: RunningEdge, x: npt.ArrayLike) -> FloatArray:
+    r"""Give how far the running edges of stock and switch rail lie apart, on a tangent circle.
 
-    .. math:: w(x) = (x + x_0)^2 / (2 R), \quad w_{min} \le w \le w_{max}
+    .. math:: w(x) = (x + x_0)^2 / (2 R) \ge w_{min}
+
+    It goes on growing behind the place where the section of the switch rail is full.
 
     Parameters
     ----------
     edge : RunningEdge
-        Radius R, lead :math:`x_0` and bounds [m].
+        Radius R, lead :math:`x_0` and least offset [m].
     x : array_like, shape (n,)
         Positions from the toe [m].
 
     Returns
     -------
     ndarray, shape (n,)
-        Offset w [m]; ahead of the tangent point it is held at its least value.
+        Distance w [m]; ahead of the tangent point it is held at its least value.
+
+    Examples
+    --------
+    >>> edge = RunningEdge(radius="760.7 m", lead="2.1 m", minimum="2.9 mm", maximum="80 mm")
+    >>> running_edge_distance(edge, [0.0, 15.0]).round(4).tolist()
+    [0.0029, 0.1922]
     """
     ahead = np.maximum(np.asarray(x, dtype=np.float64) + edge.lead, 0.0)
-    return np.asarray(
-        np.clip(ahead**2 / (2.0 * edge.radius), edge.minimum, edge.maximum), dtype=np.float64
-    )
+    return np.maximum(ahead**2 / (2.0 * edge.radius), edge.minimum)
+
+
+def running_edge_offset(edge: RunningEdge, x: npt.ArrayLike) -> FloatArray:
+    """Give the offset that the section depends on: the distance, held where the section is full.
+
+    Parameters
+    ----------
+    edge : RunningEdge
+        Its `maximum` is the offset of the full section [m].
+    x : array_like, shape (n,)
+        Positions from the toe [m].
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Offset w [m].
+
+    Examples
+    --------
+    >>> edge = RunningEdge(radius="760.7 m", lead="2.1 m", minimum="2.9 mm", maximum="80 mm")
+    >>> running_edge_offset(edge, [0.0, 15.0]).round(4).tolist()
+    [0.0029, 0.08]
+    """
+    return np.minimum(running_edge_distance(edge, x), edge.maximum)
 
 
 def running_edge_position(edge: RunningEdge, offset: float) -> float:

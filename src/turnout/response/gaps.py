@@ -3,14 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
-from turnout.panel.profile import stock_rail_gap
-from turnout.panel.rail_records import RunningEdge
+from turnout.panel.profile import running_edge_distance, stock_rail_gap
 from turnout.response.recovery import Ints, Motion, lateral_displacement
 from turnout.response.route import Throw, open_rail, wanted_closed
 
 Floats = NDArray[np.float64]
-SIDE = {"+y": 1.0, "-y": -1.0}
 
 
 def contact_height(panel: Panel, rail: str, x: Floats) -> Floats:
@@ -96,24 +95,6 @@ def sensor_gaps(panel: Panel, motion: Motion) -> Floats:
             for sensor in panel.sensor.values()
         ]
     )
-
-
-def running_edge_distance(edge: RunningEdge, x: Floats) -> Floats:
-    """Return how far the running edges of stock and switch rail lie apart, shape (n,) [m].
-
-    .. math:: w(x) = (x + x_0)^2 / (2 R)
-
-    It goes on growing behind the place where the section of the switch rail is full.
-
-    Examples
-    --------
-    >>> edge = RunningEdge(radius="760.7 m", lead="2.1 m", minimum="2.9 mm", maximum="80 mm")
-    >>> running_edge_distance(edge, np.array([0.0, 15.0])).round(4).tolist()
-    [0.0029, 0.1922]
-    """
-    ahead = np.maximum(x + edge.lead, 0.0)
-    distance: Floats = np.maximum(ahead**2 / (2.0 * edge.radius), edge.minimum)
-    return distance
 
 
 def least_flangeway(

@@ -1,0 +1,139 @@
+"""A panel as lines of text: every value with its unit and where it comes from."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from turnout.cli.units import shown, unit_of
+
+if TYPE_CHECKING:
+    from turnout.panel.load import LoadedPanel
+
+LONG_LIST = 6
+NAME_WIDTH, VALUE_WIDTH = 32, 24
+ASSUMED = "assumption"
+HEAD = frozenset({"schema_version", "name", "description"})
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """One value of a panel: its key below the member, text, and origin."""
+
+    below: str
+    text: str
+    origin: str
+
+
+def value_lines(panel: "LoadedPanel") -> Iterator[str]:
+    """Yield every value of a panel: its key, its text and where it comes from."""
+    for name, field in type(panel).model_fields.items():
+        value = getattr(panel, name)
+        if name in HEAD or value is None or value == {}:
+            continue
+        if _is_family(value):
+            yield from _family(panel, name, value)
+        elif _is_record(value):
+            yield name
+            yield from _aligned(list(_leaves(panel, (name,), value)))
+        else:
+            yield from _aligned([_leaf(panel, (name,), name, value, field)], indent="")
+
+
+def assumption_lines(panel: "LoadedPanel") -> Iterator[str]:
+    """Yield the values that the panel itself calls assumed, each family under its name."""
+    heading = ""
+    for line in value_lines(panel):
+        if not line.startswith(" "):
+            heading = line
+        if ASSUMED in line:
+            if heading and heading != line:
+                yield heading
+            heading = ""
+            yield line
+
+
+def _family(panel: "LoadedPanel", name: str, members: dict[str, Any]) -> Iterator[str]:
+    """Yield a family field by field: what most members have, then who has something else."""
+    yield f"{name} ({_listed(list(members))})"
+    fields: dict[str, dict[tuple[str, str], list[str]]] = {}
+    for member, record in members.items():
+        for leaf in _leaves(panel, (name, member), record):
+            groups = fields.setdefault(leaf.below, {})
+            groups.setdefault((leaf.text, leaf.origin), []).append(member)
+    for below, groups in fields.items():
+        if below == "x" and _stand_alike(members, groups):
+            yield from _aligned([Leaf(below, _places(members), next(iter(groups))[1])])
+            continue
+        ranked = sorted(groups.items(), key=lambda item: -len(item[1]))
+        most = len(ranked[0][1])
+        everyone = most == len(members)
+        for number, ((text, origin), owners) in enumerate(ranked):
+            common = everyone or (number == 0 and most > len(members) / 2)
+            label = below if common else f"{below} ({_listed(owners)})"
+            yield from _aligned([Leaf(label, text, origin)])
+
+
+def _stand_alike(members: dict[str, Any], groups: dict[tuple[str, str], list[str]]) -> bool:
+    """Return whether positions can share a line: one number each, all of the same origin."""
+    one_each = all(isinstance(record.x, float) for record in members.values())
+    return one_each and len({origin for _, origin in groups}) == 1
+
+
+def _places(members: dict[str, Any]) -> str:
+    places = [record.x for record in members.values()]
+    if len(places) <= LONG_LIST:
+        return f"{', '.join(f'{place:g}' for place in places)} m"
+    return f"{min(places):g} ... {max(places):g} m"
+
+
+def _listed(names: list[str]) -> str:
+    if len(names) <= LONG_LIST:
+        return ", ".join(names)
+    return f"{len(names)}: {names[0]} ... {names[-1]}"
+
+
+def _leaves(
+    panel: "LoadedPanel", path: tuple[str, ...], record: Any, below: str = ""
+) -> Iterator[Leaf]:
+    for name, field in type(record).model_fields.items():
+        value = getattr(record, name)
+        if value is None or value == {}:
+            continue
+        inner = f"{below}.{name}" if below else name
+        if _is_record(value):
+            yield from _leaves(panel, (*path, name), value, inner)
+        else:
+            yield _leaf(panel, (*path, name), inner, value, field)
+
+
+def _leaf(panel: "LoadedPanel", path: tuple[str, ...], below: str, value: Any, field: Any) -> Leaf:
+    key = ".".join(path)
+    text = shown(value, unit_of(field), path[-1])
+    if isinstance(value, list | tuple) and len(value) > LONG_LIST:
+        ends = [shown(end, unit_of(field), path[-1]) for end in (value[0], value[-1])]
+        text = f"{ends[0]} ... {ends[1]} ({len(value)} values)"
+    return Leaf(below, text, _origin(panel, key, value))
+
+
+def _origin(panel: "LoadedPanel", key: str, value: Any) -> str:
+    origin = panel.origins.get(key)
+    if origin is None and isinstance(value, dict):
+        found = [panel.origins.get(f"{key}.{name}") for name in value]
+        origin = next((item for item in found if item is not None), None)
+    if origin is None:
+        return "" if isinstance(value, str) else "default"
+    return f"{origin.kind}: {origin.text}" if origin.text else origin.kind
+
+
+def _aligned(leaves: list[Leaf], indent: str = "  ") -> Iterator[str]:
+    for leaf in leaves:
+        head = f"{indent}{leaf.below}".ljust(NAME_WIDTH)
+        yield f"{head} {leaf.text:<{VALUE_WIDTH}} {leaf.origin}".rstrip()
+
+
+def _is_record(value: Any) -> bool:
+    return hasattr(type(value), "model_fields")
+
+
+def _is_family(value: Any) -> bool:
+    return isinstance(value, dict) and all(_is_record(item) for item in value.values())

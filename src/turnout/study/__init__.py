@@ -1,0 +1,1 @@
+"""Several runs for one question: checks, campaigns, sweeps, calibration."""
