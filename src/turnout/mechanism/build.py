@@ -20,11 +20,8 @@ from turnout.mechanism.build_rails import (
     switch_rail_data,
 )
 from turnout.mechanism.mechanism import LawIndex, Mechanism
-from turnout.mechanism.rail import (
-    Point,
-    ReducedRail,
-    reduce_rail,
-)
+from turnout.mechanism.rail import Point, RailData, ReducedRail
+from turnout.mechanism.reduce import reduce_rail
 from turnout.mechanism.threads import one_blas_thread
 from turnout.panel.drive_records import Drive, Link
 from turnout.panel.foreign_object import PlacedObject
@@ -73,6 +70,49 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
     Mechanism
         One input a drive, in the order of ``panel.drive``: its marker position [m].
     """
+    layout = _layout(panel, objects)
+    with one_blas_thread():
+        rails = _reduced_rails(_rail_data(panel, layout.rows, objects))
+    return Mechanism(
+        stiffness=block_diag(*(r.stiffness for r in rails)),
+        mass=block_diag(*(r.mass for r in rails)),
+        damping=block_diag(*(r.damping for r in rails)),
+        load=np.concatenate([r.load for r in rails]),
+        rows=_stacked_rows(layout.rows, rails),
+        laws=layout.laws.table(),
+        law_names=tuple(layout.law_names),
+        friction_names=tuple(layout.friction_names),
+        index=layout.index,
+        rails=tuple(r.body for r in rails),
+    )
+
+
+def rail_data(panel: Panel, objects: Sequence[PlacedObject] = ()) -> list[RailData]:
+    """Return every rail of a panel as data, in the order of the mechanism's bodies.
+
+    Parameters
+    ----------
+    panel : Panel
+        A checked panel.
+    objects : sequence of PlacedObject
+        Foreign objects, whose places become nodes.
+    """
+    return _rail_data(panel, _layout(panel, objects).rows, objects)
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """Rows and laws before the rails are reduced."""
+
+    rows: _Rows
+    laws: LawTableBuilder
+    index: LawIndex
+    law_names: list[str]
+    friction_names: list[str]
+
+
+def _layout(panel: Panel, objects: Sequence[PlacedObject]) -> _Layout:
+    """Put every row and law where it acts."""
     stocks = [f"stock rail {name}" for name in panel.stock_rail]
     rows = _Rows({name: [] for name in (*panel.rail, *stocks)})
     laws = LawTableBuilder()
@@ -100,20 +140,7 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
     for item in objects:
         index.object[item.name] = _add_object(rows, laws, panel, item)
         law_names.append(f"object {item.name}")
-    with one_blas_thread():
-        rails = _reduced_rails(panel, rows, objects)
-    return Mechanism(
-        stiffness=block_diag(*(r.stiffness for r in rails)),
-        mass=block_diag(*(r.mass for r in rails)),
-        damping=block_diag(*(r.damping for r in rails)),
-        load=np.concatenate([r.load for r in rails]),
-        rows=_stacked_rows(rows, rails),
-        laws=laws.table(),
-        law_names=tuple(law_names),
-        friction_names=tuple(friction_names),
-        index=index,
-        rails=tuple(r.body for r in rails),
-    )
+    return _Layout(rows, laws, index, law_names, friction_names)
 
 
 def _stops(panel: Panel) -> list[tuple[str, Stop, str]]:
@@ -221,11 +248,15 @@ def _add_object(rows: _Rows, laws: LawTableBuilder, panel: Panel, item: PlacedOb
     )
 
 
-def _reduced_rails(panel: Panel, rows: _Rows, objects: Sequence[PlacedObject]) -> list[ReducedRail]:
+def _rail_data(panel: Panel, rows: _Rows, objects: Sequence[PlacedObject]) -> list[RailData]:
     data = [switch_rail_data(panel, n, tuple(rows.points[n]), objects) for n in panel.rail]
     data += [
         stock_rail_data(panel, n, tuple(rows.points[f"stock rail {n}"])) for n in panel.stock_rail
     ]
+    return data
+
+
+def _reduced_rails(data: list[RailData]) -> list[ReducedRail]:
     rails: list[ReducedRail] = []
     first = 0
     for rail in data:

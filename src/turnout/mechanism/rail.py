@@ -1,15 +1,13 @@
-"""One rail from beams and linear supports to a superelement with the points where laws act."""
+"""One rail as data: beams or matrices, linear supports, the points where laws act."""
 
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from turnout.beam.assembly import BeamModel, assemble_beam, node_index, point_row
 from turnout.beam.material import Material
 from turnout.mechanism.mechanism import RailBody
-from turnout.reduction.craig_bampton import craig_bampton, reduce_matrix, reduce_vector
+from turnout.panel.rail_matrices import RailMatrices
 from turnout.section.properties import SectionProperties
 
 Floats = NDArray[np.float64]
@@ -42,7 +40,8 @@ class RailData:
     `axis_height`, one entry a node, is the height of the beams' reference line above the foot; the
     sections' heights are measured from it, those of points and supports from the foot. `damping`
     holds the factors of mass and beam stiffness; `dashpots` act in addition at points. `clamped`
-    names the clamped ends, "first" and "last".
+    names the clamped ends, "first" and "last". `matrices` take the place of beams: `x`,
+    `axis_height` and `sections` mean nothing then.
     """
 
     name: str
@@ -58,6 +57,7 @@ class RailData:
     dashpots: tuple[Support, ...]
     points: tuple[Point, ...]
     cutoff_frequency: float
+    matrices: RailMatrices | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,77 +70,6 @@ class ReducedRail:
     damping: Floats
     load: Floats
     rows: Floats
-
-
-def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
-    """Assemble and reduce one rail.
-
-    Parameters
-    ----------
-    data : RailData
-        The rail.
-    first : int
-        Place of its first coordinate in the mechanism.
-
-    Returns
-    -------
-    ReducedRail
-        ``rows`` has shape (number of points, reduced coordinates).
-    """
-    beam = assemble_beam(
-        data.x, data.sections, data.material, gravity=data.gravity, name=f"rail {data.name}"
-    )
-    size = beam.gravity_load.size
-    free = np.arange(6 if "first" in data.clamped else 0, size - 6 * ("last" in data.clamped))
-    support_rows = _rows(beam, data, tuple(s.point for s in data.supports))
-    springs = np.array([s.stiffness for s in data.supports])
-    dashpots = np.array([s.damping for s in data.supports])
-    stiffness = beam.stiffness + support_rows.T @ sp.diags_array(springs) @ support_rows
-    mass_factor, stiffness_factor = data.damping
-    damping = (
-        mass_factor * beam.mass
-        + stiffness_factor * beam.stiffness
-        + support_rows.T @ sp.diags_array(dashpots) @ support_rows
-    )
-    rows = _rows(beam, data, data.points).tocsr()[:, free]
-    interface = np.unique(rows.nonzero()[1]).astype(np.intp)
-    element = craig_bampton(
-        _free(stiffness, free),
-        _free(beam.mass, free),
-        interface,
-        cutoff_frequency=data.cutoff_frequency,
-    )
-    reduced_damping = reduce_matrix(element, _free(damping, free))
-    reduced_rows = np.asarray(rows @ element.transformation)
-    dashpot_rows = _rows(beam, data, tuple(s.point for s in data.dashpots)).tocsr()[:, free]
-    at_dashpots = np.asarray(dashpot_rows @ element.transformation)
-    constants = np.array([s.damping for s in data.dashpots])
-    reduced_damping += (at_dashpots.T * constants) @ at_dashpots
-    recovery = np.zeros((size, element.stiffness.shape[0]))
-    recovery[free] = element.transformation
-    recovery[0::6] -= data.axis_height[:, None] * recovery[4::6]
-    recovery[1::6] += data.axis_height[:, None] * recovery[3::6]
-    kept = element.frequencies_kept
-    body = RailBody(
-        name=data.name,
-        closes=data.closes,
-        x=beam.x,
-        first=first,
-        count=element.stiffness.shape[0],
-        recovery=recovery,
-        frequency_kept=float(kept[-1]) if kept.size else float("nan"),
-        frequency_omitted=element.frequency_first_omitted,
-        n_full=free.size,
-        n_interface=interface.size,
-    )
-    return ReducedRail(
-        body=body,
-        stiffness=element.stiffness,
-        mass=element.mass,
-        damping=reduced_damping,
-        load=reduce_vector(element, beam.gravity_load[free]),
-        rows=reduced_rows,
-    )
 
 
 def rayleigh_factors(ratio: float, frequencies: list[float]) -> tuple[float, float]:
@@ -160,16 +89,3 @@ def rayleigh_factors(ratio: float, frequencies: list[float]) -> tuple[float, flo
         return 0.0, float(2.0 * ratio / omega[0])
     factor = float(2.0 * ratio / (omega[0] + omega[1]))
     return factor * float(omega[0] * omega[1]), factor
-
-
-def _rows(beam: BeamModel, data: RailData, points: tuple[Point, ...]) -> sp.csr_array:
-    rows = [
-        p.sign
-        * point_row(beam, p.x, p.direction, y=p.y, z=p.z - data.axis_height[node_index(beam, p.x)])
-        for p in points
-    ]
-    return sp.csr_array(np.array(rows).reshape(len(rows), beam.gravity_load.size))
-
-
-def _free(matrix: sp.csr_array, free: NDArray[np.intp]) -> sp.csr_array:
-    return sp.csr_array(matrix.tocsr()[free][:, free])

@@ -1,0 +1,87 @@
+"""One rail from its structure to a superelement with the points where laws act."""
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from turnout.mechanism.mechanism import RailBody
+from turnout.mechanism.rail import RailData, ReducedRail
+from turnout.mechanism.structure import Structure, point_rows, rail_structure
+from turnout.reduction.craig_bampton import (
+    Superelement,
+    craig_bampton,
+    reduce_matrix,
+    reduce_vector,
+)
+
+Floats = NDArray[np.float64]
+
+
+def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
+    """Assemble and reduce one rail.
+
+    Parameters
+    ----------
+    data : RailData
+        The rail.
+    first : int
+        Place of its first coordinate in the mechanism.
+
+    Returns
+    -------
+    ReducedRail
+        ``rows`` has shape (number of points, reduced coordinates).
+    """
+    structure = rail_structure(data)
+    rows = point_rows(structure, data.points, name=data.name)
+    element = superelement(structure, rows, cutoff_frequency=data.cutoff_frequency)
+    at_dashpots = point_rows(structure, tuple(s.point for s in data.dashpots), name=data.name)
+    reduced_dashpots = np.asarray(at_dashpots @ element.transformation)
+    constants = np.array([s.damping for s in data.dashpots])
+    damping = reduce_matrix(element, structure.damping)
+    damping += (reduced_dashpots.T * constants) @ reduced_dashpots
+    kept = element.frequencies_kept
+    body = RailBody(
+        name=data.name,
+        closes=data.closes,
+        x=structure.x,
+        first=first,
+        count=element.stiffness.shape[0],
+        recovery=np.asarray(structure.motion @ element.transformation),
+        frequency_kept=float(kept[-1]) if kept.size else float("nan"),
+        frequency_omitted=element.frequency_first_omitted,
+        n_full=structure.load.size,
+        n_interface=element.n_interface,
+    )
+    return ReducedRail(
+        body=body,
+        stiffness=element.stiffness,
+        mass=element.mass,
+        damping=damping,
+        load=reduce_vector(element, structure.load),
+        rows=np.asarray(rows @ element.transformation),
+    )
+
+
+def superelement(
+    structure: Structure, rows: sp.csr_array, *, cutoff_frequency: float
+) -> Superelement:
+    """Reduce a structure to the coordinates that some rows use, and its modes below a cut-off.
+
+    What came reduced is taken as it is.
+    """
+    if not structure.reduced:
+        interface = np.unique(rows.nonzero()[1]).astype(np.intp)
+        return craig_bampton(
+            structure.stiffness, structure.mass, interface, cutoff_frequency=cutoff_frequency
+        )
+    size = structure.load.size
+    return Superelement(
+        stiffness=structure.stiffness.toarray(),
+        mass=structure.mass.toarray(),
+        transformation=np.eye(size),
+        interface=np.arange(size),
+        frequencies_kept=np.zeros(0),
+        frequency_first_omitted=float("nan"),
+        cutoff_frequency=cutoff_frequency,
+    )
