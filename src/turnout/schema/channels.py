@@ -1,7 +1,7 @@
 """The table of channels: name, dimensions, unit and sign of every variable of a dataset."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import xarray as xr
 
@@ -25,7 +25,7 @@ class Channel:
     positive : str
         What a positive value means; empty where there is nothing to choose.
     kind : str
-        "number", "logical" or "text".
+        "number", "count", "logical" or "text".
     """
 
     name: str
@@ -143,6 +143,20 @@ CHANNELS: Mapping[str, Channel] = _table(
     Channel("least_flangeway_rail", (), "1", "rail of the least flangeway", kind="text"),
 )
 
+# A campaign has these in place of one direction, and "movement" before the dimensions of channels.
+CAMPAIGN_COORDINATES: Mapping[str, Channel] = _table(
+    Channel("movement", ("movement",), "1", "movement", kind="text"),
+    Channel("direction", ("movement",), "1", "direction of the movement", kind="text"),
+    Channel("size", ("movement",), "m", "size of the foreign object"),
+    Channel("place", ("movement",), "1", "place of the foreign object", kind="text"),
+    Channel("repeat", ("movement",), "1", "number among repeats", kind="count"),
+    Channel("slipped", ("movement",), "1", "whether a drive slipped at the end", kind="logical"),
+    Channel("remark", ("movement",), "1", "remark of the run sheet", kind="text"),
+    Channel("file", ("movement",), "1", "file of the recording", kind="text"),
+    Channel("start_time", ("movement",), "1", "date and time of the recording", kind="text"),
+    Channel("onset", ("movement",), "s", "onset of motion on the time of the recording"),
+)
+
 # Left out where nothing of the kind exists or was measured; a simulation has all the others.
 OPTIONAL = frozenset({"drive_current", "single_object_force", "object_contact_time"})
 
@@ -169,9 +183,27 @@ def label(dataset: xr.Dataset) -> xr.Dataset:
     """
     labelled = dataset.copy()
     for name in labelled.variables:
-        channel = CHANNELS.get(str(name)) or COORDINATES[str(name)]
+        channel = known_channel(str(name), campaign="movement" in dataset.dims)
+        if channel is None:
+            raise KeyError(name)
         attributes = {"units": channel.units, "long_name": channel.long_name}
         if channel.positive:
             attributes["positive"] = channel.positive
         labelled[name].attrs.update(attributes)
     return labelled
+
+
+def known_channel(name: str, *, campaign: bool = False) -> Channel | None:
+    """Return the row of the table for a variable, as it is in a campaign or outside one.
+
+    Examples
+    --------
+    >>> known_channel("drive_force", campaign=True).dims
+    ('movement', 'drive', 'time')
+    """
+    if not campaign:
+        return CHANNELS.get(name) or COORDINATES.get(name)
+    channel = CHANNELS.get(name)
+    if channel is not None:
+        return replace(channel, dims=("movement", *channel.dims))
+    return CAMPAIGN_COORDINATES.get(name) or COORDINATES.get(name)

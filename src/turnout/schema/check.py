@@ -7,9 +7,9 @@ import numpy as np
 import xarray as xr
 
 from turnout.errors import ResponseError
-from turnout.schema.channels import CHANNELS, COORDINATES, Channel
+from turnout.schema.channels import CHANNELS, Channel, known_channel
 
-_KINDS = {"number": "f", "logical": "b", "text": "U"}
+_KINDS = {"number": "f", "count": "i", "logical": "b", "text": "U"}
 
 
 def schema_problems(dataset: xr.Dataset) -> list[str]:
@@ -27,9 +27,8 @@ def schema_problems(dataset: xr.Dataset) -> list[str]:
     """
     problems = []
     for name, variable in dataset.variables.items():
-        table = COORDINATES if name in dataset.coords else CHANNELS
-        channel = table.get(str(name))
-        if channel is None:
+        channel = known_channel(str(name), campaign="movement" in dataset.dims)
+        if channel is None or (name in dataset.coords) == (name in CHANNELS):
             near = nearest_channel(str(name))
             problems.append(f"{name}: no such channel{near}")
             continue

@@ -1,0 +1,219 @@
+"""Faults that a single channel shows: holes, held and clipped samples, silence, mains hum."""
+
+import numpy as np
+import xarray as xr
+
+from turnout.measurement.motion import Floats, mean_over, without_holes
+from turnout.measurement.movement import Throw
+from turnout.measurement.quality_record import Fault, Limits
+
+MEASURED = ("drive_force", "drive_current", "object_force")
+# A run of equal samples is by chance once in this many throws.
+CHANCE = 1e-4
+
+
+def channel_faults(dataset: xr.Dataset, throw: Throw, *, limits: Limits) -> list[Fault]:
+    """Find the faults of each channel by itself.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        One throw, unfiltered.
+    throw : Throw
+        Its onset and end.
+    limits : Limits
+        From what size on something is a fault.
+
+    Returns
+    -------
+    list of Fault
+    """
+    time = dataset["time"].values
+    rate = (time.size - 1) / float(time[-1] - time[0])
+    begin = int(np.searchsorted(time, throw.onset))
+    finish = int(np.searchsorted(time, throw.end))
+    faults: list[Fault] = []
+    for name, values, key in measured_channels(dataset):
+        holes = hole_fault(name, values, rate=rate, limits=limits)
+        faults += holes
+        filled = without_holes(values)
+        dead = dead_fault(name, filled, begin, finish, key=key, rate=rate, limits=limits)
+        faults += dead
+        if dead:
+            continue
+        if not holes:
+            faults += run_faults(name, filled, begin, finish, limits=limits)
+        faults += hum_faults(name, filled, begin, finish, key=key, rate=rate, limits=limits)
+    return faults
+
+
+def measured_channels(dataset: xr.Dataset) -> list[tuple[str, Floats, str]]:
+    """Return the name, samples and variable of each measured channel.
+
+    Examples
+    --------
+    >>> data = xr.Dataset({"drive_force": (("drive", "time"), [[0.0]])}, {"drive": ["2"]})
+    >>> [(name, key) for name, _, key in measured_channels(data)]
+    [('drive_force 2', 'drive_force')]
+    """
+    found: list[tuple[str, Floats, str]] = []
+    for key in MEASURED:
+        if key not in dataset:
+            continue
+        if "drive" in dataset[key].dims:
+            for drive in dataset["drive"].values:
+                found.append((f"{key} {drive}", dataset[key].sel(drive=drive).values, key))
+        else:
+            found.append((key, dataset[key].values, key))
+    return found
+
+
+def hole_fault(name: str, values: Floats, *, rate: float, limits: Limits) -> list[Fault]:
+    """Find missing samples: one long hole, or many short ones."""
+    missing = ~np.isfinite(values)
+    if not missing.any():
+        return []
+    longest, share = longest_run(missing) / rate, float(missing.mean())
+    text = f"{100 * share:.2g} % of the samples, {1e3 * longest:.3g} ms in a row"
+    if longest > limits.longest_hole or share > limits.missing_share:
+        allowed = f"{100 * limits.missing_share:g} % or {1e3 * limits.longest_hole:g} ms"
+        return [Fault("missing samples", name, f"{text}; at most {allowed}")]
+    return [Fault("missing samples", name, f"{text}, bridged by straight lines", excludes=False)]
+
+
+def dead_fault(
+    name: str,
+    values: Floats,
+    begin: int,
+    finish: int,
+    *,
+    key: str,
+    rate: float,
+    limits: Limits,
+) -> list[Fault]:
+    """Find a channel that does not answer to a throw.
+
+    A load cell is only remarked upon: an object that the rail does not reach is not squeezed.
+    """
+    around = round(0.2 * rate)
+    smooth = mean_over(values, width=round(0.1 * rate))[max(0, begin - around) : finish + around]
+    least = dict(limits.least_response)[key]
+    response = float(np.ptp(smooth)) if smooth.size else 0.0
+    if response >= least:
+        return []
+    unit = "A" if key == "drive_current" else "N"
+    text = f"it changes by {response:.3g} {unit} in the throw, at least {least:g} {unit} expected"
+    return [Fault("dead channel", name, text, excludes=key != "object_force")]
+
+
+def run_faults(
+    name: str, values: Floats, begin: int, finish: int, *, limits: Limits
+) -> list[Fault]:
+    """Find samples held at one value: at the edge of the range it is clipping, else a drop-out.
+
+    A channel whose samples repeat at rest and after the throw has no noise to tell by.
+    """
+    repeats = repeated_share(values, begin, finish)
+    if repeats > 0.7:
+        return []
+    allowed = limits.least_run
+    if repeats > 0.0:
+        by_chance = 1.0 + np.log(CHANCE / values.size) / np.log(repeats)
+        allowed = max(allowed, int(np.ceil(by_chance)))
+    largest, least = float(values.max()), float(values.min())
+    span = largest - least
+    rest = float(np.median(values[: max(begin, 1)]))
+    faults = []
+    held = np.ones(values.size, dtype=bool)
+    for edge in (largest, least):
+        at_edge = np.abs(values - edge) <= 1e-9 * span
+        # A range ends away from the rest, where a quiet channel lies.
+        if abs(edge - rest) < 0.1 * span:
+            continue
+        count, run = int(at_edge.sum()), longest_run(at_edge)
+        if run >= allowed or count > max(limits.clipped_share * values.size, allowed):
+            text = f"{count} samples at the edge of the range, {run} of them in a row"
+            faults.append(Fault("clipping", name, text))
+            held &= ~at_edge
+    same = np.abs(np.diff(values)) <= 1e-9 * span
+    run = longest_run(same & held[1:] & held[:-1]) + 1
+    if run >= allowed:
+        text = f"{run} equal samples in a row, fewer than {allowed} expected of its noise"
+        faults.append(Fault("drop-out", name, text))
+    return faults
+
+
+def repeated_share(values: Floats, begin: int, finish: int) -> float:
+    """Return the share of samples equal to the one before, where the channel is at rest.
+
+    Of the rest before and the hold after, the livelier counts, as the other may be held. One where
+    samples do not go up and down by turns has no noise.
+    """
+    shares = [1.0]
+    for part in (values[: max(0, begin - 5)], values[finish + 5 :]):
+        if part.size <= 50:
+            continue
+        steps = np.diff(part)
+        turns = float(np.mean(steps[1:] * steps[:-1] < 0.0))
+        if turns > 0.2:
+            shares.append(float(np.mean(steps == 0)))
+    return min(shares)
+
+
+def hum_faults(
+    name: str,
+    values: Floats,
+    begin: int,
+    finish: int,
+    *,
+    key: str,
+    rate: float,
+    limits: Limits,
+) -> list[Fault]:
+    """Find a line of the mains whose amplitude is above its limit, after the inrush."""
+    part = values[begin + round(0.2 * rate) : finish]
+    most, unit = dict(limits.most_hum)[key], "A" if key == "drive_current" else "N"
+    faults = []
+    for frequency in limits.mains:
+        if frequency > 0.4 * rate or part.size * frequency < 10 * rate:
+            continue
+        amplitude = line_amplitude(part, frequency=frequency, rate=rate)
+        if amplitude > most:
+            text = f"{amplitude:.3g} {unit} at {frequency:.4g} Hz, at most {most:g} {unit}"
+            faults.append(Fault("mains hum", name, text))
+    return faults
+
+
+def line_amplitude(values: Floats, *, frequency: float, rate: float) -> float:
+    """Return the amplitude of a line in a spectrum, whatever slower the channel does.
+
+    A slow cubic is taken off first; a Hann window keeps the rest of it away from the line.
+
+    Examples
+    --------
+    >>> time = np.arange(3000) / 1000.0
+    >>> hum = 20.0 * np.sin(2.0 * np.pi * 50.0 * time) + 500.0 * time
+    >>> round(line_amplitude(hum, frequency=50.0, rate=1000.0), 2)
+    20.0
+    """
+    index = np.arange(values.size)
+    scaled = 2.0 * index / max(1, values.size - 1) - 1.0
+    slow = np.polynomial.polynomial.polyfit(scaled, values, 3)
+    fast = values - np.polynomial.polynomial.polyval(scaled, slow)
+    window = np.hanning(values.size)
+    wave = np.exp(-2j * np.pi * frequency / rate * index)
+    return float(2.0 * np.abs(np.sum(window * fast * wave)) / np.sum(window))
+
+
+def longest_run(flags: np.ndarray) -> int:
+    """Return how many flags in a row are true at most.
+
+    Examples
+    --------
+    >>> longest_run(np.array([True, True, False, True]))
+    2
+    """
+    padded = np.concatenate(([False], flags, [False])).astype(np.int8)
+    steps = np.diff(padded)
+    starts, stops = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
+    return int((stops - starts).max()) if starts.size else 0

@@ -1,0 +1,151 @@
+"""Each fault of a recorded throw is seen, named, and excludes it; sound throws pass."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import xarray as xr
+from tests.unit.recorded import changed, noisy, only, samples, typical
+
+from turnout.measurement.quality import Expected, Verdict, judge
+from turnout.measurement.quality_channel import line_amplitude
+from turnout.measurement.quality_record import KINDS
+
+
+def judged(dataset: xr.Dataset, *, direction: str = "closing", load_cell: bool = True) -> Verdict:
+    expected = Expected(
+        direction=direction, load_cell=load_cell, rate=1000.0, profile=typical(direction)
+    )
+    return judge(dataset, only(dataset), expected=expected)
+
+
+def altered(
+    channel: str, change: Callable[[np.ndarray], np.ndarray], *, seed: int = 21
+) -> xr.Dataset:
+    dataset = noisy(seed, 0.026)
+    return changed(dataset, channel, change(samples(dataset, channel)))
+
+
+def held(values: np.ndarray) -> np.ndarray:
+    values[3500:3560] = values[3500]
+    return values
+
+
+def with_hole(values: np.ndarray) -> np.ndarray:
+    values[3500:3560] = np.nan
+    return values
+
+
+def humming(values: np.ndarray) -> np.ndarray:
+    return values + 90.0 * np.sin(2.0 * np.pi * 50.0 * np.arange(values.size) / 1000.0)
+
+
+def swapped(name: str) -> xr.Dataset:
+    dataset = noisy(22, 0.026)
+    return dataset.assign({name: (dataset[name].dims, dataset[name].values[::-1])})
+
+
+def at_rate(factor: float) -> xr.Dataset:
+    """State samples at another rate than they were taken at, then read them as if at 1 kHz."""
+    dataset = noisy(23, 0.026)
+    time = dataset["time"].values
+    return dataset.interp(
+        time=time[time <= time[-1] * min(1.0, 1.0 / factor)] * factor
+    ).assign_coords(time=time[time <= time[-1] * min(1.0, 1.0 / factor)])
+
+
+@pytest.mark.parametrize(
+    ("dataset", "kind", "channel"),
+    [
+        (lambda: altered("drive_force 2", lambda v: np.minimum(v, 4000.0)), "clipping", "force 2"),
+        (lambda: altered("object_force", lambda v: np.minimum(v, 1500.0)), "clipping", "object"),
+        (lambda: altered("drive_force 1", held), "drop-out", "drive_force 1"),
+        (lambda: altered("drive_current 2", with_hole), "missing samples", "drive_current 2"),
+        (lambda: altered("drive_force 2", lambda v: 0.0 * v), "dead channel", "drive_force 2"),
+        (lambda: altered("drive_current 1", lambda v: 0.0 * v), "dead channel", "drive_current 1"),
+        (lambda: swapped("drive_force"), "swapped channels", "drive_force 1 and 2"),
+        (lambda: swapped("drive_current"), "swapped channels", "drive_current 1 and 2"),
+        (lambda: altered("drive_force 1", lambda v: -v), "reversed polarity", "drive_force 1"),
+        (lambda: altered("drive_current 2", lambda v: -v), "reversed polarity", "current 2"),
+        (lambda: altered("object_force", lambda v: -v), "reversed polarity", "object_force"),
+        (lambda: at_rate(2.0), "sampling rate", ""),
+        (lambda: at_rate(0.8), "sampling rate", ""),
+        (lambda: altered("drive_force 1", humming), "mains hum", "drive_force 1"),
+        (lambda: noisy(24, 0.026).sel(time=slice(2.2, None)), "truncated", ""),
+        (lambda: noisy(24, 0.026).sel(time=slice(None, 4.5)), "truncated", ""),
+    ],
+)
+def test_a_fault_is_seen_and_excludes(
+    dataset: Callable[[], xr.Dataset], kind: str, channel: str
+) -> None:
+    verdict = judged(dataset())
+    found = [fault for fault in verdict.faults if fault.kind == kind and channel in fault.channel]
+    assert found, verdict
+    assert not verdict.usable
+    assert kind in KINDS
+    assert any(kind in reason for reason in verdict.reasons)
+
+
+@pytest.mark.parametrize("direction", ["closing", "opening"])
+@pytest.mark.parametrize("size", [0.0, 0.013, 0.031])
+@pytest.mark.parametrize("seed", [31, 32])
+def test_a_sound_throw_passes(direction: str, size: float, seed: int) -> None:
+    verdict = judged(
+        noisy(seed, size, direction), direction=direction, load_cell=direction == "closing"
+    )
+    assert verdict.usable, verdict.reasons
+
+
+def test_more_friction_is_no_fault() -> None:
+    assert judged(noisy(33, 0.013, friction=0.44)).usable
+
+
+def test_a_throw_that_contradicts_its_sheet_says_so() -> None:
+    verdict = judged(noisy(34), direction="opening")
+    assert any("the sheet says opening, the rod forces closing" in r for r in verdict.reasons)
+
+
+def test_rods_of_different_sign_are_seen_without_a_sheet() -> None:
+    dataset = altered("drive_force 1", lambda v: -v)
+    (reason,) = judge(dataset, only(dataset)).reasons
+    assert reason == "reversed polarity of drive_force: rod forces of different sign in one throw"
+
+
+def test_another_stated_rate_is_seen() -> None:
+    dataset = noisy(35).isel(time=slice(None, None, 2))
+    (reason,) = judged(dataset).reasons
+    assert reason.startswith("sampling rate: 500 Hz stated, 1000 Hz in the rest")
+
+
+def test_a_short_hole_is_bridged_and_remarked() -> None:
+    dataset = noisy(36, 0.026)
+    values = samples(dataset, "drive_force 1")
+    values[3000:3004] = np.nan
+    verdict = judged(changed(dataset, "drive_force 1", values))
+    assert verdict.usable
+    assert any("bridged" in remark for remark in verdict.remarks)
+
+
+def test_a_load_cell_that_was_not_mounted_is_not_looked_at() -> None:
+    dataset = altered("object_force", with_hole)
+    assert judged(dataset, load_cell=False).usable
+    assert not judged(dataset).usable
+
+
+def test_a_silent_load_cell_is_only_remarked() -> None:
+    verdict = judged(noisy(37, 0.0))
+    assert verdict.usable
+    assert any("dead channel of object_force" in remark for remark in verdict.remarks)
+
+
+def test_samples_without_noise_are_not_taken_for_held_ones() -> None:
+    from tests.unit.recorded import clean
+
+    assert judged(clean(0.031)).usable
+
+
+@pytest.mark.parametrize("frequency", [50.0 / 3.0, 50.0, 60.0])
+def test_a_line_is_measured_on_top_of_a_ramp(frequency: float) -> None:
+    time = np.arange(3200) / 1000.0
+    values = 35.0 * np.sin(2.0 * np.pi * frequency * time + 0.4) + 1500.0 * time**2
+    assert line_amplitude(values, frequency=frequency, rate=1000.0) == pytest.approx(35.0, rel=0.02)
