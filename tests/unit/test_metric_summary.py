@@ -80,3 +80,13 @@ def test_what_was_not_kept_is_left_out(kept: list[str]) -> None:
 def test_a_run_without_equilibrium_has_little_to_tell() -> None:
     nothing = sb2_dataset().isel(time=slice(0, 0)).assign_attrs(complete=False)
     assert [heading for heading, _ in summary(nothing)] == ["panel", "object", "run"]
+
+
+def test_a_scheme_that_makes_energy_is_warned_of() -> None:
+    dataset = sb2_dataset().copy(deep=True)
+    assert "WARNING" not in text_of(dataset)
+    scale = dataset.attrs["energy_scale"]
+    dataset["energy_numerical"][-1] = -0.03 * scale
+    assert "WARNING: the time stepping itself MADE 3 % of the energy" in text_of(dataset)
+    dataset["energy_numerical"][-1] = 0.05 * scale
+    assert "itself lost 5 % of the energy, more than 2 %; take a smaller step" in text_of(dataset)

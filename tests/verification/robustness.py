@@ -24,7 +24,8 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
-from tests.verification.robustness_checks import Run, faults, run_scenario
+import numpy as np
+from tests.verification.robustness_checks import Run, faults, run_scenario, seconds_deaf
 from tests.verification.robustness_report import write_page
 from tests.verification.robustness_scenarios import SEED, Scenario, numbered_scenario
 
@@ -36,6 +37,8 @@ Record = dict[str, Any]
 FINE_STEP = 1e-4
 MOVES = 1.0
 """Shares of the energy scale are told of runs with more than this [J]."""
+INTERRUPT_EVERY, SLOW = 10, 3.0
+"""One run in so many, and every run that takes longer [s], is repeated and ended by Ctrl-C."""
 ENDLESS = 300.0
 """A run that takes longer than this is ended and counts as endless [s]."""
 RUNS, JOB = "runs.jsonl", "job.json"
@@ -51,6 +54,9 @@ def result_of(index: int) -> Record:
     try:
         record |= _judged(run_scenario(scenario))
         record["seconds"] = time.perf_counter() - began
+        if index % INTERRUPT_EVERY == 0 or record["seconds"] > SLOW:
+            share = float(np.random.default_rng([SEED, index, 1]).uniform())
+            record["deaf"] = seconds_deaf(scenario, after=share * record["seconds"])
         if not record["complete"]:
             again = run_scenario(scenario, step=FINE_STEP)
             record["fine"] = again.history.outcome.code.name
@@ -76,7 +82,6 @@ def _judged(run: Run) -> Record:
         "faults": faults(run),
         "steps": outcome.step,
         "halved": run.history.halved,
-        "silence": run.silence,
         "scale": run.dataset.attrs["energy_scale"],
         "residual": shares[0],
         "numerical": shares[1],

@@ -28,7 +28,8 @@ its books of energy to 1e-6 of their scale, and keep every law: no contact pulls
 limit, no force is off its law, friction in sum takes energy. Where the books are a small difference
 of large terms, as in a rail that never moves, rounding is let pass: 5e-13 of the energy in the
 linear system with all closed chairs folded in. A run that stops early is repeated with steps of
-0.1 ms; if that one comes to its end, the first counts as a defect.
+0.1 ms; if that one comes to its end, the first counts as a defect. Every tenth run, and all that
+take more than 3 s, are repeated and ended by Ctrl-C at a random time.
 
     python -m tests.verification.robustness run --count 2000 --out DIR
     python -m tests.verification.robustness report DIR
@@ -70,6 +71,7 @@ def page(results: Sequence[Record], job: Record) -> str:
 
 def _figures(results: Sequence[Record], job: Record) -> list[tuple[str, str]]:
     ran = [record for record in results if "steps" in record]
+    stopped = [record for record in ran if record.get("deaf", 0.0) > 0.0]
     seconds = [record["seconds"] for record in results]
     low, high = (quantiles(seconds, n=20)[k] for k in (0, 18))
     early = sum(not record["complete"] for record in results)
@@ -85,8 +87,9 @@ def _figures(results: Sequence[Record], job: Record) -> list[tuple[str, str]]:
         ("largest energy residual", _worst(ran, "residual", "of the scale")),
         ("largest numerical loss or gain", _worst(ran, "numerical", "of the scale")),
         ("median numerical loss or gain", f"{median(_numbers(ran, 'numerical')):.1e} of the scale"),
-        ("longest time deaf to Ctrl-C", _worst(ran, "silence", "s")),
-        ("runs deaf for more than 1 s", str(sum(record["silence"] > 1.0 for record in ran))),
+        ("runs ended by Ctrl-C on their way", str(len(stopped))),
+        ("longest time from Ctrl-C to the end", _worst(stopped, "deaf", "s")),
+        ("of them more than 1 s", str(sum(record["deaf"] > 1.0 for record in stopped))),
         ("time a run, median", f"{median(seconds):.2f} s"),
         ("time a run, 5 % to 95 %", f"{low:.2f} s to {high:.2f} s"),
         ("longest run", f"{max(seconds):.1f} s"),

@@ -32,9 +32,8 @@ from turnout.law.compiled import compiled
 from turnout.law.kernel import STICK
 from turnout.law.table import LawTable
 
-# After so many flips, or one that divides by so little, columns are made anew after the step.
+# After so many flips columns are made anew after the step, whatever they look like.
 REBUILD_AFTER = 500
-SHARP = 0.1
 
 
 @compiled
@@ -156,8 +155,7 @@ def update_row(system: System, table: LawTable, state: State, row: int, scratch:
         pivot[i] /= denominator
     state.counters[COUNT_FLIPS] += 1
     state.counters[COUNT_RECENT] += 1
-    if min(abs(denominator), abs(modal)) < SHARP:
-        state.counters[COUNT_RECENT] += REBUILD_AFTER
+    state.drift[0] /= min(abs(denominator), 1.0) * min(abs(modal), 1.0)
     if vanished:
         deactivate(system, state, row)
 
@@ -224,4 +222,5 @@ def rebuild(
         update_row(system, table, state, row, scratch)
     refresh_inverse(system, state, inertia, viscosity)
     state.counters[COUNT_RECENT] = 0
+    state.drift[0] = 1.0
     state.counters[COUNT_REBUILDS] += 1

@@ -12,6 +12,7 @@ import numpy as np
 from turnout.integrate.solve import (
     CONVERGED,
     NOT_CONVERGED,
+    STOPPED,
     Tolerances,
     Work,
     mark_law,
@@ -128,7 +129,7 @@ def follow_path(
     sides: tuple[Floats, Floats],
     inputs: tuple[Floats, Floats],
 ) -> int:
-    """Walk from the present state to the end of the path; return CONVERGED or NOT_CONVERGED.
+    """Walk from the present state to the end of the path; return CONVERGED or what prevented it.
 
     Parameters
     ----------
@@ -140,6 +141,8 @@ def follow_path(
     n_laws = table.row.size
     share, stalled = 0.0, 0
     while stalled < EVENTS_AT_ONE_PLACE:
+        if work.stop[0]:
+            return STOPPED
         _place(system, table, state, work, sides, inputs, 1.0)
         work.g[:] = state.g
         _place(system, table, state, work, sides, inputs, share)

@@ -5,6 +5,7 @@ Kernels change `State` in place and return an outcome code; they never raise and
 
 from typing import NamedTuple
 
+from turnout.integrate.accuracy import equilibrium_residual, is_inaccurate
 from turnout.integrate.columns import REBUILD_AFTER, rebuild, refresh_inverse
 from turnout.integrate.energy import (
     account_friction,
@@ -17,9 +18,9 @@ from turnout.integrate.follow import follow_path, start_of_path
 from turnout.integrate.solve import (
     CONVERGED,
     NOT_CONVERGED,
+    STOPPED,
     Tolerances,
     Work,
-    equilibrium_residual,
     restore_set,
     settle,
     update_marked,
@@ -127,10 +128,6 @@ def _try_step(
     work.old_friction[:] = state.friction
     code = settle(system, table, state, work, tolerances)
     inertia, viscosity = coefficients(stepping, h)
-    if code == CONVERGED and state.counters[COUNT_RECENT] >= REBUILD_AFTER:
-        # the set is found; its solution is taken from columns without a history
-        rebuild(system, table, state, inertia, viscosity, work.row)
-        code = settle(system, table, state, work, tolerances)
     if code == NOT_CONVERGED and last:
         state.q[:] = work.q
         state.inputs[:] = inputs[0]
@@ -139,6 +136,13 @@ def _try_step(
         aim = work.right_side.copy()
         start = start_of_path(system, table, state, inertia, viscosity)
         code = follow_path(system, table, state, work, tolerances, (start, aim), inputs)
+    if code == CONVERGED and (
+        state.counters[COUNT_RECENT] >= REBUILD_AFTER
+        or is_inaccurate(system, table, state, work, inertia, viscosity)
+    ):
+        # the set is found; its solution is taken from columns without a history
+        rebuild(system, table, state, inertia, viscosity, work.row)
+        code = settle(system, table, state, work, tolerances)
     if code == CONVERGED:
         _correct(state, work, stepping, h)
         return code
@@ -177,7 +181,7 @@ def _advance(
         if code != CONVERGED:
             state.inputs[:] = begin
             level += 1
-            if level > stepping.halvings:
+            if level > stepping.halvings or code == STOPPED:
                 return code
             state.counters[COUNT_HALVED] += 1
             inertia, viscosity = coefficients(stepping, stepping.step / (1 << level))

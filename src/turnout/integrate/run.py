@@ -2,19 +2,22 @@
 
 import time
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import SolverError
+from turnout.integrate.accuracy import equilibrium_residual
 from turnout.integrate.columns import rebuild
 from turnout.integrate.energy import account_friction, account_laws, closing_error
 from turnout.integrate.equilibrium import resting_segments
+from turnout.integrate.interrupt import heard, one_thread
 from turnout.integrate.march import Record, Stepping, coefficients, march, store
 from turnout.integrate.outcome import Code, Outcome
 from turnout.integrate.scheme import AlphaCoefficients, Scheme
-from turnout.integrate.solve import Tolerances, Work, equilibrium, equilibrium_residual, new_work
+from turnout.integrate.solve import Tolerances, Work, equilibrium, new_work
 from turnout.integrate.system import (
     COUNT_FLIPS,
     COUNT_HALVED,
@@ -34,7 +37,7 @@ from turnout.mechanism.threads import one_blas_thread
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# A march comes up for air after so many seconds, and at the first after so many steps.
+# Progress is told after so many seconds, and at the first after so many steps.
 BREATH, FIRST_CHUNK = 0.1, 20
 # Books of energy that are further open than this share of their scale are not to be trusted.
 CLOSES = 1e-5
@@ -156,10 +159,12 @@ def _integrate(
     model = condense(mechanism, cutoff_frequency=scheme.cutoff_frequency)
     times = scheme.step * np.arange((n_stored - 1) * scheme.stride + 1, dtype=np.float64)
     run = _prepare(mechanism, model, scheme, np.ascontiguousarray(inputs(times).T), n_stored)
-    code, done = _start(run, mechanism), 0
-    if code == Code.COMPLETE:
-        store(run.system, run.laws, run.state, run.work, run.record, 0)
-        code, done = _march_in_chunks(run, report)
+    _march(run, 0, 0)  # compiles, if need be, while Ctrl-C ends the program at once
+    with one_thread() as thread:
+        code, done = _start(run, mechanism, thread), 0
+        if code == Code.COMPLETE:
+            store(run.system, run.laws, run.state, run.work, run.record, 0)
+            code, done = _march_in_chunks(run, report, thread)
     if code == Code.COMPLETE and not closing_error(run.record.stored, run.record.ledger) < CLOSES:
         code = Code.INACCURATE
     residual = equilibrium_residual(run.system, run.laws, run.state, run.work)
@@ -233,7 +238,7 @@ def _prepare(
     )
 
 
-def _start(run: _Run, mechanism: Mechanism) -> Code:
+def _start(run: _Run, mechanism: Mechanism, thread: Executor) -> Code:
     """Find the static equilibrium without friction, then anchor the feet where they stand."""
     system, laws, state, work = run.system, run.laws, run.state, run.work
     slippery = laws._replace(friction_coefficient=np.zeros_like(laws.friction_coefficient))
@@ -242,14 +247,11 @@ def _start(run: _Run, mechanism: Mechanism) -> Code:
     for law in range(laws.row.size):
         set_segment(laws, state, law, state.segment[law])
     state.friction[:] = SLIP_FORWARD
-    rebuild(system, slippery, state, 1.0, 0.0, work.row)
-    patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
-    if equilibrium(system, slippery, state, work, patient) != Code.COMPLETE:
+    if not _rests(run, slippery, thread):
         segments = resting_segments(mechanism, inputs=state.inputs, present=state.present)
         for law, segment in enumerate(segments):
             set_segment(laws, state, law, segment)
-        rebuild(system, slippery, state, 1.0, 0.0, work.row)
-        if equilibrium(system, slippery, state, work, patient) != Code.COMPLETE:
+        if not _rests(run, slippery, thread):
             return Code.NO_EQUILIBRIUM
     state.friction[:] = STICK
     state.anchor[:] = state.g[laws.friction_row]
@@ -261,32 +263,50 @@ def _start(run: _Run, mechanism: Mechanism) -> Code:
     return Code.COMPLETE
 
 
-def _march_in_chunks(run: _Run, report: Callable[[int, int], None] | None) -> tuple[Code, int]:
-    """March, coming up for air now and then so that progress shows and Ctrl-C is heard."""
+def _rests(run: _Run, laws: LawTable, thread: Executor) -> bool:
+    """Iterate the contact set of the static equilibrium from the present one."""
+    patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
+    rebuild(run.system, laws, run.state, 1.0, 0.0, run.work.row)
+    given = (run.system, laws, run.state, run.work, patient)
+    code = heard(thread, run.work.stop, equilibrium, *given)
+    if code == Code.INTERRUPTED:
+        raise KeyboardInterrupt
+    return code == Code.COMPLETE
+
+
+def _march(run: _Run, first: int, last: int) -> tuple[int, int]:
+    return march(
+        run.system,
+        run.laws,
+        run.state,
+        run.work,
+        run.tolerances,
+        run.stepping,
+        run.positions,
+        first,
+        last,
+        run.record,
+    )
+
+
+def _march_in_chunks(
+    run: _Run, report: Callable[[int, int], None] | None, thread: Executor
+) -> tuple[Code, int]:
+    """March, and tell of the progress now and then."""
     n_steps = run.positions.shape[0] - 1
     done, chunk = 0, FIRST_CHUNK
     try:
         while done < n_steps:
             began = time.perf_counter()
-            number, done = march(
-                run.system,
-                run.laws,
-                run.state,
-                run.work,
-                run.tolerances,
-                run.stepping,
-                run.positions,
-                done,
-                min(done + chunk, n_steps),
-                run.record,
-            )
+            last = min(done + chunk, n_steps)
+            number, done = heard(thread, run.work.stop, _march, run, done, last)
             if number != Code.COMPLETE:
                 return Code(number), done
             took = max(time.perf_counter() - began, 1e-3)
             chunk = max(1, round(chunk * min(BREATH / took, 4.0)))
             if report is not None:
                 report(done, n_steps)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt:  # between two kernels
         return Code.INTERRUPTED, done
     return Code.COMPLETE, done
 

@@ -20,13 +20,14 @@ from turnout.law.kernel import (
 )
 from turnout.law.table import LawTable
 
-CONVERGED, NOT_CONVERGED, NOT_FINITE = 0, 1, 2
+CONVERGED, NOT_CONVERGED, NOT_FINITE, STOPPED = 0, 1, 2, 4
 
 
 class Work(NamedTuple):
     """Scratch arrays of the kernels; their content means nothing between calls.
 
-    Except `unsettled`: it flags the rows that still changed when a step was given up.
+    Except `unsettled`, which flags the rows that still changed when a step was given up, and
+    `stop`, which another thread sets to end the work between two solutions.
     """
 
     row: Floats
@@ -44,6 +45,7 @@ class Work(NamedTuple):
     acceleration: Floats
     g: Floats
     g_start: Floats
+    stop: Ints
 
 
 class Tolerances(NamedTuple):
@@ -88,10 +90,14 @@ def update_marked(system: System, table: LawTable, state: State, work: Work, cou
 
 @compiled
 def friction_limit(table: LawTable, state: State, friction: int) -> float:
-    """Return the largest force that one friction law can bear now [N]."""
+    """Return the force of one friction law that slips [N].
+
+    It follows the normal law on its segment, as the solution does: a contact that ends within the
+    overlooked gap may pull by a trace, and a limit cut at zero would leave the books open.
+    """
     normal = table.friction_normal[friction]
     force = state.slope[normal] * state.g[table.row[normal]] + state.constant[normal]
-    limit: float = table.friction_coefficient[friction] * max(force, 0.0)
+    limit: float = table.friction_coefficient[friction] * force
     return limit
 
 
@@ -201,7 +207,7 @@ def check_laws(
 def settle(
     system: System, table: LawTable, state: State, work: Work, tolerances: Tolerances
 ) -> int:
-    """Iterate the contact set of one step; return CONVERGED, NOT_CONVERGED or NOT_FINITE.
+    """Iterate the contact set of one step; return CONVERGED or what kept it from that.
 
     After half of the iterations laws change one at a time, which breaks cycles in which several
     laws undo each other.
@@ -211,6 +217,8 @@ def settle(
         state.counters[COUNT_ITERATIONS] += 1
         if any_not_finite(state.q):
             return NOT_FINITE
+        if work.stop[0]:
+            return STOPPED
         one_at_a_time = 2 * iteration > tolerances.iterations
         count = check_laws(system, table, state, work, tolerances, one_at_a_time)
         if count == 0:
@@ -250,27 +258,6 @@ def equilibrium(
 
 
 @compiled
-def equilibrium_residual(system: System, table: LawTable, state: State, work: Work) -> float:
-    """Return the largest disagreement of the rows with the base system under the law forces [m].
-
-    The columns are bypassed, so that their drift shows.
-    """
-    n_rows, n_modes = system.row_load.size, system.eigenvalues.size
-    force = work.row[:n_rows]
-    row_forces(system, table, state, force)
-    worst = 0.0
-    for i in range(n_rows):
-        total = system.row_load[i] - state.g[i]
-        base = system.base[i]
-        for j in range(n_rows):
-            total += base[j] * force[j]
-        for j in range(n_modes):
-            total += base[n_rows + j] * state.q[j]
-        worst = max(worst, abs(total))
-    return worst
-
-
-@compiled
 def row_forces(system: System, table: LawTable, state: State, force: Floats) -> None:
     """Write the deviation force of every row from the laws' own forces [N]."""
     force[:] = 0.0
@@ -302,4 +289,5 @@ def new_work(system: System, table: LawTable) -> Work:
         acceleration=modal[6],
         g=np.zeros(n_rows),
         g_start=np.zeros(n_rows),
+        stop=np.zeros(1, dtype=np.int64),
     )

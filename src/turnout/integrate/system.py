@@ -52,7 +52,7 @@ class State(NamedTuple):
     between ``lower`` and ``upper``; `set_segment` keeps these five together. ``columns`` holds
     solved columns of length rows + modes: the modes, the constant, then one for each active row.
     ``counters``: active rows, flips since the last rebuild, flips in all, iterations in all, steps
-    halved, rebuilds.
+    halved, rebuilds. ``drift`` is the growth of rounding since it was last measured.
     """
 
     segment: Ints
@@ -81,6 +81,7 @@ class State(NamedTuple):
     inputs: Floats
     ledger: Floats
     counters: Ints
+    drift: Floats
     law_placed: Floats
     law_first: Floats
     law_peak: Floats
@@ -201,6 +202,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int) -> State:
         inputs=np.zeros(n_inputs),
         ledger=np.zeros(6),
         counters=np.zeros(6, dtype=np.int64),
+        drift=np.ones(1),
         law_placed=np.full(n_laws, np.nan),
         law_first=np.full(n_laws, np.nan),
         law_peak=np.zeros(n_laws),

@@ -73,9 +73,9 @@ _FLOATING = {"reassoc", "contract", "arcp", "nsz"}
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
     """Compile a kernel to machine code on its first call and keep it in the cache.
 
-    The plain function stays reachable as `.py_func`.
+    The plain function stays reachable as `.py_func`. Kernels let other threads of Python run.
     """
-    kernel: Callable[P, T] = _numba.njit(cache=True, fastmath=_FLOATING, error_model="numpy")(
-        function
-    )
+    kernel: Callable[P, T] = _numba.njit(
+        cache=True, fastmath=_FLOATING, error_model="numpy", nogil=True
+    )(function)
     return kernel

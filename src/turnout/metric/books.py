@@ -1,6 +1,10 @@
 """How well the books of energy close, relative to the scale of the run."""
 
+import numpy as np
 import xarray as xr
+
+MOST_NUMERICAL = 0.02
+"""Share of the energy scale that a scheme may lose or make before a reader should know [-]."""
 
 # Where less than this has moved, shares of the scale would be rounding over rounding [J].
 LEAST_SCALE = 1e-3
@@ -14,6 +18,22 @@ def residual_share(dataset: xr.Dataset) -> float:
 def numerical_share(dataset: xr.Dataset) -> float:
     """Return the largest numerical loss over the run's energy scale, at least 1 mJ [-]."""
     return _share(dataset, "energy_numerical")
+
+
+def numerical_warning(dataset: xr.Dataset) -> str | None:
+    """Return what to say and do where the scheme itself lost or made too much, else None.
+
+    Where less than `LEAST_SCALE` has moved there is nothing to say.
+    """
+    share = numerical_share(dataset)
+    if share <= MOST_NUMERICAL or float(dataset.attrs["energy_scale"]) <= LEAST_SCALE:
+        return None
+    values = dataset["energy_numerical"].to_numpy()
+    lost = "lost" if values[np.abs(values).argmax()] > 0 else "MADE"
+    return (
+        f"the time stepping itself {lost} {100 * share:.3g} % of the energy, more than "
+        f"{100 * MOST_NUMERICAL:g} %; take a smaller step, or a spectral radius below 1 if it is 1"
+    )
 
 
 def _share(dataset: xr.Dataset, name: str) -> float:

@@ -6,7 +6,7 @@ from typing import Any
 
 import xarray as xr
 
-from turnout.metric.books import numerical_share, residual_share
+from turnout.metric.books import numerical_share, numerical_warning, residual_share
 from turnout.metric.movement import Margin, Slip, margins, slips
 from turnout.metric.signal import at_end
 
@@ -185,13 +185,15 @@ def _energy(dataset: xr.Dataset) -> list[tuple[str, str]]:
     scale = float(dataset.attrs.get("energy_scale", 0.0))
     if not scale > 0:
         return []
-    return [
+    lines = [
         (
             "energy",
             f"books close to {residual_share(dataset):.1e} of {scale:.3g} J; "
             f"the scheme itself lost {numerical_share(dataset):.1e} of it",
         )
     ]
+    warning = numerical_warning(dataset)
+    return lines if warning is None else [*lines, ("WARNING", warning)]
 
 
 def _kilo(force: xr.DataArray | float) -> str:

@@ -1,0 +1,103 @@
+r"""How well a solution found from many times updated columns fulfils the equations themselves.
+
+Each rank-one update multiplies the rounding that the columns already carry by about the inverse of
+its divisor. `State.drift` keeps the product since the columns were last measured; when it has grown
+by `DRIFTS`, the solution of the step is put into the equations
+
+.. math:: g = \Phi q + R\lambda + r, \qquad
+          (\iota + \Lambda)\,q + \nu C q = p + \Phi^T\lambda
+
+with the deviations :math:`\lambda` from the laws' own numbers. What is left over beyond
+`LARGEST_ERROR` means that columns and modal inverse must be made anew.
+"""
+
+from turnout.integrate.solve import Work, row_forces
+from turnout.integrate.system import COUNT_ACTIVE, Floats, State, System
+from turnout.law.compiled import compiled
+from turnout.law.table import LawTable
+
+DRIFTS = 10.0
+"""Growth of rounding after which a solution is measured [-]."""
+LARGEST_ERROR = 1e-12
+"""Error of a solution that is overlooked: of a row [m], of a coordinate [kg^0.5 m]."""
+
+
+@compiled
+def _deviations(system: System, table: LawTable, state: State, force: Floats) -> None:
+    """Write the deviation force of every row for the solution just found [N]."""
+    force[:] = 0.0
+    for slot in range(state.counters[COUNT_ACTIVE]):
+        row = state.row_of_slot[slot]
+        total = state.shift[row]
+        for k in range(system.pattern_start[row], system.pattern_start[row + 1]):
+            total += state.entries[k] * state.g[system.pattern_list[k]]
+        force[row] = total
+    for k in range(system.input_law.size):
+        law = system.input_law[k]
+        force[table.row[law]] += state.slope[law] * state.inputs[table.input_index[law]]
+
+
+@compiled
+def _row_error(system: System, state: State, force: Floats) -> float:
+    """Return the largest disagreement of the rows with the base system under row forces [m]."""
+    n_rows, n_modes = system.row_load.size, system.eigenvalues.size
+    worst = 0.0
+    for i in range(n_rows):
+        total = system.row_load[i] - state.g[i]
+        base = system.base[i]
+        for j in range(n_rows):
+            total += base[j] * force[j]
+        for j in range(n_modes):
+            total += base[n_rows + j] * state.q[j]
+        worst = max(worst, abs(total))
+    return worst
+
+
+@compiled
+def _modal_error(
+    system: System, state: State, work: Work, force: Floats, inertia: float, viscosity: float
+) -> float:
+    """Return the largest disagreement of the step's modal equations, as a coordinate."""
+    n_rows, n_modes = system.row_load.size, system.eigenvalues.size
+    worst = 0.0
+    for j in range(n_modes):
+        total = (inertia + system.eigenvalues[j]) * state.q[j] - work.right_side[j]
+        for i in range(n_modes):
+            total += viscosity * system.damping[j, i] * state.q[i]
+        for i in range(n_rows):
+            if force[i] != 0.0:
+                total -= system.base[i, n_rows + j] * force[i]
+        worst = max(worst, abs(total) / (inertia + system.eigenvalues[j]))
+    return worst
+
+
+@compiled
+def is_inaccurate(
+    system: System, table: LawTable, state: State, work: Work, inertia: float, viscosity: float
+) -> bool:
+    """Tell whether the solution of the step just found suffers from worn columns.
+
+    Parameters
+    ----------
+    inertia, viscosity : float
+        What multiplies identity and damping in the matrix of the step.
+    """
+    if state.drift[0] < DRIFTS:
+        return False
+    state.drift[0] = 1.0
+    force = work.row[: system.row_load.size]
+    _deviations(system, table, state, force)
+    if _row_error(system, state, force) > LARGEST_ERROR:
+        return True
+    return _modal_error(system, state, work, force, inertia, viscosity) > LARGEST_ERROR
+
+
+@compiled
+def equilibrium_residual(system: System, table: LawTable, state: State, work: Work) -> float:
+    """Return the largest disagreement of the rows with the base system under the law forces [m].
+
+    The columns are bypassed, so that their drift shows.
+    """
+    force = work.row[: system.row_load.size]
+    row_forces(system, table, state, force)
+    return _row_error(system, state, force)

@@ -1,0 +1,79 @@
+"""Worn columns are noticed when rounding may have grown, and only then; and books of a slip."""
+
+import numpy as np
+import pytest
+from tests.unit.test_integrate_columns import INERTIA, VISCOSITY, Setup, flip, setup
+
+from turnout.integrate.accuracy import DRIFTS, is_inaccurate
+from turnout.integrate.columns import rebuild, update_row
+from turnout.integrate.energy import account_friction
+from turnout.integrate.solve import Work, new_work, solve_set
+from turnout.integrate.system import set_segment
+from turnout.law.kernel import SLIP_FORWARD
+
+
+def solved(made: Setup) -> Work:
+    """Solve a step with a right side of its own for the set that `made` has come to."""
+    work = new_work(made.system, made.table)
+    work.right_side[:] = np.linspace(-500.0, 900.0, work.right_side.size)
+    made.state.inputs[:] = [2e-3, -1e-3]
+    solve_set(made.system, made.table, made.state, work)
+    return work
+
+
+def judged(made: Setup, work: Work) -> bool:
+    return is_inaccurate(made.system, made.table, made.state, work, INERTIA, VISCOSITY)
+
+
+@pytest.fixture
+def made() -> Setup:
+    made = setup(7, seed=12)
+    rng = np.random.default_rng(3)
+    for _ in range(30):
+        flip(made, rng)
+    rebuild(made.system, made.table, made.state, INERTIA, VISCOSITY, made.scratch)
+    return made
+
+
+def test_a_fresh_solution_passes_and_the_count_starts_again(made: Setup) -> None:
+    work = solved(made)
+    made.state.drift[0] = 1e3
+    assert not judged(made, work)
+    assert made.state.drift[0] == 1.0
+
+
+@pytest.mark.parametrize("worn", ["columns", "inverse"])
+def test_worn_numbers_are_found_once_rounding_may_have_grown(made: Setup, worn: str) -> None:
+    getattr(made.state, worn)[:] *= 1.0 + 1e-6
+    work = solved(made)
+    made.state.drift[0] = 0.9 * DRIFTS
+    assert not judged(made, work)
+    made.state.drift[0] = DRIFTS
+    assert judged(made, work)
+
+
+def test_a_flip_that_divides_by_little_counts_for_as_much(made: Setup) -> None:
+    _, table, state, _ = made
+    law = 1  # a contact outside the folded system
+    for segment in (0, 1):
+        set_segment(table, state, law, segment)
+        update_row(*made[:3], int(table.row[law]), made.scratch)
+    added = float(state.drift[0])
+    assert added == 1.0  # a spring more divides by more than one
+    set_segment(table, state, law, 0)
+    update_row(*made[:3], int(table.row[law]), made.scratch)
+    assert state.drift[0] > 2.0
+
+
+def test_the_books_follow_a_contact_that_pulls_within_the_overlooked_gap(made: Setup) -> None:
+    _, table, state, _ = made
+    friction = 0
+    normal, row = int(table.friction_normal[friction]), int(table.friction_row[friction])
+    set_segment(table, state, normal, 1)
+    state.friction[friction] = SLIP_FORWARD
+    state.g[table.row[normal]] = table.offset[normal] - 1e-11
+    state.g[row] = 0.5
+    account_friction(table, state)
+    pull = table.friction_coefficient[friction] * state.slope[normal] * 1e-11
+    assert state.friction_force[friction] == pytest.approx(-pull, rel=1e-6)
+    assert pull > 0

@@ -1,0 +1,70 @@
+"""A kernel at work is stopped by Ctrl-C, between two solutions, and nothing half done is kept."""
+
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+from tests.unit.test_integrate_columns import setup
+
+from turnout.integrate.follow import follow_path
+from turnout.integrate.interrupt import heard, one_thread
+from turnout.integrate.march import Record, Stepping, march
+from turnout.integrate.outcome import Code
+from turnout.integrate.solve import Tolerances, new_work, settle
+
+TOLERANCES = Tolerances(1e-11, 1e-6, 40)
+
+
+def test_what_a_kernel_returns_or_raises_comes_back() -> None:
+    stop = np.zeros(1, dtype=np.int64)
+    with one_thread() as thread:
+        assert heard(thread, stop, divmod, 7, 2) == (3, 1)
+        with pytest.raises(ZeroDivisionError):
+            heard(thread, stop, divmod, 7, 0)
+    assert stop[0] == 0
+
+
+@pytest.mark.skipif(os.name != "posix", reason="an alarm is sent in place of Ctrl-C")
+def test_ctrl_c_reaches_a_kernel_at_work() -> None:
+    stop = np.zeros(1, dtype=np.int64)
+
+    def endless() -> str:
+        while not stop[0]:
+            time.sleep(1e-3)
+        return "stopped"
+
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    began = time.perf_counter()
+    signal.setitimer(signal.ITIMER_REAL, 0.05)
+    try:
+        with one_thread() as thread:
+            assert heard(thread, stop, endless) == "stopped"
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert time.perf_counter() - began < 5.0
+
+
+def test_a_step_ends_where_it_is_and_the_state_is_that_of_the_last_instant() -> None:
+    system, table, state, _ = setup(7, seed=5)
+    work = new_work(system, table)
+    stepping = Stepping(1e-3, 0.0, 1 / 3, 4 / 9, 5 / 6, 6, True, 1)
+    markers = np.array([[0.0, 0.0], [5e-3, 1e-3], [9e-3, 2e-3]])
+    record = Record(*(np.zeros((3, 40)) for _ in range(6)), residual=np.zeros(1))
+    q, inputs = state.q.copy(), state.inputs.copy()
+    work.stop[0] = 1
+    given = (system, table, state, work, TOLERANCES, stepping, markers, 0, 2, record)
+    assert march(*given) == (Code.INTERRUPTED, 0)
+    np.testing.assert_array_equal(state.q, q)
+    np.testing.assert_array_equal(state.inputs, inputs)
+
+
+def test_the_walk_along_the_path_listens_too() -> None:
+    system, table, state, _ = setup(7, seed=5)
+    work = new_work(system, table)
+    work.stop[0] = 1
+    sides = (np.zeros(7), np.ones(7))
+    inputs = (np.zeros(2), np.ones(2))
+    assert follow_path(system, table, state, work, TOLERANCES, sides, inputs) == Code.INTERRUPTED
+    assert settle(system, table, state, work, TOLERANCES) == Code.INTERRUPTED
