@@ -54,7 +54,8 @@ def small_panel(choose: "Chooser") -> str:
     starts = _pick(choose, ("closed", "open"))
     parts = [_head(choose)]
     strokes = _round(choose, 0.02, 0.15)
-    parts += [_rail(choose, name, length=length, opening=strokes) for name in rails]
+    drawn = {name: _rail(choose, name, length=length, opening=strokes) for name in rails}
+    parts += [*drawn.values(), _stock_rails(choose, drawn, length)]
     parts.append(_supports(choose, length))
     drives = choose.integer(1, 6)
     parts.append(_drives(choose, rails, count=drives, length=length, stroke=strokes))
@@ -109,6 +110,33 @@ axis = "{_pick(choose, ("foot", "centroid"))}"
     return text + (
         f'[rail.{name}.stock_rail_gap]\nx = ["0 m", "{0.7 * length!r} m"]\n'
         f'value = ["{opening!r} m", "1 mm"]\n'
+    )
+
+
+def _stock_rails(choose: "Chooser", rails: dict[str, str], length: float) -> str:
+    """Let some of the stock rails bend, on fastenings from soft to stiff."""
+    facing = [n for n, text in rails.items() if "stock_rail_gap" in text]
+    chosen = [name for name in facing if choose.integer(0, 2) == 2]
+    if not chosen:
+        return ""
+    spacing = float(_pick(choose, ("0.6", "1.2")))
+    text = "".join(f'[stock_rail.of_{name}]\nfaces = "{name}"\n' for name in chosen)
+    return (
+        text
+        + f"""[stock_rail]
+start = "-1 m"
+end = "{length!r} m"
+ends = "{_pick(choose, ("clamped", "free"))}"
+section = "plain"
+foot_height = "{_pick(choose, ("-38", "0"))} mm"
+[stock_fastening]
+x = {{ start = "-0.9 m", step = "{spacing!r} m", count = {int((length + 0.9) / spacing)} }}
+stiffness_x = "2e7 N/m"
+stiffness_y = "{_decades(choose, 5e7, to_each_side=2.0)} N/m"
+stiffness_z = "{_decades(choose, 1e8, to_each_side=2.0)} N/m"
+stiffness_roll = "{_decades(choose, 2e5, to_each_side=2.0)} N m/rad"
+damping_y = "{_pick(choose, ("10", "0"))} kN s/m"
+"""
     )
 
 

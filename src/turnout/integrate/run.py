@@ -165,7 +165,7 @@ def _integrate(
         if code == Code.COMPLETE:
             store(run.system, run.laws, run.state, run.work, run.record, 0)
             code, done = _march_in_chunks(run, report, thread)
-    if code == Code.COMPLETE and not closing_error(run.record.stored, run.record.ledger) < CLOSES:
+    if code == Code.COMPLETE and not _books_close(run):
         code = Code.INACCURATE
     residual = equilibrium_residual(run.system, run.laws, run.state, run.work)
     outcome = Outcome(
@@ -309,6 +309,12 @@ def _march_in_chunks(
     except KeyboardInterrupt:  # between two kernels
         return Code.INTERRUPTED, done
     return Code.COMPLETE, done
+
+
+def _books_close(run: _Run) -> bool:
+    record = run.record
+    folded = 0.5 * float(np.max(record.q**2 @ run.system.eigenvalues))
+    return closing_error(record.stored, record.ledger, folded=folded) < CLOSES
 
 
 def _unsettled(mechanism: Mechanism, work: Work) -> tuple[str, ...]:
