@@ -78,13 +78,13 @@ def check_command(
     if not throw:
         return
     from turnout.cli.throwing import thrown_alone
-    from turnout.metric.concern import concerns
+    from turnout.study.panel_check import panel_concerns
 
-    found = concerns(thrown_alone(panel))
+    found = panel_concerns(panel, thrown_alone(panel))
     for concern in found:
         typer.echo(f"warning: {concern.text}")
     if not found:
-        typer.echo("no warnings: force margins, flangeway and chairs are in order")
+        typer.echo("no warnings: force margins, flangeway, chairs and flutter are in order")
     elif strict:
         raise typer.Exit(BAD_INPUT)
 

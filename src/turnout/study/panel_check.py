@@ -1,0 +1,66 @@
+"""All that a panel should be warned of: from its throw, and from its vibrations while it slides."""
+
+import xarray as xr
+
+from turnout.metric.concern import Concern, concerns
+from turnout.panel.model import Panel
+from turnout.response.stability import FrictionStability, friction_stability
+
+# A panel should not flutter at this many times its friction either.
+FRICTION_RESERVE = 1.25
+REMEDY = "more chair.damping or less chair.friction_coefficient"
+
+
+def panel_concerns(panel: Panel, dataset: xr.Dataset) -> list[Concern]:
+    """Return what is to be looked at in a panel.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    dataset : xarray.Dataset
+        A throw of it without an object.
+
+    Returns
+    -------
+    list of Concern
+        Those of the throw (`turnout.metric.concern.concerns`), then flutter.
+    """
+    return [*concerns(dataset), *flutter_concerns(panel)]
+
+
+def flutter_concerns(panel: Panel) -> list[Concern]:
+    """Return whether the rails can flutter in motion, at their friction or at a quarter more.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> flutter_concerns(load_panel("sb1"))
+    []
+    """
+    if not panel.movement:
+        return []
+    for factor in (1.0, FRICTION_RESERVE):
+        found = friction_stability(panel, friction_factor=factor)
+        if not found.stable:
+            return [_concern(found)]
+    return []
+
+
+def _concern(found: FrictionStability) -> Concern:
+    worst = found.worst
+    at = "the panel's friction" if found.friction_factor == 1 else (
+        f"{found.friction_factor:g} times the panel's friction"
+    )  # fmt: skip
+    if worst.growth_rate >= 0:
+        what = "the section can flutter" if worst.frequency > 0 else "a rail can run away"
+        where = f"at {at}, {100 * worst.share:.0f} % of movement '{worst.movement}'"
+        number = (
+            f"{worst.frequency:.1f} Hz, damping {100 * worst.damping_ratio:.2f} % of critical, "
+            f"grows with {worst.growth_rate:.2g} 1/s"
+        )
+        return Concern(what, where, number, REMEDY)
+    lost = [case for case in found.cases if not case.settled]
+    where = f"at {at}, {100 * lost[0].share:.0f} % of movement '{lost[0].movement}'"
+    number = f"no steady sliding was found in {len(lost)} of {len(found.cases)} places"
+    return Concern("flutter is not known", where, number, REMEDY)

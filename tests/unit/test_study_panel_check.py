@@ -1,0 +1,61 @@
+"""The warning of flutter: at the panel's own friction, near it, and not at all."""
+
+import pytest
+import xarray as xr
+from tests.unit.simulated import sb1_dataset, sb1_panel, sb2_panel
+from tests.verification.flutter import unsymmetric_panel
+
+from turnout.metric.concern import concerns
+from turnout.response.stability import FrictionStability, SlidingCase, friction_stability
+from turnout.study.panel_check import flutter_concerns, panel_concerns
+
+NONE, USUAL = "0 N s/m", "3.75 kN s/m"
+
+
+def test_a_section_that_flutters() -> None:
+    panel = unsymmetric_panel(friction=0.5, dashpot=NONE)
+    (concern,) = flutter_concerns(panel)
+    found = friction_stability(panel)
+    assert concern.what == "the section can flutter"
+    assert "at the panel's friction" in concern.where
+    assert f"'{found.worst.movement}'" in concern.where
+    assert f"{found.frequency:.1f} Hz" in concern.number
+    assert "chair.damping" in concern.remedy
+
+
+def test_a_section_that_nearly_flutters() -> None:
+    (concern,) = flutter_concerns(unsymmetric_panel(friction=0.25, dashpot=NONE))
+    assert "at 1.25 times the panel's friction" in concern.where
+
+
+@pytest.mark.parametrize("friction", [0.4, 0.5])
+def test_the_dashpot_takes_it_away(friction: float) -> None:
+    assert flutter_concerns(unsymmetric_panel(friction=friction, dashpot=USUAL)) == []
+
+
+def test_unknown_is_not_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    nan = float("nan")
+    cases = tuple(
+        SlidingCase("throw", "open", share, settled, 3.0, 0.02, rate)
+        for share, settled, rate in ((0.1, True, -0.4), (0.5, False, nan))
+    )
+    monkeypatch.setattr(
+        "turnout.study.panel_check.friction_stability",
+        lambda _panel, *, friction_factor: FrictionStability(friction_factor, cases, 600.0),
+    )
+    (concern,) = flutter_concerns(sb1_panel())
+    assert concern.what == "flutter is not known"
+    assert concern.number == "no steady sliding was found in 1 of 2 places"
+    assert "50 % of movement 'throw'" in concern.where
+
+
+def test_a_panel_that_never_moves_cannot_flutter() -> None:
+    assert flutter_concerns(sb2_panel().model_copy(update={"movement": {}})) == []
+
+
+def test_all_concerns_are_joined(monkeypatch: pytest.MonkeyPatch) -> None:
+    dataset: xr.Dataset = sb1_dataset().assign_attrs(complete=False, outcome_message="stopped")
+    monkeypatch.setattr("turnout.study.panel_check.flutter_concerns", lambda _panel: ["flutter"])
+    joined = panel_concerns(sb1_panel(), dataset)
+    assert joined == [*concerns(dataset), "flutter"]
+    assert len(joined) >= 2
