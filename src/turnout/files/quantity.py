@@ -14,6 +14,7 @@ from turnout.files.units import (
     ACCELERATION,
     ANGULAR_STIFFNESS,
     AREA,
+    CURRENT_SENSITIVITY,
     DAMPING,
     DENSITY,
     FORCE,
@@ -21,8 +22,11 @@ from turnout.files.units import (
     LENGTH,
     PRESSURE,
     SECOND_MOMENT,
+    SECTION_MODULUS,
     STIFFNESS,
     TIME,
+    VOLTAGE,
+    VOLTAGE_RATIO,
     Dimension,
     parse_numbers,
     parse_quantities,
@@ -132,6 +136,22 @@ Acceleration = Annotated[
 Area = Annotated[float, BeforeValidator(_scalar(AREA)), WithJsonSchema(_scalar_schema(AREA))]
 SecondMoment = Annotated[
     float, BeforeValidator(_scalar(SECOND_MOMENT)), WithJsonSchema(_scalar_schema(SECOND_MOMENT))
+]
+SectionModulus = Annotated[
+    float,
+    BeforeValidator(_scalar(SECTION_MODULUS)),
+    WithJsonSchema(_scalar_schema(SECTION_MODULUS)),
+]
+Voltage = Annotated[
+    float, BeforeValidator(_scalar(VOLTAGE)), WithJsonSchema(_scalar_schema(VOLTAGE))
+]
+VoltageRatio = Annotated[
+    float, BeforeValidator(_scalar(VOLTAGE_RATIO)), WithJsonSchema(_scalar_schema(VOLTAGE_RATIO))
+]
+CurrentSensitivity = Annotated[
+    float,
+    BeforeValidator(_scalar(CURRENT_SENSITIVITY)),
+    WithJsonSchema(_scalar_schema(CURRENT_SENSITIVITY)),
 ]
 LengthList = Annotated[
     tuple[float, ...], BeforeValidator(_list(LENGTH)), WithJsonSchema(_list_schema(LENGTH))

@@ -51,6 +51,8 @@ COORDINATES: Mapping[str, Channel] = _table(
     Channel("sensor", ("sensor",), "1", "switch rail control contact", kind="text"),
     Channel("object", ("object",), "1", "foreign object", kind="text"),
     Channel("direction", ("direction",), "1", "direction of a movement", kind="text"),
+    Channel("column", ("column",), "1", "column of a recording", kind="text"),
+    Channel("column_unit", ("column",), "1", "unit of a column as recorded", kind="text"),
     Channel("drive_x", ("drive",), "m", "position of the drive", "towards the heel"),
     Channel("chair_x", ("chair",), "m", "position of the chair", "towards the heel"),
     Channel("stop_x", ("stop",), "m", "position of the stop", "towards the heel"),
@@ -79,6 +81,18 @@ CHANNELS: Mapping[str, Channel] = _table(
         "force on each of several foreign objects",
         "compression",
     ),
+    Channel(
+        "drive_force_unfiltered", ("drive", "time"), "N", "drive force before filtering", "closing"
+    ),
+    Channel("drive_current_unfiltered", ("drive", "time"), "A", "motor current before filtering"),
+    Channel(
+        "object_force_unfiltered",
+        ("time",),
+        "N",
+        "force on the foreign object before filtering",
+        "compression",
+    ),
+    Channel("recorded", ("column", "time"), "see column_unit", "columns as they were recorded"),
     Channel("gap", ("rail", "x", "time"), "m", "gap at contact height", "open"),
     Channel(
         "lateral_displacement",
@@ -158,7 +172,16 @@ CAMPAIGN_COORDINATES: Mapping[str, Channel] = _table(
 )
 
 # Left out where nothing of the kind exists or was measured; a simulation has all the others.
-OPTIONAL = frozenset({"drive_current", "single_object_force", "object_contact_time"})
+MEASURED = frozenset(
+    {
+        "drive_current",
+        "drive_force_unfiltered",
+        "drive_current_unfiltered",
+        "object_force_unfiltered",
+        "recorded",
+    }
+)
+OPTIONAL = MEASURED | {"single_object_force", "object_contact_time"}
 
 
 def label(dataset: xr.Dataset) -> xr.Dataset:

@@ -1,0 +1,134 @@
+"""Conditioning: no shift in time, edges and holes as stated, raw kept beside filtered."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from turnout.measurement.chain import apply_chain, load_channel_map
+from turnout.measurement.condition import (
+    condition,
+    lowpass,
+    median,
+    moving_average,
+    remove_drift,
+    tare,
+    window_samples,
+)
+from turnout.measurement.recording import Channel, Recording
+from turnout.metric.signal import filtered
+from turnout.schema.check import check_schema
+
+RATE = 1000.0
+RNG = np.random.default_rng(7)
+
+
+def test_a_tenth_of_a_second_is_101_samples() -> None:
+    assert [window_samples(0.1, rate=rate) for rate in (1000.0, 2000.0, 100.0)] == [101, 201, 11]
+    pulse = np.zeros(1001)
+    pulse[500] = 101.0
+    smooth = moving_average(pulse, rate=RATE)
+    np.testing.assert_allclose(smooth[450:551], 1.0, rtol=1e-12)
+    np.testing.assert_allclose(smooth[:450], 0.0, atol=1e-12)
+    np.testing.assert_allclose(smooth[551:], 0.0, atol=1e-12)
+
+
+def test_edges_are_over_what_there_is() -> None:
+    values = RNG.normal(size=300)
+    smooth = moving_average(values, rate=RATE)
+    assert smooth[0] == pytest.approx(values[:51].mean())
+    assert smooth[20] == pytest.approx(values[:71].mean())
+    assert smooth[-1] == pytest.approx(values[-51:].mean())
+
+
+def test_it_is_the_filter_of_the_features() -> None:
+    """Simulations are smoothed by `metric`; without holes both must be the same."""
+    values = RNG.normal(size=(2, 700))
+    time = np.arange(700) / RATE
+    theirs = filtered(xr.DataArray(values, {"time": time}, ("drive", "time")))
+    np.testing.assert_allclose(moving_average(values, rate=RATE), theirs.values, atol=1e-12)
+
+
+def test_holes_shorter_than_the_window_are_bridged() -> None:
+    values = np.full(1000, 5.0)
+    values[300:350] = np.nan
+    values[600:800] = np.nan
+    smooth = moving_average(values, rate=RATE)
+    assert np.flatnonzero(np.isnan(smooth)).tolist() == list(range(650, 750))
+    np.testing.assert_allclose(smooth[np.isfinite(smooth)], 5.0, rtol=1e-15)
+    smooth = median(values, rate=RATE, window=0.1)
+    assert np.flatnonzero(np.isnan(smooth)).tolist() == list(range(650, 750))
+
+
+def test_a_long_recording_keeps_its_digits() -> None:
+    values = 1e7 + RNG.normal(size=1_000_000)
+    smooth = moving_average(values, rate=RATE)
+    assert smooth[-51] == pytest.approx(values[-101:].mean(), abs=1e-6)
+
+
+def test_a_median_takes_out_spikes_and_keeps_steps() -> None:
+    values = np.repeat([0.0, 1.0], 500)
+    values[[100, 101, 700]] = 99.0
+    np.testing.assert_array_equal(
+        median(values, rate=RATE, window=0.02), np.repeat([0.0, 1.0], 500)
+    )
+
+
+def test_butterworth_halves_the_cut_off_and_does_not_shift() -> None:
+    time = np.arange(4000) / RATE
+    for frequency, kept in ((2.0, 1.0), (20.0, 0.5)):
+        wave = np.sin(2 * np.pi * frequency * time)
+        smooth = lowpass(wave, rate=RATE, cutoff=20.0)[1000:3000]
+        amplitude = 2 * np.mean(smooth * wave[1000:3000])
+        quadrature = 2 * np.mean(smooth * np.cos(2 * np.pi * frequency * time)[1000:3000])
+        assert amplitude == pytest.approx(kept, abs=1e-3)
+        assert quadrature == pytest.approx(0.0, abs=1e-3)
+
+
+def test_butterworth_leaves_holes_where_they_were() -> None:
+    values = np.arange(2000.0)
+    values[500:520] = np.nan
+    smooth = lowpass(values, rate=RATE, cutoff=20.0)
+    assert np.flatnonzero(np.isnan(smooth)).tolist() == list(range(500, 520))
+    np.testing.assert_allclose(smooth[530:1700], values[530:1700], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("size", "cutoff", "words"), [(500, 500.0, "half the rate"), (5, 20.0, "5 samples are too few")]
+)
+def test_butterworth_that_cannot_be(size: int, cutoff: float, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        lowpass(np.zeros(size), rate=RATE, cutoff=cutoff)
+
+
+def test_drift_and_tare() -> None:
+    time = np.arange(1000) / RATE
+    pulse = np.where((time > 0.4) & (time < 0.6), 3.0, 0.0)
+    drifting = np.stack((pulse + 2 - 5 * time, 2 * pulse))
+    clean = remove_drift(drifting, rate=RATE, before=(0.0, 0.2), after=(0.8, 0.999))
+    np.testing.assert_allclose(clean, np.stack((pulse, 2 * pulse)), atol=1e-12)
+    np.testing.assert_allclose(tare(pulse + 7, rate=RATE, start=0.0, end=0.1), pulse, atol=1e-12)
+    with pytest.raises(ValueError, match="no samples from 5 to 6 s"):
+        tare(pulse, rate=RATE, start=5.0, end=6.0)
+    with pytest.raises(ValueError, match="must be later"):
+        remove_drift(drifting, rate=RATE, before=(0.8, 0.9), after=(0.0, 0.1))
+
+
+def test_raw_and_filtered_both_stay() -> None:
+    values = RNG.normal(size=400)
+    names = ("Rod 1", "Rod 2", "Clamp 1", "Clamp 2")
+    units = ("mV/V", "mV/V", "V", "V")
+    channels = {n: Channel(n, u, values, RATE) for n, u in zip(names, units, strict=True)}
+    dataset = apply_chain(Recording(channels, "throw.csv"), load_channel_map("two-rods"))
+    once = condition(dataset)
+    check_schema(once)
+    np.testing.assert_array_equal(once["drive_force_unfiltered"], dataset["drive_force"])
+    np.testing.assert_allclose(
+        once["drive_force"][1], moving_average(dataset["drive_force"].values[1], rate=RATE)
+    )
+    assert once.attrs["filter"] == "moving_average"
+    assert np.isnan(once["object_force"].values).all()
+    other = condition(once, smooth=lowpass, cutoff=20.0)
+    np.testing.assert_allclose(
+        other["drive_current"], lowpass(dataset["drive_current"].values, rate=RATE, cutoff=20.0)
+    )
+    assert other.attrs["filter"] == "lowpass (cutoff 20)"
