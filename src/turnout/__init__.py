@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from turnout.integrate.scheme import Scheme
     from turnout.panel.foreign_object import ForeignObject
     from turnout.panel.load import LoadedPanel, load_panel
+    from turnout.plot.modes import plot_modes
     from turnout.plot.throw import plot_throw
+    from turnout.response.modes import modes
     from turnout.response.save import Save
     from turnout.response.simulate import simulate
     from turnout.response.store import open_response, save_response
@@ -44,7 +46,9 @@ _HOME = {
     "SolverError": "turnout.errors",
     "TurnoutError": "turnout.errors",
     "load_panel": "turnout.panel.load",
+    "modes": "turnout.response.modes",
     "open_response": "turnout.response.store",
+    "plot_modes": "turnout.plot.modes",
     "plot_throw": "turnout.plot.throw",
     "save_response": "turnout.response.store",
     "simulate": "turnout.response.simulate",
@@ -64,7 +68,9 @@ __all__ = [
     "TurnoutError",
     "__version__",
     "load_panel",
+    "modes",
     "open_response",
+    "plot_modes",
     "plot_throw",
     "save_response",
     "simulate",

@@ -5,16 +5,18 @@ from typing import Annotated
 
 import typer
 
+from turnout.cli.modes import modes_command
 from turnout.cli.options import DEFAULT_PANEL, PanelArgument, SetOption, opened_panel
 from turnout.cli.outputs import FIGURES, check_outputs, write_told
 
 BAD_INPUT = 2
 
 app = typer.Typer(
-    help="Look at switch panels: list, show, check, sections, schema.",
+    help="Look at switch panels: list, show, check, sections, modes, schema.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
+app.command("modes")(modes_command)
 
 
 @app.command("list")

@@ -24,6 +24,9 @@ from turnout.mechanism.mechanism import Mechanism
 
 Floats = NDArray[np.float64]
 
+RIGID = 1e-12
+"""Eigenvalues below this share of the largest are those of rigid-body modes."""
+
 
 @dataclass(frozen=True, slots=True)
 class ModalModel:
@@ -135,6 +138,41 @@ def condense(mechanism: Mechanism, *, cutoff_frequency: float) -> ModalModel:
         rows=mechanism.rows,
         load=mechanism.load,
         cutoff_frequency=cutoff_frequency,
+    )
+
+
+def free_model(stiffness: Floats, mass: Floats, *, damping: Floats) -> ModalModel:
+    """Return all modes of a body by itself, which need not be held; it has no rows and no load.
+
+    Parameters
+    ----------
+    stiffness, mass, damping : ndarray, shape (n_dof, n_dof)
+        Symmetric; the mass positive definite.
+
+    Returns
+    -------
+    ModalModel
+        The eigenvalue of a rigid-body mode is zero.
+
+    Examples
+    --------
+    >>> spring = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    >>> free_model(spring, np.eye(2), damping=0 * spring).eigenvalues.round(9).tolist()
+    [0.0, 2.0]
+    """
+    eigenvalues, shapes = eigh(stiffness, mass, check_finite=True)
+    eigenvalues[eigenvalues < RIGID * eigenvalues[-1]] = 0.0
+    none = np.zeros((0, eigenvalues.size))
+    return ModalModel(
+        eigenvalues=eigenvalues,
+        damping=shapes.T @ damping @ shapes,
+        modes=shapes,
+        row_modes=none,
+        flexibility=np.zeros((0, 0)),
+        residual_shapes=np.zeros((eigenvalues.size, 0)),
+        load=np.zeros(eigenvalues.size),
+        residual_load=np.zeros(eigenvalues.size),
+        row_load=np.zeros(0),
     )
 
 

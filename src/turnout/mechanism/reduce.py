@@ -13,6 +13,7 @@ from turnout.reduction.craig_bampton import (
     reduce_matrix,
     reduce_vector,
 )
+from turnout.reduction.report import ReductionReport, reduction_report
 
 Floats = NDArray[np.float64]
 
@@ -61,6 +62,14 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
         load=reduce_vector(element, structure.load),
         rows=np.asarray(rows @ element.transformation),
     )
+
+
+def reduction_of(data: RailData) -> ReductionReport:
+    """Compare the superelement of a rail with the structure that it stands for."""
+    structure = rail_structure(data)
+    rows = point_rows(structure, data.points, name=data.name)
+    element = superelement(structure, rows, cutoff_frequency=data.cutoff_frequency)
+    return reduction_report(element, structure.stiffness, structure.mass)
 
 
 def superelement(

@@ -241,7 +241,7 @@ def complex_modes(model: ModalModel, coupling: Floats, *, with_shapes: bool = Tr
     )
 
 
-def row_shapes(model: ModalModel, coupling: Floats, shapes: Complexes) -> Complexes:
+def reduced_shapes(model: ModalModel, coupling: Floats, shapes: Complexes) -> Complexes:
     """Return the reduced coordinates of shapes, their static part included, shape (n_dof, n)."""
     rows = model.row_load.size
     force = np.linalg.solve(np.eye(rows) - coupling @ model.flexibility, coupling @ model.row_modes)

@@ -1,0 +1,107 @@
+"""The command `turnout panel modes`: frequencies, damping, kinds of motion, flutter."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from turnout.cli.options import DEFAULT_PANEL, PanelArgument, SetOption, opened_panel
+from turnout.cli.outputs import FIGURES, check_outputs, write_told
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from turnout.panel.load import LoadedPanel
+
+HEADING = f"{'':>4}{'Hz':>9}{'damping':>10}{'lateral':>9}{'vertical':>9}{'torsion':>9}   moves most"
+FACTORS = (1.0, 1.25)
+
+
+def modes_command(
+    panel: PanelArgument = DEFAULT_PANEL,
+    settings: SetOption = [],  # noqa: B006 - typer copies it
+    count: Annotated[int, typer.Option("--count", min=1, help="Modes of each system.")] = 6,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE.nc", help="Write frequencies and shapes (netCDF)."),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            "--plot", metavar="FILE", help="Draw the shapes of the panel (.png, .pdf or .svg)."
+        ),
+    ] = None,
+    system: Annotated[
+        str | None,
+        typer.Option(
+            "--system", help="What --plot draws: a heading of the table, such as 'rail A'."
+        ),
+    ] = None,
+    reduction: Annotated[
+        bool,
+        typer.Option("--reduction", help="Also show what the reduction of each rail costs."),
+    ] = False,
+) -> None:
+    """Show frequencies and shapes of rails and panel, and whether friction makes them flutter."""
+    check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
+    loaded = opened_panel(panel, settings)
+
+    from turnout.response.modes import modes
+
+    dataset = modes(loaded, count=count)
+    for line in mode_lines(dataset):
+        typer.echo(line)
+    for line in stability_lines(loaded):
+        typer.echo(line)
+    if reduction:
+        from turnout.response.modes import reduction_texts
+
+        for name, text in reduction_texts(loaded).items():
+            typer.echo(f"\nreduction of rail {name}\n{text}")
+    if out is not None:
+        from turnout.response.store import save_response
+
+        save_response(dataset, out)
+        typer.echo(f"{out}: written")
+    if plot is not None:
+        from turnout.plot.modes import plot_modes
+        from turnout.plot.style import rendered
+
+        write_told(plot, rendered(plot_modes(dataset, system=system), plot.suffix))
+
+
+def mode_lines(dataset: "xr.Dataset") -> Iterator[str]:
+    """Yield the table of modes, one system after the other."""
+    systems = list(dict.fromkeys(dataset["system"].values.tolist()))
+    for system in systems:
+        yield str(system)
+        yield HEADING
+        chosen = dataset.isel(mode=dataset["system"].values == system)
+        for at in range(chosen.sizes["mode"]):
+            mode = chosen.isel(mode=at)
+            share = {
+                kind: 100.0 * float(mode["motion_share"].sel(motion=kind))
+                for kind in ("lateral", "vertical", "torsion")
+            }
+            damping = 100.0 * float(mode["damping_ratio"])
+            yield (
+                f"{int(mode['number']):>4}{float(mode['frequency']):>9.2f}"
+                + (f"{damping:>8.1f} %" if damping == damping else f"{'rigid':>10}")
+                + "".join(f"{value:>7.0f} %" for value in share.values())
+                + f"   {mode['largest_rail'].item()}, x = {float(mode['largest_x']):.2f} m"
+            )
+        yield ""
+
+
+def stability_lines(panel: "LoadedPanel") -> Iterator[str]:
+    """Yield what friction does while the rails slide, at its value and a quarter above."""
+    from turnout.response.stability import friction_stability
+
+    if not panel.movement or not panel.chair:
+        return
+    for factor in FACTORS:
+        found = friction_stability(panel, friction_factor=factor)
+        yield f"{'stable' if found.stable else 'warning'}: {found}"
+    cutoff = panel.discretisation.superelement_cutoff
+    yield f"flutter near or above the cut-off of {cutoff:g} Hz would not be seen"
