@@ -5,9 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from turnout.errors import FileError
+from turnout.measurement.dewesoft import read_dewesoft
 from turnout.measurement.hdf5 import read_hdf5
 from turnout.measurement.mat import read_mat, read_mat73
+from turnout.measurement.mdf import read_mdf
+from turnout.measurement.parquet import read_parquet
 from turnout.measurement.recording import Recording
+from turnout.measurement.tdms import read_tdms
 from turnout.measurement.text import read_text
 
 HEAD = 600
@@ -41,6 +45,10 @@ def _begins(*marks: bytes) -> Callable[[bytes], bool]:
 
 
 FORMATS = (
+    FileFormat("Dewesoft", (".d7d", ".dxd", ".d7z"), _begins(b"MULTI_STREAM_FILE"), read_dewesoft),
+    FileFormat("MDF", (".mf4", ".mdf"), _begins(b"MDF     ", b"UnFinMF "), read_mdf),
+    FileFormat("TDMS", (".tdms",), _begins(b"TDSm"), read_tdms),
+    FileFormat("Parquet", (".parquet", ".pq"), _begins(b"PAR1"), read_parquet),
     FileFormat("MATLAB 7.3", (), _begins(b"MATLAB 7.3 MAT-file"), read_mat73),
     FileFormat("MATLAB", (".mat",), _begins(b"MATLAB 5.0 MAT-file"), read_mat),
     FileFormat("HDF5", (".h5", ".hdf5", ".hdf", ".nc"), lambda head: _HDF5_MARK in head, read_hdf5),
@@ -54,7 +62,8 @@ def read_recording(path: Path | str) -> Recording:
     Parameters
     ----------
     path : path-like
-        Text (CSV, TXT), MATLAB, HDF5.
+        Text (CSV, TXT), MATLAB, HDF5; Dewesoft, MDF and TDMS with the extra ``daq``; Parquet with
+        the extra ``parquet``.
 
     Returns
     -------

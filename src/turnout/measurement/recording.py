@@ -161,7 +161,7 @@ def time_grid(time: NDArray[np.float64]) -> TimeGrid:
     counts = np.rint(steps / step).astype(np.int64)
     if np.any(counts < 1):
         at = int(np.argmin(counts))
-        message = f"time is not even: {time[at]:.6g} and {time[at + 1]:.6g} s are less than a step"
+        message = f"time is not even: two samples at {time[at]:.6g} s are less than a step apart"
         raise ValueError(message)
     index = np.concatenate((np.zeros(1, np.int64), np.cumsum(counts)))
     return TimeGrid(start, float((time[-1] - start) / index[-1]), index)
