@@ -31,6 +31,8 @@ class RailBody:
         Highest fixed-interface mode kept and first one left out [Hz].
     n_full, n_interface : int
         Degrees of freedom before the reduction, and at the interface.
+    with_supports : bool
+        The fastenings came with the rail's matrices, not from the panel.
     """
 
     name: str
@@ -43,6 +45,7 @@ class RailBody:
     frequency_omitted: float
     n_full: int
     n_interface: int
+    with_supports: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,6 +53,7 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
         frequency_omitted=element.frequency_first_omitted,
         n_full=structure.load.size,
         n_interface=element.n_interface,
+        with_supports=data.matrices is not None and data.matrices.with_supports,
     )
     return ReducedRail(
         body=body,

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel
+from turnout.response.fastenings import AXES
 from turnout.response.labels import DIRECTIONS
 from turnout.response.recovery import Motion
 from turnout.response.save import Save
@@ -45,6 +46,10 @@ def coordinates(
     if stops := [*panel.stop.values(), *panel.stud.values()]:
         found["stop"] = _names("stop", stop_names(panel))
         found["stop_x"] = _numbers("stop", [stop.x for stop in stops])
+    if panel.fastening:
+        found["fastening"] = _names("fastening", panel.fastening)
+        found["fastening_x"] = _numbers("fastening", [f.x for f in panel.fastening.values()])
+        found["axis"] = _names("axis", AXES)
     if panel.link:
         found["link"] = _names("link", panel.link)
         found["link_x"] = _numbers("link", [link.x for link in panel.link.values()])

@@ -17,6 +17,7 @@ from turnout.panel.model import Panel
 from turnout.panel.record import Placed
 from turnout.response.coordinates import coordinates, stations
 from turnout.response.energies import energy_channels, energy_scale
+from turnout.response.fastenings import fastening_signals
 from turnout.response.gaps import contact_height, drive_gaps, rail_gap, sensor_gaps
 from turnout.response.labels import (
     contact_labels,
@@ -77,6 +78,7 @@ def response_dataset(
         **stop_signals(panel, mechanism, history),
         **link_signals(panel, mechanism, history),
         **_shapes(panel, motion, x, save),
+        **fastening_signals(panel, motion, save),
         **contact_labels(mechanism, history),
         **energy_channels(history.stored, history.ledger),
     }

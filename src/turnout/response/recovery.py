@@ -126,10 +126,29 @@ def lateral_displacement(
     ndarray, shape (n_points, n_times)
         [m]; NaN beyond the rail.
     """
-    body = motion.rails[rail]
+    return row_motion(motion, rail, lateral_rows(motion.rails[rail], x, z), at=at)
+
+
+def row_motion(motion: Motion, rail: str, rows: Floats, *, at: Ints | None = None) -> Floats:
+    """Return what rows over a rail's reduced coordinates come to over time.
+
+    Parameters
+    ----------
+    motion : Motion
+        The run.
+    rail : str
+        Name of the rail.
+    rows : ndarray, shape (n_rows, count)
+        Over the reduced coordinates of the rail.
+    at : ndarray of int, optional
+        Indices of the wanted instants; default all.
+
+    Returns
+    -------
+    ndarray, shape (n_rows, n_times)
+    """
+    body, model = motion.rails[rail], motion.model
     mine = slice(body.first, body.first + body.count)
-    rows = lateral_rows(body, x, z)
-    model = motion.model
     q = motion.q if at is None else motion.q[at]
     force = motion.row_force if at is None else motion.row_force[at]
     displacement: Floats = (rows @ model.modes[mine]) @ q.T

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from turnout.errors import ResponseError
+from turnout.schema.channels import ON_REQUEST
 from turnout.schema.check import unknown_channels
 
 
@@ -19,7 +20,9 @@ class Save:
         Places x of `gap` and `lateral_displacement` [m]; "all" for every node of the first rail;
         default the chairs and drives.
     fields : tuple of str, optional
-        Channels to keep; default all.
+        Channels to keep; default all but those that are made only on request.
+    also : tuple of str
+        Channels to keep besides, such as ``("fastening_force",)``.
 
     Examples
     --------
@@ -30,6 +33,7 @@ class Save:
     interval: float | None = None
     stations: tuple[float, ...] | Literal["all"] | None = None
     fields: tuple[str, ...] | None = None
+    also: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse what cannot be kept, all at once."""
@@ -47,10 +51,18 @@ class Save:
             problems.append(f"fields = {self.fields!r}: must be a tuple of channel names")
         elif self.fields is not None:
             problems += unknown_channels(self.fields)
+        if isinstance(self.also, str):
+            problems.append(f"also = {self.also!r}: must be a tuple of channel names")
+        else:
+            problems += unknown_channels(self.also)
         if problems:
             message = "save: " + "; ".join(problems)
             raise ResponseError(message)
 
     def keeps(self, *names: str) -> bool:
         """Return whether any of these channels is kept."""
-        return self.fields is None or any(name in self.fields for name in names)
+        if any(name in self.also for name in names):
+            return True
+        if self.fields is None:
+            return any(name not in ON_REQUEST for name in names)
+        return any(name in self.fields for name in names)

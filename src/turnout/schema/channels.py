@@ -50,6 +50,8 @@ COORDINATES: Mapping[str, Channel] = _table(
     Channel("link", ("link",), "1", "link", kind="text"),
     Channel("sensor", ("sensor",), "1", "switch rail control contact", kind="text"),
     Channel("object", ("object",), "1", "foreign object", kind="text"),
+    Channel("fastening", ("fastening",), "1", "fastening", kind="text"),
+    Channel("axis", ("axis",), "1", "axis of the panel", kind="text"),
     Channel("direction", ("direction",), "1", "direction of a movement", kind="text"),
     Channel("column", ("column",), "1", "column of a recording", kind="text"),
     Channel("column_unit", ("column",), "1", "unit of a column as recorded", kind="text"),
@@ -57,6 +59,7 @@ COORDINATES: Mapping[str, Channel] = _table(
     Channel("chair_x", ("chair",), "m", "position of the chair", "towards the heel"),
     Channel("stop_x", ("stop",), "m", "position of the stop", "towards the heel"),
     Channel("link_x", ("link",), "m", "position of the link", "towards the heel"),
+    Channel("fastening_x", ("fastening",), "m", "position of the fastening", "towards the heel"),
     Channel("sensor_x", ("sensor",), "m", "position of the sensor", "towards the heel"),
     Channel("sensor_limit", ("sensor",), "m", "gap from which a sensor is out of control"),
     Channel("saturation_force", ("drive",), "N", "force at which the drive slips"),
@@ -114,6 +117,20 @@ CHANNELS: Mapping[str, Channel] = _table(
     ),
     Channel("stop_force", ("rail", "stop", "time"), "N", "force at the stop", "compression"),
     Channel("link_force", ("link", "time"), "N", "force in the link", "tension"),
+    Channel(
+        "fastening_force",
+        ("rail", "fastening", "axis", "time"),
+        "N",
+        "force of a fastening's springs on the rail",
+        "along the axis",
+    ),
+    Channel(
+        "fastening_moment",
+        ("rail", "fastening", "axis", "time"),
+        "N m",
+        "moment of a fastening's springs on the rail",
+        "about the axis",
+    ),
     Channel("in_control", ("sensor", "time"), "1", "sensor gap below its limit", kind="logical"),
     Channel("locked", ("time",), "1", "lock rule met, no movement under way", kind="logical"),
     Channel("work_markers", ("time",), "J", "work of the drives' markers", "put in"),
@@ -181,7 +198,9 @@ MEASURED = frozenset(
         "recorded",
     }
 )
-OPTIONAL = MEASURED | {"single_object_force", "object_contact_time"}
+# Made only where a run is asked for them.
+ON_REQUEST = frozenset({"fastening_force", "fastening_moment"})
+OPTIONAL = MEASURED | ON_REQUEST | {"single_object_force", "object_contact_time"}
 
 
 def label(dataset: xr.Dataset) -> xr.Dataset:
