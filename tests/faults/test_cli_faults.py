@@ -74,6 +74,17 @@ def test_bad_input_is_one_message(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_all_that_is_wrong_with_a_line_is_told_at_once(tmp_path: Path) -> None:
+    line = ("--object", "bad", "--object", "5 mm @", "--set", "bad", "--step", "1", "--cutoff", "3")
+    code, message = turnout("simulate", *line, folder=tmp_path)
+    assert code == 2
+    assert "Traceback" not in message
+    for part in ('"bad" is not SIZE@PLACE', '"5 mm @" is not SIZE@PLACE', '"bad" is not KEY=VALUE'):
+        assert part in message
+    assert "--step 1: " in message
+    assert "--cutoff 3: " in message
+
+
 def test_out_and_plot_to_one_file(tmp_path: Path) -> None:
     code, message = turnout("simulate", "--out", "run.nc", "--plot", "./run.nc", folder=tmp_path)
     assert code == 2

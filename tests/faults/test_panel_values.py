@@ -465,3 +465,22 @@ def test_a_csv_beside_a_table_is_refused(tmp_path: Path) -> None:
     path.write_text(library_text("sb1").replace('"smoothstep"', new, 1))
     with pytest.raises(PanelError, match="give either the file or table_time"):
         load_panel(path)
+
+
+def test_the_raw_gap_needs_a_stock_rail_to_measure_from() -> None:
+    text = library_text("sb1").replace('rule = "no slip"', 'rule = "raw gap"')
+    start, end = text.index("[rail.switch.stock_rail_gap]"), text.index("[chair]")
+    bare = text[:start] + text[end:]
+    with pytest.raises(PanelError) as caught:
+        panel_from_file(parse_toml(bare, source="panel.toml"))
+    assert "lock.rule = \"raw gap\": rail 'switch' has no stock_rail_gap" in str(caught.value)
+    assert '"no slip"' in str(caught.value)
+    panel_from_file(parse_toml(text, source="panel.toml"))
+
+
+@pytest.mark.parametrize("value", ["1 Pa", "210 TPa"])
+def test_a_material_that_is_no_solid(value: str) -> None:
+    """It would be told as a rail that nothing holds."""
+    (problem,) = problems("sb1", ('"210 GPa"', f'"{value}"'))
+    assert problem.startswith("material.youngs_modulus = ")
+    assert ": must be at " in problem

@@ -1,6 +1,8 @@
 """What the program prints: panels with origins, units, sections, progress, output checks."""
 
+import os
 import re
+import time
 from pathlib import Path
 
 import pytest
@@ -11,10 +13,11 @@ from turnout.cli.sections import section_lines
 from turnout.cli.show import Thrown, panel_lines
 from turnout.cli.units import shown
 from turnout.cli.values import value_lines
-from turnout.cli.watch import Watch
+from turnout.cli.watch import COMPILING, Watch, watched
 from turnout.errors import FileError
 from turnout.panel.load import library_names, load_panel
 from turnout.panel.model import Panel
+from turnout.response.compilation import cache_fault
 from turnout.response.simulate import simulate
 from turnout.study.test_piece import PieceResult
 
@@ -229,7 +232,7 @@ def test_progress_is_a_plain_line_now_and_then(
         for done in (10, 20, 30, 40):
             watch.report(done, 100)
     assert told(capsys) == [
-        "compiling kernels, first run only (about 30 s)",
+        COMPILING,
         "simulating: 20 %",
         "simulating: 40 %",
     ]
@@ -243,3 +246,73 @@ def test_quiet_is_quiet(
     with Watch("simulating", compiling=True, quiet=True) as watch:
         watch.report(50, 100)
     assert told(capsys) == []
+
+
+def test_time_passes_while_kernels_compile(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("turnout.cli.watch.TICK", 0.01)
+    with Watch("simulating", compiling=True, quiet=False) as watch:
+        deadline = time.monotonic() + 10.0
+        lines: list[str] = []
+        while len(lines) < 3 and time.monotonic() < deadline:
+            lines += told(capsys)
+        watch.report(0, 100)
+        told(capsys)
+        time.sleep(0.05)
+        assert told(capsys) == [], "nothing is told once steps are made"
+    assert lines[0] == COMPILING
+    assert lines[1].startswith("still compiling, ")
+
+
+def test_a_terminal_has_one_line_that_is_written_over(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("turnout.cli.watch.TICK_ON_TERMINAL", 0.01)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    with Watch("simulating", compiling=True, quiet=False):
+        time.sleep(0.2)
+    text = capsys.readouterr().err
+    assert text.count("\n") == 1
+    assert f"\r{COMPILING}: 0 s so far" in text
+
+
+def test_kernels_that_cannot_be_kept_are_told_once(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    folder = tmp_path / f"turnout-{os.getpid()}-kernels"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(folder))
+    monkeypatch.setenv("TURNOUT_CACHE_DIR", "/unwritable")
+    for _ in range(2):
+        watched("simulating")
+    (line,) = told(capsys)
+    assert line.startswith(
+        "turnout: /unwritable is not writable, so the kernels are compiled again"
+    )
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+    assert cache_fault() == ""
+
+
+def test_a_folder_in_which_nothing_can_be_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in /proc, where even root is told that it may write, and may not."""
+
+    def refuse(**_: object) -> None:
+        raise OSError(2, "No such file or directory")
+
+    monkeypatch.setattr("turnout.cli.outputs.tempfile.TemporaryFile", refuse)
+    with pytest.raises(FileError, match="no file can be made in .*choose another folder"):
+        check_outputs({"--out": tmp_path / "a.nc"}, SUFFIXES)
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="there is no /proc here")
+def test_proc_is_refused_before_the_run() -> None:
+    with pytest.raises(FileError, match=r"--plot /proc/x\.png: "):
+        check_outputs({"--plot": Path("/proc/x.png")}, SUFFIXES)
+
+
+def test_a_link_is_checked_where_it_points(tmp_path: Path) -> None:
+    (tmp_path / "link.nc").symlink_to(tmp_path / "none" / "run.nc")
+    with pytest.raises(FileError, match="there is no folder .*none"):
+        check_outputs({"--out": tmp_path / "link.nc"}, SUFFIXES)

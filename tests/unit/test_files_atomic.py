@@ -128,3 +128,15 @@ def test_no_space_is_an_error_not_a_killed_process(tmp_path: Path) -> None:
     assert f"{target}: cannot be written, no space left" in done.stdout
     assert target.read_bytes() == b"old"
     assert names(tmp_path) == ["run.bin"]
+
+
+def test_a_link_stays_and_its_target_is_written(tmp_path: Path) -> None:
+    (tmp_path / "far").mkdir()
+    target, link = tmp_path / "far" / "run.txt", tmp_path / "run.txt"
+    link.symlink_to(target)
+    write_atomic(link, "first")
+    write_atomic(link, "second")
+    assert link.is_symlink()
+    assert target.read_text(encoding="utf-8") == "second"
+    assert [path.name for path in tmp_path.iterdir() if not path.is_dir()] == ["run.txt"]
+    assert [path.name for path in target.parent.iterdir()] == ["run.txt"]

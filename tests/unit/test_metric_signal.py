@@ -9,7 +9,7 @@ from tests.unit.simulated import sb2_dataset
 
 from turnout.metric.books import LEAST_SCALE, numerical_share, residual_share
 from turnout.metric.movement import margins, movements, slips
-from turnout.metric.signal import at_end, filtered, first_time, largest
+from turnout.metric.signal import at_end, filtered, first_time
 
 TIME = np.linspace(0.0, 9.0, 9001)
 MOVEMENTS = [
@@ -58,9 +58,8 @@ def test_first_time_of_what_never_happens_is_nan() -> None:
     assert np.isnan(float(first_time(flag[:0])))
 
 
-def test_largest_and_last() -> None:
+def test_the_last_value() -> None:
     force = xr.DataArray([1.0, -5.0, 2.0], {"time": [0.0, 1.0, 2.0]}, "time")
-    assert float(largest(force)) == 5.0
     assert float(at_end(force)) == 2.0
 
 

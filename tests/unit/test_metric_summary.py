@@ -2,10 +2,11 @@
 
 import pytest
 import xarray as xr
-from tests.unit.simulated import sb1_dataset, sb2_dataset
+from tests.unit.simulated import sb1_dataset, sb1_panel, sb2_dataset
 from tests.unit.test_response_simulate import interrupted
 
 from turnout.metric.summary import summary
+from turnout.response.simulate import simulate
 
 
 def text_of(dataset: xr.Dataset) -> str:
@@ -90,3 +91,29 @@ def test_a_scheme_that_makes_energy_is_warned_of() -> None:
     assert "WARNING: the time stepping itself MADE 3 % of the energy" in text_of(dataset)
     dataset["energy_numerical"][-1] = 0.05 * scale
     assert "itself lost 5 % of the energy, more than 2 %; take a smaller step" in text_of(dataset)
+
+
+def test_a_tabulated_bushing_has_no_one_stiffness() -> None:
+    """Force over the panel's stiffness would be 0.9 mm; the table stretches by 4.1 mm and more."""
+    table = {"extension": [-0.02, 0.0, 0.02], "force": [-4000.0, 0.0, 4000.0]}
+    given = {f"drive.1.{key}": value for key, value in table.items()}
+    dataset = simulate(sb1_panel().with_overrides(given))
+    texts = dict(line for line in summary(dataset) if line[0].startswith("drive"))
+    assert "(bushing stretched as its table says)" in texts["drive 1"]
+    assert "(bushing stretch " in texts["drive 2"]
+
+
+def test_a_rail_without_stock_rail_has_no_gap_to_tell() -> None:
+    bare = sb2_dataset().copy(deep=True)
+    bare["end_gap"].loc[{"drive": "1"}] = float("nan")
+    text = text_of(bare)
+    assert "nan" not in text
+    assert "no gap known, as the rail has no stock rail" in text
+    assert "raw end gap" in text
+
+
+def test_a_force_of_nothing_has_no_sign() -> None:
+    tiny = sb2_dataset().copy(deep=True)
+    tiny["drive_force"].values[0, -1] = -1.0
+    assert "end force 0.00 kN" in text_of(tiny)
+    assert "-0.00" not in text_of(tiny)

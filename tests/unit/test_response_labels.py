@@ -10,7 +10,14 @@ from tests.unit.simulated import sb1_panel, sb2_dataset, sb2_panel
 from turnout.response.energies import energy_channels, energy_scale
 from turnout.response.gaps import contact_height
 from turnout.response.labels import contact_labels, control_states, force_margins
-from turnout.response.route import at_rest, closed_rail, open_rail, throws, wanted_closed
+from turnout.response.route import (
+    at_rest,
+    closed_rail,
+    open_rail,
+    rail_closes,
+    throws,
+    wanted_closed,
+)
 
 # Movements of SB2: opening 0.2 ... 3.4 s, closing 4.4 ... 7.8 s.
 TIME = np.linspace(0.0, 8.5, 86)
@@ -92,6 +99,18 @@ def test_lock_rules(gap: float, raw: bool) -> None:
     assert not by_slip[(TIME > 5.0) & (TIME < 7.0)].any(), "nothing is locked in motion"
     slipping[1, -1] = True
     assert not control_states(sb2_panel(), **given)["locked"][1][-1]  # type: ignore[arg-type]
+
+
+def test_a_single_rail_that_is_open_is_not_judged_by_its_gap() -> None:
+    """SB1 closes at 0.2 s and opens again at 1.6 s, at rest from 2.4 s on."""
+    panel = sb1_panel().with_overrides({"lock.rule": "raw gap"})
+    time = np.array([1.5, 2.45])
+    given = {"time": time, "drive_gap": np.full((2, 2), 0.1), "sensor_gap": None}
+    quiet, slipping = np.zeros((2, 2), dtype=bool), np.ones((2, 2), dtype=bool)
+    assert control_states(panel, slipping=quiet, **given)["locked"][1].tolist() == [False, True]  # type: ignore[arg-type]
+    assert not control_states(panel, slipping=slipping, **given)["locked"][1].any()  # type: ignore[arg-type]
+    assert rail_closes(panel, time).tolist() == [True, False]
+    assert rail_closes(sb2_panel(), time).all()
 
 
 def test_in_control_below_the_limit() -> None:

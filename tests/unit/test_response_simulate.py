@@ -1,6 +1,7 @@
 """The chain from panel to dataset: what is kept, how runs end early, what is recorded."""
 
 import json
+import time
 from functools import cache
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from turnout.panel.foreign_object import ForeignObject
 from turnout.response.compilation import must_compile
 from turnout.response.save import Save
 from turnout.response.scheme import scheme_for
-from turnout.response.simulate import simulate
+from turnout.response.simulate import _compile_kernels, simulate
 from turnout.schema.check import schema_problems
 
 STUBBORN = Scheme(iterations=1, halvings=0, follow_path=False)
@@ -163,3 +164,27 @@ def test_compilation_is_announced_only_when_it_is_due(
     assert not must_compile()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     assert must_compile()
+
+
+def test_compilation_does_not_count_as_the_time_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled = []
+
+    def compile_slowly() -> None:
+        compiled.append(True)
+        time.sleep(1.0)
+
+    monkeypatch.setattr("turnout.response.simulate.must_compile", lambda: True)
+    monkeypatch.setattr("turnout.response.simulate._compile_kernels", compile_slowly)
+    began = time.perf_counter()
+    attributes = simulate(sb1_panel()).attrs
+    assert compiled == [True]
+    assert attributes["wall_time"] <= time.perf_counter() - began - 1.0
+
+
+def test_the_throw_that_compiles_is_a_valid_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    ends = []
+    monkeypatch.setattr(
+        "turnout.response.simulate.integrate", lambda *_, end, **__: ends.append(end)
+    )
+    _compile_kernels()
+    assert ends == [0.03]

@@ -63,7 +63,10 @@ def small_panel(choose: "Chooser") -> str:
         count = choose.integer(0, 3)
         parts += [_link(choose, number, length) for number in range(1, count + 1)]
     parts.append(_schedule(choose, starts, drives))
-    return "\n".join(parts)
+    text = "\n".join(parts)
+    if all("stock_rail_gap" in rail for rail in drawn.values()):
+        return text
+    return text.replace('rule = "raw gap"', 'rule = "no slip"')
 
 
 def _pick(choose: "Chooser", options: tuple[str, ...]) -> str:

@@ -1,11 +1,18 @@
 """Options that several commands share, and numbers with units from the command line."""
 
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
+from turnout.errors import FileError, TurnoutError
+
 if TYPE_CHECKING:
     from turnout.panel.load import LoadedPanel
+
+A = TypeVar("A")
+B = TypeVar("B")
+C = TypeVar("C")
 
 DEFAULT_PANEL = "uic60-760-1-15"
 
@@ -28,3 +35,37 @@ def opened_panel(name: str, settings: list[str]) -> "LoadedPanel":
 
     panel = load_panel(name)
     return panel.with_settings(settings) if settings else panel
+
+
+def all_told(
+    first: Callable[[], A], second: Callable[[], B], third: Callable[[], C]
+) -> tuple[A, B, C]:
+    """Read three parts of a command line that do not need each other.
+
+    Parameters
+    ----------
+    first, second, third : callable
+        Each returns its part or raises a `TurnoutError`.
+
+    Raises
+    ------
+    TurnoutError
+        The only one there is, or one `FileError` with the texts of all.
+
+    Examples
+    --------
+    >>> all_told(lambda: 1, lambda: "two", lambda: None)
+    (1, 'two', None)
+    """
+    errors: list[TurnoutError] = []
+    found: list[Any] = []
+    for part in (first, second, third):
+        try:
+            found.append(part())
+        except TurnoutError as error:
+            errors.append(error)
+    if len(errors) == 1:
+        raise errors[0]
+    if errors:
+        raise FileError("\n".join(str(error) for error in errors))
+    return found[0], found[1], found[2]

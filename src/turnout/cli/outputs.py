@@ -1,6 +1,7 @@
 """Output paths, looked at before a long run so that nothing is lost after it."""
 
 import os
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -46,7 +47,8 @@ def _problem(path: Path, suffixes: Sequence[str]) -> str | None:
     if path.suffix.lower() not in suffixes:
         allowed = " or ".join(suffixes)
         return f"the name must end in {allowed}"
-    folder = path.parent
+    # A link is written through, so it is the folder of its target that counts.
+    folder = Path(os.path.realpath(path)).parent if path.is_symlink() else path.parent
     if not folder.exists():
         return f"there is no folder {folder}; create it first"
     if not folder.is_dir():
@@ -55,7 +57,16 @@ def _problem(path: Path, suffixes: Sequence[str]) -> str | None:
         return f"folder {folder} is not writable; choose another or change its permissions"
     if path.exists() and not os.access(path, os.W_OK):
         return "exists and may not be written; choose another name or change its permissions"
-    return None
+    return _refused(folder)
+
+
+def _refused(folder: Path) -> str | None:
+    """Try to make a file: root may write where permissions forbid it, but not everywhere."""
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return None
+    except OSError as error:
+        return f"no file can be made in {folder} ({error.strerror}); choose another folder"
 
 
 def write_told(path: Path, content: str | bytes) -> None:

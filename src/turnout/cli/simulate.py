@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.options import DEFAULT_PANEL, PanelArgument, SetOption, opened_panel
+from turnout.cli.options import (
+    DEFAULT_PANEL,
+    PanelArgument,
+    SetOption,
+    all_told,
+    opened_panel,
+)
 from turnout.cli.outputs import FIGURES, check_outputs
 
 if TYPE_CHECKING:
@@ -64,18 +70,19 @@ def _run(
     name: str, objects: list[str], settings: list[str], *, step: str, cutoff: str, quiet: bool
 ) -> tuple["xr.Dataset", bool]:
     """Return the dataset, whole or partial, and whether the run ended early."""
-    from turnout.cli.watch import Watch
-    from turnout.panel.foreign_object import parse_object, resolve_objects
+    from turnout.cli.watch import watched
+    from turnout.panel.foreign_object import parse_objects, resolve_objects
 
-    panel = opened_panel(name, settings)
-    foreign = [parse_object(text) for text in objects]
+    panel, foreign, scheme = all_told(
+        lambda: opened_panel(name, settings),
+        lambda: parse_objects(objects),
+        lambda: _scheme(step, cutoff),
+    )
     resolve_objects(panel, foreign)
-    scheme = _scheme(step, cutoff)
 
-    from turnout.response.compilation import must_compile
     from turnout.response.simulate import simulate
 
-    with Watch(f"simulating {panel.name}", compiling=must_compile(), quiet=quiet) as watch:
+    with watched(f"simulating {panel.name}", quiet=quiet) as watch:
         dataset = simulate(
             panel, foreign_object=foreign, scheme=scheme, throw=False, report=watch.report
         )

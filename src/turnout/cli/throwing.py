@@ -13,26 +13,24 @@ if TYPE_CHECKING:
 
 def thrown_alone(panel: "LoadedPanel", *, quiet: bool = False) -> "xr.Dataset":
     """Throw a panel without a foreign object; a run that ends early comes back as it is."""
-    from turnout.cli.watch import Watch
-    from turnout.response.compilation import must_compile
+    from turnout.cli.watch import watched
     from turnout.response.simulate import simulate
 
-    with Watch(f"throwing {panel.name}", compiling=must_compile(), quiet=quiet) as watch:
+    with watched(f"throwing {panel.name}", quiet=quiet) as watch:
         return simulate(panel, throw=False, report=watch.report)
 
 
 def thrown_on_pieces(panel: "LoadedPanel") -> "list[PieceResult]":
     """Throw a panel on a test piece at each of its drives."""
-    from turnout.cli.watch import Watch
+    from turnout.cli.watch import watched
     from turnout.errors import PanelError
-    from turnout.response.compilation import must_compile
     from turnout.study.test_piece import PieceResult, check_piece
 
     size = panel.lock.gap_limit
     results = []
     for drive in panel.drive:
         text = f"throwing {panel.name} on {1e3 * size:g} mm at drive {drive}"
-        with Watch(text, compiling=must_compile(), quiet=False) as watch:
+        with watched(text) as watch:
             try:
                 results.append(check_piece(panel, drive, report=watch.report))
             except PanelError as error:

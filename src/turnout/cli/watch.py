@@ -1,6 +1,8 @@
 """Progress on stderr: a bar on a terminal, a plain line now and then elsewhere."""
 
+import functools
 import sys
+import threading
 import time
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -10,6 +12,25 @@ if TYPE_CHECKING:
 
 FIRST_LINE_AFTER = 2.0
 SECONDS_BETWEEN_LINES = 5.0
+COMPILING = "compiling kernels, first run only (40 to 120 s)"
+# How often the time of compilation is told on a terminal, where the line is rewritten, and else.
+TICK_ON_TERMINAL, TICK = 1.0, 15.0
+
+
+def watched(text: str, *, quiet: bool = False) -> "Watch":
+    """Return a watch that knows whether the next run compiles, and why that is not kept."""
+    from turnout.response.compilation import cache_fault, must_compile
+
+    compiling = must_compile()
+    fault = cache_fault()
+    if fault and not quiet:
+        _tell_once(fault)
+    return Watch(text, compiling=compiling, quiet=quiet)
+
+
+@functools.cache
+def _tell_once(text: str) -> None:
+    print(f"turnout: {text}", file=sys.stderr, flush=True)
 
 
 class Watch:
@@ -20,16 +41,16 @@ class Watch:
 
     def __init__(self, text: str, *, compiling: bool, quiet: bool) -> None:
         self._text = text
-        self._compiling = compiling
+        self._clock = _Clock() if compiling and not quiet else None
         self._quiet = quiet
         self._bar: Progress | None = None
         self._due = 0.0
 
     def __enter__(self) -> "Watch":
-        """Say at once when kernels must be compiled, as nothing else will be heard for long."""
+        """Say at once when kernels must be compiled, and how long that has taken so far."""
         self._due = time.monotonic() + FIRST_LINE_AFTER
-        if self._compiling and not self._quiet:
-            print("compiling kernels, first run only (about 30 s)", file=sys.stderr, flush=True)
+        if self._clock is not None:
+            self._clock.start()
         return self
 
     def __exit__(
@@ -39,11 +60,15 @@ class Watch:
         trace: TracebackType | None,
     ) -> None:
         """Take the bar off the screen."""
+        if self._clock is not None:
+            self._clock.stop()
         if self._bar is not None:
             self._bar.stop()
 
     def report(self, done: int, total: int) -> None:
         """Show that `done` of `total` steps are done."""
+        if self._clock is not None:
+            self._clock.stop()
         now = time.monotonic()
         if self._quiet or (self._bar is None and now < self._due):
             return
@@ -62,3 +87,30 @@ class Watch:
             self._bar.start()
             self._bar.add_task(self._text, total=total)
         self._bar.update(self._bar.task_ids[0], completed=done, total=total)
+
+
+class _Clock:
+    """Tells from a thread how long the compilation has taken, as that reports nothing itself."""
+
+    def __init__(self) -> None:
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the line; a second call does nothing."""
+        if not self._done.is_set():
+            self._done.set()
+            self._thread.join()
+
+    def _run(self) -> None:
+        began, terminal = time.perf_counter(), sys.stderr.isatty()
+        print(COMPILING, file=sys.stderr, end="" if terminal else "\n", flush=True)
+        while not self._done.wait(TICK_ON_TERMINAL if terminal else TICK):
+            passed = f"{time.perf_counter() - began:.0f} s so far"
+            text = f"\r{COMPILING}: {passed}" if terminal else f"still compiling, {passed}"
+            print(text, file=sys.stderr, end="" if terminal else "\n", flush=True)
+        if terminal:
+            print(file=sys.stderr, flush=True)

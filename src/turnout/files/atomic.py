@@ -18,7 +18,8 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
     """Give a temporary path to write to, which becomes the target when the block succeeds.
 
     The temporary file is in the target's folder and has its suffix; it is removed whatever goes
-    wrong, also on Ctrl-C. An existing target is replaced only by a complete new one.
+    wrong, also on Ctrl-C. An existing target is replaced only by a complete new one. Where the
+    target is a symbolic link, the file that it points to is written, and the link stays.
 
     Parameters
     ----------
@@ -44,7 +45,7 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
     >>> (folder / "run.txt").read_text()
     'done'
     """
-    path = Path(target)
+    path = Path(os.path.realpath(target)) if Path(target).is_symlink() else Path(target)
     _refuse_early(path)
     _ignore_size_signal()
     temporary = _temporary(path)

@@ -170,9 +170,6 @@ SecondMomentList = Annotated[
     BeforeValidator(_list(SECOND_MOMENT)),
     WithJsonSchema(_list_schema(SECOND_MOMENT)),
 ]
-FrequencyList = Annotated[
-    tuple[float, ...], BeforeValidator(_list(FREQUENCY)), WithJsonSchema(_list_schema(FREQUENCY))
-]
 PositiveNumberList = Annotated[
     tuple[float, ...], BeforeValidator(_positive_numbers), WithJsonSchema(_NUMBERS_SCHEMA)
 ]

@@ -69,11 +69,6 @@ def first_time(flag: xr.DataArray, *, after: float = -np.inf) -> xr.DataArray:
     return when.min("time", skipna=True) if when.sizes["time"] else when.sum("time") * np.nan
 
 
-def largest(channel: xr.DataArray) -> xr.DataArray:
-    """Return the largest magnitude of a channel over time."""
-    return abs(channel).max("time")
-
-
 def at_end(channel: xr.DataArray) -> xr.DataArray:
     """Return the last value of a channel."""
     return channel.isel(time=-1)

@@ -112,7 +112,7 @@ def _drives(dataset: xr.Dataset) -> list[tuple[str, str]]:
         if "drive_force" in drive:
             parts.append(f"end force {_kilo(at_end(drive['drive_force']))}")
         if "end_gap" in drive:
-            parts.append(f"raw end gap {_milli(drive['end_gap'])}{_stretch(drive)}")
+            parts.append(_end_gap(drive))
         if "force_margin" in drive:
             own = [_margin(item) for item in margins(dataset) if item.drive == str(name)]
             parts += [f"margin to slip {', '.join(own)}"] if own else []
@@ -129,6 +129,12 @@ def _margin(margin: Margin) -> str:
     return f"{text} (only {100 * margin.share:.1f} %)" if margin.tight else text
 
 
+def _end_gap(drive: xr.Dataset) -> str:
+    if math.isnan(float(drive["end_gap"])):
+        return "no gap known, as the rail has no stock rail"
+    return f"raw end gap {_milli(drive['end_gap'])}{_stretch(drive)}"
+
+
 def _stretch(drive: xr.Dataset) -> str:
     """Say how much of an end gap is the elastic stretch of a bushing that does not slip."""
     if "drive_force" not in drive or "drive_slipping" not in drive:
@@ -137,6 +143,8 @@ def _stretch(drive: xr.Dataset) -> str:
         return ""
     if at_end(drive["drive_slipping"]):
         return ""
+    if math.isnan(float(drive["drive_stiffness"])):
+        return " (bushing stretched as its table says)"
     stretch = abs(at_end(drive["drive_force"])) / drive["drive_stiffness"]
     return f" (bushing stretch {_milli(stretch)})"
 
@@ -197,10 +205,9 @@ def _energy(dataset: xr.Dataset) -> list[tuple[str, str]]:
 
 
 def _kilo(force: xr.DataArray | float) -> str:
-    value = float(force)
-    return f"{value / 1e3:.2f} kN"
+    # Adding zero turns a negative zero into a plain one.
+    return f"{round(float(force) / 1e3, 2) + 0.0:.2f} kN"
 
 
 def _milli(length: xr.DataArray | float) -> str:
-    # Adding zero turns a negative zero into a plain one.
     return f"{round(float(length) * 1e3, 2) + 0.0:.2f} mm"

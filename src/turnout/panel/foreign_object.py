@@ -164,6 +164,26 @@ def parse_object(text: str) -> ForeignObject:
     return ForeignObject(length, place.strip())
 
 
+def parse_objects(texts: Iterable[str]) -> list[ForeignObject]:
+    """Read objects from a command line, with the problems of all of them at once.
+
+    Examples
+    --------
+    >>> [item.at for item in parse_objects(["13mm@sleeper6", "5mm@drive2"])]
+    ['sleeper6', 'drive2']
+    """
+    found: list[ForeignObject] = []
+    problems: list[str] = []
+    for text in texts:
+        try:
+            found.append(parse_object(text))
+        except PanelError as error:
+            problems += error.problems
+    if problems:
+        raise PanelError(problems, source="foreign object")
+    return found
+
+
 def resolve_objects(
     panel: Panel, objects: Iterable[ForeignObject] = ()
 ) -> tuple[PlacedObject, ...]:

@@ -236,6 +236,12 @@ def panel_from_file(file: TomlFile) -> LoadedPanel:
 def _open(name_or_path: str | Path) -> TomlFile:
     if isinstance(name_or_path, Path):
         return read_toml(name_or_path)
+    if not isinstance(name_or_path, str):
+        message = (
+            f"load_panel() takes the name of a library panel or a path, not {name_or_path!r}; "
+            f"there are {choices(library_names())}"
+        )
+        raise FileError(message)
     name = name_or_path.strip()
     if name.endswith(".toml") or "/" in name or "\\" in name:
         return read_toml(Path(name).expanduser())

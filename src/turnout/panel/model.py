@@ -27,7 +27,9 @@ from turnout.panel.support_records import Chair, Fastening, Stop
 class Material(Record):
     """Linear elastic rail steel."""
 
-    youngs_modulus: Pressure = Field(gt=0, description="Young's modulus [Pa]")
+    youngs_modulus: Pressure = Field(
+        ge=1e9, le=1e12, description="Young's modulus, of a solid that rails are made of [Pa]"
+    )
     poisson_ratio: float = Field(ge=0, lt=0.5, description="Poisson's ratio [-]")
     density: Density = Field(gt=0, description="mass density [kg/m3]")
 

@@ -171,21 +171,6 @@ def reduce_vector(superelement: Superelement, vector: FloatArray) -> FloatArray:
     return superelement.transformation.T @ vector
 
 
-def recover(superelement: Superelement, reduced: FloatArray) -> FloatArray:
-    """Recover displacements of the full structure from reduced ones.
-
-    Parameters
-    ----------
-    superelement : Superelement
-    reduced : ndarray, shape (r,) or (r, n_time)
-
-    Returns
-    -------
-    ndarray, shape (n,) or (n, n_time)
-    """
-    return superelement.transformation @ reduced
-
-
 def _as_sparse(matrix: Any) -> sp.csr_array:
     sparse: sp.csr_array = sp.csr_array(matrix)
     return sparse

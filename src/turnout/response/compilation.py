@@ -1,4 +1,4 @@
-"""Whether a run must first compile the kernels, so that a face can say so."""
+"""Whether a run must first compile the kernels, and where they cannot be kept."""
 
 import os
 from pathlib import Path
@@ -10,9 +10,22 @@ CACHE_VARIABLE = "NUMBA_CACHE_DIR"
 
 
 def must_compile() -> bool:
-    """Return whether the next run compiles the kernels, which takes about half a minute."""
+    """Return whether the next run compiles the kernels, which takes a minute or two."""
     folder = os.environ.get(CACHE_VARIABLE)
     if folder is None:
         return True
     pattern = f"{Path(march.__file__).stem}.{march.march.__name__}-*.nbi"
     return not any(Path(folder).rglob(pattern))
+
+
+def cache_fault() -> str:
+    """Say why compiled kernels are not kept for the next run; empty where they are."""
+    folder = Path(os.environ.get(CACHE_VARIABLE, ""))
+    # A folder of this process alone stands in where the user's cannot be written.
+    if not folder.name.startswith(f"turnout-{os.getpid()}-"):
+        return ""
+    chosen = os.environ.get("TURNOUT_CACHE_DIR", "the user's cache folder")
+    return (
+        f"{chosen} is not writable, so the kernels are compiled again in each run; set "
+        "TURNOUT_CACHE_DIR to a folder that is"
+    )

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.mechanism.mechanism import Mechanism
+from turnout.panel.drive_records import Drive
 from turnout.panel.model import Panel
 from turnout.response.fastenings import AXES
 from turnout.response.labels import DIRECTIONS
@@ -37,7 +38,7 @@ def coordinates(
         "saturation_force": _numbers(
             "drive", [drive.saturation_force for drive in panel.drive.values()]
         ),
-        "drive_stiffness": _numbers("drive", [drive.stiffness for drive in panel.drive.values()]),
+        "drive_stiffness": _numbers("drive", [_stiffness(drive) for drive in panel.drive.values()]),
         "direction": _names("direction", DIRECTIONS),
     }
     if panel.chair:
@@ -61,6 +62,11 @@ def coordinates(
     if len(mechanism.index.object) > 1:
         found["object"] = _names("object", mechanism.index.object)
     return found
+
+
+def _stiffness(drive: Drive) -> float:
+    """Return the one stiffness of a bushing [N/m]; NaN where its law is a table, which has many."""
+    return drive.stiffness if drive.extension is None else float("nan")
 
 
 def _names(dimension: str, names: object) -> Variable:

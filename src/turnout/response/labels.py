@@ -8,7 +8,7 @@ from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel
 from turnout.response.gaps import least_flangeway
 from turnout.response.recovery import Motion
-from turnout.response.route import Throw, at_rest, throws
+from turnout.response.route import Throw, at_rest, rail_closes, throws
 from turnout.response.signals import Variable
 
 Floats = NDArray[np.float64]
@@ -74,6 +74,7 @@ def control_states(
     """Return `in_control` of every sensor and `locked` by the panel's rule.
 
     Nothing is locked while a movement is under way, from its onset until the last marker rests.
+    A single rail that should be open has no gap to be judged: its drives hold it by not slipping.
 
     Parameters
     ----------
@@ -88,10 +89,10 @@ def control_states(
     sensor_gap : ndarray, shape (n_sensors, n_times), optional
         [m]
     """
-    if panel.lock.rule == "no slip":
-        held = ~slipping.any(axis=0)
-    else:
-        held = (drive_gap < panel.lock.gap_limit).all(axis=0)
+    held = ~slipping.any(axis=0)
+    if panel.lock.rule == "raw gap":
+        small = (drive_gap < panel.lock.gap_limit).all(axis=0)
+        held = np.where(rail_closes(panel, time), small, held)
     states: dict[str, Variable] = {"locked": (("time",), held & at_rest(panel, time))}
     if sensor_gap is not None:
         limits = np.array([sensor.limit for sensor in panel.sensor.values()])

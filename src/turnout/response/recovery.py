@@ -157,14 +157,6 @@ def row_motion(motion: Motion, rail: str, rows: Floats, *, at: Ints | None = Non
     return displacement
 
 
-def row_displacements(mechanism: Mechanism, motion: Motion) -> Floats:
-    """Return the displacement of every row by recovery, shape (n_times, n_rows), as a check [m]."""
-    model, rows = motion.model, mechanism.rows
-    recovered: Floats = motion.q @ (rows @ model.modes).T
-    recovered += motion.row_force @ (rows @ model.residual_shapes).T
-    return recovered + rows @ model.residual_load
-
-
 def _incidence(targets: Ints, n_rows: int) -> sp.csr_array:
     """Return the matrix that sums columns into their rows."""
     return sp.csr_array(

@@ -78,6 +78,13 @@ def wanted_closed(panel: Panel, time: Floats) -> list[tuple[str, Flags]]:
     ]
 
 
+def rail_closes(panel: Panel, time: Floats) -> Flags:
+    """Return when there is a rail that should be closed: always, but for a single open rail."""
+    if len(panel.rail) > 1:
+        return np.ones(time.size, dtype=np.bool_)
+    return wanted_closed(panel, time)[0][1]
+
+
 def at_rest(panel: Panel, time: Floats) -> Flags:
     """Return whether no movement is under way, shape (n_times,)."""
     rest = np.ones(time.size, dtype=np.bool_)

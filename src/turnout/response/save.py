@@ -38,7 +38,9 @@ class Save:
     def __post_init__(self) -> None:
         """Refuse what cannot be kept, all at once."""
         problems = []
-        if self.interval is not None and not 0 < self.interval < float("inf"):
+        if isinstance(self.interval, str):
+            problems.append(f"interval = {self.interval!r}: must be a number of seconds")
+        elif self.interval is not None and not 0 < self.interval < float("inf"):
             problems.append(f"interval = {self.interval:g} s: must be positive")
         if isinstance(self.stations, str):
             if self.stations != "all":

@@ -63,7 +63,12 @@ COORDINATES: Mapping[str, Channel] = _table(
     Channel("sensor_x", ("sensor",), "m", "position of the sensor", "towards the heel"),
     Channel("sensor_limit", ("sensor",), "m", "gap from which a sensor is out of control"),
     Channel("saturation_force", ("drive",), "N", "force at which the drive slips"),
-    Channel("drive_stiffness", ("drive",), "N/m", "stiffness of the bushing below saturation"),
+    Channel(
+        "drive_stiffness",
+        ("drive",),
+        "N/m",
+        "stiffness of a bushing, NaN for a table",
+    ),
 )
 
 CHANNELS: Mapping[str, Channel] = _table(
