@@ -172,3 +172,31 @@ def test_a_plan_that_cannot_be_written_is_refused_first(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["panel", "show", "--plot", str(tmp_path / "plan.gif")])
     assert isinstance(result.exception, FileError)
     assert result.stdout == ""
+
+
+def test_history_of_another_program_is_laid_under_the_figure(tmp_path: Path) -> None:
+    other = tmp_path / "other.csv"
+    other.write_text("time [s],drive_force:1 [kN]\n0,0\n1,0.2\n2.5,0.1\n", encoding="utf-8")
+    plot = tmp_path / "run.png"
+    result = run("--plot", plot, "--overlay", other)
+    assert result.exit_code == 0, result.stderr
+    assert plot.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("header", "drawn", "words"),
+    [
+        ("time [s],drive_force:1", True, "has no unit"),
+        ("time [s],drive_force:7 [N]", True, "drive '7' is not in the run"),
+        ("time [s],drive_force:1 [N]", False, "name one with --plot"),
+    ],
+)
+def test_a_history_that_does_not_fit_leaves_no_file(
+    tmp_path: Path, header: str, drawn: bool, words: str
+) -> None:
+    other = tmp_path / "other.csv"
+    other.write_text(f"{header}\n0,0\n1,1\n", encoding="utf-8")
+    outputs = ["--out", tmp_path / "run.nc"] + (["--plot", tmp_path / "run.png"] if drawn else [])
+    result = run(*outputs, "--overlay", other)
+    assert words in str(result.exception)
+    assert [path.name for path in tmp_path.iterdir()] == ["other.csv"]

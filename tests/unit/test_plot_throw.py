@@ -125,3 +125,35 @@ def test_files_by_suffix(figure: Figure, suffix: str, start: bytes) -> None:
 def test_another_suffix_is_refused(figure: Figure) -> None:
     with pytest.raises(FileError, match=r"must end in \.png, \.pdf, \.svg"):
         rendered(figure, ".bmp")
+
+
+def other_program(run: xr.Dataset) -> xr.Dataset:
+    """The run as another program would give it, for one drive, at uneven times."""
+    theirs = run[["drive_force", "drive_gap"]].isel(time=[0, 10, 50, 200, 500]).isel(drive=[0])
+    return theirs.assign_attrs(title="other.csv")
+
+
+def test_overlay_is_drawn_under_its_twin_and_named() -> None:
+    run = sb2_dataset()
+    figure = plot_throw(run, overlay=other_program(run))
+    named = {
+        line.get_label(): line
+        for ax in figure.axes
+        for line in ax.lines
+        if "\n" in line.get_label()
+    }
+    theirs = next(line for label, line in named.items() if label == "Drive 1,\nother.csv")
+    np.testing.assert_allclose(
+        theirs.get_ydata(), run["drive_force"].values[0, [0, 10, 50, 200, 500]] / 1e3
+    )
+    ours = next(line for ax in figure.axes for line in ax.lines if line.get_label() == "Drive 1")
+    assert theirs.get_color() == ours.get_color()
+    assert theirs.get_zorder() < ours.get_zorder()
+    assert not any("Drive 2" in label and "other.csv" in label for label in named)
+
+
+def test_overlay_of_a_drive_that_the_run_has_not_is_refused() -> None:
+    run = sb2_dataset()
+    theirs = other_program(run).assign_coords(drive=["3"])
+    with pytest.raises(ResponseError, match="overlay other.csv: drive '3' is not in the run.*1, 2"):
+        plot_throw(run, overlay=theirs)

@@ -41,6 +41,15 @@ def simulate_command(
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Write a figure (.png, .pdf or .svg)."),
     ] = None,
+    overlay: Annotated[
+        Path | None,
+        typer.Option(
+            "--overlay",
+            metavar="FILE.csv",
+            help="History of another program under the lines of --plot: "
+            "columns 'time [s]', 'drive_force:1 [kN]', ...",
+        ),
+    ] = None,
     step: Annotated[
         str, typer.Option("--step", metavar="TIME", help="Time step with its unit.")
     ] = "1 ms",
@@ -52,9 +61,10 @@ def simulate_command(
 ) -> None:
     """Throw a switch, with or without trapped objects, and say how it ended."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
+    theirs = _overlaid(overlay, plot)
     try:
         dataset, failed = _run(panel, objects, settings, step=step, cutoff=cutoff, quiet=quiet)
-        written = _write(dataset, out=out, plot=plot)
+        written = _write(dataset, out=out, plot=plot, overlay=theirs)
     except KeyboardInterrupt:
         typer.echo("turnout: interrupted before there was anything to keep", err=True)
         raise typer.Exit(INTERRUPTED) from None
@@ -97,6 +107,20 @@ def _run(
     return dataset, not dataset.attrs["complete"]
 
 
+def _overlaid(overlay: Path | None, plot: Path | None) -> "xr.Dataset | None":
+    """Read the history of another program, before anything long begins."""
+    if overlay is None:
+        return None
+    if plot is None:
+        from turnout.errors import FileError
+
+        message = f"--overlay {overlay}: is drawn in the figure; name one with --plot"
+        raise FileError(message)
+    from turnout.measurement.history import read_history
+
+    return read_history(overlay)
+
+
 def _scheme(step: str, cutoff: str) -> "Scheme":
     """Return the scheme of a step and a cut-off; output about every millisecond."""
     from turnout.errors import FileError
@@ -114,20 +138,26 @@ def _scheme(step: str, cutoff: str) -> "Scheme":
     return scheme_for(step=values[0], cutoff_frequency=values[1])
 
 
-def _write(dataset: "xr.Dataset", *, out: Path | None, plot: Path | None) -> list[Path]:
-    """Write what was asked for; return the files."""
+def _write(
+    dataset: "xr.Dataset", *, out: Path | None, plot: Path | None, overlay: "xr.Dataset | None"
+) -> list[Path]:
+    """Write what was asked for, once all of it is ready; return the files."""
     written = []
+    figure = b""
+    if plot is not None and dataset.sizes["time"] > 1:
+        from turnout.plot.style import rendered
+        from turnout.plot.throw import plot_throw
+
+        figure = rendered(plot_throw(dataset, overlay=overlay), plot.suffix)
     if out is not None:
         from turnout.response.store import save_response
 
         save_response(dataset, out)
         written.append(out)
-    if plot is not None and dataset.sizes["time"] > 1:
+    if plot is not None and figure:
         from turnout.files.atomic import write_atomic
-        from turnout.plot.style import rendered
-        from turnout.plot.throw import plot_throw
 
-        write_atomic(plot, rendered(plot_throw(dataset), plot.suffix))
+        write_atomic(plot, figure)
         written.append(plot)
     return written
 

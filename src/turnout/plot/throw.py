@@ -35,7 +35,12 @@ class Curve:
     colour: int
 
 
-def plot_throw(dataset: xr.Dataset, *, compare: xr.Dataset | None = None) -> "Figure":
+def plot_throw(
+    dataset: xr.Dataset,
+    *,
+    compare: xr.Dataset | None = None,
+    overlay: xr.Dataset | None = None,
+) -> "Figure":
     """Draw a run over time, as the published figures do.
 
     Parameters
@@ -44,6 +49,9 @@ def plot_throw(dataset: xr.Dataset, *, compare: xr.Dataset | None = None) -> "Fi
         Simulated or measured; channels that it lacks are left out.
     compare : xarray.Dataset, optional
         A second run, drawn thin and grey behind the first.
+    overlay : xarray.Dataset, optional
+        The same throw by another program, drawn wide and pale under the lines that it should
+        meet; the legend calls it by ``attrs["title"]``.
 
     Returns
     -------
@@ -51,8 +59,14 @@ def plot_throw(dataset: xr.Dataset, *, compare: xr.Dataset | None = None) -> "Fi
         Stacked axes that share time: object force, drive forces [kN], marker displacements and
         gaps [mm]. Movements are shaded, the first contact and slips are marked, the saturation
         force is dashed.
+
+    Raises
+    ------
+    ResponseError
+        When there is nothing to draw, or the overlay has a drive or sensor that the run has not.
     """
-    rows = [(label, curves) for label, curves in _rows(dataset) if curves]
+    under = _under(dataset, overlay) if overlay is not None else {}
+    rows = [(label, curves) for label, curves in _rows(dataset) if curves or under.get(label)]
     if not rows:
         message = "nothing to draw: the dataset has no forces, displacements or gaps"
         raise ResponseError(message)
@@ -64,6 +78,8 @@ def plot_throw(dataset: xr.Dataset, *, compare: xr.Dataset | None = None) -> "Fi
             _draw(ax, compare["time"].values, curve, behind=True)  # type: ignore[index]
         for curve in curves:
             _draw(ax, time, curve, behind=False)
+        for curve in under.get(label, []) if overlay is not None else []:
+            _draw_under(ax, overlay["time"].values, curve)  # type: ignore[index]
         styled(ax, label, span=(float(time[0]), float(time[-1])))
         _shade(ax, dataset)
         if "drive_force" in dataset and label.startswith("Drive force"):
@@ -77,6 +93,37 @@ def plot_throw(dataset: xr.Dataset, *, compare: xr.Dataset | None = None) -> "Fi
     figure.align_ylabels(axes)
     figure.suptitle(title_of(dataset, compare), x=0.01, ha="left")
     return figure
+
+
+def _under(dataset: xr.Dataset, overlay: xr.Dataset) -> dict[str, list[Curve]]:
+    """Return the curves of an overlay, in the colours of the run and with its own name."""
+    problems = [
+        f"{family} '{name}' is not in the run, which has {', '.join(map(str, known))}"
+        for family in ("drive", "sensor")
+        if family in overlay.coords
+        for known in [dataset[family].values.tolist() if family in dataset.coords else ["none"]]
+        for name in overlay[family].values.tolist()
+        if name not in known
+    ]
+    title = overlay.attrs.get("title", "overlay")
+    if problems:
+        message = f"overlay {title}: " + "; ".join(problems)
+        raise ResponseError(message)
+    full = overlay.reindex(
+        {
+            family: dataset[family].values
+            for family in ("drive", "sensor")
+            if family in overlay.coords
+        }
+    )
+    return {
+        label: [
+            Curve(f"{curve.label},\n{title}", curve.values, curve.colour)
+            for curve in curves
+            if np.isfinite(curve.values).any()
+        ]
+        for label, curves in _rows(full)
+    }
 
 
 def _rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
@@ -133,6 +180,20 @@ def _draw(ax: "Axes", time: np.ndarray, curve: Curve, *, behind: bool) -> None:
         linestyle=DASHES[number],
         linewidth=1.3,
         label=curve.label,
+    )
+
+
+def _draw_under(ax: "Axes", time: np.ndarray, curve: Curve) -> None:
+    """Draw a curve of the overlay: wide and pale, so that a line upon it stays visible."""
+    ax.plot(
+        time,
+        curve.values,
+        color=COLOURS[curve.colour % len(COLOURS)],
+        linewidth=4.0,
+        alpha=0.3,
+        solid_capstyle="butt",
+        label=curve.label,
+        zorder=1.8,
     )
 
 
