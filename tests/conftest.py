@@ -1,5 +1,6 @@
 """Markers taken from the folder, runs that repeat, and where the independent answers are."""
 
+import multiprocessing
 import os
 from pathlib import Path
 
@@ -26,6 +27,26 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             message = f"{item.path}: tests live in one of tests/{{{','.join(sorted(REASONS))}}}"
             raise pytest.UsageError(message)
         item.add_marker(folder)
+
+
+def pytest_report_header() -> str:
+    """Say why the first tests may take long, as nothing else is heard meanwhile."""
+    from turnout.response.compilation import cache_fault, must_compile
+
+    if fault := cache_fault():
+        return f"kernels: {fault}"
+    if must_compile():
+        return "kernels: the first test that simulates compiles them, silently, for 40 to 120 s"
+    return "kernels: compiled before"
+
+
+@pytest.fixture(scope="session")
+def worker_processes() -> None:
+    """Skip where processes cannot share a lock, as they do through /dev/shm."""
+    try:
+        multiprocessing.get_context("spawn").Lock()
+    except OSError as error:
+        pytest.skip(f"no worker processes here: locks need a writable /dev/shm ({error})")
 
 
 @pytest.fixture(scope="session")

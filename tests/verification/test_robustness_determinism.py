@@ -27,6 +27,7 @@ def test_a_run_repeats_in_this_process(digests: list[str]) -> None:
     assert [digest_of(index) for index in INDICES] == digests
 
 
+@pytest.mark.usefixtures("worker_processes")
 @pytest.mark.parametrize("workers", [1, 2])
 def test_other_processes_give_the_same_bits(digests: list[str], workers: int) -> None:
     with multiprocessing.get_context("spawn").Pool(workers) as pool:

@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("worker_processes")
 def test_two_thousand_scenarios() -> None:
     """At most 1 % stop early, none without a reason, none that 0.1 ms would have saved."""
     chosen = os.environ.get("TURNOUT_ROBUSTNESS_DIR")
@@ -41,6 +42,7 @@ def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("in_process")
+@pytest.mark.usefixtures("worker_processes")
 def test_a_job_goes_on_where_it_was_killed(tmp_path: Path) -> None:
     first = run_job(3, folder=tmp_path, workers=1)
     assert [record["index"] for record in first] == [0, 1, 2]
@@ -54,6 +56,7 @@ def test_a_job_goes_on_where_it_was_killed(tmp_path: Path) -> None:
     assert [json.loads(line)["index"] for line in lines] == [0, 1, 2, 3, 4]
 
 
+@pytest.mark.usefixtures("worker_processes")
 def test_ctrl_c_keeps_what_there_is(tmp_path: Path) -> None:
     module = "tests.verification.robustness"
     command = [sys.executable, "-m", module, "run", "--count=2000", "--workers=1"]

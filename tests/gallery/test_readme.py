@@ -1,0 +1,94 @@
+"""What README and the quick start tell a newcomer to type, run as it stands in an empty folder."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = ("README.md", "docs/install.md")
+PROGRAM = "sh bin/turnout "
+
+
+def text_of(page: str) -> str:
+    return (ROOT / page).read_text(encoding="utf-8")
+
+
+def blocks(page: str, language: str) -> list[str]:
+    """Return the fenced blocks of a language."""
+    return re.findall(rf"^```{language}\n(.*?)^```", text_of(page), flags=re.M | re.S)
+
+
+def commands(page: str) -> list[str]:
+    """Return the lines that start the program, in blocks and within sentences."""
+    lines = [line for block in blocks(page, "sh") for line in block.splitlines()]
+    lines += re.findall(r"`([^`\n]+)`", text_of(page))
+    return [line.strip() for line in lines if line.strip().startswith(PROGRAM)]
+
+
+ALL_COMMANDS = sorted({line for page in PAGES for line in commands(page)})
+
+
+def run(arguments: list[str], folder: Path) -> str:
+    """Run this Python in a folder; return what it prints."""
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))},
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@cache
+def printed(command: str, folder: Path) -> str:
+    return run(["-m", "turnout", *shlex.split(command.removeprefix(PROGRAM))], folder)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("newcomer")
+
+
+def test_there_is_something_to_run() -> None:
+    assert len(ALL_COMMANDS) >= 3
+    assert all(blocks(page, "python") for page in PAGES)
+
+
+@pytest.mark.parametrize("command", ALL_COMMANDS)
+def test_commands_run_and_write_what_they_name(command: str, folder: Path) -> None:
+    assert printed(command, folder)
+    for name in re.findall(r"--(?:out|plot) (\S+)", command):
+        assert (folder / name).stat().st_size > 1000
+
+
+def test_the_output_that_the_readme_shows(folder: Path) -> None:
+    """Line by line, up to the dots that shorten one."""
+    (shown,) = blocks("README.md", "text")
+    (command,) = [line for line in commands("README.md") if "simulate" in line]
+    lines = printed(command, folder).splitlines()
+    for line in shown.splitlines():
+        start = line.split("...")[0]
+        assert any(found.startswith(start) for found in lines), line
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_python_blocks_run(page: str, folder: Path) -> None:
+    (block,) = blocks(page, "python")
+    told = run(["-c", f"{block}\nprint(float(ds['time'][-1]), bool(ds['object_touched']))"], folder)
+    assert told.split()[1] == "True"
+
+
+def test_no_line_needs_a_program_that_is_not_installed() -> None:
+    """After the first line there is no `turnout` on the path, only `sh bin/turnout`."""
+    typed = [line for block in blocks("README.md", "sh") for line in block.splitlines()]
+    typed += re.findall(r"`([^`\n]+)`", text_of("README.md"))
+    assert [line for line in typed if line.startswith("turnout ")] == []
