@@ -28,3 +28,9 @@ def test_a_panel_by_its_name_is_no_panel() -> None:
 def test_text_as_an_interval() -> None:
     with pytest.raises(turnout.ResponseError, match="interval = '1 ms': must be a number"):
         turnout.Save(interval="1 ms")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["scheme", "save"])
+def test_what_is_no_scheme_or_save(name: str) -> None:
+    with pytest.raises(turnout.ResponseError, match=rf"{name} = '1 ms' must be a {name.title()}"):
+        turnout.simulate(sb1_panel(), **{name: "1 ms"})  # type: ignore[arg-type]

@@ -42,7 +42,6 @@ def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("in_process")
-@pytest.mark.usefixtures("worker_processes")
 def test_a_job_goes_on_where_it_was_killed(tmp_path: Path) -> None:
     first = run_job(3, folder=tmp_path, workers=1)
     assert [record["index"] for record in first] == [0, 1, 2]

@@ -95,12 +95,20 @@ def check_command(
 def sections_command(
     panel: PanelArgument = DEFAULT_PANEL,
     settings: SetOption = [],  # noqa: B006 - typer copies it
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Draw them (.png, .pdf or .svg)."),
+    ] = None,
 ) -> None:
     """Show the cross-sections along each rail."""
-    from turnout.cli.sections import section_lines
+    check_outputs({"--plot": plot}, {"--plot": FIGURES})
+    from turnout.cli.sections import drawn_sections, section_lines
 
-    for line in section_lines(opened_panel(panel, settings)):
+    opened = opened_panel(panel, settings)
+    for line in section_lines(opened):
         typer.echo(line)
+    if plot is not None:
+        write_told(plot, drawn_sections(opened, plot.suffix))
 
 
 @app.command("schema")

@@ -24,11 +24,10 @@ COLUMNS: dict[str, tuple[str, float, str]] = {
 
 def section_lines(panel: "LoadedPanel") -> Iterator[str]:
     """Yield what `turnout panel sections` prints: a row a station, between them linear."""
-    from turnout.panel.profile import section_stations, section_values
+    from turnout.panel.profile import section_values
 
     for name, rail in panel.rail.items():
-        places = {rail.start, *section_stations(panel, name).tolist(), rail.end}
-        x = sorted({round(place, 6) for place in places})
+        x = _stations(panel, name)
         values = section_values(panel, name, x)
         yield f"rail {name}, section {rail.section}"
         headings = [heading for heading, _, _ in COLUMNS.values()]
@@ -41,3 +40,24 @@ def section_lines(panel: "LoadedPanel") -> Iterator[str]:
             ]
             yield f"{place:8.3f}{mass:8.1f}" + "".join(cells)
     yield "y positive towards the rail's own stock rail, z from the foot; k: shear area over area"
+
+
+def _stations(panel: "LoadedPanel", name: str) -> list[float]:
+    """Return the ends of a rail and the stations of its section between them, rising [m]."""
+    from turnout.panel.profile import section_stations
+
+    rail = panel.rail[name]
+    places = {rail.start, *section_stations(panel, name).tolist(), rail.end}
+    return sorted({round(place, 6) for place in places})
+
+
+def drawn_sections(panel: "LoadedPanel", suffix: str) -> bytes:
+    """Draw the sections of the instrumented rail, as the content of a file."""
+    from turnout.panel.profile import section_values
+    from turnout.plot.section_values import plot_section_values
+    from turnout.plot.style import rendered
+
+    name = panel.instrumented_rail
+    x = _stations(panel, name)
+    title = f"{panel.name}: section '{panel.rail[name].section}' of rail {name}"
+    return rendered(plot_section_values(x, section_values(panel, name, x), title=title), suffix)

@@ -73,6 +73,10 @@ def simulate(
     if not isinstance(panel, LoadedPanel):
         message = f"simulate() takes a panel from load_panel(), not {type(panel).__name__}"
         raise ResponseError(message)
+    for name, given, kind in (("scheme", scheme, Scheme), ("save", save, Save)):
+        if given is not None and not isinstance(given, kind):
+            message = f"simulate(): {name} = {given!r} must be a {kind.__name__}"
+            raise ResponseError(message)
     scheme, save = scheme or Scheme(), save or Save()
     if save.interval is not None:
         scheme = replace(scheme, output_interval=save.interval)
