@@ -77,3 +77,19 @@ def write_told(path: Path, content: str | bytes) -> None:
 
     write_atomic(path, content)
     typer.echo(f"{path}: written")
+
+
+def made_folder(option: str, folder: Path) -> Path:
+    """Make a folder for files unless it is there; refuse what is none."""
+    try:
+        folder.mkdir(exist_ok=True)
+    except FileNotFoundError:
+        message = f"{option} {folder}: there is no folder {folder.parent}; create it first"
+        raise FileError(message) from None
+    except OSError as error:
+        message = f"{option} {folder}: cannot be made a folder ({error.strerror}); name another"
+        raise FileError(message) from None
+    if not os.access(folder, os.W_OK):
+        message = f"{option} {folder}: is not writable; choose another or change its permissions"
+        raise FileError(message)
+    return folder

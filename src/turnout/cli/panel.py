@@ -12,7 +12,7 @@ from turnout.cli.outputs import FIGURES, check_outputs, write_told
 BAD_INPUT = 2
 
 app = typer.Typer(
-    help="Look at switch panels: list, show, check, sections, modes, schema.",
+    help="Look at switch panels: list, show, check, sections, modes, export, schema.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -109,6 +109,26 @@ def sections_command(
         typer.echo(line)
     if plot is not None:
         write_told(plot, drawn_sections(opened, plot.suffix))
+
+
+@app.command("export")
+def export_command(
+    panel: Annotated[
+        str, typer.Argument(metavar="PANEL", help="Library panel, or path of a panel file (.toml).")
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FOLDER", help="Where the files go; made if need be.")
+    ],
+    settings: SetOption = [],  # noqa: B006 - typer copies it
+) -> None:
+    """Write the matrices of every rail, whole and reduced, for other programs (.mat)."""
+    from turnout.cli.outputs import made_folder
+    from turnout.response.export import export_matrices
+
+    opened = opened_panel(panel, settings)
+    folder = made_folder("--out", out)
+    for name, content in export_matrices(opened).items():
+        write_told(folder / name, content)
 
 
 @app.command("schema")

@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 
 from turnout.beam.material import Material
 from turnout.beam.mesh import mesh_nodes
+from turnout.errors import MechanicsError
 from turnout.mechanism.rail import Point, RailData, Support, rayleigh_factors
 from turnout.panel.foreign_object import PlacedObject
+from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
 from turnout.panel.profile import section_columns, section_values
+from turnout.panel.rail_matrices import RailMatrices
 from turnout.panel.support_records import Fastening
 from turnout.section.properties import SectionProperties
 
@@ -103,7 +106,18 @@ def switch_rail_data(
         ),
         points=points,
         cutoff_frequency=panel.discretisation.superelement_cutoff,
+        matrices=_matrices(panel, name),
     )
+
+
+def _matrices(panel: Panel, name: str) -> RailMatrices | None:
+    """Return the matrices that a rail has in place of beams; only a loaded panel holds them."""
+    if panel.rail[name].matrices is None:
+        return None
+    if isinstance(panel, LoadedPanel):
+        return panel.matrices[name]
+    msg = f"rail {name} has matrices in a file; load the panel with load_panel"
+    raise MechanicsError(msg)
 
 
 def stock_rail_data(panel: Panel, name: str, points: tuple[Point, ...]) -> RailData:

@@ -33,14 +33,12 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
     ReducedRail
         ``rows`` has shape (number of points, reduced coordinates).
     """
-    structure = rail_structure(data)
+    structure, element, damping = superelement_of(data)
     rows = point_rows(structure, data.points, name=data.name)
-    element = superelement(structure, rows, cutoff_frequency=data.cutoff_frequency)
     at_dashpots = point_rows(structure, tuple(s.point for s in data.dashpots), name=data.name)
     reduced_dashpots = np.asarray(at_dashpots @ element.transformation)
     constants = np.array([s.damping for s in data.dashpots])
-    damping = reduce_matrix(element, structure.damping)
-    damping += (reduced_dashpots.T * constants) @ reduced_dashpots
+    damping = damping + (reduced_dashpots.T * constants) @ reduced_dashpots
     kept = element.frequencies_kept
     body = RailBody(
         name=data.name,
@@ -65,11 +63,20 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
     )
 
 
-def reduction_of(data: RailData) -> ReductionReport:
-    """Compare the superelement of a rail with the structure that it stands for."""
+def superelement_of(data: RailData) -> tuple[Structure, Superelement, Floats]:
+    """Return a rail with its fastenings, its superelement, and that one's damping.
+
+    The dashpots of chairs are left out.
+    """
     structure = rail_structure(data)
     rows = point_rows(structure, data.points, name=data.name)
     element = superelement(structure, rows, cutoff_frequency=data.cutoff_frequency)
+    return structure, element, reduce_matrix(element, structure.damping)
+
+
+def reduction_of(data: RailData) -> ReductionReport:
+    """Compare the superelement of a rail with the structure that it stands for."""
+    structure, element, _ = superelement_of(data)
     return reduction_report(element, structure.stiffness, structure.mass)
 
 

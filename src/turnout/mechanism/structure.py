@@ -41,6 +41,8 @@ class Structure:
         ux ... rz of the foot line at each node for unit coordinates.
     known : ndarray of bool, shape (6 n_nodes,)
         Whether the coordinates say what that displacement is; if not, its row is zero.
+    names : tuple of str
+        Of the coordinates.
     reduced : bool
         The matrices are a superelement already, not to be reduced again.
     """
@@ -52,6 +54,7 @@ class Structure:
     x: Floats
     motion: sp.csr_array
     known: NDArray[np.bool_]
+    names: tuple[str, ...]
     reduced: bool = False
 
 
@@ -68,15 +71,13 @@ def rail_structure(data: RailData) -> Structure:
     MechanicsError
         When there is no node, or no coordinate, where something acts.
     """
-    bare = beam_structure(data) if data.matrices is None else given_structure(data, data.matrices)
-    supports = data.supports
-    if data.matrices is not None and data.matrices.with_supports:
-        supports = ()
-    stiffness, damping = _supported(bare, data.name, supports)
+    bare = bare_structure(data)
+    whole = data.matrices is None or not data.matrices.with_supports
+    stiffness, damping = _supported(bare, data.name, data.supports if whole else ())
     ends = {"first": 0, "last": bare.x.size - 1}
     clamped = np.zeros(bare.load.size, dtype=bool)
-    if data.matrices is None or not data.matrices.with_supports:
-        for end in data.clamped:
+    if not bare.reduced:
+        for end in data.clamped if whole else ():
             at = bare.motion[6 * ends[end] : 6 * ends[end] + 6]
             clamped[np.unique(at.nonzero()[1])] = True
     free = np.flatnonzero(~clamped)
@@ -88,8 +89,14 @@ def rail_structure(data: RailData) -> Structure:
         x=bare.x,
         motion=sp.csr_array(bare.motion[:, free]),
         known=bare.known,
+        names=tuple(bare.names[i] for i in free),
         reduced=bare.reduced,
     )
+
+
+def bare_structure(data: RailData) -> Structure:
+    """Assemble the beams of a rail, or take its matrices, neither supported nor clamped."""
+    return beam_structure(data) if data.matrices is None else given_structure(data, data.matrices)
 
 
 def beam_structure(data: RailData) -> Structure:
@@ -107,6 +114,7 @@ def beam_structure(data: RailData) -> Structure:
         x=beam.x,
         motion=_lowered(sp.eye_array(size, format="csr"), data.axis_height),
         known=np.ones(size, dtype=bool),
+        names=tuple(f"{d} at x = {x:g} m" for x in beam.x for d in DOF),
     )
 
 
@@ -138,6 +146,9 @@ def given_structure(data: RailData, given: RailMatrices) -> Structure:
         x=x,
         motion=motion,
         known=known,
+        names=tuple(f"{d} at x = {at:g} m" for at, d in zip(given.x, given.direction, strict=True))
+        if given.rows is None
+        else tuple(f"coordinate {i + 1}" for i in range(size)),
         reduced=given.rows is not None,
     )
 

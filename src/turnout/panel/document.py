@@ -16,6 +16,7 @@ from turnout.files.problems import Problem, nearest, show_value
 from turnout.files.toml import Origin, TomlFile
 from turnout.files.units import LENGTH, SI, parse_quantities
 from turnout.panel.model import Panel
+from turnout.panel.rail_matrices import RailMatrices
 from turnout.panel.record import Placed
 
 Path = tuple[str, ...]
@@ -37,6 +38,8 @@ class Document:
         What was wrong with the families themselves.
     tables : dict
         Time [s] and fraction columns of the schedule files read so far, by their name.
+    matrices : dict
+        Matrices of rails read so far, by the name of their file.
     """
 
     tree: dict[str, Any]
@@ -44,6 +47,7 @@ class Document:
     origins: dict[str, Origin] = field(default_factory=dict)
     problems: tuple[Problem, ...] = ()
     tables: dict[str, tuple[list[float], list[float]]] = field(default_factory=dict)
+    matrices: dict[str, RailMatrices] = field(default_factory=dict)
 
 
 def _family_records() -> dict[str, type[BaseModel]]:

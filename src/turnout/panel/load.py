@@ -15,13 +15,19 @@ from turnout.files.provenance import content_hash
 from turnout.files.toml import Origin, TomlFile, decode, parse_toml, read_toml
 from turnout.panel.check import check
 from turnout.panel.document import Document, expand
+from turnout.panel.matrices import check_matrices, read_matrices
 from turnout.panel.model import Panel
 from turnout.panel.override import apply_overrides, mark_si, parse_setting, supersede
+from turnout.panel.rail_matrices import RailMatrices
 from turnout.panel.schedule_file import read_schedule_files
 from turnout.panel.validate import validate
 
 # Neither changes what the panel is: the text about it, and where a schedule's numbers were read.
-_NOT_HASHED: dict[str, Any] = {"description": True, "movement": {"__all__": {"table_file"}}}
+_NOT_HASHED: dict[str, Any] = {
+    "description": True,
+    "movement": {"__all__": {"table_file"}},
+    "rail": {"__all__": {"matrices"}},
+}
 
 
 class LoadedPanel(Panel):
@@ -46,6 +52,16 @@ class LoadedPanel(Panel):
     def overrides(self) -> Mapping[str, object]:
         """The overrides that made this panel, by key."""
         return MappingProxyType(self._overrides)
+
+    @property
+    def matrices(self) -> Mapping[str, RailMatrices]:
+        """Matrices of the rails that have them in place of beams, by the name of the rail."""
+        known = self._document.matrices
+        return {
+            name: known[rail.matrices]
+            for name, rail in self.rail.items()
+            if rail.matrices is not None
+        }
 
     @property
     def source(self) -> str:
@@ -128,17 +144,25 @@ class LoadedPanel(Panel):
         heading: str,
     ) -> Self:
         filled, file_problems = read_schedule_files(document, folder=folder)
+        matrices, faults = read_matrices(
+            document.tree.get("rail"), folder=folder, known=document.matrices
+        )
         draft = validate(filled)
-        found = [*draft.problems, *file_problems, *check(draft)]
+        found = [*draft.problems, *file_problems, *faults, *check(draft)]
+        if not found:
+            found += check_matrices(draft.records, matrices)
         if problems or found:
             lines = [str(item) for item in (*problems, *sorted(found, key=_order))]
             raise PanelError(list(dict.fromkeys(lines)), source=heading)
         panel = cls.model_construct(**draft.records)
-        panel._document = replace(document, tables=filled.tables)
+        panel._document = replace(document, tables=filled.tables, matrices=matrices)
         panel._overrides = overrides
         panel._source = source
         panel._folder = folder
-        panel._hash = content_hash(panel.model_dump(mode="json", exclude=_NOT_HASHED))
+        panel._hash = content_hash(
+            panel.model_dump(mode="json", exclude=_NOT_HASHED)
+            | {f"matrices of {name}": given.digest for name, given in panel.matrices.items()}
+        )
         return panel
 
     def __repr__(self) -> str:

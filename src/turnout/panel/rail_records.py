@@ -51,6 +51,10 @@ class Rail(Record):
     end: Length = Field(description="x of the heel end [m]")
     heel: Literal["clamped", "free"] = Field("free", description="condition at the heel end")
     section: str = Field(description="name of the section table")
+    matrices: str | None = Field(
+        None,
+        description="file of matrices from another program (.mat), in place of section and beams",
+    )
     axis: Literal["foot", "centroid"] = Field(
         "foot",
         description="line of the beam nodes: the straight foot line with eccentric sections, or "
