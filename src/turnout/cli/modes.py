@@ -50,6 +50,12 @@ def modes_command(
     from turnout.response.modes import modes
 
     dataset = modes(loaded, count=count)
+    figure = b""
+    if plot is not None:
+        from turnout.plot.modes import plot_modes
+        from turnout.plot.style import rendered
+
+        figure = rendered(plot_modes(dataset, system=system), plot.suffix)
     for line in mode_lines(dataset):
         typer.echo(line)
     for line in stability_lines(loaded):
@@ -65,10 +71,7 @@ def modes_command(
         save_response(dataset, out)
         typer.echo(f"{out}: written")
     if plot is not None:
-        from turnout.plot.modes import plot_modes
-        from turnout.plot.style import rendered
-
-        write_told(plot, rendered(plot_modes(dataset, system=system), plot.suffix))
+        write_told(plot, figure)
 
 
 def mode_lines(dataset: "xr.Dataset") -> Iterator[str]:

@@ -47,7 +47,8 @@ def plot_modes(
         resting = [name for name in names if name.startswith("panel at rest")]
         system = (resting or names)[0]
     if system not in names:
-        message = f"plot_modes: there is no system {system!r}; there are {', '.join(names)}"
+        known = ", ".join(f"'{name}'" for name in names)
+        message = f"there are no modes of '{system}'; there are those of {known}"
         raise ResponseError(message)
     chosen = dataset.isel(mode=dataset["system"].values == system)
     figure, plan, elevation = _axes(chosen.sizes["mode"], ax)
@@ -70,7 +71,12 @@ def plot_modes(
     handles, names = plan.get_legend_handles_labels()
     legend = dict(zip(names, handles, strict=True))
     elevation.legend(
-        legend.values(), legend.keys(), loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False
+        legend.values(),
+        legend.keys(),
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=len(legend),
+        frameon=False,
     )
     if ax is None:
         panel = dataset.attrs.get("panel", "panel")

@@ -20,6 +20,7 @@ from turnout.panel.motion import marker_level, marker_offsets, ordered_movements
 
 SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
 SENSE = {"closed": 1.0, "open": -1.0}
+Worst = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,8 +145,10 @@ def friction_stability(panel: Panel, *, friction_factor: float = 1.0) -> Frictio
     with one_blas_thread():
         mechanism = build_mechanism(panel)
         model = condense(mechanism, cutoff_frequency=float("inf"))
+        known: dict[bytes, Worst] = {}
         cases = tuple(
-            _case(mechanism, model, place, friction_factor) for place in sliding_places(panel)
+            _case(mechanism, model, place, friction_factor, known)
+            for place in sliding_places(panel)
         )
     return FrictionStability(friction_factor, cases, panel.discretisation.superelement_cutoff)
 
@@ -189,17 +192,29 @@ def slide_at(
 
 
 def _case(
-    mechanism: Mechanism, model: ModalModel, place: SlidingPlace, friction_factor: float
+    mechanism: Mechanism,
+    model: ModalModel,
+    place: SlidingPlace,
+    friction_factor: float,
+    known: dict[bytes, Worst],
 ) -> SlidingCase:
+    """Return the least stable mode at a place; places with the same contacts share it."""
     state = slide_at(mechanism, model, place, friction_factor=friction_factor)
-    frequency = damping = growth = float("nan")
+    worst: Worst = (float("nan"), float("nan"), float("nan"))
     if state.settled:
-        modes = complex_modes(model, state.coupling, with_shapes=False)
-        at = int(np.argmax(modes.growth_rate))
-        frequency, damping, growth = (
-            float(values[at])
-            for values in (modes.frequencies, modes.damping_ratio, modes.growth_rate)
-        )
-    return SlidingCase(
-        place.movement, place.to, place.share, state.settled, frequency, damping, growth
+        key = state.coupling.tobytes()
+        if key not in known:
+            known[key] = _worst(model, state)
+        worst = known[key]
+    return SlidingCase(place.movement, place.to, place.share, state.settled, *worst)
+
+
+def _worst(model: ModalModel, state: Sliding) -> Worst:
+    """Return frequency [Hz], damping ratio and growth rate [1/s] of the least stable mode."""
+    modes = complex_modes(model, state.coupling, with_shapes=False)
+    at = int(np.argmax(modes.growth_rate))
+    return (
+        float(modes.frequencies[at]),
+        float(modes.damping_ratio[at]),
+        float(modes.growth_rate[at]),
     )
