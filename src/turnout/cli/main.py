@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from turnout.cli import panel, simulate
+from turnout.cli import panel, recording, simulate
 from turnout.errors import TurnoutError
 
 BAD_INPUT, INTERRUPTED = 2, 130
@@ -19,6 +19,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.command("simulate")(simulate.simulate_command)
+app.command("import")(recording.import_command)
 app.add_typer(panel.app, name="panel")
 
 

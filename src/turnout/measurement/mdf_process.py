@@ -22,12 +22,14 @@ def convert(file: Path, folder: Path) -> None:
             found.start_time = opened.header.start_time.isoformat()
             groups: Any = opened.groups
             for number, group in enumerate(groups):
-                master = opened.masters_db.get(number)
+                master, time = opened.masters_db.get(number), None
                 for place, channel in enumerate(group.channels):
                     if place == master:
                         continue
                     try:
-                        _read(opened.get(group=number, index=place), found)
+                        if time is None:
+                            time = np.asarray(opened.get_master(number), dtype=np.float64)
+                        _read(opened, channel.name, (number, place), time, found)
                     except Exception as error:  # the reader raises whatever its parts raise
                         found.leave_out(channel.name, error)
     except Exception as error:
@@ -36,20 +38,23 @@ def convert(file: Path, folder: Path) -> None:
     found.save(folder)
 
 
-def _read(signal: Any, found: Handover) -> None:
-    samples = np.asarray(signal.samples)
+def _read(opened: Any, name: str, place: tuple[int, int], time: Any, found: Handover) -> None:
+    at = {"group": place[0], "index": place[1]}
+    # Without the times, which the group shares and each channel would bring again.
+    samples, invalid = opened.get(**at, samples_only=True)
+    samples = np.asarray(samples)
     if samples.dtype.kind not in "biuf" or samples.ndim != 1:
         message = "it holds no single numbers"
         raise ValueError(message)
     values = samples.astype(np.float64)
-    if signal.invalidation_bits is not None:
-        values = np.where(np.asarray(signal.invalidation_bits, dtype=bool), np.nan, values)
+    if invalid is not None:
+        values = np.where(np.asarray(invalid, dtype=bool), np.nan, values)
     found.add(
-        signal.name,
+        name,
         values,
-        unit=signal.unit or "",
-        description=str(signal.comment or ""),
-        time=np.asarray(signal.timestamps, dtype=np.float64),
+        unit=str(opened.get_channel_unit(**at) or ""),
+        description=str(opened.get_channel_comment(**at) or ""),
+        time=time,
     )
 
 

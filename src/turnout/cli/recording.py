@@ -1,0 +1,236 @@
+"""The command `turnout import`: what is in a recording, and forces and currents made of it."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from turnout.cli.outputs import check_outputs
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from turnout.measurement.channel_map import ChannelMap
+    from turnout.measurement.recording import Recording
+
+FIGURES = (".png", ".pdf", ".svg")
+STEPS = 32
+# From low to high; the second where the screen cannot show the first.
+LEVELS, PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-:=+*#"
+COLUMN = 24
+
+
+def import_command(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="Recording: Dewesoft, CSV or TXT, MATLAB, HDF5, MDF, TDMS or Parquet.",
+        ),
+    ],
+    channels: Annotated[
+        str | None,
+        typer.Option(
+            "--channels",
+            metavar="MAP",
+            help="Channel map (.toml), or one of the library: two-rods. Without it the file is "
+            "listed and a map to edit is suggested.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE.nc", help="Write the dataset (netCDF).")
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Write a figure (.png, .pdf or .svg)."),
+    ] = None,
+    suggest: Annotated[
+        Path | None,
+        typer.Option("--suggest", metavar="FILE.toml", help="Write the suggested map to a file."),
+    ] = None,
+    smooth: Annotated[
+        str | None,
+        typer.Option(
+            "--smooth",
+            metavar="TIME",
+            help="Centred moving average, such as 0.1s; the unfiltered channels stay beside.",
+        ),
+    ] = None,
+) -> None:
+    """Read a measurement: list and preview it, or turn it into forces and currents."""
+    check_outputs(
+        {"--out": out, "--plot": plot, "--suggest": suggest},
+        {"--out": (".nc",), "--plot": FIGURES, "--suggest": (".toml",)},
+    )
+    window = _checked(channels, out=out, suggest=suggest, smooth=smooth)
+    from turnout.measurement.chain import load_channel_map
+    from turnout.measurement.read import format_of, read_recording
+
+    channel_map = load_channel_map(channels) if channels is not None else None
+    kind = format_of(file).name
+    recording = read_recording(file)
+    if channel_map is None:
+        _list(recording, kind, plot=plot, suggest=suggest)
+    else:
+        _convert(recording, channel_map, window, out=out, plot=plot)
+
+
+def _checked(
+    channels: str | None, *, out: Path | None, suggest: Path | None, smooth: str | None
+) -> float | None:
+    """Refuse options that do not go together, all at once; return the window [s]."""
+    from turnout.errors import FileError
+    from turnout.files.units import TIME, parse_quantity
+
+    problems = []
+    if channels is None:
+        given = {"--out": out, "--smooth": smooth}
+        problems += [
+            f"{option}: needs --channels MAP, which says what the columns are"
+            for option, value in given.items()
+            if value is not None
+        ]
+    elif suggest is not None:
+        problems.append("--suggest: there is a channel map already; leave out --channels")
+    window = None
+    if smooth is not None:
+        try:
+            window = parse_quantity(smooth, TIME)
+            if window <= 0:
+                problems.append(f"--smooth {smooth}: must be more than 0")
+        except ValueError as error:
+            problems.append(f"--smooth {smooth}: {error}")
+    if problems:
+        raise FileError("\n".join(problems))
+    return window
+
+
+def _list(recording: "Recording", kind: str, *, plot: Path | None, suggest: Path | None) -> None:
+    from turnout.measurement.skeleton import skeleton
+
+    for line in listing(recording, kind):
+        typer.echo(line)
+    if plot is not None:
+        from turnout.files.atomic import write_atomic
+        from turnout.plot.recording import Trace, plot_columns
+        from turnout.plot.style import rendered
+
+        traces = [Trace(c.name, c.unit, c.time, c.values) for c in recording.channels.values()]
+        title = Path(recording.source).name
+        write_atomic(plot, rendered(plot_columns(traces, title=title), plot.suffix))
+        _written(plot)
+    if suggest is not None:
+        from turnout.files.atomic import write_atomic
+
+        write_atomic(suggest, skeleton(recording))
+        _written(suggest)
+        typer.echo(f"next: edit it, then: turnout import FILE --channels {suggest} --out FILE.nc")
+    else:
+        typer.echo("\nA channel map to start from (--suggest FILE.toml writes it):\n")
+        typer.echo(_plain(skeleton(recording)))
+
+
+def listing(recording: "Recording", kind: str) -> Iterator[str]:
+    """Yield what is in a recording: a row a channel, its course, and what could not be read."""
+    from turnout.measurement.overview import overview
+
+    started = f", started {recording.start_time}" if recording.start_time else ""
+    yield _plain(f"{recording.source}: {kind}{started}")
+    levels = LEVELS if _can_show(LEVELS) else PLAIN_LEVELS
+    yield (
+        f"{'channel':<{COLUMN}} {'unit':<6} {'rate 1/s':>9} {'start s':>8} {'length s':>9} "
+        f"{'missing':>8} {'least':>10} {'mean':>10} {'largest':>10}  course"
+    )
+    for channel in recording.channels.values():
+        row = overview(channel, steps=STEPS)
+        course = "".join(
+            " " if math.isnan(part) else levels[round(part * (len(levels) - 1))]
+            for part in row.course
+        )
+        yield _plain(
+            f"{row.name:<{COLUMN}} {row.unit or '-':<6} {row.rate:>9.6g} {row.start:>8.4g} "
+            f"{row.duration:>9.6g} {row.missing:>8} {row.least:>10.4g} {row.mean:>10.4g} "
+            f"{row.largest:>10.4g}  {course}"
+        )
+    yield from _problems(recording.problems)
+
+
+def _convert(
+    recording: "Recording",
+    channel_map: "ChannelMap",
+    window: float | None,
+    *,
+    out: Path | None,
+    plot: Path | None,
+) -> None:
+    from turnout.measurement.chain import apply_chain
+    from turnout.measurement.condition import condition
+
+    dataset = apply_chain(recording, channel_map)
+    if window is not None:
+        dataset = condition(dataset, window=window)
+    for line in summary(dataset, channel_map):
+        typer.echo(line)
+    if out is not None:
+        from turnout.response.store import save_response
+
+        save_response(dataset, out)
+        _written(out)
+    if plot is not None:
+        from turnout.files.atomic import write_atomic
+        from turnout.plot.recording import plot_measured
+        from turnout.plot.style import rendered
+
+        title = Path(recording.source).name
+        write_atomic(plot, rendered(plot_measured(dataset, title=title), plot.suffix))
+        _written(plot)
+
+
+def summary(dataset: "xr.Dataset", channel_map: "ChannelMap") -> Iterator[str]:
+    """Yield what was made of a recording: a row a quantity with its sensor, and what was mended."""
+    from turnout.measurement.report import channel_rows
+
+    rate = 1.0 / float(dataset["time"][1] - dataset["time"][0])
+    first, last = float(dataset["time"][0]), float(dataset["time"][-1])
+    yield _plain(f"{dataset.attrs['source']}: {first:g} to {last:g} s at {rate:.6g} Hz")
+    yield f"{'quantity':<18} {'column':<{COLUMN}} {'least':>10} {'largest':>10}      sensor"
+    for row in channel_rows(dataset, channel_map):
+        yield _plain(
+            f"{row.key:<18} {row.column:<{COLUMN}} {row.least:>10.4g} {row.largest:>10.4g} "
+            f"{row.unit:<4} {row.sensor}"
+        )
+    if "filter" in dataset.attrs:
+        yield f"filter: {dataset.attrs['filter']}; unfiltered channels are kept"
+    yield from _problems(tuple(filter(None, str(dataset.attrs["problems"]).split("\n"))))
+
+
+def _problems(problems: tuple[str, ...]) -> Iterator[str]:
+    if problems:
+        yield "notes:"
+        for problem in problems:
+            yield _plain(f"  - {problem}")
+
+
+def _written(path: Path) -> None:
+    typer.echo(f"written {path} ({math.ceil(path.stat().st_size / 1000)} kB)")
+
+
+def _can_show(text: str) -> bool:
+    import sys
+
+    try:
+        text.encode(sys.stdout.encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return False
+    return True
+
+
+def _plain(text: str) -> str:
+    """Return text that the screen can show: names in files may hold anything."""
+    import sys
+
+    encoding = sys.stdout.encoding or "ascii"
+    shown = "".join(char if char.isprintable() or char == "\n" else "?" for char in text)
+    return shown.encode(encoding, "replace").decode(encoding)

@@ -1,0 +1,94 @@
+"""The listing of a recording and the channel map that is suggested for it."""
+
+import numpy as np
+import pytest
+
+from turnout.files.toml import parse_toml
+from turnout.measurement.chain import apply_chain, load_channel_map, parse_channel_map
+from turnout.measurement.overview import overview
+from turnout.measurement.recording import Channel, Recording
+from turnout.measurement.report import channel_rows
+from turnout.measurement.skeleton import skeleton
+
+
+def recording(*columns: tuple[str, str]) -> Recording:
+    channels = (Channel(name, unit, np.linspace(0, 1e-3, 50), 100.0) for name, unit in columns)
+    return Recording({channel.name: channel for channel in channels}, "throw.csv")
+
+
+def test_figures_of_a_channel() -> None:
+    values = np.concatenate((np.zeros(50), np.full(50, 4.0), [np.nan] * 50))
+    row = overview(Channel("a", "V", values, 100.0, 2.0), steps=3)
+    assert (row.samples, row.missing, row.duration) == (150, 50, 1.5)
+    assert (row.least, row.mean, row.largest) == (0.0, 2.0, 4.0)
+    np.testing.assert_array_equal(row.course, [0.0, 1.0, np.nan])
+
+
+def test_a_channel_without_values() -> None:
+    row = overview(Channel("a", "V", np.full(5, np.nan), 10.0))
+    assert row.missing == 5
+    assert np.isnan([row.least, row.mean, row.largest]).all()
+    assert np.isnan(row.course).all()
+
+
+def test_the_suggested_map_reads_the_recording_it_was_made_for() -> None:
+    given = recording(
+        ("Rod 1", "mV/V"),
+        ("Strain drive 2", "um/m"),
+        ("Clamp 1", "V"),
+        ("Strom 2", "A"),
+        ("Load cell", "V"),
+        ("GPS", "km/h"),
+        ('odd "name"', ""),
+    )
+    text = skeleton(given)
+    dataset = apply_chain(given, parse_channel_map(parse_toml(text, source="map")))
+    columns = ["Rod 1", "Strain drive 2", "Clamp 1", "Strom 2", "Load cell"]
+    assert dataset["column"].values.tolist() == columns
+    assert dataset["drive"].values.tolist() == ["1", "2"]
+    assert np.isfinite(dataset["drive_current"].values).all()
+    assert '# not used: column "GPS" in km/h' in text
+    assert '# not used: column "odd \\"name\\"", unit unknown' in text
+
+
+def test_columns_of_the_same_number_get_drives_of_their_own() -> None:
+    text = skeleton(recording(("Rod 1 a", "mV/V"), ("Rod 1 b", "mV/V"), ("Rod", "mV/V")))
+    channel_map = parse_channel_map(parse_toml(text, source="map"))
+    assert {n: s.column for n, s in channel_map.drive_force.items()} == {
+        "1": "Rod 1 a",
+        "2": "Rod 1 b",
+        "3": "Rod",
+    }
+
+
+def test_nothing_that_looks_like_a_sensor() -> None:
+    text = skeleton(recording(("GPS", "km/h")))
+    assert parse_toml(text, source="map").data == {}
+    assert "No column looks like" in text
+
+
+def test_rows_say_what_a_unit_stands_for() -> None:
+    given = recording(("Rod 1", "mV/V"), ("Rod 2", "mV/V"), ("Clamp 1", "V"), ("Clamp 2", "V"))
+    channel_map = load_channel_map("two-rods")
+    rows = {row.key: row for row in channel_rows(apply_chain(given, channel_map), channel_map)}
+    assert list(rows) == ["drive_force.1", "drive_force.2", "drive_current.1", "drive_current.2"]
+    # 6 kN is 0.372611 mV/V: 16.103 kN for each mV/V
+    assert rows["drive_force.1"].sensor == "strain bridge, 1 mV/V is 16.103 kN"
+    assert rows["drive_force.1"].largest == pytest.approx(0.016103, rel=1e-4)
+    assert rows["drive_current.2"].sensor == "clamp, 1 V is 10 A"
+
+
+def test_rows_tell_how_well_a_calibration_is_known() -> None:
+    text = """
+    [object_force]
+    column = "F"
+    kind = "calibrated"
+    readings = { unit = "mV/V", values = [0, 1, 2] }
+    loads = { unit = "kN", values = [0, 1, 4] }
+    """
+    channel_map = parse_channel_map(parse_toml(text, source="map"))
+    (row,) = channel_rows(apply_chain(recording(("F", "mV/V")), channel_map), channel_map)
+    assert row.sensor == (
+        "calibrated, 1 mV/V is 2 kN +- 29 %, zero at 0.1667 +- 0.34 mV/V, "
+        "at most 17 % of the range off the line (3 points)"
+    )
