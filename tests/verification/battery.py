@@ -10,6 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from tests.verification import (
     battery_figures,
+    flutter,
+    flutter_figure,
     friction_bed,
     friction_block,
     impact,
@@ -188,5 +190,16 @@ RUNGS = (
         battery_figures.chain,
         "Left: lateral frequencies of SB1, with the rail's shear factor and one of 0.02. Right: "
         "force of Drive 2 in a throw without friction.",
+    ),
+    Rung(
+        "flutter",
+        "Flutter by friction",
+        "eigenvalues of a mass on a plate whose normal force varies; growth in time of a panel "
+        "with an unsymmetric section and without dashpots",
+        "`flutter.py`, `test_flutter.py`",
+        flutter.checks,
+        flutter_figure.flutter,
+        "Left: line: complex modes, dots: closed form. Right: envelope of the chair forces while "
+        "the panel is thrown at half speed; dashed: the growth that complex modes predict.",
     ),
 )

@@ -31,6 +31,7 @@ from functools import cache
 
 import numpy as np
 from scipy.signal import butter, hilbert, sosfiltfilt
+from tests.verification.agreement import Check
 from tests.verification.hand_made import hand_made
 
 from turnout.integrate.run import History, integrate
@@ -39,7 +40,13 @@ from turnout.law.table import LawTableBuilder
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.condense import ModalModel, condense
 from turnout.mechanism.mechanism import Mechanism
-from turnout.mechanism.sliding import ComplexModes, Floats, complex_modes, law_coupling
+from turnout.mechanism.sliding import (
+    ComplexModes,
+    Floats,
+    complex_modes,
+    law_coupling,
+    steady_sliding,
+)
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.response.stability import sliding_places
 
@@ -177,3 +184,51 @@ def slide(dashpot: str) -> Slide:
     scheme = Scheme(step=1e-4, cutoff_frequency=1e6, output_interval=5e-4, spectral_radius=0.9)
     history = integrate(mechanism, scheme, inputs=markers, end=DURATION)
     return Slide(mechanism, condense(mechanism, cutoff_frequency=1e6), history)
+
+
+def mass_eigenvalues(friction: float) -> np.ndarray:
+    """Return the eigenvalues of the mass on its plate as complex modes find them, by magnitude."""
+    mechanism = mass_on_plate(friction)
+    model = condense(mechanism, cutoff_frequency=1e6)
+    state = steady_sliding(mechanism, model, inputs=np.zeros(0), sense=1.0)
+    found = complex_modes(model, state.coupling).eigenvalues
+    return found[np.lexsort((found.real, np.round(np.abs(found), 6)))]
+
+
+@cache
+def predicted() -> tuple[float, float]:
+    """Return mean frequency [Hz] and growth rate [1/s] of the window, from contacts as they are."""
+    run = slide("0 N s/m")
+    pairs = []
+    for at in range(*np.searchsorted(run.history.time, WINDOW), 10):
+        modes = run.modes(int(at))
+        worst = int(np.argmax(modes.growth_rate))
+        pairs.append((modes.frequencies[worst], modes.growth_rate[worst]))
+    frequency, rate = np.mean(pairs, axis=0)
+    return float(frequency), float(rate)
+
+
+def left_with_dashpots() -> float:
+    """Return the largest vibration after the window's begin, as a share of that without them."""
+    bare, damped = slide("0 N s/m"), slide("3.75 kN s/m")
+    late = bare.history.time > WINDOW[0]
+    return float(np.abs(damped.band()[late]).max() / np.abs(bare.band()[late]).max())
+
+
+def checks() -> list[Check]:
+    """Compare complex modes with the closed form and with the time integration."""
+    shares = (0.2, 0.9, 1.2, 2.0)
+    off = max(
+        np.abs(mass_eigenvalues(s * CRITICAL) / exact_eigenvalues(s * CRITICAL) - 1).max()
+        for s in shares
+    )
+    (frequency, rate), (seen, grown) = predicted(), slide("0 N s/m").found()
+    return [
+        Check("mass on a plate: eigenvalues, largest difference", 100 * off, 0, 1e-7, "%"),
+        Check(
+            "panel: frequency in time against modes", 100 * (seen / frequency - 1), -0.5, 0.5, "%"
+        ),
+        Check("panel: growth rate in time against modes", 100 * (grown / rate - 1), -10, 10, "%"),
+        Check("panel: growth rate in time", grown, 7, 14, "1/s"),
+        Check("panel with dashpots: what is left", 100 * left_with_dashpots(), 0, 2, "%"),
+    ]
