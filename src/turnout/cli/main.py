@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from turnout.cli import panel, recording, simulate
+from turnout.cli import campaign, panel, recording, simulate
 from turnout.errors import TurnoutError
 
 BAD_INPUT, INTERRUPTED = 2, 130
@@ -21,6 +21,7 @@ app = typer.Typer(
 app.command("simulate")(simulate.simulate_command)
 app.command("import")(recording.import_command)
 app.add_typer(panel.app, name="panel")
+app.add_typer(campaign.app, name="campaign")
 
 
 def _show_version(wanted: bool) -> None:

@@ -66,7 +66,7 @@ class Limits:
     rate_share : float
         Departure of a stated sampling rate.
     pace_share : float
-        Departure of the pace of a throw from that of the campaign.
+        Departure of the pace of a throw from that of the campaign; voltage alone makes some.
     least_rest : float
         Rest before the onset and after the end [s].
     polarity_force : float
@@ -91,7 +91,7 @@ class Limits:
     )
     mains: tuple[float, ...] = (50.0 / 3.0, 50.0, 60.0, 100.0, 150.0)
     rate_share: float = 0.002
-    pace_share: float = 0.08
+    pace_share: float = 0.12
     least_rest: float = 0.15
     polarity_force: float = 100.0
     swap_gain: float = 2.0

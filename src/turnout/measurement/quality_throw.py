@@ -19,6 +19,8 @@ from turnout.measurement.quality_record import Fault, Limits
 
 # The part of a throw that no object has a say in yet, and its samples [s].
 EARLY, EARLY_STEP = 1.5, 0.02
+# Heights of a profile that another friction can explain.
+GAINS = (0.75, 1.33)
 PACES = np.exp(np.linspace(np.log(0.4), np.log(2.5), 93))
 
 
@@ -125,7 +127,7 @@ def rate_faults(
     """Find a sampling rate that is stated otherwise than agreed, or stated wrongly.
 
     A wrong statement stretches time: the early part of the throw, which no object has a say in,
-    then fits the campaign's only at another pace.
+    then fits the campaign's only at another pace, even if its height may change with friction.
     """
     time = dataset["time"].values
     stated = (time.size - 1) / float(time[-1] - time[0])
@@ -135,7 +137,7 @@ def rate_faults(
     if profile is None:
         return []
     own = _at_paces(dataset, throw, PACES.tolist())
-    away = [np.inf if p is None else float(_distance(p.forces, profile.forces)) for p in own]
+    away = [np.inf if p is None else _misfit(p.forces, profile.forces) for p in own]
     best = int(np.argmin(away))
     here = away[int(np.argmin(np.abs(np.log(PACES))))]
     pace = float(PACES[best])
@@ -214,6 +216,15 @@ def swap_faults(
                     channel = f"{key} {names[one]} and {names[two]}"
                     faults.append(Fault("swapped channels", channel, text))
     return faults
+
+
+def _misfit(rows: Floats, typical: Floats) -> float:
+    """Return the distance of two profiles, whatever friction makes of their heights."""
+    if rows.shape != typical.shape:
+        return float("inf")
+    heights = np.sum(rows * typical, axis=1) / np.sum(typical * typical, axis=1)
+    gains = np.clip(heights, *GAINS)[:, np.newaxis]
+    return _distance(rows / gains, typical)
 
 
 def _loaded(rows: Floats) -> Floats:

@@ -74,6 +74,7 @@ def _plain(draft: Draft) -> Iterator[Problem]:
         yield Problem(("instrumented_rail",), unknown_name("rail", instrumented, names))
     yield from known_part(_object_defaults(draft))
     yield from known_part(_damping(draft))
+    yield from known_part(_lock(draft))
 
 
 def _object_defaults(draft: Draft) -> Iterator[Problem]:
@@ -88,6 +89,15 @@ def _damping(draft: Draft) -> Iterator[Problem]:
         yield Problem(path, f" = {show_value(frequencies)}: every frequency must be more than 0")
     elif any(after <= before for before, after in itertools.pairwise(frequencies)):
         yield Problem(path, f" = {show_value(frequencies)}: must rise")
+
+
+def _lock(draft: Draft) -> Iterator[Problem]:
+    if draft.records["lock"].rule != "raw gap":
+        return
+    for name, rail in draft.records["rail"].items():
+        if rail.stock_rail_gap is None:
+            text = f": rail '{name}' has no stock_rail_gap, so no gap; give it one, or \"no slip\""
+            yield Problem(("lock", "rule"), f' = "raw gap"{text}')
 
 
 def _between_rails(draft: Draft) -> Iterator[Problem]:

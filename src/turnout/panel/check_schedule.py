@@ -1,4 +1,4 @@
-"""Checks of the schedule and of the lock at its ends: order, overlap, ramps, tables, rule."""
+"""Checks of the schedule: order, overlap, ramps, tables."""
 
 from collections.abc import Iterator
 
@@ -12,14 +12,13 @@ _TABLE_KEYS = ("table_time", "table_fraction", "table_file")
 
 
 def check_schedule(draft: Draft) -> Iterator[Problem]:
-    """Find problems of the movements, each and among each other, and of what confirms their end."""
+    """Find problems of the movements, each and among each other."""
     drives = draft.names["drive"]
     for name, movement in draft.records["movement"].items():
         yield from known_part(_movement(("movement", name), movement, drives))
         yield from known_part(_table(("movement", name), movement))
     yield from known_part(_sequence(draft, drives))
     yield from known_part(_end(draft, drives))
-    yield from known_part(_lock(draft))
 
 
 def _times(movement: Movement, drives: tuple[str, ...]) -> list[float]:
@@ -101,12 +100,3 @@ def _end(draft: Draft, drives: tuple[str, ...]) -> Iterator[Problem]:
         if arrival > end + _SAME_TIME:
             text = f" = {end:g} s: movement '{name}' only ends at {arrival:g} s"
             yield Problem(("schedule", "end"), text)
-
-
-def _lock(draft: Draft) -> Iterator[Problem]:
-    if draft.records["lock"].rule != "raw gap":
-        return
-    for name, rail in draft.records["rail"].items():
-        if rail.stock_rail_gap is None:
-            text = f": rail '{name}' has no stock_rail_gap, so no gap; give it one, or \"no slip\""
-            yield Problem(("lock", "rule"), f' = "raw gap"{text}')

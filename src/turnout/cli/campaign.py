@@ -1,0 +1,257 @@
+"""The commands `turnout campaign check`, `build`, `plot` and `virtual`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from turnout.cli.options import DEFAULT_PANEL, SetOption, opened_panel
+from turnout.cli.outputs import check_outputs
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from turnout.measurement.campaign import Campaign
+    from turnout.panel.load import LoadedPanel
+    from turnout.study.virtual_plan import Plan
+
+FIGURES = (".png", ".pdf", ".svg")
+INTERRUPTED = 130
+MOST_REMARKS = 20
+
+app = typer.Typer(
+    name="campaign",
+    help="Measured movements: check, build and draw a campaign, or make a virtual one.",
+    no_args_is_help=True,
+)
+
+FolderArgument = Annotated[
+    Path, typer.Argument(metavar="DIR", help="Folder with a run sheet and recordings.")
+]
+ChannelsOption = Annotated[
+    str | None,
+    typer.Option(
+        "--channels", metavar="MAP", help="Channel map (.toml); default channels.toml in DIR."
+    ),
+]
+StrictOption = Annotated[
+    bool, typer.Option("--strict", help="A movement that must be excluded is an error.")
+]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")]
+
+
+@app.command("check")
+def check_command(
+    folder: FolderArgument,
+    channels: ChannelsOption = None,
+    strict: StrictOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Check a run sheet against its files, and the quality of every movement."""
+    campaign = _built(folder, channels, strict=strict, quiet=quiet)
+    if not quiet:
+        _tell(campaign, remarks=True)
+
+
+@app.command("build")
+def build_command(
+    folder: FolderArgument,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE.nc", help="Default campaign.nc in DIR."),
+    ] = None,
+    channels: ChannelsOption = None,
+    strict: StrictOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Build one dataset of all usable movements; what was built before is taken up."""
+    if out is not None:
+        check_outputs({"--out": out}, {"--out": (".nc",)})
+    campaign = _built(folder, channels, strict=strict, quiet=quiet)
+    if not quiet:
+        _tell(campaign, remarks=False)
+    if campaign.dataset is None:
+        from turnout.errors import MeasurementError
+
+        problems = [f"{item.run.name}: {'; '.join(item.reasons)}" for item in campaign.excluded]
+        raise MeasurementError(problems, source=f"{folder}: no movement is usable")
+    from turnout.response.store import save_response
+
+    target = out if out is not None else folder / "campaign.nc"
+    save_response(campaign.dataset, target)
+    if not quiet:
+        typer.echo(f"{'written':<12}{target} ({round(target.stat().st_size / 1e6)} MB)")
+
+
+@app.command("plot")
+def plot_command(
+    source: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder of a campaign, or its dataset (.nc).")
+    ],
+    place: Annotated[
+        str | None,
+        typer.Option("--place", help="Channels by size at a place; without it, the overview."),
+    ] = None,
+    direction: Annotated[str, typer.Option("--direction", help="closing or opening.")] = "closing",
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Figure (.png, .pdf, .svg)."),
+    ] = None,
+    channels: ChannelsOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Draw channels by object size at one place, or places against sizes."""
+    target = out if out is not None else Path("campaign.png")
+    check_outputs({"--out": target}, {"--out": FIGURES})
+    if direction not in ("closing", "opening"):
+        from turnout.errors import FileError
+
+        message = f"--direction {direction}: must be closing or opening"
+        raise FileError(message)
+    dataset = _dataset_of(source, channels, quiet=quiet)
+    from turnout.files.atomic import write_atomic
+    from turnout.plot.campaign import plot_overview, plot_stacked
+    from turnout.plot.style import rendered
+
+    if place is None:
+        figure = plot_overview(dataset, direction=direction)
+    else:
+        from turnout.measurement.sheet import normal_place
+
+        figure = plot_stacked(dataset, place=normal_place(place), direction=direction)
+    write_atomic(target, rendered(figure, target.suffix))
+    if not quiet:
+        typer.echo(f"{'written':<12}{target}")
+
+
+@app.command("virtual")
+def virtual_command(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to fill.")],
+    panel: Annotated[
+        str, typer.Option("--panel", metavar="PANEL", help="Library panel or panel file.")
+    ] = DEFAULT_PANEL,
+    settings: SetOption = [],  # noqa: B006 - typer copies it
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of all that is left to chance.")] = 0,
+    places: Annotated[
+        list[str],
+        typer.Option("--place", metavar="PLACE", help="Default all sleepers and drives. Repeat."),
+    ] = [],  # noqa: B006 - typer copies it
+    sizes: Annotated[
+        list[str],
+        typer.Option("--size", metavar="SIZE", help="Default 5 ... 31 mm, until slip. Repeat."),
+    ] = [],  # noqa: B006 - typer copies it
+    repeats: Annotated[
+        int, typer.Option("--repeats", min=0, help="Throws without an object, each direction.")
+    ] = 5,
+    formats: Annotated[
+        list[str], typer.Option("--format", help="csv, mat or h5, in turn by place. Repeat.")
+    ] = ["csv", "mat"],  # noqa: B006 - typer copies it
+    worn_clutch: Annotated[
+        bool, typer.Option("--worn-clutch", help="Drive 2 slips above its level, and scatters.")
+    ] = False,
+    soft_build_up: Annotated[
+        bool, typer.Option("--soft-build-up", help="Drive 2 builds up softly after contact.")
+    ] = False,
+    mistype: Annotated[
+        int, typer.Option("--mistype", min=0, help="Mistakes to make in the run sheet.")
+    ] = 0,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
+    quiet: QuietOption = False,
+) -> None:
+    """Make a campaign of simulated throws as a data acquisition system would have recorded it."""
+    from turnout.study.virtual_plan import virtual_plan
+
+    loaded = opened_panel(panel, settings)
+    plan = virtual_plan(
+        loaded,
+        places=places,
+        sizes=sizes,
+        formats=formats,
+        object_free=repeats,
+        mistyped=mistype,
+        seed=seed,
+        worn_clutch=worn_clutch,
+        soft_build_up=soft_build_up,
+    )
+    _make(loaded, out, plan, workers=workers, quiet=quiet)
+
+
+def _make(panel: "LoadedPanel", out: Path, plan: "Plan", *, workers: int, quiet: bool) -> None:
+    from turnout.cli.watch import Watch
+    from turnout.response.compilation import must_compile
+    from turnout.study.virtual_campaign import make_virtual_campaign
+
+    text = f"throwing {panel.name}"
+    try:
+        with Watch(text, compiling=must_compile(), quiet=quiet) as watch:
+            made = make_virtual_campaign(
+                panel, out, plan=plan, workers=workers, report=watch.report
+            )
+    except KeyboardInterrupt:
+        typer.echo(
+            f"turnout: interrupted; what was thrown is kept in {out}, "
+            "the same command goes on from there",
+            err=True,
+        )
+        raise typer.Exit(INTERRUPTED) from None
+    for failure in made.failures:
+        typer.echo(f"turnout: {failure}; its series ends there", err=True)
+    if not quiet:
+        slips = sum(item.slipped for item in made.thrown)
+        typer.echo(f"{'thrown':<12}{len(made.thrown)} movements, {slips} of them to slip")
+        for mistake in made.mistakes:
+            typer.echo(f"{'mistyped':<12}{mistake}")
+        typer.echo(f"{'written':<12}{out} (run sheet runs.csv, truth truth.nc; all synthetic)")
+
+
+def _built(folder: Path, channels: str | None, *, strict: bool, quiet: bool) -> "Campaign":
+    from turnout.cli.watch import Watch
+    from turnout.measurement.campaign import build_campaign
+
+    try:
+        with Watch(f"reading {folder.name or folder}", compiling=False, quiet=quiet) as watch:
+            return build_campaign(folder, channels=channels, strict=strict, report=watch.report)
+    except KeyboardInterrupt:
+        typer.echo(
+            "turnout: interrupted; the movements read so far are kept, the same command goes on",
+            err=True,
+        )
+        raise typer.Exit(INTERRUPTED) from None
+
+
+def _dataset_of(source: Path, channels: str | None, *, quiet: bool) -> "xr.Dataset":
+    if source.suffix.lower() == ".nc":
+        from turnout.response.store import open_response
+
+        dataset = open_response(source)
+        if "movement" not in dataset.dims:
+            from turnout.errors import FileError
+
+            message = f"{source}: holds one run, not a campaign; `turnout simulate --plot` draws it"
+            raise FileError(message)
+        return dataset
+    campaign = _built(source, channels, strict=False, quiet=quiet)
+    if campaign.dataset is None:
+        from turnout.errors import MeasurementError
+
+        raise MeasurementError(["no movement is usable; see `campaign check`"], source=str(source))
+    return campaign.dataset
+
+
+def _tell(campaign: "Campaign", *, remarks: bool) -> None:
+    """Say what is in a campaign, what is not and why, and what should be looked at."""
+    sheet = campaign.sheet
+    usable = len(sheet.runs) - len(campaign.excluded)
+    typer.echo(f"{'campaign':<12}{sheet.title}{' (synthetic)' if sheet.synthetic else ''}")
+    typer.echo(f"{'movements':<12}{len(sheet.runs)} in the sheet, {usable} usable")
+    if campaign.reused:
+        typer.echo(f"{'':<12}{campaign.reused} had been cut before")
+    for item in campaign.excluded:
+        for number, reason in enumerate(item.reasons):
+            typer.echo(f"{'excluded' if number == 0 else '':<12}{item.run.name}: {reason}")
+    shown = campaign.remarks if remarks else campaign.remarks[:MOST_REMARKS]
+    for number, text in enumerate(shown):
+        typer.echo(f"{'remarks' if number == 0 else '':<12}{text}")
+    if len(shown) < len(campaign.remarks):
+        more = len(campaign.remarks) - len(shown)
+        typer.echo(f"{'':<12}and {more} more; `turnout campaign check` shows all")

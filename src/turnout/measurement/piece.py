@@ -1,0 +1,190 @@
+"""One movement of a campaign, cut out of its recording and kept so that it is read once only."""
+
+import hashlib
+import io
+import json
+import zipfile
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from turnout.errors import FileError, MeasurementError, TurnoutError
+from turnout.files.atomic import write_atomic
+from turnout.files.provenance import content_hash, version
+from turnout.measurement.chain import apply_chain, map_hash
+from turnout.measurement.channel_map import ChannelMap
+from turnout.measurement.movement import Detection, Throw, find_throws
+from turnout.measurement.quality_channel import MEASURED
+from turnout.measurement.read import read_recording
+from turnout.measurement.sheet import Run
+
+STORE = ".turnout"
+# Raised when what a piece holds, or how it is cut, changes.
+PIECE_VERSION = 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """The part of a recording that holds one movement.
+
+    Attributes
+    ----------
+    dataset : xarray.Dataset
+        Unfiltered channels in SI on the time of the recording.
+    throw : Throw
+        Where the movement lies in `dataset`.
+    start_time : str
+        Date and time of the recording; empty where it tells none.
+    notes : tuple of str
+        What had to be mended while reading.
+    """
+
+    dataset: xr.Dataset
+    throw: Throw
+    start_time: str
+    notes: tuple[str, ...]
+
+    @property
+    def rate(self) -> float:
+        """Samples a second [1/s]."""
+        time = self.dataset["time"].values
+        return float((time.size - 1) / (time[-1] - time[0]))
+
+
+def cut_piece(
+    folder: Path, run: Run, channel_map: ChannelMap, *, detection: Detection | None = None
+) -> Piece:
+    """Read a recording and cut the movement of a run out of it.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the campaign.
+    run : Run
+        Which file, and which throw of it.
+    channel_map : ChannelMap
+        From columns to forces and currents.
+    detection : Detection, optional
+        What counts as a throw.
+
+    Returns
+    -------
+    Piece
+
+    Raises
+    ------
+    FileError, MeasurementError
+        When the file cannot be read, lacks a column, or holds no such throw.
+    """
+    path = folder / run.file
+    dataset = apply_chain(read_recording(path), channel_map)
+    if "drive_force" not in dataset:
+        message = "the channel map has no drive_force; a campaign needs the rods' forces"
+        raise MeasurementError([message], source=str(path))
+    throws = find_throws(dataset, detection=detection)
+    if len(throws) < run.movement:
+        there = {0: "nothing moves in it", 1: "it holds one throw"}.get(
+            len(throws), f"it holds {len(throws)} throws"
+        )
+        message = f"movement {run.movement} is not in the recording: {there}"
+        raise MeasurementError([message], source=str(path))
+    throw = throws[run.movement - 1]
+    names = [name for name in MEASURED if name in dataset]
+    kept = dataset[names].isel(time=slice(throw.first, throw.stop)).reset_coords(drop=True)
+    notes = tuple(note for note in str(dataset.attrs.get("problems", "")).splitlines() if note)
+    return Piece(
+        dataset=kept.drop_attrs(),
+        throw=_moved(throw),
+        start_time=str(dataset.attrs.get("start_time", "")),
+        notes=notes,
+    )
+
+
+def kept_piece(
+    folder: Path, run: Run, channel_map: ChannelMap, *, detection: Detection | None = None
+) -> tuple[Piece | TurnoutError, bool]:
+    """Return a movement from the store of the campaign, or cut it and store it.
+
+    A bad recording comes back as the error that says what is wrong with it, so that the others of
+    the campaign are built all the same.
+
+    Returns
+    -------
+    piece : Piece or TurnoutError
+    reused : bool
+        Whether it had been cut before, from the same file, map and sheet.
+    """
+    try:
+        digest = hashlib.sha256((folder / run.file).read_bytes()).hexdigest()
+    except OSError as error:
+        text = error.strerror or str(error)
+        return FileError(f"{folder / run.file}: cannot be read ({text})"), False
+    key = content_hash(
+        {
+            "file": digest,
+            "movement": run.movement,
+            "map": map_hash(channel_map),
+            "detection": asdict(detection or Detection()),
+            "version": f"{version()} {PIECE_VERSION}",
+        }
+    )
+    stored = folder / STORE / f"{key[:32]}.npz"
+    piece = _stored(stored)
+    if piece is not None:
+        return piece, True
+    try:
+        piece = cut_piece(folder, run, channel_map, detection=detection)
+    except TurnoutError as error:
+        return error, False
+    # A folder that may not be written to is read each time.
+    with suppress(FileError, OSError):
+        stored.parent.mkdir(exist_ok=True)
+        write_atomic(stored, _packed(piece))
+    return piece, False
+
+
+def _moved(throw: Throw) -> Throw:
+    """Count the samples of a throw from its own first one."""
+    values: dict[str, Any] = asdict(throw)
+    values |= {"first": 0, "stop": throw.stop - throw.first}
+    return Throw(**values)
+
+
+def _packed(piece: Piece) -> bytes:
+    described = {
+        "throw": asdict(piece.throw),
+        "start_time": piece.start_time,
+        "notes": piece.notes,
+        "dims": {name: list(piece.dataset[name].dims) for name in piece.dataset.data_vars},
+    }
+    arrays: dict[str, Any] = {str(name): piece.dataset[name].values for name in piece.dataset}
+    content = io.BytesIO()
+    np.savez(
+        content,
+        time=piece.dataset["time"].values,
+        drive=piece.dataset["drive"].values.astype(np.str_),
+        described=np.array(json.dumps(described)),
+        **arrays,
+    )
+    return content.getvalue()
+
+
+def _stored(path: Path) -> Piece | None:
+    """Return a piece from its file; None where there is none or it is damaged."""
+    try:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
+            described: Mapping[str, Any] = json.loads(str(arrays["described"]))
+            dataset = xr.Dataset(
+                {name: (dims, arrays[name]) for name, dims in described["dims"].items()},
+                {"time": arrays["time"], "drive": arrays["drive"]},
+            )
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+    values = dict(described["throw"])
+    values["drive_ends"] = tuple(values["drive_ends"])
+    return Piece(dataset, Throw(**values), described["start_time"], tuple(described["notes"]))

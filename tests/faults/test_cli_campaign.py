@@ -1,0 +1,165 @@
+"""`turnout campaign` on good and bad input: one message, exit 2, no traceback, nothing lost."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.unit.campaigns import copied, edited, made
+from typer.testing import CliRunner, Result
+
+from turnout.cli.main import app
+from turnout.errors import TurnoutError
+from turnout.response.store import open_response
+
+
+def run(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(app, ["campaign", *map(str, arguments)])
+
+
+def refused(*arguments: str | Path) -> str:
+    """Return the message that the program ends with exit code 2 for."""
+    result = run(*arguments)
+    assert isinstance(result.exception, TurnoutError), (result.output, result.exception)
+    return str(result.exception)
+
+
+def test_check_build_and_plot_go_through(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    checked = run("check", folder)
+    assert checked.exit_code == 0, checked.output
+    assert "9 in the sheet, 9 usable" in checked.output
+    assert "(synthetic)" in checked.output
+    built = run("build", folder)
+    assert built.exit_code == 0, built.output
+    assert open_response(folder / "campaign.nc").sizes["movement"] == 9
+    for extra in ((), ("--place", "Sleeper6")):
+        figure = tmp_path / "figure.png"
+        drawn = run("plot", folder / "campaign.nc", *extra, "--out", figure)
+        assert drawn.exit_code == 0, drawn.output
+        assert figure.read_bytes().startswith(b"\x89PNG")
+        figure.unlink()
+
+
+def test_a_virtual_campaign_goes_through(tmp_path: Path) -> None:
+    folder = tmp_path / "virtual"
+    result = run(
+        "virtual", "--panel", "sb2", "--place", "sleeper 6", "--size", "31 mm", "--repeats", "1",
+        "--mistype", "2", "--workers", "1", "--format", "h5", "--out", folder,
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert "3 movements, 1 of them to slip" in result.output
+    assert result.output.count("mistyped") == 2
+    assert run("build", folder).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--panel", "sb3"), "nearest is 'sb2'"),
+        (("--panel", "sb2", "--place", "sleeper 66"), "sleeper '66'"),
+        (("--panel", "sb2", "--size", "13"), "write the unit"),
+        (("--panel", "sb2", "--format", "doc"), "format '.doc'"),
+        (("--panel", "sb2", "--set", "drive.2.stifness=1 kN/m"), "nearest is"),
+    ],
+)
+def test_a_virtual_campaign_that_cannot_be_leaves_nothing(
+    arguments: tuple[str, ...], words: str, tmp_path: Path
+) -> None:
+    assert words in refused("virtual", *arguments, "--out", tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_an_empty_folder_names_what_it_needs(tmp_path: Path) -> None:
+    assert "is empty; put runs.csv or runs.toml there" in refused("build", tmp_path)
+    assert "no such folder" in refused("check", tmp_path / "none")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_file_is_refused_and_the_last_build_stays(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    assert run("build", folder).exit_code == 0
+    before = (folder / "campaign.nc").read_bytes()
+    edited(folder, "sleeper-6_13mm_1.mat", "sleeper-6-13mm-1.mat")
+    message = refused("build", folder)
+    assert "there is no file sleeper-6-13mm-1.mat; nearest is 'sleeper-6_13mm_1.mat'" in message
+    assert (folder / "campaign.nc").read_bytes() == before
+    edited(folder, "sleeper-6-13mm-1.mat", "sleeper-6_13mm_1.mat")
+    assert "9 had been cut before" in run("build", folder).output
+
+
+def test_a_bad_file_costs_its_own_movement_only(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    whole = (folder / "sleeper-6_13mm_1.mat").read_bytes()
+    (folder / "sleeper-6_13mm_1.mat").write_bytes(whole[:5000])
+    built = run("build", folder)
+    assert built.exit_code == 0, built.output
+    assert "excluded    sleeper-6_13mm_1:" in built.output
+    assert open_response(folder / "campaign.nc").sizes["movement"] == 8
+    assert "sleeper-6_13mm_1" in refused("build", folder, "--strict")
+    assert open_response(folder / "campaign.nc").sizes["movement"] == 8
+
+
+def test_nothing_usable_is_an_error(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    for path in [*folder.glob("*.mat"), *folder.glob("*_*.csv")]:
+        path.write_text("nothing", encoding="utf-8")
+    assert "no movement is usable" in refused("build", folder)
+    assert not (folder / "campaign.nc").exists()
+
+
+def test_a_missing_channel_map_or_column_is_named(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    text = (folder / "channels.toml").read_text(encoding="utf-8")
+    (folder / "channels.toml").write_text(text.replace('"Rod 1"', '"Rod one"'), encoding="utf-8")
+    message = refused("build", folder)
+    assert 'column = "Rod one"' in message
+    assert "nearest is 'Rod" in message
+    (folder / "channels.toml").unlink()
+    assert "channels.toml: no such file" in refused("build", folder)
+    assert "campaign.nc" not in [path.name for path in folder.iterdir()]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--out", "figure.doc"), "must end in .png"),
+        (("--direction", "up"), "must be closing or opening"),
+        (("--place", "drive 1"), "there are sleeper 6"),
+    ],
+)
+def test_a_figure_that_cannot_be_drawn_says_why(
+    arguments: tuple[str, ...], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert words in refused("plot", made() / "truth.nc", *arguments)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_single_run_is_no_campaign(tmp_path: Path) -> None:
+    from turnout.response.store import save_response
+
+    one = open_response(made() / "truth.nc").isel(movement=0, drop=True).drop_vars(
+        ["direction", "size", "place", "repeat", "slipped", "remark", "file", "start_time"],
+        errors="ignore",
+    )  # fmt: skip
+    save_response(one, tmp_path / "run.nc")
+    assert "not a campaign" in refused("plot", tmp_path / "run.nc")
+
+
+def test_a_folder_that_may_not_be_written_is_read_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from turnout.errors import FileError
+    from turnout.measurement import piece
+
+    def full(*_: object) -> None:
+        message = "no space"
+        raise FileError(message)
+
+    monkeypatch.setattr(piece, "write_atomic", full)
+    folder = copied(tmp_path)
+    assert run("check", folder).exit_code == 0
+    assert list((folder / ".turnout").iterdir()) == []
+    shutil.rmtree(folder)
+    assert not np.isnan(open_response(made() / "truth.nc")["size"]).any()

@@ -1,0 +1,45 @@
+"""A small virtual campaign that several tests look at, made once a session."""
+
+import atexit
+import shutil
+import tempfile
+from functools import cache
+from pathlib import Path
+
+from tests.unit.simulated import sb2_panel
+
+from turnout.study.virtual_campaign import make_virtual_campaign
+from turnout.study.virtual_plan import Plan
+
+PLAN = Plan(
+    places=("sleeper 6",),
+    sizes=(0.010, 0.013, 0.031),
+    object_free=3,
+    formats=(".csv", ".mat"),
+    seed=5,
+)
+
+
+@cache
+def made() -> Path:
+    """Return a folder that nobody may change."""
+    folder = Path(tempfile.mkdtemp()) / "small"
+    atexit.register(shutil.rmtree, folder.parent, ignore_errors=True)
+    make_virtual_campaign(sb2_panel(), folder, plan=PLAN)
+    return folder
+
+
+def copied(folder: Path) -> Path:
+    """Return a copy that a test may change, without what earlier builds kept."""
+    target = folder / "campaign"
+    shutil.copytree(made(), target, ignore=shutil.ignore_patterns(".turnout", ".virtual"))
+    return target
+
+
+def edited(folder: Path, old: str, new: str) -> Path:
+    """Change a text of the run sheet, which must be there."""
+    sheet = folder / "runs.csv"
+    text = sheet.read_text(encoding="utf-8")
+    assert old in text
+    sheet.write_text(text.replace(old, new), encoding="utf-8")
+    return folder

@@ -1,0 +1,166 @@
+"""A folder of recordings becomes one dataset; what is excluded or odd is said, never dropped."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.unit.campaigns import copied, edited, made
+
+from turnout.errors import MeasurementError
+from turnout.measurement import campaign as module
+from turnout.measurement.campaign import Campaign, build_campaign
+from turnout.measurement.campaign_check import order_remarks
+from turnout.measurement.sheet import find_sheet, read_sheet
+from turnout.schema.check import schema_problems
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
+    return build_campaign(copied(tmp_path_factory.mktemp("campaign")))
+
+
+def test_all_movements_are_in_one_dataset(built: Campaign) -> None:
+    dataset = built.dataset
+    assert dataset is not None
+    assert built.excluded == ()
+    assert dataset.sizes["movement"] == 9
+    assert dataset["drive_force"].dims == ("movement", "drive", "time")
+    assert schema_problems(dataset) == []
+    assert dataset.attrs["kind"] == "synthetic measurement"
+    assert "not measured" in dataset.attrs["synthetic"]
+
+
+def test_coordinates_say_what_was_thrown(built: Campaign) -> None:
+    dataset = built.dataset
+    assert dataset is not None
+    last = dataset.isel(movement=-1)
+    assert (str(last["place"].values), float(last["size"])) == ("sleeper 6", 0.031)
+    assert str(last["direction"].values) == "closing"
+    assert bool(last["slipped"])
+    assert dataset["repeat"].values.tolist() == [1, 2, 3, 1, 2, 3, 1, 1, 1]
+
+
+def test_no_load_cell_no_object_force(built: Campaign) -> None:
+    dataset = built.dataset
+    assert dataset is not None
+    measured = np.isfinite(dataset["object_force"]).any("time").values
+    np.testing.assert_array_equal(measured, dataset["size"].values >= 0.013)
+
+
+def test_time_is_zero_at_the_onset(built: Campaign) -> None:
+    dataset = built.dataset
+    assert dataset is not None
+    current = dataset["drive_current_unfiltered"].max("drive")
+    starts = current["time"].values[(current.values > 1.0).argmax(axis=1)]
+    assert np.abs(starts).max() <= 0.002
+
+
+def test_a_second_build_takes_up_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = copied(tmp_path)
+    first = build_campaign(folder)
+    second = build_campaign(folder)
+    assert (first.reused, second.reused) == (0, 9)
+    assert first.dataset is not None
+    assert second.dataset is not None
+    assert first.dataset.identical(second.dataset.assign_attrs(first.dataset.attrs))
+
+
+def test_a_damaged_piece_is_cut_again(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    build_campaign(folder)
+    stored = sorted((folder / ".turnout").glob("*.npz"))
+    stored[0].write_bytes(b"PK\x03\x04 and then nothing")
+    assert build_campaign(folder).reused == 8
+
+
+def test_an_interrupted_build_keeps_what_it_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = copied(tmp_path)
+
+    def stop(done: int, total: int) -> None:
+        if done == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        build_campaign(folder, report=stop)
+    assert build_campaign(folder).reused == 4
+
+
+def test_a_bad_file_is_excluded_with_its_reason_and_loses_nothing(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    (folder / "none_closing_2.csv").write_text("not a recording", encoding="utf-8")
+    campaign = build_campaign(folder)
+    assert campaign.dataset is not None
+    assert campaign.dataset.sizes["movement"] == 8
+    (excluded,) = campaign.excluded
+    assert excluded.run.name == "none_closing_2"
+    assert "none_closing_2.csv" in excluded.reasons[0]
+    assert "none_closing_2" in campaign.dataset.attrs["excluded"]
+    with pytest.raises(MeasurementError, match="none_closing_2"):
+        build_campaign(folder, strict=True)
+
+
+def test_a_missing_file_is_refused_with_the_nearest(tmp_path: Path) -> None:
+    folder = edited(copied(tmp_path), "none_closing_2.csv", "none-closing-2.csv")
+    with pytest.raises(MeasurementError, match="nearest is 'none_closing_2.csv'"):
+        build_campaign(folder)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("sleeper 6,1,yes", "sleeper 6,1,no", "the currents say one did"),
+        ("13,sleeper 6,1,no", "33,sleeper 6,1,no", "comes after 33 mm"),
+        ("13,sleeper 6,1,no", "33,sleeper 6,1,no", "are sizes mixed up?"),
+    ],
+)
+def test_a_sheet_that_contradicts_the_recordings_is_remarked(
+    old: str, new: str, words: str, tmp_path: Path
+) -> None:
+    campaign = build_campaign(edited(copied(tmp_path), old, new))
+    assert any(words in remark for remark in campaign.remarks), campaign.remarks
+
+
+def test_a_turned_direction_excludes(tmp_path: Path) -> None:
+    folder = edited(copied(tmp_path), "3.csv,closing,0,none,3", "3.csv,opening,0,none,9")
+    (excluded,) = build_campaign(folder).excluded
+    assert "the sheet says opening, the rod forces closing" in excluded.reasons[0]
+
+
+def test_an_extra_file_and_a_series_without_slip_are_remarked(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    sheet = folder / "runs.csv"
+    lines = sheet.read_text(encoding="utf-8").splitlines()
+    sheet.write_text("\n".join(lines[:-1]) + "\n", encoding="utf-8")
+    remarks = build_campaign(folder).remarks
+    assert any("sleeper-6_31mm_1.mat: is in no line" in remark for remark in remarks)
+    assert any("no drive slipped up to 13 mm" in remark for remark in remarks)
+
+
+def test_lines_against_the_clock_are_remarked(tmp_path: Path) -> None:
+    runs = read_sheet(find_sheet(made())).runs[:3]
+    times = ["2025-01-01T08:00:00", "2025-01-01T08:04:00", "2025-01-01T08:02:00"]
+    (remark,) = order_remarks(runs, times)
+    assert runs[2].file in remark
+    assert order_remarks(runs, ["", "", ""]) == []
+
+
+def test_a_movement_that_is_not_there_says_how_many_are(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    edited(folder, "file,direction", "file,movement,direction")
+    text = (folder / "runs.csv").read_text(encoding="utf-8")
+    rows = [
+        line if line.startswith(("#", "file")) else line.replace(",", ",2,", 1)
+        for line in text.splitlines()
+    ]
+    (folder / "runs.csv").write_text("\n".join(rows), encoding="utf-8")
+    campaign = build_campaign(folder)
+    assert campaign.dataset is None
+    assert (
+        "movement 2 is not in the recording: it holds one throw" in campaign.excluded[0].reasons[0]
+    )
+
+
+def test_slips_are_unknown_without_currents() -> None:
+    assert module._slipped([]) == []

@@ -1,0 +1,143 @@
+"""Run sheets in CSV and TOML: what they say, and every mistake in them at once."""
+
+from pathlib import Path
+
+import pytest
+
+from turnout.errors import FileError, MeasurementError
+from turnout.measurement.sheet import RunSheet, find_sheet, normal_place, read_sheet
+
+CSV = """# title: Two days in autumn
+# synthetic: no, but say so
+# load_cell_from: 13 mm
+file,direction,Size [mm],place,repeat,slip,load cell,remark
+a.csv,closing,0,-,1,,,
+b.csv,closing,10,sleeper 6,1,no,,
+c.csv,closing,13,Sleeper6,1,no,,"greased, twice"
+d.csv,opening,31,drive 2,2,yes,no,
+"""
+TOML = """
+title = "One day"
+load_cell_from = "15 mm"
+[[run]]
+file = "a.mat"
+direction = "closing"
+size = "13 mm"
+place = "x = 3.6 m"
+[[run]]
+file = "a.mat"
+movement = 2
+direction = "opening"
+size = "0 mm"
+place = "none"
+slip = "no"
+"""
+
+
+def sheet_of(text: str, folder: Path, name: str = "runs.csv") -> RunSheet:
+    (folder / name).write_text(text, encoding="utf-8")
+    return read_sheet(find_sheet(folder))
+
+
+def test_a_csv_sheet_is_read(tmp_path: Path) -> None:
+    sheet = sheet_of(CSV, tmp_path)
+    assert sheet.title == "Two days in autumn"
+    assert sheet.synthetic == "no, but say so"
+    assert [run.size for run in sheet.runs] == [0.0, 0.010, 0.013, 0.031]
+    assert [run.place for run in sheet.runs] == ["none", "sleeper 6", "sleeper 6", "drive 2"]
+    assert [run.load_cell for run in sheet.runs] == [False, False, True, False]
+    assert [run.slip for run in sheet.runs] == [None, False, False, True]
+    assert sheet.runs[2].remark == "greased, twice"
+    assert sheet.runs[3].repeat == 2
+    assert sheet.runs[3].where == "line 8"
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_other_separators_and_decimal_commas_are_read(separator: str, tmp_path: Path) -> None:
+    text = "file|direction|size (mm)|place\na.csv|closing|13,5|sleeper 1\n".replace("|", separator)
+    assert sheet_of(text, tmp_path).runs[0].size == 0.0135
+
+
+def test_sizes_may_carry_their_own_unit(tmp_path: Path) -> None:
+    text = "file,direction,size,place\na.csv,closing,1.3 cm,sleeper 1\n"
+    assert sheet_of(text, tmp_path).runs[0].size == 0.013
+
+
+def test_a_toml_sheet_is_read(tmp_path: Path) -> None:
+    sheet = sheet_of(TOML, tmp_path, "runs.toml")
+    assert sheet.title == "One day"
+    assert [run.name for run in sheet.runs] == ["a", "a#2"]
+    assert [run.load_cell for run in sheet.runs] == [False, False]
+    assert sheet.runs[0].place == "x = 3.6 m"
+
+
+def test_a_title_is_the_folder_where_none_is_given(tmp_path: Path) -> None:
+    text = "file,direction,size [mm],place\na.csv,closing,13,sleeper 1\n"
+    assert sheet_of(text, tmp_path).title == tmp_path.name
+
+
+@pytest.mark.parametrize(
+    ("given", "place"),
+    [("Sleeper 6", "sleeper 6"), ("sleeper_6", "sleeper 6"), ("", "none"), ("TKK1", "TKK1")],
+)
+def test_places_are_written_one_way(given: str, place: str) -> None:
+    assert normal_place(given) == place
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("b.csv,closing,10", "b.csv,closing,ten", "line 6: size"),
+        ("Size [mm]", "Size", "write the unit"),
+        ("b.csv,closing", "b.csv,sideways", 'direction = "sideways": must be "closing"'),
+        ("b.csv,", ",", "line 6: file: is missing"),
+        ("1,no,,\nc.csv", "one,no,,\nc.csv", "repeat"),
+        ("c.csv", "b.csv", "also that of line 6"),
+        ("13,Sleeper6", "10,Sleeper6", "number the repeats"),
+        ("remark\n", "remarks\n", "nearest is 'remark'"),
+        ("10,sleeper 6", "10,-", "an object has a place"),
+        ("1,no,,\nc", "1,perhaps,,\nc", "must be yes or no"),
+        ("load_cell_from: 13 mm", "load_cell_from: 13", "load_cell_from"),
+    ],
+)
+def test_a_mistake_is_named(old: str, new: str, words: str, tmp_path: Path) -> None:
+    assert old in CSV
+    text = CSV.replace(old, new, 1).replace('"greased, twice"', "seen")
+    with pytest.raises(MeasurementError) as caught:
+        sheet_of(text, tmp_path)
+    assert words in str(caught.value)
+    assert "runs.csv" in str(caught.value)
+
+
+def test_all_mistakes_come_at_once(tmp_path: Path) -> None:
+    text = CSV.replace("closing,10", "closing,ten").replace("opening,31", "up,31")
+    with pytest.raises(MeasurementError) as caught:
+        sheet_of(text, tmp_path)
+    assert len(caught.value.problems) == 2
+
+
+def test_unknown_headings_of_toml_are_named(tmp_path: Path) -> None:
+    with pytest.raises(MeasurementError, match="nearest is 'title'"):
+        sheet_of("titel" + TOML.strip()[5:], tmp_path, "runs.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"), [("", "is empty"), ("# title: x\n", "names of the columns")]
+)
+def test_an_empty_sheet_says_so(text: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises((FileError, MeasurementError), match=words):
+        sheet_of(text, tmp_path)
+
+
+def test_a_sheet_must_be_there_once(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="is empty"):
+        find_sheet(tmp_path)
+    (tmp_path / "a.csv").write_text("1", encoding="utf-8")
+    with pytest.raises(FileError, match="has no run sheet"):
+        find_sheet(tmp_path)
+    (tmp_path / "runs.csv").write_text("1", encoding="utf-8")
+    (tmp_path / "runs.toml").write_text("1", encoding="utf-8")
+    with pytest.raises(FileError, match="two run sheets"):
+        find_sheet(tmp_path)
+    with pytest.raises(FileError, match="no such folder"):
+        find_sheet(tmp_path / "none")
