@@ -200,3 +200,16 @@ def test_a_history_that_does_not_fit_leaves_no_file(
     result = run(*outputs, "--overlay", other)
     assert words in str(result.exception)
     assert [path.name for path in tmp_path.iterdir()] == ["other.csv"]
+
+
+def test_channels_on_request_are_kept(tmp_path: Path) -> None:
+    result = run("--out", tmp_path / "run.nc", "--also", "drive_force", "--also", "fastening_force")
+    assert result.exit_code == 0, result.stderr
+    written = open_response(tmp_path / "run.nc")
+    assert "fastening_force" in written
+    assert "fastening_moment" not in written
+    assert "gap" in written
+
+
+def test_a_channel_that_is_none_is_refused() -> None:
+    assert "nearest is fastening_force" in str(run("--also", "fastening_forse").exception)

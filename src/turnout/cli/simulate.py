@@ -50,6 +50,14 @@ def simulate_command(
             "columns 'time [s]', 'drive_force:1 [kN]', ...",
         ),
     ] = None,
+    also: Annotated[
+        list[str],
+        typer.Option(
+            "--also",
+            metavar="CHANNEL",
+            help="Channel to keep besides the usual ones: fastening_force, fastening_moment.",
+        ),
+    ] = [],  # noqa: B006 - typer copies it
     step: Annotated[
         str, typer.Option("--step", metavar="TIME", help="Time step with its unit.")
     ] = "1 ms",
@@ -63,7 +71,9 @@ def simulate_command(
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     theirs = _overlaid(overlay, plot)
     try:
-        dataset, failed = _run(panel, objects, settings, step=step, cutoff=cutoff, quiet=quiet)
+        dataset, failed = _run(
+            panel, objects, settings, also=also, step=step, cutoff=cutoff, quiet=quiet
+        )
         written = _write(dataset, out=out, plot=plot, overlay=theirs)
     except KeyboardInterrupt:
         typer.echo("turnout: interrupted before there was anything to keep", err=True)
@@ -77,16 +87,26 @@ def simulate_command(
 
 
 def _run(
-    name: str, objects: list[str], settings: list[str], *, step: str, cutoff: str, quiet: bool
+    name: str,
+    objects: list[str],
+    settings: list[str],
+    *,
+    also: list[str],
+    step: str,
+    cutoff: str,
+    quiet: bool,
 ) -> tuple["xr.Dataset", bool]:
     """Return the dataset, whole or partial, and whether the run ended early."""
     from turnout.cli.watch import watched
     from turnout.panel.foreign_object import parse_objects, resolve_objects
+    from turnout.response.save import Save
 
-    panel, foreign, scheme = all_told(
+    panel, foreign, (scheme, save, _) = all_told(
         lambda: opened_panel(name, settings),
         lambda: parse_objects(objects),
-        lambda: _scheme(step, cutoff),
+        lambda: all_told(
+            lambda: _scheme(step, cutoff), lambda: Save(also=tuple(also)), lambda: None
+        ),
     )
     resolve_objects(panel, foreign)
 
@@ -94,7 +114,12 @@ def _run(
 
     with watched(f"simulating {panel.name}", quiet=quiet) as watch:
         dataset = simulate(
-            panel, foreign_object=foreign, scheme=scheme, throw=False, report=watch.report
+            panel,
+            foreign_object=foreign,
+            scheme=scheme,
+            save=save,
+            throw=False,
+            report=watch.report,
         )
     if dataset.attrs["complete"] and not dataset.get("object_placed", True):
         from turnout.errors import FileError
