@@ -21,7 +21,7 @@ ALLOWED: dict[str, set[str]] = {
     "beam": {"errors", "section"},
     "reduction": {"errors"},
     "law": {"errors"},
-    "mechanism": {"errors", "panel", "section", "beam", "reduction", "law"},
+    "mechanism": {"errors", "files", "panel", "section", "beam", "reduction", "law"},
     "integrate": {"errors", "law", "mechanism"},
     "response": {"errors", "files", "schema", "panel", "mechanism", "integrate"},
     "measurement": {"errors", "files", "schema"},

@@ -8,7 +8,8 @@ from turnout.panel.document import FAMILIES, expand
 from turnout.panel.load import LoadedPanel, library_text, panel_from_file
 
 FAMILY_NAMES = (
-    "section", "rail", "stock_rail", "stock_fastening", "chair", "fastening", "stop", "stud",
+    "outline", "section", "outline_section", "planed_section", "rail", "stock_rail",
+    "stock_fastening", "chair", "fastening", "stop", "stud",
     "drive", "link", "sensor", "sleeper", "movement", "object",
 )  # fmt: skip
 

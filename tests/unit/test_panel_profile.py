@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from turnout.mechanism.rail_sections import section_values
 from turnout.panel.load import load_panel
 from turnout.panel.profile import (
     evaluate_profile,
     running_edge_offset,
     running_edge_position,
     section_stations,
-    section_values,
     stock_rail_gap,
 )
 from turnout.panel.rail_records import Profile

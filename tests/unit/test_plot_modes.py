@@ -12,7 +12,7 @@ from turnout.response.modes import modes
 
 @pytest.fixture(scope="module")
 def found() -> xr.Dataset:
-    return modes(load_panel("uic60-760-1-15"), count=3)
+    return modes(load_panel("uic60-760-1-15-symmetric"), count=3)
 
 
 def test_panel_is_drawn_mode_by_mode(found: xr.Dataset) -> None:

@@ -40,7 +40,7 @@ def lateral_sum(ds: xr.Dataset, at: int) -> float:
 
 def test_at_rest_fastenings_and_chairs_carry_the_weight(thrown: xr.Dataset) -> None:
     first = thrown.isel(time=0)
-    for rail, data in zip(thrown["rail"].values, rail_data(PANEL), strict=True):
+    for rail, data in zip(thrown["rail"].values, rail_data(PANEL)[:2], strict=True):
         weight = 9.81 * 7850.0 * float(np.sum(data.sections.area * np.diff(data.x)))
         carried = first["fastening_force"].sel(rail=rail, axis="z").sum()
         carried = float(carried + first["chair_normal_force"].sel(rail=rail).sum())

@@ -19,7 +19,7 @@ COUNT = 3
 
 @pytest.fixture(scope="module")
 def found() -> xr.Dataset:
-    return modes(load_panel("uic60-760-1-15"), count=COUNT)
+    return modes(load_panel("uic60-760-1-15-symmetric"), count=COUNT)
 
 
 def test_every_system_has_its_modes(found: xr.Dataset) -> None:

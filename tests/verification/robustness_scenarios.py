@@ -180,7 +180,7 @@ def _stiffnesses(choose: Chooser, panel: Panel) -> dict[str, float | None]:
             found[f"drive.{name}.stiffness"] = decades(choose, 1e6)
             found[f"drive.{name}.saturated_stiffness"] = pick(choose, (1e3, 0.0))
             found[f"drive.{name}.saturation_force"] = rounded(choose, 1e3, 2e4)
-    if len(panel.rail) == 2 and chance(choose, 0.15):
+    if len(panel.rail) == 2 and not panel.stock_rail and chance(choose, 0.15):
         found[f"rail.{list(panel.rail)[1]}.stock_rail_gap"] = None
     return found
 

@@ -11,6 +11,7 @@ from turnout.panel.load import load_panel
 from turnout.response.simulate import simulate
 
 DEFAULT = "uic60-760-1-15"
+SYMMETRIC = "uic60-760-1-15-symmetric"
 
 
 @cache

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.verification.runs import DEFAULT, books, end_force, throw
+from tests.verification.runs import SYMMETRIC, books, end_force, throw
 
 from turnout.errors import PanelError
 from turnout.panel.foreign_object import ForeignObject
@@ -20,7 +20,7 @@ EXTRA = (Path(__file__).parent / "stock_rails.toml").read_text(encoding="utf-8")
 
 def flexible(folder: Path, extra: str = EXTRA) -> LoadedPanel:
     path = folder / "flexible.toml"
-    path.write_text(library_text(DEFAULT) + extra, encoding="utf-8")
+    path.write_text(library_text(SYMMETRIC) + extra, encoding="utf-8")
     return load_panel(path)
 
 
@@ -35,7 +35,7 @@ def response(panel):
 
 
 def test_rigid_stock_rails_change_drive_2_by_what_the_study_found(response):
-    change = abs(end_force(throw(DEFAULT, "sleeper 6"), "2") / end_force(response, "2") - 1)
+    change = abs(end_force(throw(SYMMETRIC, "sleeper 6"), "2") / end_force(response, "2") - 1)
     assert 0.001 < change < 0.03
 
 
@@ -61,7 +61,7 @@ def test_a_very_stiff_stock_rail_is_a_rigid_one(tmp_path):
     stiff = stiff.replace('stiffness_y = "50e6 N/m"', 'stiffness_y = "5e10 N/m"')
     stiff = stiff.replace('"225 kN m/rad"', '"225000 kN m/rad"')
     run = simulate(flexible(tmp_path, stiff), foreign_object=ForeignObject(0.013, "sleeper 6"))
-    rigid = throw(DEFAULT, "sleeper 6")
+    rigid = throw(SYMMETRIC, "sleeper 6")
     np.testing.assert_allclose(run["drive_force"][:, -1], rigid["drive_force"][:, -1], rtol=5e-4)
     assert float(run["object_force"][-1]) == pytest.approx(
         float(rigid["object_force"][-1]), rel=2e-3

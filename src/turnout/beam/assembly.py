@@ -48,10 +48,25 @@ def assemble_beam(
     sections: SectionProperties,
     material: Material,
     *,
+    y: npt.ArrayLike | None = None,
     gravity: float = 9.81,
     name: str = "beam",
 ) -> BeamModel:
-    """Assemble a straight beam.
+    r"""Assemble a beam, straight or curved in plan.
+
+    A curved beam is a polygon of straight elements in its stress-free state. An element's axes are
+    turned by the heading :math:`\varphi` of its chord,
+
+    .. math:: K = T^T K_e T, \quad T = \mathrm{diag}(R, R, R, R), \quad
+              R = \begin{pmatrix} \cos\varphi & \sin\varphi & 0 \\
+              -\sin\varphi & \cos\varphi & 0 \\ 0 & 0 & 1 \end{pmatrix},
+
+    so bending in one element is in part torsion in the next. That is the coupling of a bar curved
+    in plan with radius :math:`\rho` and arc length s: under the shear force V its bending moment
+    about the horizontal normal and its torque follow :math:`M' = V + T / \rho`,
+    :math:`T' = -M / \rho` (A. E. H. Love, The Mathematical Theory of Elasticity, 4th edition 1927,
+    chapter XXI). The polygon approaches the arc with the square of the element length. All DOFs
+    stay along the fixed axes.
 
     Parameters
     ----------
@@ -60,6 +75,8 @@ def assemble_beam(
     sections : SectionProperties, shape (n - 1,)
         Properties at the middle of each element; the error of a smooth taper is of second order.
     material : Material
+    y : array_like, shape (n,), optional
+        Lateral node positions [m]; by default all zero.
     gravity : float
         Acceleration [m/s^2]; a positive value pulls along -z.
     name : str
@@ -79,20 +96,26 @@ def assemble_beam(
     -1600.0
     """
     nodes = np.asarray(x, dtype=float)
-    length = np.diff(nodes)
-    if nodes.ndim != 1 or nodes.size < 2 or not np.all(length > 0.0):
+    advance = np.diff(nodes)
+    if nodes.ndim != 1 or nodes.size < 2 or not np.all(advance > 0.0):
         msg = f"{name}: node positions must be two or more and increase"
         raise MechanicsError(msg)
-    if sections.area.size != length.size:
-        msg = f"{name}: {length.size} elements need as many sections, not {sections.area.size}"
+    if sections.area.size != advance.size:
+        msg = f"{name}: {advance.size} elements need as many sections, not {sections.area.size}"
         raise MechanicsError(msg)
+    sideways = np.zeros(advance.size) if y is None else np.diff(np.asarray(y, dtype=float))
+    length = np.hypot(advance, sideways)
+    turn = _turns(np.arctan2(sideways, advance))
     dofs = 6 * np.arange(length.size)[:, None] + np.arange(12)
     load = np.zeros(6 * nodes.size)
-    np.add.at(load, dofs, element_gravity_load(length, sections, material, gravity=gravity))
+    weight = element_gravity_load(length, sections, material, gravity=gravity)
+    np.add.at(load, dofs, np.einsum("nij,ni->nj", turn, weight))
     return BeamModel(
         x=nodes,
-        stiffness=_assemble(element_stiffness(length, sections, material), dofs, load.size),
-        mass=_assemble(element_mass(length, sections, material), dofs, load.size),
+        stiffness=_assemble(
+            _turned(element_stiffness(length, sections, material), turn), dofs, load.size
+        ),
+        mass=_assemble(_turned(element_mass(length, sections, material), turn), dofs, load.size),
         gravity_load=load,
         name=name,
     )
@@ -193,6 +216,24 @@ def _component(direction: str) -> int:
         msg = f"there is no degree of freedom {direction!r}; allowed are {', '.join(DOF)}"
         raise MechanicsError(msg)
     return DOF.index(direction)
+
+
+def _turns(heading: FloatArray) -> FloatArray:
+    """Stack the matrices, (n, 12, 12), that take fixed axes to those of elements with a heading."""
+    plane = np.tile(np.eye(3), (heading.size, 1, 1))
+    plane[:, 0, 0] = plane[:, 1, 1] = np.cos(heading)
+    plane[:, 0, 1] = np.sin(heading)
+    plane[:, 1, 0] = -np.sin(heading)
+    turn = np.zeros((heading.size, 12, 12))
+    for first in range(0, 12, 3):
+        turn[:, first : first + 3, first : first + 3] = plane
+    return turn
+
+
+def _turned(blocks: FloatArray, turn: FloatArray) -> FloatArray:
+    """Turn element matrices to the fixed axes."""
+    turned: FloatArray = np.swapaxes(turn, 1, 2) @ blocks @ turn
+    return turned
 
 
 def _assemble(blocks: FloatArray, dofs: npt.NDArray[np.intp], size: int) -> sp.csr_array:

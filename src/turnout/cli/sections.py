@@ -19,45 +19,39 @@ COLUMNS: dict[str, tuple[str, float, str]] = {
     "shear_centre_offset": ("ys mm", 1e-3, "8.1f"),
     "shear_factor_vertical": ("kz", 1.0, "8.2f"),
     "shear_factor_lateral": ("ky", 1.0, "8.2f"),
+    "foot_edge_stock": ("foot mm", 1e-3, "8.1f"),
+    "foot_edge_track": ("to mm", 1e-3, "8.1f"),
 }
 
 
 def section_lines(panel: "LoadedPanel") -> Iterator[str]:
     """Yield what `turnout panel sections` prints: a row a station, between them linear."""
-    from turnout.panel.profile import section_values
+    from turnout.response.sections import rail_stations, section_values
 
     for name, rail in panel.rail.items():
-        x = _stations(panel, name)
+        x = rail_stations(panel, name)
         values = section_values(panel, name, x)
         yield f"rail {name}, section {rail.section}"
-        headings = [heading for heading, _, _ in COLUMNS.values()]
+        columns = {key: column for key, column in COLUMNS.items() if key in values}
+        headings = [heading for heading, _, _ in columns.values()]
         yield f"{'x m':>8}{'kg/m':>8}" + "".join(f"{heading:>8}" for heading in headings)
         for row, place in enumerate(x):
             mass = panel.material.density * values["area"][row]
             cells = [
                 f"{values[column][row] / factor:{form}}"
-                for column, (_, factor, form) in COLUMNS.items()
+                for column, (_, factor, form) in columns.items()
             ]
             yield f"{place:8.3f}{mass:8.1f}" + "".join(cells)
     yield "y positive towards the rail's own stock rail, z from the foot; k: shear area over area"
 
 
-def _stations(panel: "LoadedPanel", name: str) -> list[float]:
-    """Return the ends of a rail and the stations of its section between them, rising [m]."""
-    from turnout.panel.profile import section_stations
-
-    rail = panel.rail[name]
-    places = {rail.start, *section_stations(panel, name).tolist(), rail.end}
-    return sorted({round(place, 6) for place in places})
-
-
 def drawn_sections(panel: "LoadedPanel", suffix: str) -> bytes:
     """Draw the sections of the instrumented rail, as the content of a file."""
-    from turnout.panel.profile import section_values
     from turnout.plot.section_values import plot_section_values
     from turnout.plot.style import rendered
+    from turnout.response.sections import rail_stations, section_values
 
     name = panel.instrumented_rail
-    x = _stations(panel, name)
+    x = rail_stations(panel, name)
     title = f"{panel.name}: section '{panel.rail[name].section}' of rail {name}"
     return rendered(plot_section_values(x, section_values(panel, name, x), title=title), suffix)

@@ -16,7 +16,7 @@ SHOWN: dict[str, tuple[str, float]] = {
     "m^4": ("cm^4", 1e-8),
 }
 # Lengths of the layout are read in metres, all others in millimetres.
-IN_METRES = frozenset({"x", "start", "end", "radius", "lead", "element_length"})
+IN_METRES = frozenset({"x", "start", "end", "radius", "curve_radius", "lead", "element_length"})
 
 
 def unit_of(field: Any) -> str | None:
@@ -59,6 +59,11 @@ def shown(value: Any, unit: str | None, name: str) -> str:
         if unit is None or not value:
             return ", ".join(_number(item) for item in value)
         text, factor = _screen_unit(unit, name)
+        if isinstance(value[0], list | tuple):
+            reach = [
+                f"{min(c) / factor:.4g} ... {max(c) / factor:.4g}" for c in zip(*value, strict=True)
+            ]
+            return f"{len(value)} points, {' by '.join(reach)} {text}"
         return f"{', '.join(_number(item / factor) for item in value)} {text}"
     if unit is None or not isinstance(value, float | int):
         return _number(value)

@@ -109,10 +109,14 @@ def _leaves(
 def _leaf(panel: "LoadedPanel", path: tuple[str, ...], below: str, value: Any, field: Any) -> Leaf:
     key = ".".join(path)
     text = shown(value, unit_of(field), path[-1])
-    if isinstance(value, list | tuple) and len(value) > LONG_LIST:
+    if isinstance(value, list | tuple) and len(value) > LONG_LIST and not _is_points(value):
         ends = [shown(end, unit_of(field), path[-1]) for end in (value[0], value[-1])]
         text = f"{ends[0]} ... {ends[1]} ({len(value)} values)"
     return Leaf(below, text, _origin(panel, key, value))
+
+
+def _is_points(value: list[Any] | tuple[Any, ...]) -> bool:
+    return isinstance(value[0], list | tuple)
 
 
 def _origin(panel: "LoadedPanel", key: str, value: Any) -> str:

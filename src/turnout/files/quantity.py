@@ -10,6 +10,7 @@ from typing import Annotated, Any
 from annotated_types import Le
 from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
 
+from turnout.files.points import parse_points
 from turnout.files.units import (
     ACCELERATION,
     ANGULAR_STIFFNESS,
@@ -63,6 +64,10 @@ def _list(dimension: Dimension) -> Callable[[object, ValidationInfo], tuple[floa
     return read
 
 
+def _points(value: object, info: ValidationInfo) -> tuple[tuple[float, float], ...]:
+    return parse_points(value, si=_python(info))
+
+
 def _scalar_schema(dimension: Dimension) -> dict[str, Any]:
     return {
         "type": "string",
@@ -102,6 +107,19 @@ _NUMBERS_SCHEMA = {
         {"type": "number", "exclusiveMinimum": 0},
         {"type": "array", "items": {"type": "number", "exclusiveMinimum": 0}, "minItems": 1},
     ],
+}
+
+_POINTS_SCHEMA = {
+    "description": "points [y, z] with their unit [m]",
+    **_table_schema(
+        {
+            "unit": {"type": "string"},
+            "values": {
+                "type": "array",
+                "items": {"type": "array", "items": {"type": "number"}},
+            },
+        }
+    ),
 }
 
 Length = Annotated[float, BeforeValidator(_scalar(LENGTH)), WithJsonSchema(_scalar_schema(LENGTH))]
@@ -169,6 +187,9 @@ SecondMomentList = Annotated[
     tuple[float, ...],
     BeforeValidator(_list(SECOND_MOMENT)),
     WithJsonSchema(_list_schema(SECOND_MOMENT)),
+]
+PointList = Annotated[
+    tuple[tuple[float, float], ...], BeforeValidator(_points), WithJsonSchema(_POINTS_SCHEMA)
 ]
 PositiveNumberList = Annotated[
     tuple[float, ...], BeforeValidator(_positive_numbers), WithJsonSchema(_NUMBERS_SCHEMA)

@@ -4,7 +4,7 @@ These two files alone see both definition and mechanics.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from turnout.errors import MechanicsError
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.build_rails import (
     SIGN,
+    foot_points,
     stands_on,
     stock_body,
     stock_rail_data,
@@ -123,7 +124,7 @@ def _layout(panel: Panel, objects: Sequence[PlacedObject]) -> _Layout:
         for name, chair in panel.chair.items():
             if stands_on(chair.rails, rail_name):
                 key = (rail_name, name)
-                contacts, frictions = _add_chair(rows, laws, rail_name, chair)
+                contacts, frictions = _add_chair(rows, laws, panel, rail_name, chair)
                 index.chair[key], index.chair_friction[key] = contacts, frictions
                 law_names += [f"chair {name} of rail {rail_name}"] * len(contacts)
                 friction_names += [f"chair {name} of rail {rail_name}"] * len(frictions)
@@ -150,15 +151,14 @@ def _stops(panel: Panel) -> list[tuple[str, Stop, str]]:
 
 
 def _add_chair(
-    rows: _Rows, laws: LawTableBuilder, rail: str, chair: Chair
+    rows: _Rows, laws: LawTableBuilder, panel: Panel, rail: str, chair: Chair
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Add a contact and a friction law for each foot point of a chair."""
     slide = rows.add((rail, Point(chair.x, "uy", z=chair.foot_height)))
     contacts, frictions = [], []
-    for offset in chair.foot_offsets:
-        down = Point(chair.x, "uz", y=offset, z=chair.foot_height, sign=-1.0)
+    for foot in foot_points(panel, rail, chair):
         contact = laws.add_contact(
-            rows.add((rail, down)),
+            rows.add((rail, replace(foot, sign=-1.0))),
             stiffness=chair.normal_stiffness,
             clearance=chair.clearance,
             base_closed=True,

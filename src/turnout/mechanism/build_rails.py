@@ -13,13 +13,19 @@ from turnout.beam.material import Material
 from turnout.beam.mesh import mesh_nodes
 from turnout.errors import MechanicsError
 from turnout.mechanism.rail import Point, RailData, Support, rayleigh_factors
+from turnout.mechanism.rail_sections import (
+    FOOT_EDGES,
+    foot_span,
+    in_panel_axes,
+    section_values,
+    station_columns,
+)
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
-from turnout.panel.profile import section_columns, section_values
 from turnout.panel.rail_matrices import RailMatrices
-from turnout.panel.support_records import Fastening
-from turnout.section.properties import SectionProperties
+from turnout.panel.rail_records import Rail
+from turnout.panel.support_records import Chair, Fastening
 
 Floats = NDArray[np.float64]
 SIGN = {"+y": 1.0, "-y": -1.0}
@@ -76,10 +82,11 @@ def switch_rail_data(
         element_length=panel.discretisation.element_length,
         forced=stations(panel, name, objects),
     )
-    sections = _sections(panel, name, 0.5 * (x[1:] + x[:-1]))
+    side = SIGN[rail.closes]
+    sections = in_panel_axes(section_values(panel, name, 0.5 * (x[1:] + x[:-1])), side=side)
     axis_height = np.zeros(x.size)
     if rail.axis == "centroid":
-        axis_height = _sections(panel, name, x).centroid_z
+        axis_height = section_values(panel, name, x)["centroid_height"]
         sections = replace(
             sections,
             centroid_z=np.zeros(x.size - 1),
@@ -87,7 +94,7 @@ def switch_rail_data(
         )
     return RailData(
         name=name,
-        closes=SIGN[rail.closes],
+        closes=side,
         x=x,
         axis_height=axis_height,
         sections=sections,
@@ -95,18 +102,17 @@ def switch_rail_data(
         gravity=panel.gravity,
         clamped=("last",) if rail.heel == "clamped" else (),
         damping=rayleigh_factors(panel.damping.ratio, list(panel.damping.frequencies)),
-        supports=_supports(
-            [f for f in panel.fastening.values() if stands_on(f.rails, name)], foot_height=0.0
-        ),
+        supports=_held(panel, name),
         dashpots=tuple(
-            Support(Point(chair.x, "uz", y=offset, z=chair.foot_height), 0.0, chair.damping)
+            Support(point, 0.0, chair.damping)
             for chair in panel.chair.values()
             if chair.damping > 0 and stands_on(chair.rails, name)
-            for offset in chair.foot_offsets
+            for point in foot_points(panel, name, chair)
         ),
         points=points,
         cutoff_frequency=panel.discretisation.superelement_cutoff,
         matrices=_matrices(panel, name),
+        plan=_plan(rail, x, radius=rail.curve_radius, side=-side),
     )
 
 
@@ -134,39 +140,104 @@ def stock_rail_data(panel: Panel, name: str, points: tuple[Point, ...]) -> RailD
         element_length=panel.discretisation.element_length,
         forced=np.unique(np.round(places, 9)),
     )
-    columns = section_columns(panel.section[stock.section])
-    ones = np.ones(x.size - 1)
-    value = {key: float(column[0]) * ones for key, column in columns.items()}
+    side = SIGN[panel.rail[stock.faces].closes]
+    columns = station_columns(panel, stock.section)
+    value = {key: np.full(x.size - 1, column[0]) for key, column in columns.items()}
+    edges = [float(columns[key][0]) for key in FOOT_EDGES if key in columns]
+    middle = 0.5 * sum(edges)
     return RailData(
         name=f"stock rail {name}",
         closes=1.0,
         x=x,
         axis_height=np.zeros(x.size),
-        sections=_properties(value, side=SIGN[panel.rail[stock.faces].closes]),
+        sections=in_panel_axes(value, side=side),
         material=_material(panel),
         gravity=panel.gravity,
         clamped=("first", "last") if stock.ends == "clamped" else (),
         damping=rayleigh_factors(panel.damping.ratio, list(panel.damping.frequencies)),
-        supports=_supports(fastenings, foot_height=stock.foot_height),
+        supports=tuple(
+            support
+            for f in fastenings
+            for support in _springs(
+                f,
+                y=side * (middle if f.offset is None else f.offset),
+                z=f.height - stock.foot_height,
+            )
+        ),
         dashpots=(),
         points=points,
         cutoff_frequency=panel.discretisation.superelement_cutoff,
+        plan=_plan(panel.rail[stock.faces], x, radius=stock.curve_radius, side=side),
     )
 
 
-def _material(panel: Panel) -> Material:
-    return Material(
-        youngs_modulus=panel.material.youngs_modulus,
-        poisson_ratio=panel.material.poisson_ratio,
-        density=panel.material.density,
-    )
+def foot_points(panel: Panel, name: str, chair: Chair) -> tuple[Point, ...]:
+    """Return the points of a switch rail's underside that a chair carries, as vertical rows.
+
+    Those of the chair itself; else the two edges of the section's underside there, of which the
+    one beside the stock rail comes first; else one point below the reference line.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    name : str
+        Name of the switch rail.
+    chair : Chair
+        The chair.
+    """
+    offsets = chair.foot_offsets
+    if offsets is None:
+        offsets = foot_span(panel, name, chair.x) or (0.0,)
+    side = SIGN[panel.rail[name].closes]
+    return tuple(Point(chair.x, "uz", y=side * y, z=chair.foot_height) for y in offsets)
 
 
-def _supports(fastenings: Sequence[Fastening], *, foot_height: float) -> tuple[Support, ...]:
-    """Return the springs and dashpots of fastenings, seen from a rail with its foot there."""
-    return tuple(
-        Support(Point(f.x, direction, z=f.height - foot_height), stiffness, damping)
-        for f in fastenings
+def fastening_offset(panel: Panel, name: str, fastening: Fastening) -> float:
+    """Return where a fastening acts on a switch rail, y in panel axes from the reference line [m].
+
+    That is its own `offset`; else the middle of the underside of an outline, else zero.
+    """
+    offset = fastening.offset
+    if offset is None:
+        span = foot_span(panel, name, fastening.x)
+        offset = 0.5 * sum(span) if span else 0.0
+    return SIGN[panel.rail[name].closes] * offset
+
+
+def _plan(rail: Rail, x: Floats, *, radius: float | None, side: float) -> Floats | None:
+    """Return the lateral positions of a curved line's nodes, None where it is straight.
+
+    The circle touches the x axis where the running edge of the switch rail does, else at the toe;
+    ahead of that the line is straight. Only differences along the line matter.
+    """
+    if radius is None:
+        return None
+    tangent = rail.start if rail.running_edge is None else -rail.running_edge.lead
+    plan: Floats = side * np.maximum(x - tangent, 0.0) ** 2 / (2.0 * radius)
+    return plan
+
+
+def _held(panel: Panel, name: str) -> tuple[Support, ...]:
+    """Return the springs and dashpots of a switch rail's fastenings, and of rods against roll."""
+    found: list[Support] = []
+    for fastening in panel.fastening.values():
+        if stands_on(fastening.rails, name):
+            y = fastening_offset(panel, name, fastening)
+            found += _springs(fastening, y=y, z=fastening.height)
+    found += [
+        Support(Point(drive.x, "rx"), drive.roll_stiffness)
+        for drive in panel.drive.values()
+        if drive.rail == name and drive.roll_stiffness > 0
+    ]
+    return tuple(found)
+
+
+def _springs(fastening: Fastening, *, y: float, z: float) -> list[Support]:
+    """Return the springs and dashpots of a fastening at a point of the section."""
+    f = fastening
+    return [
+        Support(Point(f.x, direction, y=y, z=z), stiffness, damping)
         for direction, stiffness, damping in (
             ("ux", f.stiffness_x, f.damping_x),
             ("uy", f.stiffness_y, f.damping_y),
@@ -176,26 +247,12 @@ def _supports(fastenings: Sequence[Fastening], *, foot_height: float) -> tuple[S
             ("rz", f.stiffness_yaw, 0.0),
         )
         if stiffness > 0 or damping > 0
-    )
+    ]
 
 
-def _sections(panel: Panel, name: str, x: Floats) -> SectionProperties:
-    """Evaluate the section table of a switch rail."""
-    return _properties(section_values(panel, name, x), side=SIGN[panel.rail[name].closes])
-
-
-def _properties(values: dict[str, Floats], *, side: float) -> SectionProperties:
-    """Turn table columns, whose y offsets point towards the stock rail, into panel axes."""
-    return SectionProperties(
-        area=values["area"],
-        second_moment_vertical=values["second_moment_vertical"],
-        second_moment_lateral=values["second_moment_lateral"],
-        product_moment=side * values["product_moment"],
-        torsion_constant=values["torsion_constant"],
-        shear_factor_vertical=values["shear_factor_vertical"],
-        shear_factor_lateral=values["shear_factor_lateral"],
-        centroid_y=side * values["centroid_offset"],
-        centroid_z=values["centroid_height"],
-        shear_centre_y=side * values["shear_centre_offset"],
-        shear_centre_z=values["shear_centre_height"],
+def _material(panel: Panel) -> Material:
+    return Material(
+        youngs_modulus=panel.material.youngs_modulus,
+        poisson_ratio=panel.material.poisson_ratio,
+        density=panel.material.density,
     )

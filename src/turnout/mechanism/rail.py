@@ -41,7 +41,8 @@ class RailData:
     sections' heights are measured from it, those of points and supports from the foot. `damping`
     holds the factors of mass and beam stiffness; `dashpots` act in addition at points. `clamped`
     names the clamped ends, "first" and "last". `matrices` take the place of beams: `x`,
-    `axis_height` and `sections` mean nothing then.
+    `axis_height`, `sections` and `plan` mean nothing then. `plan`, one entry a node, is the lateral
+    position of a reference line that is curved in plan; points stay offset along y there.
     """
 
     name: str
@@ -58,6 +59,7 @@ class RailData:
     points: tuple[Point, ...]
     cutoff_frequency: float
     matrices: RailMatrices | None = None
+    plan: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from turnout.mechanism.cache import remembered
 from turnout.mechanism.mechanism import RailBody
 from turnout.mechanism.rail import RailData, ReducedRail
 from turnout.mechanism.structure import Structure, point_rows, rail_structure
@@ -16,6 +17,7 @@ from turnout.reduction.craig_bampton import (
 from turnout.reduction.report import ReductionReport, reduction_report
 
 Floats = NDArray[np.float64]
+_FIELDS = ("stiffness", "mass", "transformation", "frequencies_kept", "frequency_first_omitted")
 
 
 def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
@@ -85,13 +87,11 @@ def superelement(
 ) -> Superelement:
     """Reduce a structure to the coordinates that some rows use, and its modes below a cut-off.
 
-    What came reduced is taken as it is.
+    What came reduced is taken as it is. A superelement is kept by the content of the matrices:
+    friction, drives, contacts and dampers are no part of them, so changing these reduces nothing.
     """
     if not structure.reduced:
-        interface = np.unique(rows.nonzero()[1]).astype(np.intp)
-        return craig_bampton(
-            structure.stiffness, structure.mass, interface, cutoff_frequency=cutoff_frequency
-        )
+        return _kept_superelement(structure, rows, cutoff_frequency=cutoff_frequency)
     size = structure.load.size
     return Superelement(
         stiffness=structure.stiffness.toarray(),
@@ -101,4 +101,29 @@ def superelement(
         frequencies_kept=np.zeros(0),
         frequency_first_omitted=float("nan"),
         cutoff_frequency=cutoff_frequency,
+    )
+
+
+def _kept_superelement(
+    structure: Structure, rows: sp.csr_array, *, cutoff_frequency: float
+) -> Superelement:
+    """Reduce a structure, or find what was made of these very matrices before."""
+    interface = np.unique(rows.nonzero()[1]).astype(np.intp)
+    stiffness, mass = structure.stiffness, structure.mass
+
+    def made() -> dict[str, Floats]:
+        element = craig_bampton(stiffness, mass, interface, cutoff_frequency=cutoff_frequency)
+        return {name: np.asarray(getattr(element, name)) for name in _FIELDS}
+
+    matrices = (stiffness.tocsr(), mass.tocsr())
+    parts = [array for m in matrices for array in (m.data, m.indices, m.indptr)]
+    kept = remembered("superelement", [*parts, interface, float(cutoff_frequency)], made)
+    return Superelement(
+        stiffness=kept["stiffness"],
+        mass=kept["mass"],
+        transformation=kept["transformation"],
+        interface=interface,
+        frequencies_kept=kept["frequencies_kept"],
+        frequency_first_omitted=float(kept["frequency_first_omitted"]),
+        cutoff_frequency=float(cutoff_frequency),
     )

@@ -102,7 +102,12 @@ def bare_structure(data: RailData) -> Structure:
 def beam_structure(data: RailData) -> Structure:
     """Assemble the beams of a rail, neither supported nor clamped."""
     beam = assemble_beam(
-        data.x, data.sections, data.material, gravity=data.gravity, name=f"rail {data.name}"
+        data.x,
+        data.sections,
+        data.material,
+        y=data.plan,
+        gravity=data.gravity,
+        name=f"rail {data.name}",
     )
     size = beam.gravity_load.size
     mass_factor, stiffness_factor = data.damping

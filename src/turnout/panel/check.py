@@ -5,18 +5,32 @@ with those of single fields. It falls silent where it needs a value that is wron
 """
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
-from turnout.files.problems import Problem, choices, nearest, show_value
+from turnout.files.problems import Problem, show_value
 from turnout.panel.check_schedule import check_schedule
+from turnout.panel.check_section import (
+    check_outline,
+    check_outline_section,
+    check_planed_section,
+    check_section_kinds,
+    check_section_name,
+    find_section,
+)
+from turnout.panel.check_stock_rail import (
+    ON_ONE_RAIL,
+    check_stock_fastening,
+    check_stock_rail,
+    rails_of,
+    unknown_name,
+)
 from turnout.panel.check_table import check_drive_table, check_profile, check_section
 from turnout.panel.foreign_object import from_record, object_faults
 from turnout.panel.model import Panel
 from turnout.panel.validate import Draft, Partial, known_part
 
 _ON_RAILS = ("chair", "fastening", "stop", "stud")
-_ON_ONE_RAIL = ("drive", "sensor")
 _OPENING_NEEDS = {"rail", "drive", "link", "fastening", "schedule", "movement", "object_defaults"}
 _SAME_PLACE = 1e-6
 _MOST_ELEMENTS = 5000
@@ -35,7 +49,7 @@ def check(draft: Draft) -> list[Problem]:
     list of Problem
         Empty for a valid panel.
     """
-    found = [*_plain(draft), *_between_rails(draft)]
+    found = [*_plain(draft), *_between_rails(draft), *check_section_kinds(draft)]
     for family, check_one in _CHECKS.items():
         for name, record in draft.records[family].items():
             found += known_part(check_one(draft, (family, name), record))
@@ -56,15 +70,6 @@ def _shared(draft: Draft, problem: Problem) -> Problem:
     if path[:3] in draft.shared:
         return Problem((path[0], *path[2:]), problem.text)
     return problem
-
-
-def unknown_name(what: str, name: object, names: Iterable[str]) -> str:
-    """Say that there is no such thing, what there is and what is nearest."""
-    known = list(names)
-    return (
-        f" = {show_value(name)}: there is no such {what}{nearest(str(name), known)}; "
-        f"there are {choices(known)}"
-    )
 
 
 def _plain(draft: Draft) -> Iterator[Problem]:
@@ -133,12 +138,13 @@ def _rail_closes(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Pro
 
 
 def _rail_section(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
-    names = draft.names["section"]
-    if rail.section not in names:
-        yield Problem((*path, "section"), unknown_name("section", rail.section, names))
+    yield from check_section_name(draft, path, rail.section)
+    kind, section = find_section(draft, rail.section) or ("", Partial())
+    if kind == "outline_section":
         return
-    table = draft.records["section"][rail.section]
-    by_offset = table.x is None and table.running_edge_offset is not None
+    by_offset = kind == "planed_section" or (
+        section.x is None and section.running_edge_offset is not None
+    )
     if by_offset and rail.running_edge is None:
         text = f": is missing; the stations of section '{rail.section}' are offsets of it"
         yield Problem((*path, "running_edge"), text)
@@ -150,7 +156,7 @@ def _rail_support(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Pr
         return
     fastenings = draft.records["fastening"].values()
     if not any(
-        item.stiffness_x > 0 and path[1] in _rails_of("fastening", item, draft)
+        item.stiffness_x > 0 and path[1] in rails_of("fastening", item, draft)
         for item in fastenings
     ):
         text = ' = "free": nothing holds the rail along x; clamp it or give it fastenings'
@@ -173,13 +179,13 @@ def _standing(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Prob
     """Check what stands at one, some or all rails: that these exist and reach there."""
     yield from known_part(_rails_exist(draft, path, record))
     x = record.x
-    for name in _rails_of(path[0], record, draft):
+    for name in rails_of(path[0], record, draft):
         yield from known_part(_on_rail(path, x, name, draft.records["rail"].get(name, Partial())))
 
 
 def _rails_exist(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
     names = draft.names["rail"]
-    if path[0] in _ON_ONE_RAIL:
+    if path[0] in ON_ONE_RAIL:
         if record.rail not in names:
             yield Problem((*path, "rail"), unknown_name("rail", record.rail, names))
         return
@@ -201,13 +207,6 @@ def _on_rail(path: tuple[str, str], x: float, name: str, rail: Any) -> Iterator[
         yield Problem((*path, "x"), text)
 
 
-def _rails_of(family: str, record: Any, draft: Draft) -> list[str]:
-    """Give the names of the rails that a record stands at."""
-    if family in _ON_ONE_RAIL:
-        return [record.rail]
-    return list(draft.names["rail"]) if record.rails is None else list(record.rails)
-
-
 def _sleeper(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
     rails = draft.records["rail"].values()
     if not rails:
@@ -222,7 +221,7 @@ def _sleeper(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Probl
 def _chair(draft: Draft, path: tuple[str, str], chair: Any) -> Iterator[Problem]:
     yield from known_part(_standing(draft, path, chair))
     feet = chair.foot_offsets
-    if len(set(feet)) < len(feet):
+    if feet is not None and len(set(feet)) < len(feet):
         yield Problem((*path, "foot_offsets"), f" = {show_value(feet)}: the same foot point twice")
 
 
@@ -246,60 +245,14 @@ def _drive_saturated(path: tuple[str, str], drive: Any) -> Iterator[Problem]:
         yield Problem((*path, "saturated_stiffness"), text)
 
 
-def _stock_rail(draft: Draft, path: tuple[str, str], stock: Any) -> Iterator[Problem]:
-    """Check a flexible stock rail: whom it faces, where it reaches, that something holds it."""
-    yield from known_part(_stock_rail_faces(draft, path, stock))
-    names = draft.names["section"]
-    if stock.section not in names:
-        yield Problem((*path, "section"), unknown_name("section", stock.section, names))
-    if stock.end <= stock.start:
-        text = f" = {stock.end:g} m: must be more than start, {stock.start:g} m"
-        yield Problem((*path, "end"), text)
-    fastenings = draft.records["stock_fastening"].values()
-    held = any(f.stiffness_x > 0 and (f.rails is None or path[1] in f.rails) for f in fastenings)
-    if stock.ends == "free" and not held:
-        text = ' = "free": nothing holds the rail; clamp it or give it stock_fastening'
-        yield Problem((*path, "ends"), text)
-
-
-def _stock_rail_faces(draft: Draft, path: tuple[str, str], stock: Any) -> Iterator[Problem]:
-    names = draft.names["rail"]
-    if stock.faces not in names:
-        yield Problem((*path, "faces"), unknown_name("rail", stock.faces, names))
-        return
-    others = [n for n, s in draft.records["stock_rail"].items() if s.faces == stock.faces]
-    if others[0] != path[1]:
-        text = f" = '{stock.faces}': stock rail '{others[0]}' faces it already"
-        yield Problem((*path, "faces"), text)
-    rail = draft.records["rail"][stock.faces]
-    if rail.stock_rail_gap is None:
-        yield Problem((*path, "faces"), f' = "{stock.faces}": that rail has no stock_rail_gap')
-    for family in ("stop", "stud"):
-        for name, item in draft.records[family].items():
-            if stock.faces in _rails_of(family, item, draft) and not (
-                stock.start <= item.x <= stock.end
-            ):
-                text = f": does not reach {family} '{name}' at {item.x:g} m"
-                yield Problem(path, text)
-
-
-def _stock_fastening(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
-    names = draft.names["stock_rail"]
-    for rail in names if record.rails is None else record.rails:
-        if rail not in names:
-            yield Problem((*path, "rails"), unknown_name("stock rail", rail, names))
-            continue
-        stock = draft.records["stock_rail"][rail]
-        if not stock.start <= record.x <= stock.end:
-            text = f" = {record.x:g} m: is off stock rail '{rail}'"
-            yield Problem((*path, "x"), f"{text}, {stock.start:g} ... {stock.end:g} m")
-
-
 _CHECKS = {
-    "stock_rail": _stock_rail,
-    "stock_fastening": _stock_fastening,
+    "stock_rail": check_stock_rail,
+    "stock_fastening": check_stock_fastening,
     "rail": _rail,
     "section": _section,
+    "outline": check_outline,
+    "outline_section": check_outline_section,
+    "planed_section": check_planed_section,
     "chair": _chair,
     "fastening": _standing,
     "stop": _standing,
@@ -321,7 +274,7 @@ def _same_place(
     draft: Draft, path: tuple[str, str], record: Any, seen: dict[tuple[str, int], str]
 ) -> Iterator[Problem]:
     family, name = path
-    for rail in _rails_of(family, record, draft):
+    for rail in rails_of(family, record, draft):
         other = seen.setdefault((rail, round(record.x / _SAME_PLACE)), name)
         if other != name:
             text = f" = {record.x:g} m: {family} '{other}' is already there on rail '{rail}'"

@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from turnout.files.quantity import (
+    AngularStiffness,
     Force,
     ForceList,
     Length,
@@ -19,6 +20,9 @@ class Drive(Placed):
 
     rail: str = Field(description="the switch rail it is connected to")
     height: Length = Field(0.0, description="z of the rod connection [m]")
+    roll_stiffness: AngularStiffness = Field(
+        0.0, ge=0, description="of the rod's bracket against roll of the rail [N m/rad]"
+    )
     stroke: Length = Field(gt=0, description="marker travel between closed and open [m]")
     over_travel_open: Length = Field(
         0.0, description="marker goes so far beyond the panel's open position [m]"

@@ -15,6 +15,7 @@ from turnout.files.provenance import content_hash
 from turnout.files.toml import Origin, TomlFile, decode, parse_toml, read_toml
 from turnout.panel.check import check
 from turnout.panel.document import Document, expand
+from turnout.panel.library_outlines import add_library_outlines
 from turnout.panel.matrices import check_matrices, read_matrices
 from turnout.panel.model import Panel
 from turnout.panel.override import apply_overrides, mark_si, parse_setting, supersede
@@ -143,6 +144,7 @@ class LoadedPanel(Panel):
         problems: list[Problem],
         heading: str,
     ) -> Self:
+        document = add_library_outlines(document)
         filled, file_problems = read_schedule_files(document, folder=folder)
         matrices, faults = read_matrices(
             document.tree.get("rail"), folder=folder, known=document.matrices

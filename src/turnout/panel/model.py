@@ -20,7 +20,12 @@ from turnout.panel.drive_records import Drive, Link, Lock, Sensor, Sleeper
 from turnout.panel.rail_records import Rail, StockRail
 from turnout.panel.record import Record
 from turnout.panel.schedule_records import Movement, ObjectDefaults, PanelObject, Schedule
-from turnout.panel.section_records import SectionTable
+from turnout.panel.section_records import (
+    DrawnOutline,
+    OutlineSection,
+    PlanedSection,
+    SectionTable,
+)
 from turnout.panel.support_records import Chair, Fastening, Stop
 
 
@@ -71,7 +76,10 @@ class Panel(Record):
     material: Material
     damping: BeamDamping
     discretisation: Discretisation
-    section: dict[str, SectionTable] = Field(min_length=1)
+    outline: dict[str, DrawnOutline] = {}
+    section: dict[str, SectionTable] = {}
+    outline_section: dict[str, OutlineSection] = {}
+    planed_section: dict[str, PlanedSection] = {}
     rail: dict[str, Rail] = Field(min_length=1, max_length=2)
     stock_rail: dict[str, StockRail] = {}
     stock_fastening: dict[str, Fastening] = {}

@@ -1,6 +1,7 @@
 """Lengths and cross-sections along a rail: stock rail gap, running edge, section table."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -112,6 +113,34 @@ def running_edge_position(edge: RunningEdge, offset: float) -> float:
     return math.sqrt(2.0 * edge.radius * offset) - edge.lead
 
 
+def stations_of(panel: Panel, section: str) -> tuple[str, FloatArray]:
+    """Give the kind of a section's stations, and these.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    section : str
+        Name of a section of any kind.
+
+    Returns
+    -------
+    kind : str
+        "x" for positions along the rail, "offset" for offsets of the running edges, "none" for one
+        outline all along.
+    stations : ndarray, shape (n,)
+        Rising [m].
+    """
+    if section in panel.planed_section:
+        return "offset", np.asarray(panel.planed_section[section].running_edge_offset)
+    if section in panel.outline_section:
+        return "none", np.zeros(1)
+    table = panel.section[section]
+    if table.x is not None:
+        return "x", np.asarray(table.x)
+    return "offset", np.asarray(table.running_edge_offset)
+
+
 def section_stations(panel: Panel, rail: str) -> FloatArray:
     """Give the positions along a rail where its section has a station or begins to be constant.
 
@@ -128,12 +157,12 @@ def section_stations(panel: Panel, rail: str) -> FloatArray:
         Rising positions [m] strictly between the ends of the rail; empty for a prismatic rail.
     """
     record = panel.rail[rail]
-    table, edge = panel.section[record.section], record.running_edge
-    if table.x is not None:
-        places = list(table.x)
-    elif table.running_edge_offset is not None and edge is not None:
+    (kind, stations), edge = stations_of(panel, record.section), record.running_edge
+    if kind == "x":
+        places = stations.tolist()
+    elif kind == "offset" and edge is not None:
         bounds = (edge.minimum, edge.maximum)
-        offsets = [w for w in table.running_edge_offset if bounds[0] < w < bounds[1]]
+        offsets = [w for w in stations.tolist() if bounds[0] < w < bounds[1]]
         places = [running_edge_position(edge, offset) for offset in (*offsets, *bounds)]
     else:
         places = []
@@ -141,8 +170,10 @@ def section_stations(panel: Panel, rail: str) -> FloatArray:
     return np.array(sorted(inside), dtype=np.float64)
 
 
-def section_values(panel: Panel, rail: str, x: npt.ArrayLike) -> dict[str, FloatArray]:
-    """Evaluate the section table of a rail: linear between stations, held beyond the ends.
+def between_stations(
+    panel: Panel, rail: str, columns: Mapping[str, npt.ArrayLike], x: npt.ArrayLike
+) -> dict[str, FloatArray]:
+    """Evaluate what is known at a rail's stations: linear in between, held beyond the ends.
 
     Where the stations are running-edge offsets w, values are linear in w, not in x.
 
@@ -152,25 +183,48 @@ def section_values(panel: Panel, rail: str, x: npt.ArrayLike) -> dict[str, Float
         The panel.
     rail : str
         Name of the rail.
+    columns : mapping of str to array_like, shape (n_stations,)
+        Values at the stations of the rail's section.
     x : array_like, shape (n,)
         Positions from the toe [m].
 
     Returns
     -------
     dict of str to ndarray, shape (n,)
-        Each column of `SectionTable` by its name, in SI, with its default where it is left out.
-        Offsets y are positive towards the stock rail that this rail closes against.
     """
-    record = panel.rail[rail]
-    table, position = panel.section[record.section], np.asarray(x, dtype=np.float64)
-    at = position
-    stations = np.asarray(table.x if table.x is not None else table.running_edge_offset)
-    if table.x is None and record.running_edge is not None:
-        at = running_edge_offset(record.running_edge, position)
+    record, at = panel.rail[rail], np.asarray(x, dtype=np.float64)
+    kind, stations = stations_of(panel, record.section)
+    if kind == "offset" and record.running_edge is not None:
+        at = running_edge_offset(record.running_edge, at)
     return {
         name: np.asarray(np.interp(at, stations, np.asarray(column)), dtype=np.float64)
-        for name, column in section_columns(table).items()
+        for name, column in columns.items()
     }
+
+
+def outline_points(points: npt.ArrayLike, *, symmetric: bool) -> FloatArray:
+    """Give all vertices of a drawn outline, with the mirror image where only half is given.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 2)
+        Vertices (y, z) as given [m].
+    symmetric : bool
+        Whether they are the half with y >= 0.
+
+    Returns
+    -------
+    ndarray, shape (m, 2)
+
+    Examples
+    --------
+    >>> outline_points([[0.0, 0.0], [1.0, 0.0], [0.0, 2.0]], symmetric=True).tolist()
+    [[0.0, 0.0], [1.0, 0.0], [0.0, 2.0], [-1.0, 0.0]]
+    """
+    given = np.asarray(points, dtype=np.float64)
+    if not symmetric:
+        return given
+    return np.concatenate([given, given[given[:, 0] > 0.0][::-1] * [-1.0, 1.0]])
 
 
 def section_columns(table: SectionTable) -> dict[str, tuple[float, ...]]:

@@ -43,14 +43,17 @@ Gap = Annotated[
 
 
 class Rail(Record):
-    """A switch rail, straight in its stress-free position."""
+    """A switch rail in its stress-free position, straight or curved in plan.
+
+    The gap to the stock rail is data of its own: a curve changes what the rail does, not the gap.
+    """
 
     closes: Literal["+y", "-y"] = Field(description="closing direction; instrumented rail: '+y'")
     stress_free: Literal["closed", "open"] = Field(description="position without any force")
     start: Length = Field(0.0, description="x of the toe end [m]")
     end: Length = Field(description="x of the heel end [m]")
     heel: Literal["clamped", "free"] = Field("free", description="condition at the heel end")
-    section: str = Field(description="name of the section table")
+    section: str = Field(description="name of its section, of any kind")
     matrices: str | None = Field(
         None,
         description="file of matrices from another program (.mat), in place of section and beams",
@@ -62,6 +65,12 @@ class Rail(Record):
     )
     running_edge: RunningEdge | None = Field(
         None, description="needed where the section's stations are running-edge offsets"
+    )
+    curve_radius: Length | None = Field(
+        None,
+        gt=0,
+        description="radius of the reference line in plan, away from the stock rail [m]; default "
+        "straight",
     )
     stock_rail_gap: Gap | None = Field(
         None,
@@ -80,5 +89,10 @@ class StockRail(Record):
     start: Length = Field(description="x of its first end [m]")
     end: Length = Field(description="x of its last end [m]")
     ends: Literal["clamped", "free"] = Field("clamped", description="condition at both ends")
-    section: str = Field(description="name of its section")
+    section: str = Field(description="name of its section: one row, or one outline")
+    curve_radius: Length | None = Field(
+        None,
+        gt=0,
+        description="radius of the rail in plan, away from the switch rail [m]; default straight",
+    )
     foot_height: Length = Field(0.0, description="z of its foot, from the switch rail's [m]")

@@ -15,7 +15,11 @@ from turnout.panel.record import OnRails
 class Chair(OnRails):
     """Slide chair: unilateral vertical contact and Coulomb friction at each foot point."""
 
-    foot_offsets: LengthList = Field((0.0,), description="y of the foot points [m]")
+    foot_offsets: LengthList | None = Field(
+        None,
+        description="y of the foot points, towards the rail's stock rail [m]; default the edges of "
+        "the underside where the section is an outline, else the reference line",
+    )
     foot_height: Length = Field(0.0, description="z of the foot points [m]")
     normal_stiffness: Stiffness = Field(gt=0, description="contact stiffness a foot point [N/m]")
     friction_coefficient: float = Field(ge=0, le=2, description="Coulomb friction [-]")
@@ -28,6 +32,11 @@ class Fastening(OnRails):
     """Linear spring and damper in six directions between rail and sleeper."""
 
     height: Length = Field(0.0, description="z at which it acts [m]")
+    offset: Length | None = Field(
+        None,
+        description="y at which it acts, towards the rail's stock rail [m]; default the middle of "
+        "the underside where the section is an outline, else the reference line",
+    )
     stiffness_x: Stiffness = Field(0.0, ge=0, description="along x [N/m]")
     stiffness_y: Stiffness = Field(0.0, ge=0, description="along y [N/m]")
     stiffness_z: Stiffness = Field(0.0, ge=0, description="along z [N/m]")

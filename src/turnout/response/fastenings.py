@@ -1,12 +1,13 @@
 """Forces of the fastenings on the switch rails, from the motion of the rails at their places.
 
 Forces are those of the springs; the share of the dampers, which is small while a switch is thrown,
-is left out. A force acts at the height of the fastening, a moment turns the section.
+is left out. A force acts at the place of the fastening, a moment turns the section.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.mechanism.build_rails import fastening_offset
 from turnout.mechanism.mechanism import RailBody
 from turnout.panel.model import Panel
 from turnout.panel.support_records import Fastening
@@ -34,7 +35,8 @@ def fastening_signals(panel: Panel, motion: Motion, save: Save) -> dict[str, Var
         for f, fastening in enumerate(panel.fastening.values()):
             if body.with_supports or (fastening.rails is not None and rail not in fastening.rails):
                 continue
-            moved = row_motion(motion, rail, _rows(body, fastening))
+            offset = fastening_offset(panel, rail, fastening)
+            moved = row_motion(motion, rail, _rows(body, fastening, offset=offset))
             spring = np.array(
                 [
                     *(fastening.stiffness_x, fastening.stiffness_y, fastening.stiffness_z),
@@ -47,10 +49,11 @@ def fastening_signals(panel: Panel, motion: Motion, save: Save) -> dict[str, Var
     return {"fastening_force": (dims, force), "fastening_moment": (dims, moment)}
 
 
-def _rows(body: RailBody, fastening: Fastening) -> Floats:
-    """Return rows to the motion of the rail at a fastening's height, shape (6, count)."""
+def _rows(body: RailBody, fastening: Fastening, *, offset: float) -> Floats:
+    """Return rows to the motion of the rail where a fastening acts, shape (6, count)."""
     node = int(np.argmin(np.abs(body.x - fastening.x)))
     rows: Floats = body.recovery[6 * node : 6 * node + 6].copy()
-    rows[0] += fastening.height * rows[4]
+    rows[0] += fastening.height * rows[4] - offset * rows[5]
     rows[1] -= fastening.height * rows[3]
+    rows[2] += offset * rows[3]
     return rows

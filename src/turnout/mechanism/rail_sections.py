@@ -1,0 +1,218 @@
+"""Sections of a panel's rails as numbers along them, whether tabulated or drawn as outlines.
+
+Columns are those of `turnout.panel.section_records.SectionTable`: y positive TOWARDS the stock
+rail, from the rail's reference line. An outline adds the edges of its underside, where the chairs
+carry it. What is computed from outlines is kept by its content.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from numpy.typing import NDArray
+
+from turnout.errors import MechanicsError
+from turnout.mechanism.cache import remembered
+from turnout.panel.model import Panel
+from turnout.panel.profile import between_stations, outline_points, section_columns
+from turnout.panel.section_records import PlanedSection
+from turnout.section.outline import Outline, make_outline
+from turnout.section.properties import SectionProperties
+
+if TYPE_CHECKING:
+    from turnout.section.taper import Planing
+
+Floats = NDArray[np.float64]
+
+FOOT_EDGES = ("foot_edge_stock", "foot_edge_track")
+"""Columns of the underside's edges: the one beside the stock rail, and the other."""
+
+
+def section_values(panel: Panel, rail: str, x: npt.ArrayLike) -> dict[str, Floats]:
+    """Evaluate the section of a switch rail along it.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    rail : str
+        Name of the rail.
+    x : array_like, shape (n,)
+        Positions from the toe [m].
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+        Each column by its name, in SI; `FOOT_EDGES` only where the section is an outline.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> round(float(section_values(load_panel("sb1"), "switch", [1.0])["area"][0]), 6)
+    0.0093
+    """
+    columns = station_columns(panel, panel.rail[rail].section)
+    return between_stations(panel, rail, columns, x)
+
+
+def station_columns(panel: Panel, section: str) -> dict[str, Floats]:
+    """Return all columns of a section at its own stations.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    section : str
+        Name of a section of any kind.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n_stations,)
+    """
+    if section in panel.section:
+        return {name: np.array(v) for name, v in section_columns(panel.section[section]).items()}
+    poisson = panel.material.poisson_ratio
+    if section in panel.outline_section:
+        outline = panel.outline_section[section].outline
+        parts: list[object] = [_points(panel, outline), poisson]
+    else:
+        planed = panel.planed_section[section]
+        parts = [
+            _points(panel, planed.outline),
+            _points(panel, planed.stock_outline),
+            panel.outline[planed.outline].running_edge,
+            panel.outline[planed.stock_outline].running_edge,
+            *planed.model_dump(exclude={"outline", "stock_outline"}).values(),
+            poisson,
+        ]
+    return remembered("section", parts, lambda: _computed(panel, section))
+
+
+def section_outlines(panel: Panel, section: str) -> list[tuple[Outline, Outline | None]]:
+    """Return the outlines of a drawn section, each with the stock rail's beside it if there is one.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    section : str
+        Name of an outline section or a planed section.
+
+    Returns
+    -------
+    list of (Outline, Outline or None)
+        One entry a station; y positive AWAY from the stock rail, from the reference line [m].
+
+    Raises
+    ------
+    MechanicsError
+        If planing leaves nothing at some station.
+    """
+    if section in panel.outline_section:
+        return [(make_outline(_points(panel, panel.outline_section[section].outline)), None)]
+    from turnout.section.taper import planed_sections
+
+    planed = panel.planed_section[section]
+    try:
+        cuts = planed_sections(
+            make_outline(_points(panel, planed.outline)),
+            make_outline(_points(panel, planed.stock_outline)),
+            running_edge_offsets=planed.running_edge_offset,
+            planing=_planing(panel, planed),
+        )
+    except MechanicsError as error:
+        msg = f"planed_section.{section}: {error}; look at its outlines and offsets"
+        raise MechanicsError(msg) from None
+    return [(cut.outline, cut.stock_rail) for cut in cuts]
+
+
+def foot_span(panel: Panel, rail: str, x: float) -> tuple[float, float] | None:
+    """Return the edges of a rail's underside, towards its stock rail positive, or None.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    rail : str
+        Name of the rail.
+    x : float
+        Position from the toe [m].
+
+    Returns
+    -------
+    tuple of float or None
+        The edge beside the stock rail and the other one [m]; None for a tabulated section.
+    """
+    values = section_values(panel, rail, [x])
+    if FOOT_EDGES[0] not in values:
+        return None
+    return float(values[FOOT_EDGES[0]][0]), float(values[FOOT_EDGES[1]][0])
+
+
+def in_panel_axes(values: dict[str, Floats], *, side: float) -> SectionProperties:
+    """Turn columns, whose y points towards the stock rail, into panel axes.
+
+    Parameters
+    ----------
+    values : dict of str to ndarray, shape (n,)
+        Columns by name.
+    side : float
+        +1.0 for a rail that closes towards +y, else -1.0.
+    """
+    return SectionProperties(
+        area=values["area"],
+        second_moment_vertical=values["second_moment_vertical"],
+        second_moment_lateral=values["second_moment_lateral"],
+        product_moment=side * values["product_moment"],
+        torsion_constant=values["torsion_constant"],
+        shear_factor_vertical=values["shear_factor_vertical"],
+        shear_factor_lateral=values["shear_factor_lateral"],
+        centroid_y=side * values["centroid_offset"],
+        centroid_z=values["centroid_height"],
+        shear_centre_y=side * values["shear_centre_offset"],
+        shear_centre_z=values["shear_centre_height"],
+    )
+
+
+def _points(panel: Panel, outline: str) -> Floats:
+    record = panel.outline[outline]
+    return outline_points(record.points, symmetric=record.symmetric)
+
+
+def _planing(panel: Panel, planed: PlanedSection) -> "Planing":
+    from turnout.section.taper import Planing
+
+    return Planing(
+        running_edge_switch=float(panel.outline[planed.outline].running_edge or 0.0),
+        running_edge_stock=float(panel.outline[planed.stock_outline].running_edge or 0.0),
+        seat_height=planed.seat_height,
+        clearance=planed.clearance,
+        lowering_offset=np.array(planed.lowering_offset),
+        lowering=np.array(planed.lowering),
+        least_thickness=planed.least_thickness,
+    )
+
+
+def _computed(panel: Panel, section: str) -> dict[str, Floats]:
+    """Analyse the outlines of a section and turn them to y towards the stock rail."""
+    from turnout.section.analyse import analyse_outlines
+    from turnout.section.foot import foot_edges
+
+    outlines = [outline for outline, _ in section_outlines(panel, section)]
+    found = analyse_outlines(outlines, poisson_ratio=panel.material.poisson_ratio).properties
+    edges = -np.array([foot_edges(outline) for outline in outlines])
+    return {
+        "area": found.area,
+        "second_moment_vertical": found.second_moment_vertical,
+        "second_moment_lateral": found.second_moment_lateral,
+        "product_moment": -found.product_moment,
+        "torsion_constant": found.torsion_constant,
+        "shear_factor_vertical": found.shear_factor_vertical,
+        "shear_factor_lateral": found.shear_factor_lateral,
+        "centroid_height": found.centroid_z,
+        "centroid_offset": -found.centroid_y,
+        "shear_centre_height": found.shear_centre_z,
+        "shear_centre_offset": -found.shear_centre_y,
+        FOOT_EDGES[0]: edges[:, 0].copy(),
+        FOOT_EDGES[1]: edges[:, 1].copy(),
+    }

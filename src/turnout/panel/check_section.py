@@ -1,0 +1,165 @@
+"""Checks of sections drawn as outlines, and of the names by which rails take a section."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from turnout.files.problems import Problem, choices, nearest, show_value
+from turnout.panel.check_table import rising_fault
+from turnout.panel.library_outlines import library_outline_names
+from turnout.panel.profile import outline_points
+from turnout.panel.validate import Draft, Partial, known_part
+
+SECTION_KINDS = ("section", "outline_section", "planed_section")
+_LEAST_POINTS = 3
+
+
+def find_section(draft: Draft, name: object) -> tuple[str, Any] | None:
+    """Return kind and record of a section by its name, or None where there is none."""
+    for kind in SECTION_KINDS:
+        if name in draft.names.get(kind, ()):
+            return kind, draft.records[kind][name]
+    return None
+
+
+def check_section_name(
+    draft: Draft, path: tuple[str, ...], name: object, *, kinds: tuple[str, ...] = SECTION_KINDS
+) -> Iterator[Problem]:
+    """Say that a rail names no section of the kinds that it may have."""
+    found = find_section(draft, name)
+    if found is not None and found[0] not in kinds:
+        text = f" = {show_value(name)}: is a {found[0]}; a stock rail's section does not vary"
+        yield Problem((*path, "section"), text)
+    elif found is None:
+        names = [n for kind in kinds for n in draft.names.get(kind, ())]
+        text = f"there is no such section{nearest(str(name), names)}; there are {choices(names)}"
+        yield Problem((*path, "section"), f" = {show_value(name)}: {text}")
+
+
+def check_section_kinds(draft: Draft) -> Iterator[Problem]:
+    """Refuse one name for sections of two kinds."""
+    seen: dict[str, str] = {}
+    for kind in SECTION_KINDS:
+        for name in draft.names.get(kind, ()):
+            other = seen.setdefault(name, kind)
+            if other != kind:
+                text = f": a {other} has this name already; names are unique across kinds"
+                yield Problem((kind, name), text)
+
+
+def check_outline(draft: Draft, path: tuple[str, str], outline: Any) -> Iterator[Problem]:
+    """Refuse points that enclose no section."""
+    where = (*path, "points")
+    given = np.array(outline.points)
+    if outline.symmetric and np.any(given[:, 0] < 0.0):
+        place = int(np.argmax(given[:, 0] < 0.0)) + 1
+        text = f": point {place} has y < 0; with symmetric = true give the half with y >= 0"
+        yield Problem(where, text)
+        return
+    points = outline_points(outline.points, symmetric=outline.symmetric)
+    if len(points) < _LEAST_POINTS:
+        yield Problem(where, f": needs {_LEAST_POINTS} points or more, has {len(points)}")
+        return
+    crossing = first_crossing(points)
+    if crossing is not None:
+        y, z = 1e3 * crossing
+        yield Problem(where, f": the boundary crosses itself near y = {y:.4g} mm, z = {z:.4g} mm")
+
+
+def check_outline_section(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+    """Check that the outline of a prismatic section exists."""
+    yield from _named_outline(draft, (*path, "outline"), record.outline)
+
+
+def check_planed_section(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+    """Check outlines, stations and lowering of a planed section."""
+    for key in ("outline", "stock_outline"):
+        yield from known_part(_planing_outline(draft, (*path, key), record, key))
+    yield from known_part(_offsets(path, record, "running_edge_offset"))
+    yield from known_part(_offsets(path, record, "lowering_offset"))
+    yield from known_part(_lowering(path, record))
+
+
+def first_crossing(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
+    """Find a place where the boundary crosses or touches itself, or None.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2)
+        Vertices in order; the last one is joined to the first.
+
+    Returns
+    -------
+    ndarray, shape (2,), or None
+
+    Examples
+    --------
+    >>> bow = np.array([[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 2.0]])
+    >>> first_crossing(bow).tolist()
+    [1.0, 1.0]
+    """
+    closed = len(points) > 1 and bool(np.all(points[0] == points[-1]))
+    start = points[:-1] if closed else points
+    edge = np.roll(start, -1, axis=0) - start
+    count = len(start)
+    if count < _LEAST_POINTS:
+        return np.asarray(start[0])
+    first, second = np.triu_indices(count, k=1)
+    apart = (second - first > 1) & (second - first < count - 1)
+    first, second = first[apart], second[apart]
+    between = start[second] - start[first]
+    determinant = _cross(edge[first], edge[second])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = _cross(between, edge[second]) / determinant
+        across = _cross(between, edge[first]) / determinant
+    hits = (along >= 0.0) & (along <= 1.0) & (across >= 0.0) & (across <= 1.0)
+    if hits.any():
+        place = int(np.argmax(hits))
+        return np.asarray(start[first[place]] + along[place] * edge[first[place]])
+    area = 0.5 * float(np.sum(_cross(start, np.roll(start, -1, axis=0))))
+    return np.asarray(start[0]) if area == 0.0 else None
+
+
+def _cross(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    product: npt.NDArray[np.float64] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return product
+
+
+def _named_outline(draft: Draft, path: tuple[str, ...], name: str) -> Iterator[Problem]:
+    names = draft.names["outline"]
+    if name not in names:
+        known = list(dict.fromkeys((*names, *library_outline_names())))
+        text = f"there is no such outline{nearest(name, known)}; there are {choices(known)}"
+        yield Problem(path, f" = {show_value(name)}: {text}")
+
+
+def _planing_outline(
+    draft: Draft, path: tuple[str, ...], record: Any, key: str
+) -> Iterator[Problem]:
+    name = getattr(record, key)
+    yield from _named_outline(draft, path, name)
+    outline = draft.records["outline"].get(name, Partial())
+    if outline.running_edge is None:
+        yield Problem(path, f" = {show_value(name)}: that outline lacks running_edge")
+
+
+def _offsets(path: tuple[str, str], record: Any, key: str) -> Iterator[Problem]:
+    values = getattr(record, key)
+    fault = rising_fault(values, unit="m")
+    if fault:
+        yield Problem((*path, key), f": {fault}")
+    elif values[0] < 0.0:
+        yield Problem((*path, key), f": must be at least 0, the first is {values[0]:g} m")
+
+
+def _lowering(path: tuple[str, str], record: Any) -> Iterator[Problem]:
+    if len(record.lowering) != len(record.lowering_offset):
+        text = (
+            f": has {len(record.lowering)} entries, lowering_offset {len(record.lowering_offset)}"
+        )
+        yield Problem((*path, "lowering"), text)
+    if min(record.lowering) < 0.0:
+        text = f": must be at least 0, the least is {min(record.lowering):g} m"
+        yield Problem((*path, "lowering"), text)

@@ -1,0 +1,119 @@
+"""What is kept by content: nothing is rebuilt that need not be, damage costs time only."""
+
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from turnout.mechanism import cache
+from turnout.mechanism.build import build_mechanism
+from turnout.panel.load import load_panel
+
+PANEL = load_panel("uic60-760-1-15")
+
+
+@pytest.fixture
+def fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """An empty memory and an empty folder."""
+    monkeypatch.setenv("TURNOUT_CACHE_DIR", str(tmp_path))
+    cache.forget()
+    cache.counts.clear()
+    monkeypatch.setattr(cache, "_told", set())
+    yield tmp_path
+    cache.forget()
+
+
+def built(overrides: dict[str, object]) -> dict[str, int]:
+    """Build a mechanism; return what was computed for it."""
+    cache.counts.clear()
+    build_mechanism(PANEL.with_overrides(overrides))
+    return {name: n for name, n in cache.counts.items() if name.endswith("computed")}
+
+
+def test_only_what_changes_is_built_anew(fresh: Path) -> None:
+    assert built({}) == {"section computed": 2, "superelement computed": 4}
+    nothing: dict[str, int] = {}
+    for overrides in (
+        {},
+        {"chair.friction_coefficient": 0.2},
+        {"drive.2.stiffness": 81e3, "drive.1.stroke": 0.1, "drive.saturation_force": 5e3},
+        {"chair.damping": 1e3, "stop.stiffness": 1e8, "link.stiffness": 1e6, "gravity": 9.0},
+        {"chair.normal_stiffness": 2e7, "damping.ratio": 0.01, "stop.clearance": 0.001},
+    ):
+        assert built(overrides) == nothing
+    assert built({"fastening.stiffness_y": 4e7}) == {"superelement computed": 2}
+    assert built({"stock_fastening.stiffness_y": 4e7}) == {"superelement computed": 2}
+    assert built({"drive.2.x": 7.0}) == {"superelement computed": 1}
+    shaved = built({"planed_section.clearance": 0.002})
+    assert shaved == {"section computed": 1, "superelement computed": 2}
+
+
+def test_files_serve_the_next_process(fresh: Path) -> None:
+    first = build_mechanism(PANEL)
+    cache.forget()
+    cache.counts.clear()
+    second = build_mechanism(PANEL)
+    assert cache.counts == {
+        "section from file": 2,
+        "section from memory": cache.counts["section from memory"],
+        "superelement from file": 4,
+    }
+    np.testing.assert_array_equal(first.stiffness, second.stiffness)
+    np.testing.assert_array_equal(first.mass, second.mass)
+
+
+def test_a_damaged_file_is_made_anew_and_told_once(
+    fresh: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    make = {"value": np.array([1.0, 2.0])}
+    cache.remembered("a", [1], lambda: make)
+    cache.remembered("a", [2], lambda: make)
+    files = sorted(cache.cache_folder().glob("*.npz"))
+    assert len(files) == 2
+    files[0].write_bytes(b"no archive")
+    files[1].write_bytes(files[1].read_bytes()[:60])
+    cache.forget()
+    with caplog.at_level(logging.WARNING, logger="turnout"):
+        for number in (1, 2):
+            again = cache.remembered("a", [number], lambda: {"value": np.array([1.0, 2.0])})
+            assert again["value"].tolist() == [1.0, 2.0]
+    assert cache.counts["damaged"] == 2
+    assert len(caplog.records) == 1
+    cache.forget()
+    cache.remembered("a", [1], lambda: {"value": np.zeros(0)})
+    assert cache.counts["a from file"] == 1
+
+
+def test_a_folder_that_cannot_be_written_costs_nothing_but_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fresh: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("in the way")
+    monkeypatch.setenv("TURNOUT_CACHE_DIR", str(blocked))
+    with caplog.at_level(logging.WARNING, logger="turnout"):
+        for number in (1, 2):
+            made = cache.remembered("b", [number], lambda: {"value": np.array([3.0])})
+            assert made["value"].tolist() == [3.0]
+    assert cache.counts["unwritable"] == 2
+    assert [r.message for r in caplog.records if "TURNOUT_CACHE_DIR" in r.message]
+
+
+def test_nobody_changes_what_others_share(fresh: Path) -> None:
+    made = cache.remembered("c", [0], lambda: {"value": np.array([3.0])})
+    with pytest.raises(ValueError, match="read-only"):
+        made["value"][0] = 1.0
+
+
+def test_old_files_go_and_memory_stays_small(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cache, "MOST_FILES", 10)
+    monkeypatch.setattr(cache, "MOST_IN_MEMORY", 3)
+    for number in range(12):
+        cache.remembered("d", [number], lambda: {"value": np.array([3.0])})
+    assert len(list(cache.cache_folder().glob("*.npz"))) <= 10
+    cache.counts.clear()
+    cache.remembered("d", [11], lambda: {"value": np.array([4.0])})
+    cache.remembered("d", [0], lambda: {"value": np.array([4.0])})
+    assert cache.counts["d from memory"] == 1
+    assert cache.counts["d computed"] == 1

@@ -1,0 +1,198 @@
+"""What each refinement of the default panel is worth, switched off (or on) in turn.
+
+    python -m tests.verification.effects
+
+writes docs/effects.md. Sections are changed in a table that has the numbers of the planed outlines
+and gives the very same throw as they do; stock rails are made rigid by leaving them out.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from turnout.files.toml import parse_toml
+from turnout.integrate.scheme import Scheme
+from turnout.mechanism.rail_sections import FOOT_EDGES, station_columns
+from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.load import LoadedPanel, library_text, load_panel, panel_from_file
+from turnout.response.simulate import simulate
+
+DEFAULT = "uic60-760-1-15"
+DOCS = Path(__file__).parents[2] / "docs"
+SIZES = (None, 13, 29)
+SLIP_SIZES = range(25, 36)
+RADIUS, ROD = 760.7, 50e3
+UNITS = {"area": "m^2", "moment": "m^4", "torsion": "m^4", "shear_factor": "", "": "m"}
+Columns = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A panel, and what is said of it."""
+
+    name: str
+    panel: LoadedPanel
+
+
+@dataclass(frozen=True)
+class Figures:
+    """End of one throw: forces [N], the largest force of a chair, chairs and feet in the air."""
+
+    drive_1: float
+    drive_2: float
+    object_force: float
+    chair: float
+    lifted: int
+
+
+def tabulated(change: Callable[[Columns], None] = lambda columns: None) -> LoadedPanel:
+    """Return the default panel with a table in place of its planed outlines.
+
+    Parameters
+    ----------
+    change : callable
+        Changes the columns of the table in place.
+    """
+    outlines = load_panel(DEFAULT)
+    columns = {k: v.copy() for k, v in station_columns(outlines, "tongue").items()}
+    change(columns)
+    feet = {name: columns.pop(name) for name in FOOT_EDGES}
+    offsets = np.array(outlines.planed_section["tongue"].running_edge_offset)
+    lines = ["[section.tongue]", _line("running_edge_offset", offsets)]
+    lines += [_line(name, values) for name, values in columns.items()]
+    text = re.sub(
+        r"\[planed_section\.tongue\].*?(?=\n\[outline_section)",
+        "\n".join(lines) + "\n",
+        library_text(DEFAULT),
+        flags=re.DOTALL,
+    )
+    panel = panel_from_file(parse_toml(text, source="effects"))
+    x = np.array([chair.x for chair in panel.chair.values()])
+    edge = panel.rail["straight"].running_edge
+    assert edge is not None
+    w = np.clip((x + edge.lead) ** 2 / (2 * edge.radius), edge.minimum, edge.maximum)
+    at = [np.interp(w, offsets, feet[name]) for name in FOOT_EDGES]
+    overrides: dict[str, object] = {
+        f"chair.{name}.foot_offsets": [near, far]
+        for name, near, far in zip(panel.chair, *at, strict=True)
+    }
+    overrides["fastening.offset"] = 0.5 * float(feet[FOOT_EDGES[0]][-1] + feet[FOOT_EDGES[1]][-1])
+    return panel.with_overrides(overrides)
+
+
+def rigid_stock_rails() -> LoadedPanel:
+    """Return the default panel without its flexible stock rails."""
+    text = re.sub(
+        r"\[stock_rail\].*?(?=\n# A chair has)", "", library_text(DEFAULT), flags=re.DOTALL
+    )
+    return panel_from_file(parse_toml(text, source="effects"))
+
+
+def variants() -> list[Variant]:
+    """Return the default panel and all that is switched off or on."""
+    default = load_panel(DEFAULT)
+    curve = {"rail.curved.curve_radius": RADIUS, "stock_rail.curved.curve_radius": RADIUS}
+    return [
+        Variant("default", default),
+        Variant("torsion off (J ten thousandfold)", tabulated(_rigid_torsion)),
+        Variant("$I_{yz}$ off", tabulated(_no_product)),
+        Variant("shear centre at the centroid", tabulated(_shear_centre_at_centroid)),
+        Variant("weight over the middle of the feet", tabulated(_centred_weight)),
+        Variant("all three: $I_{yz}$ and offsets off", tabulated(_symmetric)),
+        Variant("stock rails rigid", rigid_stock_rails()),
+        Variant("chair dashpots off", default.with_overrides({"chair.damping": 0.0})),
+        Variant("curve of 760 m on", default.with_overrides(curve)),
+        Variant(
+            "rods stiff against roll, 50 kN m/rad",
+            default.with_overrides({"drive.roll_stiffness": ROD}),
+        ),
+        Variant("symmetric panel", load_panel(f"{DEFAULT}-symmetric")),
+    ]
+
+
+def run(panel: LoadedPanel, size: float | None, *, scheme: Scheme | None = None) -> xr.Dataset:
+    """Throw a panel with an object of a size [mm] at sleeper 6, or none."""
+    trapped = ForeignObject(size / 1e3, "sleeper 6") if size else None
+    return simulate(panel, foreign_object=trapped, scheme=scheme or Scheme())
+
+
+def figures(ds: xr.Dataset) -> Figures:
+    """Return what the table shows of a throw."""
+    normal = ds["chair_normal_force"][:, :, -1].to_numpy()
+    first, second = ds["drive_force"][:, -1].to_numpy()
+    return Figures(
+        drive_1=float(first),
+        drive_2=float(second),
+        object_force=float(ds["object_force"][-1]),
+        chair=float(normal.max()),
+        lifted=int(np.count_nonzero(normal <= 0.0)),
+    )
+
+
+def first_slip(panel: LoadedPanel) -> int | None:
+    """Return the first whole size [mm] at sleeper 6 at which a drive slips on the return."""
+    for size in SLIP_SIZES:
+        if bool(run(panel, size)["drive_slipping"].sel(time=slice(4.4, None)).any()):
+            return size
+    return None
+
+
+def table(size: float | None, found: list[tuple[Variant, Figures]]) -> str:
+    """Return the throws with one object as a table, changes in per cent of the default."""
+    title = "Without an object" if size is None else f"{size:g} mm at sleeper 6"
+    base = found[0][1]
+    lines = [
+        f"### {title}",
+        "",
+        "| | Drive 1 [N] | | Drive 2 [N] | | object [N] | | chair, most [N] | chairs off |",
+        "|---|--:|--:|--:|--:|--:|--:|--:|--:|",
+    ]
+    for variant, got in found:
+        cells = [variant.name]
+        for value, reference in (
+            (got.drive_1, base.drive_1),
+            (got.drive_2, base.drive_2),
+            (got.object_force, base.object_force),
+        ):
+            cells += [
+                f"{value:.0f}",
+                f"{100 * (value / reference - 1):+.2f} %" if reference else "",
+            ]
+        cells += [f"{got.chair:.0f}", f"{got.lifted}"]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _line(name: str, values: np.ndarray) -> str:
+    unit = next(unit for key, unit in UNITS.items() if key in name)
+    numbers = [float(value) for value in values]
+    return f'{name} = {{ unit = "{unit}", values = {numbers} }}' if unit else f"{name} = {numbers}"
+
+
+def _rigid_torsion(columns: Columns) -> None:
+    columns["torsion_constant"] *= 1e4
+
+
+def _no_product(columns: Columns) -> None:
+    columns["product_moment"][:] = 0.0
+
+
+def _shear_centre_at_centroid(columns: Columns) -> None:
+    columns["shear_centre_height"] = columns["centroid_height"].copy()
+    columns["shear_centre_offset"] = columns["centroid_offset"].copy()
+
+
+def _centred_weight(columns: Columns) -> None:
+    middle = 0.5 * (columns[FOOT_EDGES[0]] + columns[FOOT_EDGES[1]])
+    columns["shear_centre_offset"] += middle - columns["centroid_offset"]
+    columns["centroid_offset"] = middle
+
+
+def _symmetric(columns: Columns) -> None:
+    _no_product(columns)
+    _centred_weight(columns)
+    _shear_centre_at_centroid(columns)
