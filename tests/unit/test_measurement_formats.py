@@ -7,8 +7,10 @@ import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
+from scipy.sparse import csc_array
 
 from turnout.errors import FileError
+from turnout.measurement.mat_check import check_mat5
 from turnout.measurement.read import read_recording
 from turnout.measurement.recording import Channel, Recording
 from turnout.measurement.write import write_recording
@@ -118,6 +120,46 @@ def test_a_truncated_file_is_one_message(tmp_path: Path, suffix: str, kept: floa
     path.write_bytes(content[: int(kept * len(content))])
     with pytest.raises(FileError, match=r"throw.*(damaged|no channel)"):
         read_recording(path)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_damaged_matlab_file_does_not_crash_its_reader(tmp_path: Path, compressed: bool) -> None:
+    """Holes and changed sizes, which the reader would follow to memory that is not the file's."""
+    path = tmp_path / "throw.mat"
+    content = {"Fs": 1000.0, "a": ROD, "names": np.array(["x", "long"], object), "s": {"u": ROD}}
+    savemat(path, content, do_compression=compressed)
+    whole = path.read_bytes()
+    assert read_recording(path).channel("a").values.size == ROD.size
+    for start in (140, 168, 200, len(whole) // 2, len(whole) - 500):
+        path.write_bytes(whole[:start] + whole[start + 400 :])
+        with pytest.raises(FileError, match="is no MATLAB file, or a damaged one"):
+            read_recording(path)
+    for place in (132, 133, 134) if not compressed else (132, 133):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 64]) + whole[place + 1 :])
+        with pytest.raises(FileError, match="is no MATLAB file, or a damaged one"):
+            read_recording(path)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        np.array([[1 + 2j, 3]]),
+        np.array([[True, False]]),
+        "text é",
+        np.zeros((0, 3)),
+        {"inner": {"deep": np.arange(3, dtype="int16")}, "other": "x"},
+        np.array([[ROD, "mixed"], [{"a": 1.0}, ROD]], dtype=object),
+        np.array([(1.0, "a"), (2.0, "b")], dtype=[("f", "O"), ("g", "O")]),
+        csc_array(np.eye(4)),
+        np.zeros((2, 3, 4), dtype="float32"),
+    ],
+)
+@pytest.mark.parametrize("compressed", [False, True])
+def test_whatever_matlab_holds_passes_the_check(
+    tmp_path: Path, value: object, compressed: bool
+) -> None:
+    savemat(tmp_path / "a.mat", {"value": value, "Fs": 1000.0}, do_compression=compressed)
+    check_mat5(tmp_path / "a.mat")
 
 
 @pytest.mark.parametrize("suffix", [".mat", ".h5"])

@@ -92,6 +92,8 @@ def test_a_line_that_was_cut_off_is_left_out(tmp_path: Path) -> None:
         (b"t;a\n0;1,5\n0,1;3.5\n0,2;4,5\n", "line 3, column 'a': '3.5' is not a number"),
         (b"Time,a\n10:00:00.1,1\n10:00:00.2,x\n10:00:00.3,3\n", "line 3, column 'a': 'x'"),
         (b"t,a,b\n0,1,2\n0.1,3,4\n0.2,5,6,7\n", "line 4, saw 4"),
+        (b't,a\n0,1\n0.1,2\n0.2,5\n0.3,"', "quotation mark"),
+        (b"t,a\n0,1\n0.1,2\x1c7\n0.2,1\n", "'2 7' is not a number"),
         (b"Time (kg),a\n0,1\n1,2\n", "column 'Time': 'kg' is no unit of time"),
         (b"t,a\n0,1\n2,2\n1,3\n", "time must rise; it goes from 2 to 1 s"),
         (b"a (V),b (V)\n1,2\n3,4\n", "'a', 'b' are left out: neither times nor a sample rate"),

@@ -2,8 +2,6 @@
 
 import io
 import re
-import struct
-import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -12,11 +10,11 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat, savemat
-from scipy.io.matlab import MatReadError
 
 from turnout.errors import FileError
 from turnout.measurement.arrays import NO_TIME, columns_of_arrays
 from turnout.measurement.assemble import Column, assemble
+from turnout.measurement.mat_check import check_mat5
 from turnout.measurement.recording import Recording
 
 # Lists that a file written here has beside its vectors, an entry a channel.
@@ -33,16 +31,12 @@ def read_mat(path: Path) -> Recording:
         When it is damaged or holds no channel.
     """
     try:
+        with path.open("rb") as file:
+            is_version_5 = file.read(6) == b"MATLAB"
+        if is_version_5:
+            check_mat5(path)
         content = loadmat(path, squeeze_me=True, struct_as_record=False, chars_as_strings=True)
-    except (
-        MatReadError,
-        ValueError,
-        TypeError,
-        OSError,
-        zlib.error,
-        struct.error,
-        KeyError,
-    ) as error:
+    except Exception as error:  # a damaged file makes the reader raise whatever its parts raise
         raise FileError(_damaged(path, error)) from None
     return _recording({k: v for k, v in content.items() if not k.startswith("__")}, path)
 
@@ -60,7 +54,7 @@ def read_mat73(path: Path) -> Recording:
             content = {
                 name: _from_hdf5(file, item) for name, item in file.items() if name[0] != "#"
             }
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
+    except Exception as error:  # as above
         raise FileError(_damaged(path, error)) from None
     return _recording(content, path)
 

@@ -62,6 +62,15 @@ def overview(channel: Channel, *, steps: int = 40) -> ChannelOverview:
     some = bool(there.any())
     least = float(np.min(values, where=there, initial=np.inf)) if some else np.nan
     largest = float(np.max(values, where=there, initial=-np.inf)) if some else np.nan
+    with np.errstate(over="ignore"):
+        return _overview(channel, there, least, largest, steps)
+
+
+def _overview(
+    channel: Channel, there: NDArray[np.bool_], least: float, largest: float, steps: int
+) -> ChannelOverview:
+    """Return the figures; those of values near the largest number there is may be infinite."""
+    values, some = channel.values, bool(there.any())
     edges = np.linspace(0, values.size, min(steps, values.size) + 1).astype(int)
     parts = [values[a:b][there[a:b]] for a, b in zip(edges[:-1], edges[1:], strict=True)]
     course = np.array([part.mean() if part.size else np.nan for part in parts])

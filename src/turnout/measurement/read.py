@@ -85,7 +85,12 @@ def read_recording(path: Path | str) -> Recording:
     (1000.0, 'mV/V', array([0.1, 0.2, 0.3]))
     """
     path = Path(path)
-    return format_of(path).read(path)
+    try:
+        return format_of(path).read(path)
+    except FileError as error:
+        # What a message quotes from a damaged file may hold anything.
+        text = "".join(char if char.isprintable() else " " for char in str(error))
+        raise FileError(text) from None
 
 
 def format_of(path: Path) -> FileFormat:

@@ -152,8 +152,8 @@ def time_grid(time: NDArray[np.float64]) -> TimeGrid:
         return TimeGrid(start, step, number, remark)
     typical = float(np.median(steps))
     regular = steps[np.abs(steps - typical) <= 0.5 * typical]
-    step = float(np.mean(regular))
-    if (time[-1] - start) / step > MOST_GROWTH * time.size:
+    step = float(np.mean(regular)) if regular.size else 0.0
+    if step <= 0 or (time[-1] - start) / step > MOST_GROWTH * time.size:
         at = int(np.argmax(steps))
         message = f"time is not even: it jumps from {time[at]:.6g} to {time[at + 1]:.6g} s"
         raise ValueError(message)

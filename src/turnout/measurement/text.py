@@ -1,11 +1,13 @@
 """Text files of numbers: DewesoftX exports, MATLAB, Excel (CSV, TXT)."""
 
+import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from pandas.errors import ParserError, ParserWarning
 
 from turnout.errors import FileError, MeasurementError
 from turnout.files.problems import choices
@@ -93,7 +95,7 @@ def _table(path: Path, layout: Layout) -> tuple[list[NDArray[np.float64]], list[
     """Return the columns of numbers, and what had to be mended."""
     try:
         frame = _frame(path, layout, dtype=None if layout.clock else np.float64)
-    except (ValueError, OverflowError) as error:
+    except (ValueError, OverflowError, ParserWarning) as error:
         raise FileError(_fault(path, layout, error)) from None
     if layout.clock:
         frame[0] = _clock_seconds(frame[0], path)
@@ -124,7 +126,10 @@ def _frame(path: Path, layout: Layout, *, dtype: object, **options: object) -> A
         "engine": "c",
         **options,
     }
-    return pd.read_csv(path, **given)  # type: ignore[call-overload]
+    with warnings.catch_warnings():
+        # Rows longer than the heading would lose their last cells with no more than a warning.
+        warnings.simplefilter("error", ParserWarning)
+        return pd.read_csv(path, **given)  # type: ignore[call-overload]
 
 
 def _is_cut_off(path: Path, layout: Layout) -> bool:
@@ -157,8 +162,22 @@ def _fault(path: Path, layout: Layout, error: Exception) -> str:
     text = str(error)
     if "Expected" in text and "saw" in text:
         return f"{path}: {text.split('C error:')[-1].strip()}; give every row the same columns"
+    if isinstance(error, ParserWarning):
+        count = len(layout.names)
+        return f"{path}: rows have more than {count} columns; give every row the same columns"
+    if "EOF inside string" in text:
+        return f"{path}: a quotation mark among the numbers is never closed; take it out"
     if isinstance(error, UnicodeDecodeError):
         return f"{path}: is no {layout.encoding} text (byte {error.start}); save it as UTF-8"
+    try:
+        found = _first_text(path, layout)
+    except (ParserError, ParserWarning, ValueError):
+        found = ""
+    return f"{path}: {found or f'cannot be read as numbers ({text})'}"
+
+
+def _first_text(path: Path, layout: Layout) -> str:
+    """Return line and column of the first cell that is no number; empty where there is none."""
     row = layout.first_row
     # A point is no number's where the decimal mark is a comma.
     marks = {ord(","): ".", ord("."): "x"} if layout.decimal == "," else {}
@@ -183,11 +202,11 @@ def _fault(path: Path, layout: Layout, error: Exception) -> str:
                 if wrong.any():
                     at = int(wrong.to_numpy().argmax())
                     return (
-                        f"{path}: line {row + at + 1}, column '{layout.names[name]}': "
+                        f"line {row + at + 1}, column '{layout.names[name]}': "
                         f"'{cells.iloc[at][:40]}' is not a number"
                     )
             row += len(block)
-    return f"{path}: cannot be read as numbers ({text})"
+    return ""
 
 
 def csv_bytes(recording: Recording) -> bytes:

@@ -119,7 +119,8 @@ def layout_of(sample: bytes, *, source: str) -> Layout:
         lines = lines[:-1]
     best, first_row = _best(lines)
     if best is None:
-        shown = next((line.strip() for line in lines if line.strip()), "")[:60]
+        first = next((line.strip() for line in lines if line.strip()), "")[:60]
+        shown = "".join(char if char.isprintable() else " " for char in first)
         message = f"{source}: there are no rows of numbers in it (it begins with: {shown})"
         raise FileError(message)
     separator, decimal = best
