@@ -13,6 +13,7 @@ from tests.unit.simulated import sb2_panel
 from turnout.errors import FileError, PanelError
 from turnout.measurement.read import read_recording
 from turnout.measurement.sheet import read_sheet
+from turnout.measurement.write import WRITERS
 from turnout.response.store import open_response
 from turnout.schema.check import schema_problems
 from turnout.study import virtual_series
@@ -50,6 +51,7 @@ def test_files_are_in_two_formats_and_say_what_they_are() -> None:
     assert "not measured" in (folder / "none_closing_1.csv").read_text(encoding="utf-8")[:200]
     assert "not measured" in (folder / "channels.toml").read_text(encoding="utf-8")
     assert "not measured" in read_sheet(folder / "runs.csv").synthetic
+    assert b"synthetic: simulated" in (folder / "sleeper-6_13mm_1.mat").read_bytes()[:116]
     channels = read_recording(folder / "sleeper-6_13mm_1.mat").channels
     assert all("not measured" in channel.description for channel in channels.values())
     assert "not measured" in open_response(folder / "truth.nc").attrs["synthetic"]
@@ -86,8 +88,9 @@ def test_chance_does_not_depend_on_the_order() -> None:
     assert chance_for(Plan(places=("x",), seed=6), one).standard_normal() != first[0]
 
 
-def test_a_campaign_that_stopped_comes_to_the_same_files(tmp_path: Path) -> None:
-    plan = Plan(places=(), object_free=2, formats=(".h5",), seed=1)
+@pytest.mark.parametrize("suffix", sorted(WRITERS))
+def test_a_campaign_that_stopped_comes_to_the_same_files(suffix: str, tmp_path: Path) -> None:
+    plan = Plan(places=(), object_free=2, formats=(suffix,), seed=1)
     whole, stopped = tmp_path / "whole", tmp_path / "stopped"
     make_virtual_campaign(sb2_panel(), whole, plan=plan)
     seen: list[int] = []
@@ -100,10 +103,10 @@ def test_a_campaign_that_stopped_comes_to_the_same_files(tmp_path: Path) -> None
     with pytest.raises(KeyboardInterrupt):
         make_virtual_campaign(sb2_panel(), stopped, plan=plan, report=stop)
     assert not (stopped / "runs.csv").exists()
-    kept = (stopped / "none_opening_1.h5").stat().st_mtime_ns
+    kept = (stopped / f"none_opening_1{suffix}").stat().st_mtime_ns
     make_virtual_campaign(sb2_panel(), stopped, plan=plan)
-    assert (stopped / "none_opening_1.h5").stat().st_mtime_ns == kept
-    for name in ("none_closing_2.h5", "runs.csv", "channels.toml"):
+    assert (stopped / f"none_opening_1{suffix}").stat().st_mtime_ns == kept
+    for name in (f"none_closing_2{suffix}", "runs.csv", "channels.toml"):
         assert (whole / name).read_bytes() == (stopped / name).read_bytes()
     assert seen[0] == 4
 

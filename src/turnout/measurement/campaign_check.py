@@ -143,7 +143,7 @@ def force_remarks(runs: Sequence[Run], forces: Sequence[float]) -> list[str]:
             groups.setdefault(key, []).append((run.size, force, run))
     for (place, _, _), members in groups.items():
         for (_, less, before), (_, more, run) in pairwise(sorted(members, key=lambda m: m[0])):
-            if more < less - max(250.0, 0.05 * abs(less)):
+            if more < less - max(250.0, 0.025 * abs(less)):
                 remarks.append(
                     f"{run.where}: {_milli(run)} at {place} ends with {more:.0f} N in the rods, "
                     f"{_milli(before)} ({before.where}) with {less:.0f} N; are sizes mixed up?"

@@ -106,6 +106,10 @@ def write_throw(
     content = WRITERS[path.suffix](recording)
     if path.suffix == ".csv":
         content = f"Comment: {note}\n".encode() + content
+    elif path.suffix == ".mat":
+        # The text on top, 116 bytes, would else be the time of writing: no two files the same.
+        heading = f"MATLAB 5.0 MAT-file, {note}".encode("ascii", "replace")
+        content = heading[:116].ljust(116) + content[116:]
     write_atomic(path, content)
 
 
