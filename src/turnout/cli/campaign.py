@@ -95,7 +95,9 @@ def plot_command(
     direction: Annotated[str, typer.Option("--direction", help="closing or opening.")] = "closing",
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="Figure (.png, .pdf, .svg)."),
+        typer.Option(
+            "--out", metavar="FILE", help="Figure (.png, .pdf, .svg); default campaign.png."
+        ),
     ] = None,
     channels: ChannelsOption = None,
     quiet: QuietOption = False,
