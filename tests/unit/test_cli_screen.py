@@ -17,6 +17,7 @@ from turnout.cli.watch import COMPILING, Watch, watched
 from turnout.errors import FileError
 from turnout.panel.load import library_names, load_panel
 from turnout.panel.model import Panel
+from turnout.plot.plan import plot_plan
 from turnout.response.compilation import cache_fault
 from turnout.response.simulate import simulate
 from turnout.study.test_piece import PieceResult
@@ -127,6 +128,25 @@ def test_only_assumptions_unless_all_values_are_asked_for() -> None:
         for line in screen(values=True)
         + list(panel_lines(load_panel("uic60-760-1-15"), values=True))
     )
+
+
+def test_a_throw_without_equilibrium_shows_what_the_file_says(thrown: Thrown) -> None:
+    nothing = thrown.dataset.isel(time=slice(0, 0))
+    nothing = nothing.assign_attrs(complete=False, outcome_message="no equilibrium at t = 0")
+    lines = screen(Thrown(nothing, thrown.pieces))
+    assert "THROW NOT COMPLETE: no equilibrium at t = 0" in lines
+    assert any("estimated from the strokes" in line for line in lines)
+    assert plot_plan(sb2_panel(), dataset=nothing).axes[1].get_ylabel().count("estimated") == 1
+
+
+def test_a_rail_without_stock_rail_has_no_closed_gap(thrown: Thrown) -> None:
+    panel = sb2_panel()
+    bare = panel.rail["B"].model_copy(update={"stock_rail_gap": None})
+    changed = panel.model_copy(update={"rail": {**panel.rail, "B": bare}})
+    lines = list(panel_lines(changed, thrown=thrown))
+    gaps = lines[lines.index(next(x for x in lines if x.startswith("CLOSED GAP"))) :]
+    assert any(line.startswith("  A  ") for line in gaps)
+    assert not any(line.startswith("  B  ") for line in gaps)
 
 
 def test_the_bushing_is_explained() -> None:

@@ -50,6 +50,10 @@ def panel_lines(
     yield from ("", "PLAN, the closing direction of the instrumented rail upwards")
     yield from plan_lines(panel)
     yield ""
+    if thrown is not None and not thrown.dataset.attrs["complete"]:
+        yield f"THROW NOT COMPLETE: {thrown.dataset.attrs['outcome_message']}"
+        if not thrown.dataset.sizes["time"]:
+            thrown = None
     yield from _closed_gap(panel, thrown)
     yield ""
     yield from _margins(thrown)
@@ -89,6 +93,8 @@ def _closed_gap(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
         yield "CLOSED GAP [mm] at contact height, simulated, each rail when it lies closed"
         x = thrown.dataset["x"].values
         for name, rail in panel.rail.items():
+            if rail.stock_rail_gap is None:
+                continue
             closed = settled(thrown.dataset, to="closed" if rail.closes == "+y" else "open")
             rails[name] = closed["gap"].sel(rail=name).values
     if not rails:
@@ -109,8 +115,6 @@ def _margins(thrown: Thrown | None) -> Iterator[str]:
         return
     from turnout.metric.movement import margins
 
-    if not thrown.dataset.attrs["complete"]:
-        yield f"  NOT COMPLETE: {thrown.dataset.attrs['outcome_message']}"
     yield f"  {'drive':<8}{'direction':<12}{'largest':>10}{'slip level':>12}{'margin':>11}{'':>9}"
     for item in margins(thrown.dataset):
         note = "   near its slip level" if item.tight else ""

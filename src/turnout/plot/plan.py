@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from turnout.metric.movement import settled
-from turnout.panel.layout import RailLine, extent, rail_line, resting_gap, stands_at
+from turnout.panel.layout import RailLine, extent, rail_line, stands_at
 from turnout.panel.model import Panel
 from turnout.panel.record import Placed
+from turnout.plot.closed_gap import plot_closed_gap
 from turnout.plot.style import COLOURS, DASHES, GREY, SHADE
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def plot_plan(panel: Panel, *, dataset: xr.Dataset | None = None) -> "Figure":
     _links(top, panel)
     _drives(top, panel)
     _frame(top, (start - MARGIN, end + MARGIN), (low, high))
-    _gaps(bottom, panel, dataset)
+    plot_closed_gap(panel, dataset=dataset, ax=bottom)
     handles, labels = top.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=6, frameon=False, fontsize=8)
     figure.suptitle(_title(panel), x=0.01, ha="left", fontsize=11)
@@ -299,51 +299,3 @@ def _frame(ax: "Axes", along: tuple[float, float], across: tuple[float, float]) 
         va="center",
         fontsize=8,
     )
-
-
-def _gaps(ax: "Axes", panel: Panel, dataset: xr.Dataset | None) -> None:
-    """Draw the gap along each rail when it lies closed, and the limits of sensors and lock."""
-    for number, (name, rail) in enumerate(panel.rail.items()):
-        if rail.stock_rail_gap is None:
-            continue
-        if dataset is None:
-            x = np.linspace(rail.start, rail.end, POINTS)
-            gap = resting_gap(panel, name, x, closed=True)
-        else:
-            closed = settled(dataset, to="closed" if rail.closes == "+y" else "open")
-            x, gap = dataset["x"].values, closed["gap"].sel(rail=name).values
-        if gap is None:
-            continue
-        ax.plot(
-            x, MILLI * gap, color=COLOURS[number], linestyle=DASHES[number], label=f"rail {name}"
-        )
-    for number, (name, sensor) in enumerate(panel.sensor.items()):
-        ax.plot(
-            [sensor.x],
-            [MILLI * sensor.limit],
-            marker="v",
-            color=COLOURS[2],
-            linestyle="none",
-            label="limit of TKK" if number == 0 else "_",
-        )
-        ax.annotate(
-            name, (sensor.x, MILLI * sensor.limit), xytext=(6, 0), textcoords="offset points",
-            va="center", fontsize=8,
-        )  # fmt: skip
-    for number, drive in enumerate(panel.drive.values()):
-        ax.plot(
-            [drive.x],
-            [MILLI * panel.lock.gap_limit],
-            marker="s",
-            color=COLOURS[5],
-            markeredgecolor="black",
-            linestyle="none",
-            label="gap limit of lock" if number == 0 else "_",
-        )
-    how = "estimated from the strokes" if dataset is None else "simulated"
-    ax.set_ylabel(f"Gap when closed [mm]\n({how})")
-    ax.set_xlabel("x from the toe [m]")
-    ax.set_ylim(bottom=min(0.0, ax.get_ylim()[0]))
-    ax.grid(visible=True, color="0.85", linewidth=0.6)
-    ax.spines[["top", "right"]].set_visible(False)
-    ax.legend(loc="best", ncols=2, frameon=False, fontsize=8)
