@@ -40,4 +40,5 @@ def test_centroid_and_shear_centre_are_marked() -> None:
     assert [text.get_text() for text in figure.legends[0].get_texts()] == [
         "centroid",
         "shear centre",
+        "running edge",
     ]

@@ -119,6 +119,6 @@ def _bare(ax: "Axes", low: FloatArray, high: FloatArray) -> None:
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])
     ax.set_aspect("equal")
-    ax.axvline(0.0, color=GREY, linewidth=0.6, linestyle=":", zorder=0)
+    ax.axvline(0.0, color=GREY, linewidth=0.8, linestyle=":", zorder=0, label="running edge")
     ax.spines[["top", "right"]].set_visible(False)
     ax.tick_params(labelsize=8)

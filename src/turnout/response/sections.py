@@ -1,10 +1,22 @@
 """Cross-sections along the rails of a panel, for those who show them."""
 
-from turnout.mechanism.rail_sections import Floats, section_outlines, section_values
+from turnout.mechanism.rail_sections import (
+    Floats,
+    in_panel_axes,
+    section_outlines,
+    section_values,
+    station_columns,
+)
 from turnout.panel.model import Panel
 from turnout.panel.profile import section_stations
 
-__all__ = ["rail_stations", "section_outlines", "section_values"]
+__all__ = [
+    "in_panel_axes",
+    "rail_stations",
+    "section_outlines",
+    "section_values",
+    "station_columns",
+]
 
 
 def rail_stations(panel: Panel, rail: str) -> Floats:
