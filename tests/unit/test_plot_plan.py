@@ -46,6 +46,20 @@ def test_marks_stand_where_the_panel_says(figure) -> None:  # type: ignore[no-un
     assert {"Link", "TKK", "Slide chair"} <= set(top.get_legend_handles_labels()[1])
 
 
+def test_a_stock_rail_that_bends_is_drawn_with_its_fastenings() -> None:
+    panel = load_panel("uic60-760-1-15")
+    top = plot_plan(panel).axes[0]
+    for name, stock in panel.stock_rail.items():
+        places = [
+            item.x
+            for item in panel.stock_fastening.values()
+            if item.rails is None or name in item.rails
+        ]
+        drawn = [line for line in top.lines if line.get_label() == "_stock fastening"]
+        assert any(np.array_equal(line.get_xdata(), places) for line in drawn), stock.faces
+    assert top.get_xlim()[0] < min(stock.start for stock in panel.stock_rail.values())
+
+
 def test_the_open_edge_is_that_of_the_layout(figure) -> None:  # type: ignore[no-untyped-def]
     line = line_of(figure.axes[0], "Running edge open")
     expected = rail_line(sb2_panel(), "A", line.get_xdata()).open_edge + 0.5 * TRACK

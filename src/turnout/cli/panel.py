@@ -102,13 +102,17 @@ def sections_command(
 ) -> None:
     """Show the cross-sections along each rail."""
     check_outputs({"--plot": plot}, {"--plot": FIGURES})
-    from turnout.cli.sections import drawn_sections, section_lines
+    from turnout.cli.sections import section_lines
 
     opened = opened_panel(panel, settings)
     for line in section_lines(opened):
         typer.echo(line)
     if plot is not None:
-        write_told(plot, drawn_sections(opened, plot.suffix))
+        from turnout.cli.section_figure import section_figure
+        from turnout.plot.style import rendered
+
+        figure = section_figure(opened, opened.instrumented_rail)
+        write_told(plot, rendered(figure, plot.suffix))
 
 
 @app.command("export")

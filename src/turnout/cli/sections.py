@@ -43,15 +43,3 @@ def section_lines(panel: "LoadedPanel") -> Iterator[str]:
             ]
             yield f"{place:8.3f}{mass:8.1f}" + "".join(cells)
     yield "y positive towards the rail's own stock rail, z from the foot; k: shear area over area"
-
-
-def drawn_sections(panel: "LoadedPanel", suffix: str) -> bytes:
-    """Draw the sections of the instrumented rail, as the content of a file."""
-    from turnout.plot.section_values import plot_section_values
-    from turnout.plot.style import rendered
-    from turnout.response.sections import rail_stations, section_values
-
-    name = panel.instrumented_rail
-    x = rail_stations(panel, name)
-    title = f"{panel.name}: section '{panel.rail[name].section}' of rail {name}"
-    return rendered(plot_section_values(x, section_values(panel, name, x), title=title), suffix)

@@ -155,6 +155,7 @@ def _sleepers(ax: "Axes", panel: Panel, span: tuple[float, float]) -> None:
         panel.sleeper.values(),
         panel.chair.values(),
         panel.fastening.values(),
+        panel.stock_fastening.values(),
     )
     places = np.unique(np.round([item.x for family in families for item in family], 6))
     low, high = span
@@ -195,6 +196,7 @@ def _supports(ax: "Axes", panel: Panel, line: RailLine) -> None:
                 label=_label(ax, "Slide chair"),
                 zorder=1,
             )
+    _stock_fastenings(ax, panel, line)
     marks = (
         (panel.fastening, "x", "black", "Fastening", 1),
         (panel.stop, "|", COLOURS[1], "Stop (close fit)", 0),
@@ -212,6 +214,26 @@ def _supports(ax: "Axes", panel: Panel, line: RailLine) -> None:
             color=colour,
             linestyle="none",
             label=_label(ax, label),
+            zorder=6,
+        )
+
+
+def _stock_fastenings(ax: "Axes", panel: Panel, line: RailLine) -> None:
+    """Mark the fastenings of a stock rail that bends, in the middle of its head."""
+    for name, stock in panel.stock_rail.items():
+        if stock.faces != line.rail:
+            continue
+        places = [item.x for item in panel.stock_fastening.values() if stands_at(item, name)]
+        edge = np.interp(places, line.x, _base(line) + line.stock_edge)
+        middle = edge + 0.5 * line.side * (panel.rail[line.rail].head_width or 0.0)
+        ax.plot(
+            places,
+            middle,
+            marker="x",
+            markersize=4,
+            color="white",
+            linestyle="none",
+            label="_stock fastening",
             zorder=6,
         )
 
