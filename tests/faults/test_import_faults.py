@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from tests.faults.test_cli_faults import turnout
+from tests.unit.test_measurement_optional import tdms
 
 GOOD = "Time (s),Rod 1 (mV/V)\n0,0.1\n0.001,0.2\n0.002,0.3\n"
 MAP = """
@@ -63,3 +64,12 @@ def test_all_wrong_options_at_once(tmp_path: Path) -> None:
     code, message = turnout("import", "throw.csv", "--plot", "a.gif", folder=tmp_path)
     assert code == 2
     assert "must end in .png or .pdf or .svg" in message
+
+
+def test_a_truncated_tdms_file_is_listed_with_a_note(tmp_path: Path) -> None:
+    """What its reader would say by itself does not reach the screen."""
+    pytest.importorskip("nptdms", reason="the extra daq is not installed")
+    tdms(tmp_path / "throw.tdms")
+    content = (tmp_path / "throw.tdms").read_bytes()
+    (tmp_path / "throw.tdms").write_bytes(content[: len(content) // 2])
+    assert turnout("import", "throw.tdms", folder=tmp_path) == (0, "")

@@ -142,6 +142,25 @@ def test_there_and_back() -> None:
     )
 
 
+def test_there_and_back_with_sign_offset_and_amplifier() -> None:
+    channel_map = mapped(ROD + 'unit = "mV"\nsign = -1\noffset = "3 mV"\nexcitation = "5 V"\n')
+    dataset = apply_chain(recorded({"Rod 1": ("mV", [3.0, 1.136945, -2.0])}), channel_map)
+    # 6000 N are 0.372611 mV/V, 1.863055 mV at 5 V, here below the offset
+    np.testing.assert_allclose(dataset["drive_force"][0, :2], [0, 6000], rtol=5e-6, atol=1e-9)
+    back = raw_from_physical(dataset, channel_map).channel("Rod 1")
+    assert back.unit == "mV"
+    np.testing.assert_allclose(back.values, [3.0, 1.136945, -2.0], rtol=1e-13)
+
+
+def test_a_faster_column_is_averaged_over_a_step() -> None:
+    values = np.tile([0.0, 2.0], 1000)
+    recording = Recording({"F": Channel("F", "N", values, 1000.0)}, "throw.csv")
+    text = 'rate = "50 Hz"\n[object_force]\ncolumn = "F"\nkind = "scaled"'
+    force = apply_chain(recording, mapped(text))["object_force"]
+    assert force.sizes["time"] == 100
+    np.testing.assert_allclose(force[1:-1], 1.0, atol=0.06)
+
+
 def test_an_optional_column() -> None:
     channel_map = load_channel_map("two-rods")
     raw = {name: column for name, column in RAW.items() if name != "Load cell"}

@@ -134,10 +134,22 @@ def test_a_damaged_matlab_file_does_not_crash_its_reader(tmp_path: Path, compres
         path.write_bytes(whole[:start] + whole[start + 400 :])
         with pytest.raises(FileError, match="is no MATLAB file, or a damaged one"):
             read_recording(path)
-    for place in (132, 133, 134) if not compressed else (132, 133):
+    for place in (128, 132, 133):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 64]) + whole[place + 1 :])
         with pytest.raises(FileError, match="is no MATLAB file, or a damaged one"):
             read_recording(path)
+
+
+def test_a_cell_array_of_fewer_values_than_it_says(tmp_path: Path) -> None:
+    """Its first dimension stands behind header, tag, flags and a tag: at byte 160."""
+    path = tmp_path / "a.mat"
+    savemat(path, {"c": np.array([["x", "yz"]], dtype=object)})
+    content = bytearray(path.read_bytes())
+    assert content[160] == 1
+    content[160] = 3
+    path.write_bytes(content)
+    with pytest.raises(FileError, match="a cell array does not hold as many values"):
+        read_recording(path)
 
 
 @pytest.mark.parametrize(

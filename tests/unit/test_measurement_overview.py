@@ -61,6 +61,15 @@ def test_columns_of_the_same_number_get_drives_of_their_own() -> None:
     }
 
 
+def test_the_last_number_of_a_name_is_the_drive() -> None:
+    text = skeleton(recording(("AI 3 rod 1", "mV/V"), ("AI 4 rod 2", "mV/V")))
+    channel_map = parse_channel_map(parse_toml(text, source="map"))
+    assert {n: s.column for n, s in channel_map.drive_force.items()} == {
+        "1": "AI 3 rod 1",
+        "2": "AI 4 rod 2",
+    }
+
+
 def test_nothing_that_looks_like_a_sensor() -> None:
     text = skeleton(recording(("GPS", "km/h")))
     assert parse_toml(text, source="map").data == {}

@@ -60,6 +60,11 @@ def test_numbers_alone(tmp_path: Path) -> None:
     assert recording.channel("column 3").rate == 1000.0
 
 
+def test_the_line_that_tells_excel_the_separator_is_no_heading(tmp_path: Path) -> None:
+    recording = read_recording(written(tmp_path, "sep=;\n0;1\n0,1;2\n0,2;3\n"))
+    assert list(recording.channels) == ["column 2"]
+
+
 @pytest.mark.parametrize(
     "stamps",
     [

@@ -189,5 +189,4 @@ def _from_hdf5(file: h5py.File, item: Any) -> Any:
             if all(isinstance(t, str) for t in inner)
             else None
         )
-    # MATLAB's columns are rows to HDF5
-    return np.squeeze(np.asarray(item[()]).T) if item.dtype.kind in "biuf" else None
+    return np.squeeze(np.asarray(item[()])) if item.dtype.kind in "biuf" else None

@@ -16,7 +16,7 @@ from turnout.measurement.recording import Recording
 from turnout.measurement.text_layout import EMPTY, SAMPLE_SIZE, Layout, layout_of
 
 NO_TIME = "give a column 'Time (s)' or a line 'Sample rate: 1000 Hz' above the numbers"
-ROWS_AT_ONCE = 200_000
+ROWS_AT_ONCE = 20_000
 
 
 def read_text(path: Path) -> Recording:
