@@ -5,11 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.unit.campaigns import copied, edited, made
+from tests.unit.recorded import clean
 
 from turnout.errors import MeasurementError
 from turnout.measurement import campaign as module
 from turnout.measurement.campaign import Campaign, build_campaign
 from turnout.measurement.campaign_check import order_remarks
+from turnout.measurement.campaign_dataset import stacked
+from turnout.measurement.movement import Throw
+from turnout.measurement.piece import Piece
 from turnout.measurement.sheet import find_sheet, read_sheet
 from turnout.schema.check import schema_problems
 
@@ -164,3 +168,20 @@ def test_a_movement_that_is_not_there_says_how_many_are(tmp_path: Path) -> None:
 
 def test_slips_are_unknown_without_currents() -> None:
     assert module._slipped([]) == []
+
+
+def test_movements_cut_at_different_times_are_aligned() -> None:
+    runs = [run for run in read_sheet(find_sheet(made())).runs if run.size == 0.013] * 2
+    pieces = []
+    for start, stop in ((1.0, 6.0), (1.7, 6.5)):
+        kept = clean(0.013).sel(time=slice(start, stop))
+        throw = Throw(0, kept.sizes["time"], 2.0, 5.4, (5.2, 5.4), "current", "closing")
+        pieces.append(Piece(kept.drop_attrs(), throw, "", ()))
+    dataset = stacked(list(zip(runs, pieces, strict=True)), [False, False])
+    force = dataset["drive_force_unfiltered"]
+    assert (float(force["time"][0]), float(force["time"][-1])) == (-1.0, 4.5)
+    both = force.sel(time=slice(-0.29, 3.9))
+    np.testing.assert_array_equal(both[0], both[1])
+    assert np.isfinite(both).all()
+    assert np.isnan(force[1].sel(time=slice(None, -0.31))).all()
+    assert np.isnan(force[0].sel(time=slice(4.01, None))).all()

@@ -93,3 +93,9 @@ def test_nothing_to_draw_says_so(measured: xr.Dataset) -> None:
 
 def test_places_are_those_of_objects(measured: xr.Dataset) -> None:
     assert places_of(measured) == ["sleeper 6"]
+
+
+def test_a_slip_is_framed_only_where_something_was_measured(measured: xr.Dataset) -> None:
+    slipping = measured.assign_coords(slipped=("movement", measured["size"].values >= 0.010))
+    force, _, two = plot_overview(slipping).axes
+    assert [len(ax.patches) for ax in (force, two)] == [2, 3]

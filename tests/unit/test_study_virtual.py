@@ -232,3 +232,14 @@ def test_a_throw_that_the_solver_gives_up_ends_its_series(
     with pytest.raises(FileError, match="no throw came to an end: none_opening_1: gave up"):
         make_virtual_campaign(sb2_panel(), tmp_path / "new", plan=plan)
     assert FIELDS == virtual_series.FIELDS
+
+
+def test_a_series_ends_with_a_slip_but_not_before_a_load_cell_fits() -> None:
+    plan = Plan(places=("drive 2",))
+    part = virtual_series.Part(virtual_series._nothing(), True, {}, "")
+    held = virtual_series.Part(virtual_series._nothing(), False, {}, "")
+    cases = [
+        Case(name="x", direction="closing", size=size, place="drive 2") for size in (0.01, 0.013)
+    ]
+    assert [virtual_series.ends_series(part, case, plan) for case in cases] == [False, True]
+    assert not virtual_series.ends_series(held, cases[1], plan)
