@@ -1,4 +1,4 @@
-"""The published facts on the default panel (facts a to e), as checks with limits.
+"""The published facts on the default panel (facts a to f), as checks with limits.
 
 Source: the paper's sections 2 to 4 and Figures 5, 8 to 10; the limits are those that an independent
 converged study of the same panel supports. Drive 2's end of throw is at 7.8 s, the run ends at
@@ -10,8 +10,15 @@ import xarray as xr
 from tests.verification.agreement import Check, filtered
 from tests.verification.runs import DEFAULT, end_force, throw
 
+from turnout.files.toml import parse_toml
+from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.load import LoadedPanel, library_text, load_panel, panel_from_file
+from turnout.response.simulate import simulate
+
 SIZES = (5, 10, 13, 16, 18, 21, 23, 26, 29, 31)
 FRICTIONS = (0.1, 0.2, 0.3, 0.4, 0.5)
+FRICTIONS_F = (0.2, 0.3, 0.4, 0.5)
+LARGEST_SEEN = 20
 SLOW = tuple(
     (f"movement.{name}.{key}", value)
     for name, start in (("throw", 0.2), ("return", 14.4))
@@ -104,6 +111,60 @@ def fact_e_slow() -> list[Check]:
     return _linear("e, throw of 12.8 s", SLOW, alone=True)
 
 
+def fact_f() -> list[Check]:
+    """Friction hides objects: the smallest size that moves a drive grows with it; a link helps."""
+    panel, linked = load_panel(DEFAULT), third_link()
+    sizes = [smallest_seen(panel, friction) for friction in FRICTIONS_F]
+    with_link = [smallest_seen(linked, friction) for friction in FRICTIONS_F]
+    checks = [
+        Check(f"f: smallest size seen at mu {mu}", size, 1, LARGEST_SEEN, "mm")
+        for mu, size in zip(FRICTIONS_F, sizes, strict=True)
+    ]
+    least = min(np.diff(sizes))
+    checks.append(Check("f: least growth of that size from one mu to the next", least, 0, 99, "mm"))
+    growth = sizes[-1] - sizes[0]
+    checks.append(Check("f: growth of that size from mu 0.2 to 0.5", growth, 1, 99, "mm"))
+    checks += [
+        Check(f"f: third link half-way, smallest size seen at mu {mu}", size, 1, LARGEST_SEEN, "mm")
+        for mu, size in zip(FRICTIONS_F, with_link, strict=True)
+    ]
+    for name, one in (("", panel), ("third link half-way, ", linked)):
+        change = last_forces(one, 13) - last_forces(one, 0)
+        checks += [
+            Check(f"f: {name}13 mm change Drive {drive} by", value, 0, 2000, "N")
+            for drive, value in zip("12", change, strict=True)
+        ]
+    return checks
+
+
+def last_forces(panel: LoadedPanel, size: int) -> np.ndarray:
+    """Return the drives' mean forces over the last 0.4 s [N], with an object of a size [mm]."""
+    item = ForeignObject(size / 1e3, "sleeper 6") if size else None
+    force = simulate(panel, foreign_object=item)["drive_force"]
+    mean: np.ndarray = force.sel(time=slice(8.1, 8.5)).mean("time").to_numpy()
+    return mean
+
+
+def third_link() -> LoadedPanel:
+    """Return the default panel with one more link between the switch rails, at sleeper 6."""
+    text = library_text(DEFAULT) + '\n[link.half-way]\nx = "3.6 m"\n'
+    return panel_from_file(parse_toml(text, source="third link"))
+
+
+def smallest_seen(panel: LoadedPanel, friction: float) -> float:
+    """Return the smallest whole size [mm] at sleeper 6 that moves a drive's end force by 50 N."""
+    changed = panel.with_overrides({"chair.friction_coefficient": friction})
+    without = last_forces(changed, 0)
+    unseen, seen = 0, LARGEST_SEEN + 1
+    while seen - unseen > 1:
+        middle = (unseen + seen) // 2
+        if np.abs(last_forces(changed, middle) - without).max() > 50.0:
+            seen = middle
+        else:
+            unseen = middle
+    return float(seen)
+
+
 def _linear(
     name: str, overrides: tuple[tuple[str, float], ...], *, alone: bool = False
 ) -> list[Check]:
@@ -144,4 +205,4 @@ def build_up(ds: xr.Dataset, drive: str) -> float:
     return float((rise[high] - rise[low]) / (times[start + high] - times[start + low]))
 
 
-ALL = (fact_a, fact_b, fact_c, fact_d, fact_e, fact_e_slow)
+ALL = (fact_a, fact_b, fact_c, fact_d, fact_e, fact_e_slow, fact_f)

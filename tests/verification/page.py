@@ -40,7 +40,7 @@ from the functions that the tests call, on the thinned copies of the independent
 | rails as matrices | the rails that they came from | `test_matrices_round_trip.py` |
 | changing normal force, lift-off | independent fine-step program | `test_brute_force*.py` |
 | whole panels | independent programs: SB1, SB2 | `test_benchmarks.py` |
-| the paper | facts a to e | `test_paper_facts.py` |
+| the paper | facts a to f | `test_paper_facts.py` |
 | books of energy | closed to rounding on every run | `test_benchmarks.py` and others |
 """
 
@@ -70,18 +70,22 @@ by 0.3 %: the benchmark's simplification, not an error of either program.
 FACTS_TEXT = """## The paper's facts on the default panel
 
 Facts a and c were used to choose dimensions that no source gives (a: free length, c: distance of
-the drives); b, d and e were not. What disagrees:
+the drives), on an earlier, simpler model; b, d, e and f were not. What disagrees, and what was
+open:
 
 - **a.** The paper tells of about 26 mm left at Drive 2 with 81 kN/m. A full cycle leaves 23.4 mm,
   because the throw is then incomplete and friction in the heel part never reverses. No choice of
   free length, friction or section moves it; a rail that is stress-free elsewhere would.
-- **e.** Drive 2 and the sum of both drives are proportional to friction. Drive 1 alone, a sixth of
-  Drive 2, carries the ripple that friction locks in at the end of the throw, which is worth up to
-  60 N: measured against its own largest force it misses a straight line by 2.8 % and the origin by
-  8 %. Four times slower the ripple is gone and Drive 1 is proportional as well (last table rows).
+- **e.** On planed sections both drives are proportional to friction, also Drive 1 alone, which on
+  symmetric sections is off by the ripple that friction locks in. Four times slower it is so too.
+- **f.** The smallest object that moves an end force by 50 N grows with friction. A third link
+  half-way, at the object, changes that size by 1 mm at most, but a 13 mm object then changes Drive
+  2 by half as much again: the published finding that more links help detection.
 - **Figure 11 of the paper** tells of Drive 1 building up to saturation for 13 and 29 mm at the TKK.
   Here a midway object gives Drive 1 1.1 and 2.5 kN. The drive springs alone yield 8 mm at 6 kN, so
   that a midway object cannot saturate Drive 1; the model is not tuned towards it.
+
+What each refinement of the panel is worth is told [apart](effects.md).
 """
 
 

@@ -1,4 +1,4 @@
-"""Facts a to e of the paper on the default panel; limits and sources: see `facts`."""
+"""Facts a to f of the paper on the default panel; limits and sources: see `facts`."""
 
 import pytest
 from tests.verification.facts import ALL
