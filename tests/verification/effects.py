@@ -146,7 +146,7 @@ def table(size: float | None, found: list[tuple[Variant, Figures]]) -> str:
     title = "Without an object" if size is None else f"{size:g} mm at sleeper 6"
     base = found[0][1]
     lines = [
-        f"### {title}",
+        f"## {title}",
         "",
         "| | Drive 1 [N] | | Drive 2 [N] | | object [N] | | chair, most [N] | chairs off |",
         "|---|--:|--:|--:|--:|--:|--:|--:|--:|",
