@@ -59,7 +59,7 @@ def test_an_incomplete_run_is_kept_and_marked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "turnout.response.scheme.scheme_for",
+        "turnout.response.scheme.Scheme",
         lambda **_: Scheme(iterations=1, halvings=0, follow_path=False),
     )
     result = run("--out", tmp_path / "run.nc", "--plot", tmp_path / "run.png")

@@ -21,8 +21,8 @@ from turnout.law.table import LawTableBuilder
         ({"cutoff_frequency": float("nan")}, "cutoff_frequency = nan Hz"),
         ({"spectral_radius": 1.1}, r"spectral_radius = 1.1"),
         ({"spectral_radius": -0.1}, r"spectral_radius = -0.1"),
-        ({"step": 2e-3}, "output_interval = 0.001 s is below the step"),
-        ({"step": 4e-4}, "no multiple of the step"),
+        ({"step": 2e-3, "output_interval": 1e-3}, "output_interval = 0.001 s is below the step"),
+        ({"step": 4e-4, "output_interval": 1e-3}, "no multiple of the step"),
         ({"iterations": 0}, "iterations must be at least 1"),
         ({"halvings": -1}, "halvings at least 0"),
     ],
@@ -30,6 +30,18 @@ from turnout.law.table import LawTableBuilder
 def test_a_scheme_that_cannot_work_is_refused(options: dict[str, float], message: str) -> None:
     with pytest.raises(SolverError, match=message):
         Scheme(**options)
+
+
+@pytest.mark.parametrize(("step", "stride"), [(2.5e-4, 4), (3e-4, 4), (1e-3, 1), (2e-3, 1)])
+def test_a_scheme_stores_about_every_millisecond(step: float, stride: int) -> None:
+    scheme = Scheme(step=step)
+    assert scheme.stride == stride
+    assert scheme.output_interval == pytest.approx(stride * step)
+
+
+def test_texts_are_no_numbers_of_a_scheme() -> None:
+    with pytest.raises(SolverError, match=r"step = '1 ms': must be .*; cutoff_frequency = None"):
+        Scheme(step="1 ms", cutoff_frequency=None)  # type: ignore[arg-type]
 
 
 def test_all_problems_of_a_scheme_are_named_at_once() -> None:

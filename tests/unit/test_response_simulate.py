@@ -16,7 +16,6 @@ from turnout.integrate.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.response.compilation import must_compile
 from turnout.response.save import Save
-from turnout.response.scheme import scheme_for
 from turnout.response.simulate import _compile_kernels, simulate
 from turnout.schema.check import schema_problems
 
@@ -144,17 +143,6 @@ def test_a_wrong_choice_is_refused(given: dict[str, object], words: str) -> None
 def test_an_interval_that_is_no_multiple_of_the_step_is_refused() -> None:
     with pytest.raises(SolverError, match="no multiple"):
         simulate(sb1_panel(), save=Save(interval=1.5e-3))
-
-
-@pytest.mark.parametrize(("step", "stride"), [(2.5e-4, 4), (3e-4, 4), (1e-3, 1), (2e-3, 1)])
-def test_scheme_stores_about_every_millisecond(step: float, stride: int) -> None:
-    assert scheme_for(step=step, cutoff_frequency=300.0).stride == stride
-
-
-@pytest.mark.parametrize("step", [0.0, -1e-3])
-def test_no_step_is_refused(step: float) -> None:
-    with pytest.raises(ResponseError, match="must be more than 0"):
-        scheme_for(step=step, cutoff_frequency=300.0)
 
 
 def test_compilation_is_announced_only_when_it_is_due(

@@ -17,7 +17,6 @@ from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel, panel_from_file
 from turnout.panel.model import Panel
 from turnout.panel.opening import largest_opening
-from turnout.response.scheme import scheme_for
 
 T = TypeVar("T")
 SEED = 20240607
@@ -79,7 +78,7 @@ class Scenario:
 
     def scheme(self, *, step: float | None = None) -> Scheme:
         """Return the scheme, with another step if one is given."""
-        scheme = scheme_for(step=step or self.step, cutoff_frequency=self.cutoff_frequency)
+        scheme = Scheme(step=step or self.step, cutoff_frequency=self.cutoff_frequency)
         return replace(scheme, spectral_radius=self.spectral_radius)
 
     @property

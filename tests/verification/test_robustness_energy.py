@@ -11,10 +11,10 @@ import pytest
 import xarray as xr
 from tests.verification.runs import DEFAULT, books, throw
 
+from turnout.integrate.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.response.save import Save
-from turnout.response.scheme import scheme_for
 from turnout.response.simulate import simulate
 
 STEPS = (4e-3, 2e-3, 1e-3, 5e-4)
@@ -58,7 +58,7 @@ def test_the_loss_shrinks_with_the_step(case: str) -> None:
 def coarse_throw(panel: str, place: str | None, step: float) -> xr.Dataset:
     """Return the throw of `runs.throw` with another step, of which every one above 1 ms is kept."""
     trapped = ForeignObject(0.013, place) if place else None
-    scheme = scheme_for(step=step, cutoff_frequency=300.0)
+    scheme = Scheme(step=step, cutoff_frequency=300.0)
     return simulate(load_panel(panel), foreign_object=trapped, scheme=scheme)
 
 

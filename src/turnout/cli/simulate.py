@@ -150,7 +150,7 @@ def _scheme(step: str, cutoff: str) -> "Scheme":
     """Return the scheme of a step and a cut-off; output about every millisecond."""
     from turnout.errors import FileError
     from turnout.files.units import FREQUENCY, TIME, parse_quantity
-    from turnout.response.scheme import scheme_for
+    from turnout.response.scheme import Scheme
 
     values, problems = [], []
     for option, text, dimension in (("--step", step, TIME), ("--cutoff", cutoff, FREQUENCY)):
@@ -160,7 +160,7 @@ def _scheme(step: str, cutoff: str) -> "Scheme":
             problems.append(f"{option} {text}: {error}")
     if problems:
         raise FileError("\n".join(problems))
-    return scheme_for(step=values[0], cutoff_frequency=values[1])
+    return Scheme(step=values[0], cutoff_frequency=values[1])
 
 
 def _write(

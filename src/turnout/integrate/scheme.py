@@ -1,8 +1,11 @@
 """The numerical choices of a run, with a physical scale each."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
 
 from turnout.errors import SolverError
+
+LEAST_OUTPUT_INTERVAL = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +32,13 @@ class Scheme:
     follow_path : bool
         Whether the smallest step, where it does not settle, is walked event by event.
     output_interval : float
-        Time between stored instants [s]; a multiple of the step.
+        Time between stored instants [s]; a multiple of the step. Default every step, but not more
+        often than every millisecond.
+
+    Examples
+    --------
+    >>> Scheme(step=2.5e-4).stride, Scheme(step=2e-3).output_interval
+    (4, 0.002)
     """
 
     step: float = 1e-3
@@ -40,17 +49,26 @@ class Scheme:
     iterations: int = 40
     halvings: int = 6
     follow_path: bool = True
-    output_interval: float = 1e-3
+    output_interval: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what cannot work, all at once."""
-        problems = []
+        """Refuse what cannot work, all at once; choose the output interval where none is given."""
+        problems = [
+            f"{item.name} = {value!r}: must be a number in SI"
+            for item in fields(self)
+            if isinstance(value := getattr(self, item.name), str) or value is None
+        ]
+        if problems:
+            raise SolverError("scheme: " + "; ".join(problems))
         if not 0 < self.step <= 0.1:
-            problems.append(f"step = {self.step:g} s: allowed is more than 0, at most 0.1 s")
+            problems.append(f"step = {self.step:g} s: must be more than 0, at most 0.1 s")
         if not self.cutoff_frequency > 0:
             problems.append(f"cutoff_frequency = {self.cutoff_frequency:g} Hz: must be positive")
         if not 0 <= self.spectral_radius <= 1:
             problems.append(f"spectral_radius = {self.spectral_radius:g}: allowed is 0 to 1")
+        if not problems and self.output_interval == 0.0:
+            every = max(1, math.ceil(LEAST_OUTPUT_INTERVAL / self.step - 1e-9))
+            object.__setattr__(self, "output_interval", every * self.step)
         if not problems:
             problems += self._output_problems()
         if self.iterations < 1 or self.halvings < 0:
