@@ -59,6 +59,7 @@ def test_a_virtual_campaign_goes_through(tmp_path: Path) -> None:
         (("--panel", "sb3"), "nearest is 'sb2'"),
         (("--panel", "sb2", "--place", "sleeper 66"), "sleeper '66'"),
         (("--panel", "sb2", "--size", "13"), "write the unit"),
+        (("--panel", "sb2", "--place", "sleper 6"), "nearest is 'sleeper'"),
         (("--panel", "sb2", "--format", "doc"), "format '.doc'"),
         (("--panel", "sb2", "--set", "drive.2.stifness=1 kN/m"), "nearest is"),
     ],
@@ -115,6 +116,9 @@ def test_a_missing_channel_map_or_column_is_named(tmp_path: Path) -> None:
     message = refused("build", folder)
     assert 'column = "Rod one"' in message
     assert "nearest is 'Rod" in message
+    # One mistake in the map is one line, however many recordings it spoils.
+    assert message.count("Rod one") == 1
+    assert " and 5 more: " in message
     (folder / "channels.toml").unlink()
     assert "channels.toml: no such file" in refused("build", folder)
     assert "campaign.nc" not in [path.name for path in folder.iterdir()]
@@ -126,6 +130,7 @@ def test_a_missing_channel_map_or_column_is_named(tmp_path: Path) -> None:
         (("--out", "figure.doc"), "must end in .png"),
         (("--direction", "up"), "must be closing or opening"),
         (("--place", "drive 1"), "there are sleeper 6"),
+        (("--place", "sleper 6"), "nearest is 'sleeper'"),
     ],
 )
 def test_a_figure_that_cannot_be_drawn_says_why(

@@ -9,11 +9,14 @@ from tests.unit.recorded import clean
 
 from turnout.errors import MeasurementError
 from turnout.measurement import campaign as module
+from turnout.measurement import piece
 from turnout.measurement.campaign import Campaign, build_campaign
 from turnout.measurement.campaign_check import order_remarks
 from turnout.measurement.campaign_dataset import stacked
 from turnout.measurement.movement import Throw
 from turnout.measurement.piece import Piece
+from turnout.measurement.read import read_recording
+from turnout.measurement.recording import Recording
 from turnout.measurement.sheet import find_sheet, read_sheet
 from turnout.schema.check import schema_problems
 
@@ -75,6 +78,48 @@ def test_a_damaged_piece_is_cut_again(tmp_path: Path) -> None:
     stored = sorted((folder / ".turnout").glob("*.npz"))
     stored[0].write_bytes(b"PK\x03\x04 and then nothing")
     assert build_campaign(folder).reused == 8
+
+
+def test_a_file_of_several_movements_is_read_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = edited(copied(tmp_path), "none_closing_2.csv,", "none_closing_1.csv,2,")
+    edited(folder, "file,", "file,movement,")
+    sheet = folder / "runs.csv"
+    lines = [
+        line
+        if line.startswith(("#", "file")) or ",2,closing" in line
+        else line.replace(",", ",,", 1)
+        for line in sheet.read_text(encoding="utf-8").splitlines()
+    ]
+    sheet.write_text("\n".join(lines), encoding="utf-8")
+    read: list[str] = []
+
+    def counted(path: Path) -> Recording:
+        read.append(path.name)
+        return read_recording(path)
+
+    monkeypatch.setattr(piece, "read_recording", counted)
+    campaign = build_campaign(folder)
+    assert [item.run.name for item in campaign.excluded] == ["none_closing_1#2"]
+    assert sorted(read) == sorted({run.file for run in campaign.sheet.runs})
+    read.clear()
+    assert build_campaign(folder).reused == 8
+    assert read == ["none_closing_1.csv"]
+
+
+def test_what_several_recordings_say_is_said_once(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    for number in (1, 2):
+        path = folder / f"none_closing_{number}.csv"
+        lines = path.read_text(encoding="utf-8").splitlines()
+        # A second row of the same time, as some recorders write.
+        cells, before = lines[200].split(","), lines[199].split(",")
+        lines[200] = ",".join([before[0], *cells[1:]])
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    said = [text for text in build_campaign(folder).remarks if "too coarsely" in text]
+    assert len(said) == 1
+    assert "none_closing_1 and 1 more: channels 'Rod 1'" in said[0]
 
 
 def test_an_interrupted_build_keeps_what_it_has(
@@ -148,6 +193,11 @@ def test_lines_against_the_clock_are_remarked(tmp_path: Path) -> None:
     (remark,) = order_remarks(runs, times)
     assert runs[2].file in remark
     assert order_remarks(runs, ["", "", ""]) == []
+    # 08:04 in Stockholm is before 08:00 in London.
+    zones = ["2025-01-01T08:00:00+00:00", "2025-01-01T08:04:00+01:00", ""]
+    assert len(order_remarks(runs, zones)) == 1
+    assert order_remarks(runs, ["2025-01-01T08:00:00", "2024-01-01T08:04:00+01:00", ""]) == []
+    assert order_remarks(runs, ["31.12.2024 08:00", "01.01.2025 08:00", ""]) == []
 
 
 def test_a_movement_that_is_not_there_says_how_many_are(tmp_path: Path) -> None:

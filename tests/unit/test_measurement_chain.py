@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from turnout.errors import FileError, MeasurementError
 from turnout.files.toml import parse_toml
@@ -159,6 +160,15 @@ def test_a_faster_column_is_averaged_over_a_step() -> None:
     force = apply_chain(recording, mapped(text))["object_force"]
     assert force.sizes["time"] == 100
     np.testing.assert_allclose(force[1:-1], 1.0, atol=0.06)
+
+
+def test_a_column_under_its_matlab_name() -> None:
+    raw = {name.replace(" ", "_"): column for name, column in RAW.items()}
+    channel_map = load_channel_map("two-rods")
+    xr.testing.assert_equal(
+        apply_chain(recorded(raw), channel_map)["drive_force"],
+        apply_chain(recorded(RAW), channel_map)["drive_force"],
+    )
 
 
 def test_an_optional_column() -> None:

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from turnout.errors import FileError, MeasurementError
-from turnout.measurement.sheet import RunSheet, find_sheet, normal_place, read_sheet
+from turnout.measurement.sheet import RunSheet, find_sheet, read_sheet
+from turnout.measurement.sheet_value import normal_place
 
 CSV = """# title: Two days in autumn
 # synthetic: no, but say so
@@ -78,7 +79,13 @@ def test_a_title_is_the_folder_where_none_is_given(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("given", "place"),
-    [("Sleeper 6", "sleeper 6"), ("sleeper_6", "sleeper 6"), ("", "none"), ("TKK1", "TKK1")],
+    [
+        ("Sleeper 6", "sleeper 6"),
+        ("sleeper_6", "sleeper 6"),
+        ("", "none"),
+        ("TKK1", "TKK1"),
+        ("x=3600 mm", "x = 3.6 m"),
+    ],
 )
 def test_places_are_written_one_way(given: str, place: str) -> None:
     assert normal_place(given) == place
@@ -98,6 +105,10 @@ def test_places_are_written_one_way(given: str, place: str) -> None:
         ("10,sleeper 6", "10,-", "an object has a place"),
         ("1,no,,\nc", "1,perhaps,,\nc", "must be yes or no"),
         ("load_cell_from: 13 mm", "load_cell_from: 13", "load_cell_from"),
+        ("closing,10", "closing,-10", "must be at least 0"),
+        ("closing,10", "closing,10 m", 'line 6: size = "10 m": 10 m is no object'),
+        ("sleeper 6,1", "sleper 6,1", "nearest is 'sleeper'"),
+        ("sleeper 6,1", "x = 3.6,1", "write the unit"),
     ],
 )
 def test_a_mistake_is_named(old: str, new: str, words: str, tmp_path: Path) -> None:
@@ -114,6 +125,12 @@ def test_all_mistakes_come_at_once(tmp_path: Path) -> None:
     with pytest.raises(MeasurementError) as caught:
         sheet_of(text, tmp_path)
     assert len(caught.value.problems) == 2
+
+
+def test_a_place_that_is_none_is_one_mistake(tmp_path: Path) -> None:
+    with pytest.raises(MeasurementError) as caught:
+        sheet_of(CSV.replace("sleeper 6", "sleper 6"), tmp_path)
+    assert len(caught.value.problems) == 1
 
 
 def test_unknown_headings_of_toml_are_named(tmp_path: Path) -> None:

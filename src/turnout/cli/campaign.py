@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 FIGURES = (".png", ".pdf", ".svg")
 INTERRUPTED = 130
 MOST_REMARKS = 20
+MOST_NAMES = 4
 
 app = typer.Typer(
     name="campaign",
@@ -73,7 +74,7 @@ def build_command(
     if campaign.dataset is None:
         from turnout.errors import MeasurementError
 
-        problems = [f"{item.run.name}: {'; '.join(item.reasons)}" for item in campaign.excluded]
+        problems = [f"{who}: {'; '.join(reasons)}" for who, reasons in _excluded(campaign)]
         raise MeasurementError(problems, source=f"{folder}: no movement is usable")
     from turnout.response.store import save_response
 
@@ -110,6 +111,7 @@ def plot_command(
 
         message = f"--direction {direction}: must be closing or opening"
         raise FileError(message)
+    place = None if place is None else _place(place)
     dataset = _dataset_of(source, channels, quiet=quiet)
     from turnout.files.atomic import write_atomic
     from turnout.plot.campaign import plot_overview, plot_stacked
@@ -118,9 +120,7 @@ def plot_command(
     if place is None:
         figure = plot_overview(dataset, direction=direction)
     else:
-        from turnout.measurement.sheet import normal_place
-
-        figure = plot_stacked(dataset, place=normal_place(place), direction=direction)
+        figure = plot_stacked(dataset, place=place, direction=direction)
     write_atomic(target, rendered(figure, target.suffix))
     if not quiet:
         typer.echo(f"{'written':<12}{target}")
@@ -176,6 +176,17 @@ def virtual_command(
         soft_build_up=soft_build_up,
     )
     _make(loaded, out, plan, workers=workers, quiet=quiet)
+
+
+def _place(text: str) -> str:
+    from turnout.errors import FileError
+    from turnout.measurement.sheet_value import normal_place
+
+    try:
+        return normal_place(text)
+    except ValueError as error:
+        message = f"--place {text}: {error}"
+        raise FileError(message) from None
 
 
 def _make(panel: "LoadedPanel", out: Path, plan: "Plan", *, workers: int, quiet: bool) -> None:
@@ -248,12 +259,27 @@ def _tell(campaign: "Campaign", *, remarks: bool) -> None:
     typer.echo(f"{'movements':<12}{len(sheet.runs)} in the sheet, {usable} usable")
     if campaign.reused:
         typer.echo(f"{'':<12}{campaign.reused} had been cut before")
-    for item in campaign.excluded:
-        for number, reason in enumerate(item.reasons):
-            typer.echo(f"{'excluded' if number == 0 else '':<12}{item.run.name}: {reason}")
+    for who, reasons in _excluded(campaign):
+        for number, reason in enumerate(reasons):
+            typer.echo(f"{'excluded' if number == 0 else '':<12}{who}: {reason}")
     shown = campaign.remarks if remarks else campaign.remarks[:MOST_REMARKS]
     for number, text in enumerate(shown):
         typer.echo(f"{'remarks' if number == 0 else '':<12}{text}")
     if len(shown) < len(campaign.remarks):
         more = len(campaign.remarks) - len(shown)
         typer.echo(f"{'':<12}and {more} more; `turnout campaign check` shows all")
+
+
+def _excluded(campaign: "Campaign") -> list[tuple[str, tuple[str, ...]]]:
+    """Return the reasons to leave movements out, each with the names that it holds for."""
+    same: dict[tuple[str, ...], list[str]] = {}
+    for item in campaign.excluded:
+        same.setdefault(item.reasons, []).append(item.run.name)
+    return [
+        (
+            ", ".join(names[:MOST_NAMES])
+            + f" and {len(names) - MOST_NAMES} more" * (len(names) > MOST_NAMES),
+            reasons,
+        )
+        for reasons, names in same.items()
+    ]

@@ -172,7 +172,7 @@ def assemble(
         When not one channel is left; the text says why for each.
     """
     channels: dict[str, Channel] = {}
-    mended, left_out = list(problems), dict[str, list[str]]()
+    mended, left_out = dict[str, list[str]](), dict[str, list[str]]()
     grids: dict[int, TimeGrid | ValueError] = {}
     for column in columns:
         name = _free(column.name.strip() or f"channel {len(channels) + 1}", channels)
@@ -183,8 +183,12 @@ def assemble(
             continue
         channels[name] = channel
         if problem:
-            mended.append(f"channel '{name}': {problem}")
-    found = [*mended, *(_left_out(reason, names) for reason, names in left_out.items())]
+            mended.setdefault(problem, []).append(name)
+    found = [
+        *problems,
+        *(f"{_named(names)}: {problem}" for problem, names in mended.items()),
+        *(_left_out(reason, names) for reason, names in left_out.items()),
+    ]
     if not channels:
         reasons = "; ".join(found) or "there are no numbers in it"
         message = f"{source}: no channel can be read: {reasons}"
@@ -222,9 +226,11 @@ def _evened(
 
 
 def _left_out(reason: str, names: Sequence[str]) -> str:
-    if len(names) == 1:
-        return f"channel '{names[0]}' is left out: {reason}"
-    return f"channels {choices(names)} are left out: {reason}"
+    return f"{_named(names)} {'is' if len(names) == 1 else 'are'} left out: {reason}"
+
+
+def _named(names: Sequence[str]) -> str:
+    return f"channel{'s' if len(names) > 1 else ''} {choices(names)}"
 
 
 def _free(name: str, taken: dict[str, Channel]) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from turnout.errors import MeasurementError, TurnoutError
+from turnout.errors import ListedError, MeasurementError, TurnoutError
 from turnout.files.provenance import provenance
 from turnout.measurement.campaign_check import (
     check_files,
@@ -24,7 +24,7 @@ from turnout.measurement.chain import load_channel_map, map_hash
 from turnout.measurement.channel_map import ChannelMap
 from turnout.measurement.motion import force_changes
 from turnout.measurement.movement import Detection
-from turnout.measurement.piece import Piece, kept_piece
+from turnout.measurement.piece import Piece, kept_pieces
 from turnout.measurement.quality import Expected, Verdict, judge
 from turnout.measurement.quality_record import Limits
 from turnout.measurement.quality_throw import Profile, early_profile, typical_profile
@@ -113,17 +113,10 @@ def build_campaign(
     sheet = read_sheet(find_sheet(folder))
     check_files(sheet, folder)
     channel_map = load_channel_map(channels if channels is not None else folder / CHANNEL_FILE)
-    pieces: list[Piece | TurnoutError] = []
-    reused = 0
-    for number, run in enumerate(sheet.runs):
-        if report is not None:
-            report(number, len(sheet.runs))
-        piece, known = kept_piece(folder, run, channel_map, detection=detection)
-        pieces.append(piece)
-        reused += known
+    pieces, reused = _pieces(folder, sheet.runs, channel_map, detection=detection, report=report)
     verdicts = _verdicts(sheet.runs, pieces, channel_map, limits=limits)
     excluded = tuple(
-        Excluded(run, (str(found),) if isinstance(found, TurnoutError) else found.reasons)
+        Excluded(run, _reasons(found))
         for run, found in zip(sheet.runs, verdicts, strict=True)
         if isinstance(found, TurnoutError) or not found.usable
     )
@@ -141,6 +134,33 @@ def build_campaign(
     remarks = [*extra_files(sheet, folder), *_remarks(usable, slipped)]
     dataset = _dataset(usable, slipped, sheet, channel_map, excluded) if usable else None
     return Campaign(dataset, sheet, excluded, tuple(remarks), reused)
+
+
+def _pieces(
+    folder: Path,
+    runs: Sequence[Run],
+    channel_map: ChannelMap,
+    *,
+    detection: Detection | None,
+    report: Callable[[int, int], None] | None,
+) -> tuple[list[Piece | TurnoutError], int]:
+    """Return the movement of each run, and how many had been cut before; a file is read once."""
+    members: dict[str, list[int]] = {}
+    for number, run in enumerate(runs):
+        members.setdefault(run.file, []).append(number)
+    pieces: dict[int, Piece | TurnoutError] = {}
+    reused = 0
+    if report is not None:
+        report(0, len(runs))
+    for numbers in members.values():
+        own = [runs[number] for number in numbers]
+        found = kept_pieces(folder, own, channel_map, detection=detection)
+        for number, (piece, known) in zip(numbers, found, strict=True):
+            pieces[number] = piece
+            reused += known
+            if report is not None:
+                report(len(pieces), len(runs))
+    return [pieces[number] for number in range(len(runs))], reused
 
 
 def _verdicts(
@@ -177,6 +197,13 @@ def _verdicts(
     return verdicts
 
 
+def _reasons(found: Verdict | TurnoutError) -> tuple[str, ...]:
+    """Return every reason to leave a movement out."""
+    if isinstance(found, ListedError):
+        return found.problems
+    return (str(found),) if isinstance(found, TurnoutError) else found.reasons
+
+
 def _slipped(pieces: Sequence[Piece]) -> list[bool | None]:
     """Tell from the currents whether a motor ran until it was switched off; None without them."""
     runs = [np.array(piece.throw.drive_ends) - piece.throw.onset for piece in pieces]
@@ -195,17 +222,24 @@ def _remarks(
         float(force_changes(piece.dataset["drive_force"].values, rate=piece.rate).sum())
         for _, piece, _ in usable
     ]
+    said: dict[str, list[Run]] = {}
+    for run, piece, verdict in usable:
+        for text in (*piece.notes, *verdict.remarks):
+            said.setdefault(text, []).append(run)
     return [
-        *(
-            f"{run.where}: {run.name}: {text}"
-            for run, piece, verdict in usable
-            for text in (*piece.notes, *verdict.remarks)
-        ),
         *order_remarks(runs, [piece.start_time for _, piece, _ in usable]),
         *slip_remarks(runs, slipped),
         *series_remarks(runs, slipped),
         *force_remarks(runs, forces),
+        # What the recorder does it does in every file: said once.
+        *(f"{_first_of(among)}: {text}" for text, among in said.items()),
     ]
+
+
+def _first_of(runs: Sequence[Run]) -> str:
+    """Name the first of some movements and how many more there are."""
+    more = f" and {len(runs) - 1} more" if len(runs) > 1 else ""
+    return f"{runs[0].where}: {runs[0].name}{more}"
 
 
 def _dataset(

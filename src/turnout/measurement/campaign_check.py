@@ -1,6 +1,7 @@
 """Whether a run sheet fits the files beside it, and what was measured."""
 
 from collections.abc import Iterable, Sequence
+from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
 
@@ -62,13 +63,26 @@ def order_remarks(runs: Sequence[Run], start_times: Iterable[str]) -> list[str]:
     >>> order_remarks([], [])
     []
     """
-    timed = [(run, start) for run, start in zip(runs, start_times, strict=True) if start]
+    timed = [
+        (run, start, moment)
+        for run, start in zip(runs, start_times, strict=True)
+        if (moment := _moment(start)) is not None
+    ]
     return [
         f"{run.where}: {run.file} was recorded at {start}, before {above.file} above it ({earlier})"
         "; is the order of the lines right?"
-        for (above, earlier), (run, start) in pairwise(timed)
-        if start < earlier
+        for (above, earlier, then), (run, start, now) in pairwise(timed)
+        # Clocks with and without a time zone cannot be compared.
+        if (now.tzinfo is None) == (then.tzinfo is None) and now < then
     ]
+
+
+def _moment(text: str) -> datetime | None:
+    """Understand date and time in ISO 8601; what else recorders write is not compared."""
+    try:
+        return datetime.fromisoformat(text)
+    except ValueError:
+        return None
 
 
 def series_remarks(runs: Sequence[Run], slipped: Sequence[bool | None]) -> list[str]:

@@ -1,5 +1,6 @@
 """Apply a channel map to a recording, and go back from newtons to what would be recorded."""
 
+import re
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
@@ -248,7 +249,7 @@ def _mapped(
     found: dict[str, tuple[Channel, AnySensor, Line]] = {}
     problems: list[str] = []
     for key, dimension, sensor in sensors(channel_map):
-        channel = recording.channels.get(sensor.column)
+        channel = _column(recording, sensor.column)
         if channel is None:
             if not sensor.optional:
                 near = nearest(sensor.column, recording.channels)
@@ -266,6 +267,11 @@ def _mapped(
     if not found and not problems:
         problems.append("none of the columns of the channel map is in the file")
     return found, problems
+
+
+def _column(recording: Recording, name: str) -> Channel | None:
+    """Return a column by its name, or by what MATLAB makes of it: "Rod 1" is a variable Rod_1."""
+    return recording.channels.get(name) or recording.channels.get(re.sub(r"\W", "_", name))
 
 
 def _dataset(

@@ -4,7 +4,7 @@ import hashlib
 import io
 import json
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -56,44 +56,100 @@ class Piece:
         return float((time.size - 1) / (time[-1] - time[0]))
 
 
-def cut_piece(
-    folder: Path, run: Run, channel_map: ChannelMap, *, detection: Detection | None = None
-) -> Piece:
-    """Read a recording and cut the movement of a run out of it.
+def kept_pieces(
+    folder: Path,
+    runs: Sequence[Run],
+    channel_map: ChannelMap,
+    *,
+    detection: Detection | None = None,
+) -> Iterator[tuple[Piece | TurnoutError, bool]]:
+    """Yield the movements of one recording, from the store of the campaign or cut and stored.
+
+    The file is read once, and only when one of its movements is not in the store. A bad recording
+    comes back as the error that says what is wrong with it, so that the others of the campaign are
+    built all the same.
 
     Parameters
     ----------
     folder : Path
         Folder of the campaign.
-    run : Run
-        Which file, and which throw of it.
+    runs : sequence of Run
+        Lines of the sheet, all of the same file.
     channel_map : ChannelMap
         From columns to forces and currents.
     detection : Detection, optional
         What counts as a throw.
 
-    Returns
-    -------
-    Piece
-
-    Raises
+    Yields
     ------
-    FileError, MeasurementError
-        When the file cannot be read, lacks a column, or holds no such throw.
+    piece : Piece or TurnoutError
+        For each run, in their order.
+    reused : bool
+        Whether it had been cut before, from the same file and map.
     """
-    path = folder / run.file
-    dataset = apply_chain(read_recording(path), channel_map)
-    if "drive_force" not in dataset:
-        message = "the channel map has no drive_force; a campaign needs the rods' forces"
-        raise MeasurementError([message], source=str(path))
-    throws = find_throws(dataset, detection=detection)
-    if len(throws) < run.movement:
+    path = folder / runs[0].file
+    try:
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        unread = FileError(f"{path}: cannot be read ({error.strerror or error})")
+        yield from ((unread, False) for _ in runs)
+        return
+    shared = {
+        "file": digest,
+        "map": map_hash(channel_map),
+        "detection": asdict(detection or Detection()),
+        "version": f"{version()} {PIECE_VERSION}",
+    }
+    found: _Found | TurnoutError | None = None
+    for run in runs:
+        key = content_hash({**shared, "movement": run.movement})
+        stored = folder / STORE / f"{key[:32]}.npz"
+        piece = _stored(stored)
+        if piece is not None:
+            yield piece, True
+            continue
+        if found is None:
+            found = _found(path, channel_map, detection)
+        cut = found if isinstance(found, TurnoutError) else _cut(found, run.movement, path)
+        # A folder that may not be written to is read each time.
+        with suppress(FileError, OSError):
+            if isinstance(cut, Piece):
+                stored.parent.mkdir(exist_ok=True)
+                write_atomic(stored, _packed(cut))
+        yield cut, False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    """A recording in SI and every throw in it."""
+
+    dataset: xr.Dataset
+    throws: tuple[Throw, ...]
+
+
+def _found(
+    path: Path, channel_map: ChannelMap, detection: Detection | None
+) -> _Found | TurnoutError:
+    try:
+        dataset = apply_chain(read_recording(path), channel_map)
+        if "drive_force" not in dataset:
+            message = "the channel map has no drive_force; a campaign needs the rods' forces"
+            raise MeasurementError([message], source=str(path))
+    except TurnoutError as error:
+        return error
+    return _Found(dataset, find_throws(dataset, detection=detection))
+
+
+def _cut(found: _Found, movement: int, path: Path) -> Piece | TurnoutError:
+    """Return a movement by its number in the recording, from 1."""
+    count = len(found.throws)
+    if count < movement:
         there = {0: "nothing moves in it", 1: "it holds one throw"}.get(
-            len(throws), f"it holds {len(throws)} throws"
+            count, f"it holds {count} throws"
         )
-        message = f"movement {run.movement} is not in the recording: {there}"
-        raise MeasurementError([message], source=str(path))
-    throw = throws[run.movement - 1]
+        message = f"movement {movement} is not in the recording: {there}"
+        return MeasurementError([message], source=str(path))
+    throw, dataset = found.throws[movement - 1], found.dataset
     names = [name for name in MEASURED if name in dataset]
     kept = dataset[names].isel(time=slice(throw.first, throw.stop)).reset_coords(drop=True)
     notes = tuple(note for note in str(dataset.attrs.get("problems", "")).splitlines() if note)
@@ -103,49 +159,6 @@ def cut_piece(
         start_time=str(dataset.attrs.get("start_time", "")),
         notes=notes,
     )
-
-
-def kept_piece(
-    folder: Path, run: Run, channel_map: ChannelMap, *, detection: Detection | None = None
-) -> tuple[Piece | TurnoutError, bool]:
-    """Return a movement from the store of the campaign, or cut it and store it.
-
-    A bad recording comes back as the error that says what is wrong with it, so that the others of
-    the campaign are built all the same.
-
-    Returns
-    -------
-    piece : Piece or TurnoutError
-    reused : bool
-        Whether it had been cut before, from the same file, map and sheet.
-    """
-    try:
-        digest = hashlib.sha256((folder / run.file).read_bytes()).hexdigest()
-    except OSError as error:
-        text = error.strerror or str(error)
-        return FileError(f"{folder / run.file}: cannot be read ({text})"), False
-    key = content_hash(
-        {
-            "file": digest,
-            "movement": run.movement,
-            "map": map_hash(channel_map),
-            "detection": asdict(detection or Detection()),
-            "version": f"{version()} {PIECE_VERSION}",
-        }
-    )
-    stored = folder / STORE / f"{key[:32]}.npz"
-    piece = _stored(stored)
-    if piece is not None:
-        return piece, True
-    try:
-        piece = cut_piece(folder, run, channel_map, detection=detection)
-    except TurnoutError as error:
-        return error, False
-    # A folder that may not be written to is read each time.
-    with suppress(FileError, OSError):
-        stored.parent.mkdir(exist_ok=True)
-        write_atomic(stored, _packed(piece))
-    return piece, False
 
 
 def _moved(throw: Throw) -> Throw:

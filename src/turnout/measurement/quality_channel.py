@@ -74,7 +74,7 @@ def hole_fault(name: str, values: Floats, *, rate: float, limits: Limits) -> lis
     if not missing.any():
         return []
     longest, share = longest_run(missing) / rate, float(missing.mean())
-    text = f"{100 * share:.2g} % of the samples, {1e3 * longest:.3g} ms in a row"
+    text = f"{100 * share:.1f} % of the samples, {1e3 * longest:.0f} ms in a row"
     if longest > limits.longest_hole or share > limits.missing_share:
         allowed = f"{100 * limits.missing_share:g} % or {1e3 * limits.longest_hole:g} ms"
         return [Fault("missing samples", name, f"{text}; at most {allowed}")]

@@ -11,18 +11,20 @@ from turnout.errors import FileError, MeasurementError
 from turnout.files.problems import choices, nearest, show_value
 from turnout.files.toml import decode, parse_toml, read_bytes
 from turnout.files.units import LENGTH, parse_quantity
-from turnout.measurement.motion import CLOSING, OPENING
+from turnout.measurement.motion import CLOSING
+from turnout.measurement.sheet_value import (
+    direction_name,
+    normal_place,
+    object_size,
+    truth,
+    whole_number,
+)
 
 SHEETS = ("runs.csv", "runs.toml")
 LOAD_CELL_FROM = 0.013
 NEEDED = ("file", "direction", "size", "place")
 OPTIONAL = ("movement", "repeat", "slip", "load_cell", "remark")
 HEADINGS = ("title", "synthetic", "load_cell_from")
-_NAMED = re.compile(
-    r"(sleeper|drive|sensor|chair|stud|stop|link|fastening)\s*[-_ ]?\s*(\S.*)\Z", re.IGNORECASE
-)
-_TRUTH = {"yes": True, "no": False, "true": True, "false": False, "1": True, "0": False}
-_DIRECTIONS = {CLOSING: CLOSING, OPENING: OPENING, "close": CLOSING, "open": OPENING}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,23 +184,6 @@ def read_sheet(path: Path | str) -> RunSheet:
     return RunSheet(runs=tuple(runs), title=title, synthetic=synthetic, source=str(path))
 
 
-def normal_place(text: str) -> str:
-    """Return a place as all datasets write it.
-
-    Examples
-    --------
-    >>> normal_place("Sleeper6"), normal_place("drive  2"), normal_place("-")
-    ('sleeper 6', 'drive 2', 'none')
-    """
-    words = " ".join(text.split())
-    if words.lower() in ("", "-", "none", "no object"):
-        return "none"
-    if re.match(r"x\s*=", words, re.IGNORECASE):
-        return "x = " + words.split("=", 1)[1].strip()
-    named = _NAMED.match(words)
-    return f"{named[1].lower()} {named[2]}" if named else words
-
-
 def _toml_rows(text: str, path: Path) -> tuple[dict[str, Any], list[tuple[str, Mapping[str, Any]]]]:
     data = parse_toml(text, source=str(path)).data
     runs = data.pop("run", [])
@@ -230,7 +215,7 @@ def _csv_rows(text: str, path: Path) -> tuple[dict[str, Any], list[tuple[str, Ma
         cells = [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
         row: dict[str, Any] = {}
         for name, unit, cell in zip(names, units, cells, strict=False):
-            if cell and name == "size" and unit and re.fullmatch(r"[\d.,]+", cell):
+            if cell and name == "size" and unit and re.fullmatch(r"[-+]?[\d.,]+", cell):
                 row[name] = f"{cell.replace(',', '.')} {unit}"
             elif cell:
                 row[name] = cell
@@ -271,53 +256,22 @@ def _run(
             wrong.append(f"{name} = {show_value(row[name])}: {error}")
             return default
 
-    size = read("size", _size, 0.0)
+    size = read("size", object_size, 0.0)
     place = read("place", lambda value: normal_place(str(value)), "none")
-    if size > 0 and place == "none":
+    if size > 0 and place == "none" and not any(text.startswith("place") for text in wrong):
         wrong.append('place = "none": an object has a place, such as "sleeper 6"')
     values = {
-        "movement": read("movement", _number, 1),
-        "direction": read("direction", _direction, CLOSING),
-        "repeat": read("repeat", _number, 1),
-        "slip": read("slip", _truth, None),
-        "load_cell": read("load_cell", _truth, size >= mounted_from - 1e-9),
+        "movement": read("movement", whole_number, 1),
+        "direction": read("direction", direction_name, CLOSING),
+        "repeat": read("repeat", whole_number, 1),
+        "slip": read("slip", truth, None),
+        "load_cell": read("load_cell", truth, size >= mounted_from - 1e-9),
         "remark": str(row.get("remark", "")),
     }
     if wrong:
         problems += [f"{where}: {text}" for text in wrong]
         return None
     return Run(where=where, file=str(row["file"]).strip(), size=size, place=place, **values)
-
-
-def _size(value: Any) -> float:
-    size = parse_quantity(value, LENGTH)
-    if size < 0:
-        message = "must be at least 0"
-        raise ValueError(message)
-    return size
-
-
-def _number(value: Any) -> int:
-    if isinstance(value, bool) or not re.fullmatch(r"[1-9]\d{0,5}", str(value)):
-        message = "must be a whole number from 1"
-        raise ValueError(message)
-    return int(value)
-
-
-def _direction(value: Any) -> str:
-    known = _DIRECTIONS.get(str(value).strip().lower())
-    if known is None:
-        message = f'must be "{CLOSING}" or "{OPENING}"'
-        raise ValueError(message)
-    return known
-
-
-def _truth(value: Any) -> bool:
-    known = _TRUTH.get(str(value).strip().lower())
-    if known is None:
-        message = "must be yes or no"
-        raise ValueError(message)
-    return known
 
 
 def _doubles(runs: list[Run]) -> list[str]:

@@ -9,7 +9,8 @@ import numpy as np
 from turnout.errors import FileError, PanelError
 from turnout.files.problems import choices, nearest
 from turnout.files.units import LENGTH, parse_quantity
-from turnout.measurement.sheet import LOAD_CELL_FROM, normal_place
+from turnout.measurement.sheet import LOAD_CELL_FROM
+from turnout.measurement.sheet_value import normal_place
 from turnout.measurement.write import WRITERS
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
@@ -163,12 +164,17 @@ def virtual_plan(
     >>> virtual_plan(load_panel("sb2"), sizes=["13 mm"], worn_clutch=True).defects.slip_excess
     0.15
     """
-    problems, metres = [], []
+    problems, metres, named = [], [], []
     for text in sizes:
         try:
             metres.append(parse_quantity(text, LENGTH))
         except ValueError as error:
             problems.append(f"--size {text}: {error}")
+    for text in places:
+        try:
+            named.append(normal_place(text))
+        except ValueError as error:
+            problems.append(f"--place {text}: {error}")
     if problems:
         raise FileError("\n".join(problems))
     defects = Defects(
@@ -177,7 +183,7 @@ def virtual_plan(
         build_up_lag=0.25 if soft_build_up else 0.0,
     )
     return Plan(
-        places=tuple(normal_place(place) for place in places) or default_places(panel),
+        places=tuple(named) or default_places(panel),
         sizes=tuple(sorted(metres)) or SIZES,
         formats=tuple(f".{name.lower().removeprefix('.')}" for name in formats),
         object_free=object_free,
