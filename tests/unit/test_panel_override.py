@@ -140,6 +140,10 @@ def test_the_old_panel_is_not_changed() -> None:
         ("a=no slip", ("a", "no slip")),
         ("a=x = 3.6 m", ("a", "x = 3.6 m")),
         ("a=", ("a", "")),
+        ("outline_section.stock.outline=60E1", ("outline_section.stock.outline", "60E1")),
+        ('rail.section="60E1"', ("rail.section", "60E1")),
+        ("rail.straight.matrices=1e3", ("rail.straight.matrices", "1e3")),
+        ("drive.1.stroke=1", ("drive.1.stroke", 1)),
     ],
 )
 def test_settings_of_a_command_line(text: str, expected: tuple[str, object]) -> None:

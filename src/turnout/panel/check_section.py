@@ -14,6 +14,8 @@ from turnout.panel.validate import Draft, Partial, known_part
 
 SECTION_KINDS = ("section", "outline_section", "planed_section")
 _LEAST_POINTS = 3
+# What a rail can measure across, and how far its underside may lie from z = 0 [m].
+_LEAST_EXTENT, _LARGEST_EXTENT, _UNDERSIDE = 0.005, 1.0, 0.001
 
 
 def find_section(draft: Draft, name: object) -> tuple[str, Any] | None:
@@ -58,6 +60,11 @@ def check_outline(draft: Draft, path: tuple[str, str], outline: Any) -> Iterator
         text = f": point {place} has y < 0; with symmetric = true give the half with y >= 0"
         yield Problem(where, text)
         return
+    repeated = np.flatnonzero(np.all(given[1:] == given[:-1], axis=1))
+    if repeated.size:
+        number = int(repeated[0]) + 2
+        yield Problem(where, f": point {number} repeats point {number - 1}; leave one of them out")
+        return
     points = outline_points(outline.points, symmetric=outline.symmetric)
     if len(points) < _LEAST_POINTS:
         yield Problem(where, f": needs {_LEAST_POINTS} points or more, has {len(points)}")
@@ -66,6 +73,24 @@ def check_outline(draft: Draft, path: tuple[str, str], outline: Any) -> Iterator
     if crossing is not None:
         y, z = 1e3 * crossing
         yield Problem(where, f": the boundary crosses itself near y = {y:.4g} mm, z = {z:.4g} mm")
+        return
+    yield from _extent(where, points)
+
+
+def _extent(where: tuple[str, ...], points: npt.NDArray[np.float64]) -> Iterator[Problem]:
+    """Refuse an outline of no rail's size, or one that is not drawn from its underside."""
+    for axis, span in zip("yz", np.ptp(points, axis=0), strict=True):
+        if not _LEAST_EXTENT <= span <= _LARGEST_EXTENT:
+            text = (
+                f": extends over {1e3 * span:.4g} mm along {axis}, allowed are "
+                f"{1e3 * _LEAST_EXTENT:g} to {1e3 * _LARGEST_EXTENT:g} mm; look at its unit"
+            )
+            yield Problem(where, text)
+            return
+    lowest = float(points[:, 1].min())
+    if abs(lowest) > _UNDERSIDE:
+        text = f": the lowest point is at z = {1e3 * lowest:.4g} mm; z counts from the underside"
+        yield Problem(where, f"{text}, shift the drawing by {-1e3 * lowest:.4g} mm")
 
 
 def check_outline_section(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:

@@ -30,16 +30,21 @@ def parse_setting(text: str) -> tuple[str, object]:
     ('chair.friction_coefficient', 0.3)
     >>> parse_setting("drive.2.stiffness = 810 kN/m")
     ('drive.2.stiffness', '810 kN/m')
+    >>> parse_setting("outline_section.stock.outline=60E1")
+    ('outline_section.stock.outline', '60E1')
     """
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         message = f'"{text}" is not KEY=VALUE, such as drive.1.stiffness="750 kN/m"'
         raise ValueError(message)
-    value = value.strip()
+    key, value = key.strip(), value.strip()
     try:
-        return key.strip(), tomllib.loads(f"value = {value}")["value"]
+        read = tomllib.loads(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:
-        return key.strip(), value
+        return key, value
+    # A name such as 60E1 would read as a number.
+    bare = isinstance(read, int | float) and _takes_text(tuple(key.split(".")))
+    return key, value if bare else read
 
 
 def mark_si(value: object) -> object:
@@ -76,6 +81,12 @@ def fields_at(path: Path) -> list[str]:
     >>> fields_at(("lock",))
     ['rule', 'gap_limit']
     """
+    record = _record_at(path)
+    return list(record.model_fields) if record else []
+
+
+def _record_at(path: Path) -> type[BaseModel] | None:
+    """Find the record whose fields may follow a key path."""
     record: type[BaseModel] = Panel
     parts = list(path)
     if parts and parts[0] in FAMILIES:
@@ -87,9 +98,16 @@ def fields_at(path: Path) -> list[str]:
         info = record.model_fields.get(part)
         inner = list(records_in(info.annotation)) if info else []
         if not inner:
-            return []
+            return None
         record = inner[0]
-    return list(record.model_fields)
+    return record
+
+
+def _takes_text(path: Path) -> bool:
+    """Tell whether a key takes plain text, such as a name."""
+    record = _record_at(path[:-1])
+    info = record.model_fields.get(path[-1]) if record else None
+    return info is not None and (info.annotation is str or str in typing.get_args(info.annotation))
 
 
 @dataclass(frozen=True, slots=True)

@@ -136,7 +136,8 @@ def planed_section(
     left = left.intersection(shapely.box(y_least, z_least, y_most, stock.bounds[3] - lowering))
     pieces = _pieces(left, smallest=1e-6 * full.area)
     if not pieces:
-        msg = f"nothing of the switch rail is left where the running edges are {offset:g} m apart"
+        apart = f"{1e3 * offset:g} mm apart"
+        msg = f"nothing of the switch rail is left where the running edges are {apart}"
         raise MechanicsError(msg)
     whole = pieces[0]
     thick = _without_thin(whole, thickness=planing.least_thickness)
@@ -199,7 +200,7 @@ def _without_thin(polygon: shapely.Polygon, *, thickness: float) -> shapely.Poly
     options = {"join_style": "mitre", "mitre_limit": _MITRE_LIMIT}
     core = _pieces(polygon.buffer(-0.5 * thickness, **options), smallest=0.0)
     if not core:
-        msg = f"all of the section is thinner than {thickness:g} m"
+        msg = f"all of the section is thinner than {1e3 * thickness:g} mm"
         raise MechanicsError(msg)
     thick = _pieces(core[0].buffer(0.5 * thickness, **options).intersection(polygon), smallest=0.0)
     # A corner that was only rounded off is no thin piece.
