@@ -28,6 +28,8 @@ def test_panel_is_drawn_mode_by_mode(found: xr.Dataset) -> None:
     np.testing.assert_allclose(foot.get_ydata(), expected)
     assert np.abs(foot.get_ydata()).max() == pytest.approx(AMPLITUDE, rel=1e-3)
     assert len(elevation.lines) == 3 * (1 + 2)
+    assert elevation.get_legend() is None
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["straight", "curved"]
 
 
 def test_rail_alone_is_drawn_alone_on_given_axes(found: xr.Dataset) -> None:

@@ -152,6 +152,15 @@ def test_overlay_is_drawn_under_its_twin_and_named() -> None:
     assert not any("Drive 2" in label and "other.csv" in label for label in named)
 
 
+def test_overlay_without_drives_keeps_the_colours_of_the_run() -> None:
+    run = sb2_dataset()
+    theirs = run[["sensor_gap"]].drop_vars("drive", errors="ignore")
+    figure = plot_throw(run, overlay=theirs.assign_attrs(title="gaps.csv"))
+    lines = {line.get_label(): line for ax in figure.axes for line in ax.lines}
+    for name in run["sensor"].values:
+        assert lines[f"{name},\ngaps.csv"].get_color() == lines[str(name)].get_color()
+
+
 def test_overlay_of_a_drive_that_the_run_has_not_is_refused() -> None:
     run = sb2_dataset()
     theirs = other_program(run).assign_coords(drive=["3"])

@@ -70,15 +70,16 @@ def plot_modes(
         axes.tick_params(axis="y", length=0)
     handles, names = plan.get_legend_handles_labels()
     legend = dict(zip(names, handles, strict=True))
-    elevation.legend(
-        legend.values(),
-        legend.keys(),
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncols=len(legend),
-        frameon=False,
-    )
-    if ax is None:
+    if ax is not None:
+        elevation.legend(legend.values(), legend.keys(), loc="upper right", frameon=False)
+    else:
+        figure.legend(
+            legend.values(),
+            legend.keys(),
+            loc="outside lower center",
+            ncols=len(legend),
+            frameon=False,
+        )
         panel = dataset.attrs.get("panel", "panel")
         figure.suptitle(f"{panel}: {system}", x=0.01, ha="left")
     return figure

@@ -116,9 +116,14 @@ def _under(dataset: xr.Dataset, overlay: xr.Dataset) -> dict[str, list[Curve]]:
             if family in overlay.coords
         }
     )
+    ours = {(row, curve.label): curve.colour for row, curves in _rows(dataset) for curve in curves}
     return {
         label: [
-            Curve(f"{curve.label},\n{title}", curve.values, curve.colour)
+            Curve(
+                f"{curve.label},\n{title}",
+                curve.values,
+                ours.get((label, curve.label), curve.colour),
+            )
             for curve in curves
             if np.isfinite(curve.values).any()
         ]
