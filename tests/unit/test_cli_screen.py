@@ -187,9 +187,19 @@ def test_numbers_in_engineers_units(value: object, unit: str, name: str, text: s
 def test_sections_are_tabulated_for_every_rail() -> None:
     lines = list(section_lines(load_panel("sb2")))
     assert sum(line.startswith("rail ") for line in lines) == 2
-    full = lines[lines.index("rail B, section tongue") - 1].split()
+    full = lines[lines.index("rail B, section tongue: as rail A") - 1].split()
     assert full[0] == "18.600"
     assert full[2] == "92.80"
+
+
+def test_sections_that_are_alike_are_tabulated_once_and_stock_rails_too() -> None:
+    lines = list(section_lines(load_panel("uic60-760-1-15")))
+    assert lines.count("rail curved, section tongue: as rail straight") == 1
+    assert "stock rail straight, section stock, the same all along: as stock rail curved" in lines
+    stock = lines[lines.index("stock rail curved, section stock, the same all along") + 2].split()
+    assert float(stock[2]) == pytest.approx(77.25, rel=1e-3)
+    places = [line.split()[0] for line in lines if line.startswith("   ")]
+    assert places.count("0.000") == 1
 
 
 def test_good_paths_pass(tmp_path: Path) -> None:

@@ -8,8 +8,10 @@ from tests.unit.simulated import sb1_dataset, sb1_panel
 from typer.testing import CliRunner, Result
 
 from turnout.cli.main import app
+from turnout.cli.panel import all_in_order
 from turnout.errors import FileError
 from turnout.integrate.scheme import Scheme
+from turnout.panel.load import load_panel
 from turnout.response.store import open_response
 
 # The panel of `sb1_panel`, as it is said on the command line.
@@ -105,6 +107,20 @@ def test_panel_commands_answer(command: str) -> None:
     assert len(result.stdout.splitlines()) >= 3
 
 
+def test_names_of_library_panels_stand_apart_from_what_they_are() -> None:
+    lines = CliRunner().invoke(app, ["panel", "list"]).stdout.splitlines()
+    column = {line.index(line.split(maxsplit=1)[1]) for line in lines}
+    assert len(column) == 1
+    assert "uic60-760-1-15-symmetric" in [line.split()[0] for line in lines]
+
+
+def test_a_system_of_modes_needs_a_figure() -> None:
+    result = CliRunner().invoke(app, ["panel", "modes", "sb1", "--system", "rail C"])
+    assert isinstance(result.exception, FileError)
+    assert "--plot" in str(result.exception)
+    assert result.stdout == ""
+
+
 def test_panel_check_says_ok(tmp_path: Path) -> None:
     from turnout.panel.load import library_text
 
@@ -146,6 +162,13 @@ def test_a_panel_in_order_has_no_warning() -> None:
     result = checked("sb2", "--strict", *(f"--set={change}" for change in changes))
     assert result.exit_code == 0, result.stdout
     assert "no warnings" in result.stdout
+
+
+def test_what_has_no_limit_is_not_said_to_beall_in_order() -> None:
+    """SB1 tells of no flangeway limit, whatever its flangeway is."""
+    told = all_in_order(load_panel("sb1"))
+    assert "flangeway was not judged" in told
+    assert "flangeway was not" not in all_in_order(load_panel("sb2"))
 
 
 def test_without_a_throw_only_the_file_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ import typer
 
 from turnout.cli.options import DEFAULT_PANEL, PanelArgument, SetOption, opened_panel
 from turnout.cli.outputs import FIGURES, check_outputs, write_told
+from turnout.errors import FileError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,7 +36,9 @@ def modes_command(
     system: Annotated[
         str | None,
         typer.Option(
-            "--system", help="What --plot draws: a heading of the table, such as 'rail A'."
+            "--system",
+            metavar="HEADING",
+            help="What --plot draws: a heading of the tables, such as 'stock rail curved'.",
         ),
     ] = None,
     reduction: Annotated[
@@ -45,6 +48,9 @@ def modes_command(
 ) -> None:
     """Show frequencies and shapes of rails and panel, and whether friction makes them flutter."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
+    if system is not None and plot is None:
+        message = f"--system {system}: says what the figure shows; name one with --plot"
+        raise FileError(message)
     loaded = opened_panel(panel, settings)
 
     from turnout.response.modes import modes

@@ -1,13 +1,16 @@
 """The commands `turnout panel ...`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from turnout.cli.modes import modes_command
 from turnout.cli.options import DEFAULT_PANEL, PanelArgument, SetOption, opened_panel
 from turnout.cli.outputs import FIGURES, check_outputs, write_told
+
+if TYPE_CHECKING:
+    from turnout.panel.load import LoadedPanel
 
 BAD_INPUT = 2
 
@@ -24,9 +27,11 @@ def list_command() -> None:
     """List the panels that come with the program."""
     from turnout.panel.load import library_names, load_panel
 
-    for name in library_names():
+    names = library_names()
+    width = max(len(name) for name in names) + 2
+    for name in names:
         first = " ".join(load_panel(name).description.split()).split(". ")[0].rstrip(".")
-        typer.echo(f"{name:<18}{first}")
+        typer.echo(f"{name:<{width}}{first}")
 
 
 @app.command("show")
@@ -86,9 +91,19 @@ def check_command(
     for concern in found:
         typer.echo(f"warning: {concern.text}")
     if not found:
-        typer.echo("no warnings: force margins, flangeway, chairs and flutter are in order")
+        typer.echo(all_in_order(panel))
     elif strict:
         raise typer.Exit(BAD_INPUT)
+
+
+def all_in_order(panel: "LoadedPanel") -> str:
+    """Say what was looked at and found in order, and what the file gives no limit for."""
+    if panel.flangeway is not None:
+        return "no warnings: force margins, flangeway, chairs and flutter are in order"
+    return (
+        "no warnings: force margins, chairs and flutter are in order; "
+        "the flangeway was not judged, the file has no flangeway.limit"
+    )
 
 
 @app.command("sections")

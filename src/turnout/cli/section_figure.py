@@ -48,7 +48,8 @@ def _outlines(panel: "LoadedPanel", rail: str) -> Any:
         properties=in_panel_axes(station_columns(panel, section), side=-1.0),
         behind=beside if len(beside) == len(pairs) else (),
     )
-    figure.suptitle(f"{panel.name}: section '{section}' of rail {rail}", x=0.01, ha="left")
+    title = f"{panel.name}: section '{section}' of rail {rail}, y positive away from the stock rail"
+    figure.suptitle(title, x=0.01, ha="left")
     return figure
 
 

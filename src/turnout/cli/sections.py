@@ -4,6 +4,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
     from turnout.panel.load import LoadedPanel
 
 # Column of the section table: heading, size of its unit in SI, format.
@@ -26,20 +29,48 @@ COLUMNS: dict[str, tuple[str, float, str]] = {
 
 def section_lines(panel: "LoadedPanel") -> Iterator[str]:
     """Yield what `turnout panel sections` prints: a row a station, between them linear."""
-    from turnout.response.sections import rail_stations, section_values
+    shown: dict[tuple[str, ...], str] = {}
+    for heading, rows in _tables(panel):
+        rail, _, _ = heading.partition(",")
+        first = shown.setdefault(rows, rail)
+        if first == rail:
+            yield heading
+            yield from rows
+        else:
+            yield f"{heading}: as {first}"
+    yield (
+        "y positive towards the rail's own stock rail, for a stock rail away from its switch rail; "
+        "z from the foot; k: shear area over area"
+    )
+
+
+def _tables(panel: "LoadedPanel") -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield heading and rows for every switch rail, then for every flexible stock rail."""
+    from turnout.response.sections import rail_stations, section_values, station_columns
 
     for name, rail in panel.rail.items():
         x = rail_stations(panel, name)
-        values = section_values(panel, name, x)
-        yield f"rail {name}, section {rail.section}"
-        columns = {key: column for key, column in COLUMNS.items() if key in values}
-        headings = [heading for heading, _, _ in columns.values()]
-        yield f"{'x m':>8}{'kg/m':>8}" + "".join(f"{heading:>8}" for heading in headings)
-        for row, place in enumerate(x):
-            mass = panel.material.density * values["area"][row]
-            cells = [
-                f"{values[column][row] / factor:{form}}"
-                for column, (_, factor, form) in columns.items()
-            ]
-            yield f"{place:8.3f}{mass:8.1f}" + "".join(cells)
-    yield "y positive towards the rail's own stock rail, z from the foot; k: shear area over area"
+        rows = _rows(x, section_values(panel, name, x), density=panel.material.density)
+        yield f"rail {name}, section {rail.section}", rows
+    for name, stock in panel.stock_rail.items():
+        values = {key: column[:1] for key, column in station_columns(panel, stock.section).items()}
+        rows = _rows([stock.start], values, density=panel.material.density)
+        yield f"stock rail {name}, section {stock.section}, the same all along", rows
+
+
+def _rows(
+    x: "npt.ArrayLike", values: "dict[str, npt.NDArray[np.float64]]", *, density: float
+) -> tuple[str, ...]:
+    """Write the headings and a row a place."""
+    import numpy as np
+
+    columns = {key: column for key, column in COLUMNS.items() if key in values}
+    headings = [heading for heading, _, _ in columns.values()]
+    rows = [f"{'x m':>8}{'kg/m':>8}" + "".join(f"{heading:>8}" for heading in headings)]
+    for row, place in enumerate(np.asarray(x, dtype=float)):
+        cells = [
+            f"{values[column][row] / factor:{form}}"
+            for column, (_, factor, form) in columns.items()
+        ]
+        rows.append(f"{place:8.3f}{density * values['area'][row]:8.1f}" + "".join(cells))
+    return tuple(rows)

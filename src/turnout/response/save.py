@@ -56,7 +56,8 @@ class Save:
         if isinstance(self.also, str):
             problems.append(f"also = {self.also!r}: must be a tuple of channel names")
         else:
-            problems += unknown_channels(self.also)
+            made = ", ".join(sorted(ON_REQUEST))
+            problems += [f"{p}; made on request are {made}" for p in unknown_channels(self.also)]
         if problems:
             message = "save: " + "; ".join(problems)
             raise ResponseError(message)

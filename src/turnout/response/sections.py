@@ -18,12 +18,17 @@ __all__ = [
     "station_columns",
 ]
 
+NEAR = 1e-3  # m
+
 
 def rail_stations(panel: Panel, rail: str) -> Floats:
-    """Return the ends of a rail and the stations of its section between them, rising [m]."""
+    """Return the ends of a rail and the stations of its section between them, rising [m].
+
+    A station within a millimetre of an end is left out: it would be the same row of a table.
+    """
     import numpy as np
 
     record = panel.rail[rail]
-    places = [record.start, *section_stations(panel, rail).tolist(), record.end]
-    found: Floats = np.unique(np.round(places, 6))
-    return found
+    stations = np.unique(np.round(section_stations(panel, rail), 6))
+    inside = (stations > record.start + NEAR) & (stations < record.end - NEAR)
+    return np.concatenate([[record.start], stations[inside], [record.end]])
