@@ -52,17 +52,19 @@ def test_worn_numbers_are_found_once_rounding_may_have_grown(made: Setup, worn: 
     assert judged(made, work)
 
 
-def test_a_flip_that_divides_by_little_counts_for_as_much(made: Setup) -> None:
+def test_a_flip_counts_by_its_divisor_both_ways(made: Setup) -> None:
     _, table, state, _ = made
     law = 1  # a contact outside the folded system
-    for segment in (0, 1):
-        set_segment(table, state, law, segment)
-        update_row(*made[:3], int(table.row[law]), made.scratch)
-    added = float(state.drift[0])
-    assert added == 1.0  # a spring more divides by more than one
     set_segment(table, state, law, 0)
     update_row(*made[:3], int(table.row[law]), made.scratch)
-    assert state.drift[0] > 2.0
+    state.drift[0] = 1.0
+    grown = []
+    for segment in (1, 0):
+        set_segment(table, state, law, segment)
+        update_row(*made[:3], int(table.row[law]), made.scratch)
+        grown.append(float(state.drift[0]))
+    assert grown[0] > 2.0
+    assert grown[1] == pytest.approx(grown[0] ** 2, rel=1e-9)
 
 
 def test_the_books_follow_a_contact_that_pulls_within_the_overlooked_gap(made: Setup) -> None:

@@ -78,7 +78,7 @@ def run_scenario(scenario: Scenario, *, step: float | None = None) -> Run:
             scheme=scheme,
             throw=False,
         )
-    mechanism, history = kept[0]
+    mechanism, history = kept[-1]  # kernels that had to be compiled ran before
     return Run(panel, mechanism, scheme, history, dataset)
 
 

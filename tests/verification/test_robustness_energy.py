@@ -20,10 +20,10 @@ from turnout.response.simulate import simulate
 STEPS = (4e-3, 2e-3, 1e-3, 5e-4)
 """Name: panel, object's place, largest loss, measured rate of the loss."""
 CASES: dict[str, tuple[str, str | None, float, float]] = {
-    "no object": (DEFAULT, None, 0.005, 1.89),
-    "sleeper 6": (DEFAULT, "sleeper 6", 0.005, 1.53),
-    "drive 1": (DEFAULT, "drive 1", 0.005, 1.64),
-    "drive 2": (DEFAULT, "drive 2", 0.005, 1.80),
+    "no object": (DEFAULT, None, 0.005, 1.51),
+    "sleeper 6": (DEFAULT, "sleeper 6", 0.005, 1.42),
+    "drive 1": (DEFAULT, "drive 1", 0.005, 1.32),
+    "drive 2": (DEFAULT, "drive 2", 0.005, 1.89),
     "SB1 A": ("sb1", None, 0.005, 1.50),
     "SB1 B": ("sb1", "x = 3.9 m", 0.02, 1.27),
     "SB2": ("sb2", None, 0.005, 1.71),

@@ -1,25 +1,30 @@
 r"""How well a solution found from many times updated columns fulfils the equations themselves.
 
-Each rank-one update multiplies the rounding that the columns already carry by about the inverse of
-its divisor. `State.drift` keeps the product since the columns were last measured; when it has grown
-by `DRIFTS`, the solution of the step is put into the equations
+Each rank-one update multiplies the rounding that the columns already carry by about its divisor or
+the inverse, whichever is larger: a stiff stop that closes leaves small differences of large
+numbers, one that opens makes them large again. `State.drift` keeps the product since the columns
+were last measured; when it has grown by `DRIFTS`, the solution is put into the equations
 
 .. math:: g = \Phi q + R\lambda + r, \qquad
           (\iota + \Lambda)\,q + \nu C q = p + \Phi^T\lambda
 
-with the deviations :math:`\lambda` from the laws' own numbers. What is left over beyond
-`LARGEST_ERROR` means that columns and modal inverse must be made anew.
+with the deviations :math:`\lambda` from the laws' own numbers. Columns and modal inverse must be
+made anew if the rows are off by more than `LARGEST_ERROR`, or if what is left over in the modal
+equations does work in the step that the books of energy would notice, `LARGEST_LEAK`.
 """
 
+from turnout.integrate.energy import MARKERS
 from turnout.integrate.solve import Work, row_forces
 from turnout.integrate.system import COUNT_ACTIVE, Floats, State, System
 from turnout.law.compiled import compiled
 from turnout.law.table import LawTable
 
-DRIFTS = 10.0
+DRIFTS = 100.0
 """Growth of rounding after which a solution is measured [-]."""
 LARGEST_ERROR = 1e-12
-"""Error of a solution that is overlooked: of a row [m], of a coordinate [kg^0.5 m]."""
+"""Error of a row that is overlooked [m]."""
+LARGEST_LEAK = 1e-10
+"""Work of a step out of nowhere that is overlooked, as a share of 1 J and the work so far [-]."""
 
 
 @compiled
@@ -54,12 +59,12 @@ def _row_error(system: System, state: State, force: Floats) -> float:
 
 
 @compiled
-def _modal_error(
+def _leak(
     system: System, state: State, work: Work, force: Floats, inertia: float, viscosity: float
 ) -> float:
-    """Return the largest disagreement of the step's modal equations, as a coordinate."""
+    """Return the work that the disagreement of the modal equations does in the step [J]."""
     n_rows, n_modes = system.row_load.size, system.eigenvalues.size
-    worst = 0.0
+    leak = 0.0
     for j in range(n_modes):
         total = (inertia + system.eigenvalues[j]) * state.q[j] - work.right_side[j]
         for i in range(n_modes):
@@ -67,8 +72,8 @@ def _modal_error(
         for i in range(n_rows):
             if force[i] != 0.0:
                 total -= system.base[i, n_rows + j] * force[i]
-        worst = max(worst, abs(total) / (inertia + system.eigenvalues[j]))
-    return worst
+        leak += abs(total * (state.q[j] - work.q[j]))
+    return leak
 
 
 @compiled
@@ -89,7 +94,8 @@ def is_inaccurate(
     _deviations(system, table, state, force)
     if _row_error(system, state, force) > LARGEST_ERROR:
         return True
-    return _modal_error(system, state, work, force, inertia, viscosity) > LARGEST_ERROR
+    allowed = LARGEST_LEAK * (1.0 + abs(float(state.ledger[MARKERS])))
+    return _leak(system, state, work, force, inertia, viscosity) > allowed
 
 
 @compiled

@@ -155,7 +155,8 @@ def update_row(system: System, table: LawTable, state: State, row: int, scratch:
         pivot[i] /= denominator
     state.counters[COUNT_FLIPS] += 1
     state.counters[COUNT_RECENT] += 1
-    state.drift[0] /= min(abs(denominator), 1.0) * min(abs(modal), 1.0)
+    state.drift[0] *= max(abs(denominator), 1.0 / abs(denominator))
+    state.drift[0] *= max(abs(modal), 1.0 / abs(modal))
     if vanished:
         deactivate(system, state, row)
 
