@@ -170,3 +170,16 @@ def test_all_problems_of_overrides_come_at_once() -> None:
         PANEL.with_settings(["nonsense", "drive.9.x=1 m", "drive.1.x=99 m", "gravity=9.81"])
     assert len(caught.value.problems) == 4
     assert caught.value.source == "overrides"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("drive.height", "20 m", "at most 1"),
+        ("fastening.offset", "-9 m", "at least -1"),
+        ("rail.straight.curve_radius", "10 m", "at least 20"),
+    ],
+)
+def test_what_no_rail_measures_is_refused(key: str, value: str, message: str) -> None:
+    with pytest.raises(PanelError, match=rf"{key.split('.')[-1]}.*{message}"):
+        PANEL.with_overrides({key: value})

@@ -68,8 +68,8 @@ def panel_lines(
         yield "VALUES, with where each comes from"
         yield from value_lines(panel)
     else:
-        yield "ASSUMED (all values with their origins: --values)"
-        yield from list(assumption_lines(panel)) or ["nothing, or the file does not say so"]
+        yield "ASSUMED, where the file says so (all values with their origins: --values)"
+        yield from list(assumption_lines(panel)) or ["nothing that the file says"]
 
 
 def gap_places(panel: "LoadedPanel") -> "np.ndarray":

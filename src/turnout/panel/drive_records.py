@@ -19,7 +19,7 @@ class Drive(Placed):
     """Point machine as a moving marker that pushes one switch rail through a bilinear bushing."""
 
     rail: str = Field(description="the switch rail it is connected to")
-    height: Length = Field(0.0, description="z of the rod connection [m]")
+    height: Length = Field(0.0, ge=-1, le=1, description="z of the rod connection [m]")
     roll_stiffness: AngularStiffness = Field(
         0.0, ge=0, description="of the rod's bracket against roll of the rail [N m/rad]"
     )
@@ -43,7 +43,7 @@ class Link(Placed):
     """Linear lateral spring between two switch rails."""
 
     rails: list[str] = Field(min_length=2, max_length=2, description="the two rails it joins")
-    height: Length = Field(0.0, description="z of the connection [m]")
+    height: Length = Field(0.0, ge=-1, le=1, description="z of the connection [m]")
     stiffness: Stiffness = Field(gt=0, description="[N/m]")
 
 
@@ -51,7 +51,7 @@ class Sensor(Placed):
     """Switch rail control contact (TKK): measures the gap to the stock rail."""
 
     rail: str = Field(description="the switch rail whose gap it measures")
-    height: Length = Field(description="z at which the gap is taken [m]")
+    height: Length = Field(ge=-1, le=1, description="z at which the gap is taken [m]")
     limit: Length = Field(gt=0, description="not in control at this gap or more [m]")
 
 

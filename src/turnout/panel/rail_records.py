@@ -68,7 +68,7 @@ class Rail(Record):
     )
     curve_radius: Length | None = Field(
         None,
-        gt=0,
+        ge=20,
         description="radius of the reference line in plan, away from the stock rail [m]; default "
         "straight",
     )
@@ -92,7 +92,9 @@ class StockRail(Record):
     section: str = Field(description="name of its section: one row, or one outline")
     curve_radius: Length | None = Field(
         None,
-        gt=0,
+        ge=20,
         description="radius of the rail in plan, away from the switch rail [m]; default straight",
     )
-    foot_height: Length = Field(0.0, description="z of its foot, from the switch rail's [m]")
+    foot_height: Length = Field(
+        0.0, ge=-1, le=1, description="z of its foot, from the switch rail's [m]"
+    )

@@ -44,7 +44,7 @@ class ObjectDefaults(Record):
     """What holds for a foreign object unless it says otherwise."""
 
     rail: str = Field(description="switch rail that traps it")
-    height: Length = Field(description="z of its contact with the switch rail [m]")
+    height: Length = Field(ge=-1, le=1, description="z of its contact with the switch rail [m]")
     stiffness: Stiffness = Field(gt=0, description="in compression only [N/m]")
     appears: Time | None = Field(None, ge=0, description="default: onset of the last closing [s]")
     disappears: Time | None = Field(None, gt=0, description="default: it stays [s]")
@@ -56,7 +56,7 @@ class PanelObject(Record):
     size: Length = Field(gt=0, description="extent across the gap [m]")
     at: str = Field(description="'sleeper 6', 'drive 1', 'sensor TKK1', 'chair 5' or 'x = 3.6 m'")
     rail: str | None = Field(None, description="switch rail that traps it")
-    height: Length | None = Field(None, description="z of its contact [m]")
+    height: Length | None = Field(None, ge=-1, le=1, description="z of its contact [m]")
     stiffness: Stiffness | None = Field(None, gt=0, description="in compression only [N/m]")
     appears: Time | None = Field(None, ge=0, description="when it is placed [s]")
     disappears: Time | None = Field(None, gt=0, description="when it is taken away [s]")

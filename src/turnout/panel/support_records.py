@@ -20,7 +20,7 @@ class Chair(OnRails):
         description="y of the foot points, towards the rail's stock rail [m]; default the edges of "
         "the underside where the section is an outline, else the reference line",
     )
-    foot_height: Length = Field(0.0, description="z of the foot points [m]")
+    foot_height: Length = Field(0.0, ge=-1, le=1, description="z of the foot points [m]")
     normal_stiffness: Stiffness = Field(gt=0, description="contact stiffness a foot point [N/m]")
     friction_coefficient: float = Field(ge=0, le=2, description="Coulomb friction [-]")
     stick_stiffness: Stiffness = Field(gt=0, description="tangential stiffness a foot point [N/m]")
@@ -31,9 +31,11 @@ class Chair(OnRails):
 class Fastening(OnRails):
     """Linear spring and damper in six directions between rail and sleeper."""
 
-    height: Length = Field(0.0, description="z at which it acts [m]")
+    height: Length = Field(0.0, ge=-1, le=1, description="z at which it acts [m]")
     offset: Length | None = Field(
         None,
+        ge=-1,
+        le=1,
         description="y at which it acts, towards the rail's stock rail [m]; default the middle of "
         "the underside where the section is an outline, else the reference line",
     )
@@ -51,6 +53,6 @@ class Fastening(OnRails):
 class Stop(OnRails):
     """Unilateral lateral contact of the switch rail with the stock rail or a stud."""
 
-    height: Length = Field(description="z of the contact [m]")
+    height: Length = Field(ge=-1, le=1, description="z of the contact [m]")
     stiffness: Stiffness = Field(gt=0, description="[N/m]")
     clearance: Length = Field(0.0, description="added to the stock rail gap at this place [m]")
