@@ -229,7 +229,9 @@ def _onset(
         return min(_first_inrush(row, span, rate=rate, detection=detection) for row in rows)
     if span[0] == 0:
         return 0.0
-    return min(_first_pull(row, span, rate=rate) for row in rows)
+    pulls = [_first_pull(row, span, rate=rate) for row in rows]
+    # Drives that begin together tell the same moment: their mean scatters less than the first.
+    return float(np.mean([pull for pull in pulls if pull <= min(pulls) + 0.02 * rate]))
 
 
 def _first_inrush(
@@ -247,19 +249,22 @@ def _first_pull(row: Floats, span: tuple[int, int], *, rate: float) -> float:
     """Return where a rod force leaves its rest.
 
     A marker that starts softly pulls with the cube of time at first; the line through the cube
-    roots of the force at two levels above the noise is followed back to zero.
+    roots of the force, from where it leaves the noise, is followed back to zero.
     """
     count = max(3, round(0.3 * rate))
-    smooth = mean_over(row, width=round(0.01 * rate))
+    smooth = mean_over(row, width=round(0.02 * rate))
     start = max(0, span[0] - round(0.2 * rate))
     rest = smooth[max(0, start - count) : start + 1]
-    away = np.abs(smooth[start : span[1]] - np.median(rest))
+    away = smooth[start : span[1]] - np.median(rest)
     level = max(20.0, 6.0 * float(np.std(rest)))
-    low, high = np.argmax(away > level), np.argmax(away > 8.0 * level)
-    if not away[high] > 8.0 * level or high <= low:
+    high = int(np.argmax(np.abs(away) > 5.0 * level))
+    rise = away[:high] * np.sign(away[high])
+    below = np.flatnonzero(rise < 1.5 * level)
+    low = int(below[-1]) + 1 if below.size else 0
+    if high - low < 2:
         return float(span[1])
-    ratio = float(np.cbrt(away[low] / away[high]))
-    return float(start + max(0.0, (low - ratio * high) / (1.0 - ratio)))
+    slope, zero = np.polyfit(np.arange(low, high), np.cbrt(rise[low:]), 1)
+    return float(start + max(0.0, -zero / slope)) if slope > 0.0 else float(span[1])
 
 
 def _last(running: Flags, span: tuple[int, int], time: Floats) -> float:

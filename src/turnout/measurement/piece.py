@@ -25,7 +25,7 @@ from turnout.measurement.sheet import Run
 
 STORE = ".turnout"
 # Raised when what a piece holds, or how it is cut, changes.
-PIECE_VERSION = 1
+PIECE_VERSION = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
