@@ -220,6 +220,15 @@ def test_slips_are_unknown_without_currents() -> None:
     assert module._slipped([]) == []
 
 
+def test_slips_are_found_where_most_movements_slip() -> None:
+    kept = clean(0.013).drop_attrs()
+    pieces = []
+    for end in (5.4, 10.0, 10.0, 10.0, 10.0):
+        throw = Throw(0, kept.sizes["time"], 2.0, end, (end, end), "current", "closing")
+        pieces.append(Piece(kept, throw, "", ()))
+    assert module._slipped(pieces) == [False, True, True, True, True]
+
+
 def test_movements_cut_at_different_times_are_aligned() -> None:
     runs = [run for run in read_sheet(find_sheet(made())).runs if run.size == 0.013] * 2
     pieces = []
