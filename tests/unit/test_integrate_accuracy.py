@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.unit.test_integrate_columns import INERTIA, VISCOSITY, Setup, flip, setup
 
-from turnout.integrate.accuracy import DRIFTS, is_inaccurate
+from turnout.integrate.accuracy import DRIFTS, correct, is_inaccurate
 from turnout.integrate.columns import rebuild, update_row
 from turnout.integrate.energy import account_friction
 from turnout.integrate.solve import Work, new_work, solve_set
@@ -50,6 +50,21 @@ def test_worn_numbers_are_found_once_rounding_may_have_grown(made: Setup, worn: 
     assert not judged(made, work)
     made.state.drift[0] = DRIFTS
     assert judged(made, work)
+
+
+@pytest.mark.parametrize("worn", ["columns", "inverse"])
+def test_the_errors_found_are_taken_off(made: Setup, worn: str) -> None:
+    work = solved(made)
+    exact = made.state.q.copy(), made.state.g.copy()
+    getattr(made.state, worn)[:] *= 1.0 + 1e-6
+    work = solved(made)
+    off = [np.abs(made.state.q - exact[0]).max(), np.abs(made.state.g - exact[1]).max()]
+    made.state.drift[0] = DRIFTS
+    assert judged(made, work)
+    correct(made.system, made.state, work)
+    left = [np.abs(made.state.q - exact[0]).max(), np.abs(made.state.g - exact[1]).max()]
+    assert left[0] < 1e-4 * off[0]
+    assert left[1] < 1e-4 * off[1]
 
 
 def test_a_flip_counts_by_its_divisor_both_ways(made: Setup) -> None:

@@ -92,14 +92,15 @@ def seconds_deaf(scenario: Scenario, *, after: float) -> float:
     began = time.perf_counter()
     signal.setitimer(signal.ITIMER_REAL, after)
     try:
-        simulate_module.simulate(
-            panel, foreign_object=scenario.foreign_objects(), scheme=scheme, throw=False
-        )
-    except KeyboardInterrupt:  # before the first step
+        try:
+            simulate_module.simulate(
+                panel, foreign_object=scenario.foreign_objects(), scheme=scheme, throw=False
+            )
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+    except KeyboardInterrupt:  # before the first step or after the last
         pass
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+    signal.signal(signal.SIGALRM, before)
     return max(time.perf_counter() - began - after, 0.0)
 
 

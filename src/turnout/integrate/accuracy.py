@@ -43,8 +43,8 @@ def _deviations(system: System, table: LawTable, state: State, force: Floats) ->
 
 
 @compiled
-def _row_error(system: System, state: State, force: Floats) -> float:
-    """Return the largest disagreement of the rows with the base system under row forces [m]."""
+def _row_errors(system: System, state: State, force: Floats, error: Floats) -> float:
+    """Write how far the base system under row forces is from the rows [m]; return the largest."""
     n_rows, n_modes = system.row_load.size, system.eigenvalues.size
     worst = 0.0
     for i in range(n_rows):
@@ -54,26 +54,60 @@ def _row_error(system: System, state: State, force: Floats) -> float:
             total += base[j] * force[j]
         for j in range(n_modes):
             total += base[n_rows + j] * state.q[j]
+        error[i] = total
         worst = max(worst, abs(total))
     return worst
 
 
 @compiled
-def _leak(
+def _modal_errors(
     system: System, state: State, work: Work, force: Floats, inertia: float, viscosity: float
 ) -> float:
-    """Return the work that the disagreement of the modal equations does in the step [J]."""
+    """Write what is left over in the modal equations to ``work.modal_error``.
+
+    Returns the work that it does in the step [J].
+    """
     n_rows, n_modes = system.row_load.size, system.eigenvalues.size
     leak = 0.0
     for j in range(n_modes):
-        total = (inertia + system.eigenvalues[j]) * state.q[j] - work.right_side[j]
+        total = work.right_side[j] - (inertia + system.eigenvalues[j]) * state.q[j]
         for i in range(n_modes):
-            total += viscosity * system.damping[j, i] * state.q[i]
+            total -= viscosity * system.damping[j, i] * state.q[i]
         for i in range(n_rows):
             if force[i] != 0.0:
-                total -= system.base[i, n_rows + j] * force[i]
+                total += system.base[i, n_rows + j] * force[i]
+        work.modal_error[j] = total
         leak += abs(total * (state.q[j] - work.q[j]))
     return leak
+
+
+@compiled
+def correct(system: System, state: State, work: Work) -> None:
+    """Take the errors that `is_inaccurate` has found off the solution, with the same columns."""
+    n_rows, n_modes = system.row_load.size, system.eigenvalues.size
+    moved, right = work.g, work.predicted_error
+    moved[:] = work.row_error
+    right[:] = work.modal_error
+    for slot in range(state.counters[COUNT_ACTIVE]):
+        row = state.row_of_slot[slot]
+        column = state.columns[n_modes + 1 + slot]
+        weight = 0.0
+        for k in range(system.pattern_start[row], system.pattern_start[row + 1]):
+            weight += state.entries[k] * work.row_error[system.pattern_list[k]]
+        for i in range(n_rows):
+            moved[i] += weight * column[i]
+        for i in range(n_modes):
+            right[i] += weight * column[n_rows + i]
+    for i in range(n_modes):
+        change = 0.0
+        for j in range(n_modes):
+            change += state.inverse[i, j] * right[j]
+        state.q[i] += change
+        column = state.columns[i]
+        for k in range(n_rows):
+            moved[k] += change * column[k]
+    for i in range(n_rows):
+        state.g[i] += moved[i]
 
 
 @compiled
@@ -92,10 +126,10 @@ def is_inaccurate(
     state.drift[0] = 1.0
     force = work.row[: system.row_load.size]
     _deviations(system, table, state, force)
-    if _row_error(system, state, force) > LARGEST_ERROR:
-        return True
+    error = _row_errors(system, state, force, work.row_error)
+    leak = _modal_errors(system, state, work, force, inertia, viscosity)
     allowed = LARGEST_LEAK * (1.0 + abs(float(state.ledger[MARKERS])))
-    return _leak(system, state, work, force, inertia, viscosity) > allowed
+    return error > LARGEST_ERROR or leak > allowed
 
 
 @compiled
@@ -106,4 +140,4 @@ def equilibrium_residual(system: System, table: LawTable, state: State, work: Wo
     """
     force = work.row[: system.row_load.size]
     row_forces(system, table, state, force)
-    return _row_error(system, state, force)
+    return _row_errors(system, state, force, work.row_error)

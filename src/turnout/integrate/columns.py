@@ -206,6 +206,7 @@ def rebuild(
 ) -> None:
     """Make every column anew from the base system; removes the drift of many updates."""
     n_rows, n_modes = system.row_load.size, system.eigenvalues.size
+    state.drift[0] = 1.0
     state.entries[:] = 0.0
     state.shift[:] = 0.0
     state.slot_of_row[:] = -1
@@ -223,5 +224,4 @@ def rebuild(
         update_row(system, table, state, row, scratch)
     refresh_inverse(system, state, inertia, viscosity)
     state.counters[COUNT_RECENT] = 0
-    state.drift[0] = 1.0
     state.counters[COUNT_REBUILDS] += 1

@@ -23,8 +23,9 @@ MARKERS, FRICTION, DAMPING, SWITCHED, ALGORITHMIC, SEGMENTS = range(6)
 KINETIC, STRAIN, CONTACT, GRAVITY = range(4)
 
 
-LEAST_SCALE = 1e-3
-"""Where less than this has moved, rounding is compared with it [J]."""
+LEAST_SCALE = 0.1
+"""Where less than this has moved, rounding is compared with it: forces of 10 kN times 1e-12 m are a
+share of 1e-7 [J]."""
 ROUNDING = 1e-12
 """What the books may be off besides, as a share of the energy in the folded linear system [-]."""
 

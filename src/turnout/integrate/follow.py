@@ -25,7 +25,8 @@ from turnout.law.compiled import compiled
 from turnout.law.kernel import SLIP_BACKWARD, SLIP_FORWARD, STICK
 from turnout.law.table import LawTable
 
-EVENTS_AT_ONE_PLACE = 400
+EVENTS, EVENTS_AT_ONE_PLACE = 2000, 400
+"""A walk ends without an answer after so many events, in all or without getting on."""
 
 
 @compiled
@@ -140,9 +141,11 @@ def follow_path(
     """
     n_laws = table.row.size
     share, stalled = 0.0, 0
-    while stalled < EVENTS_AT_ONE_PLACE:
+    for _ in range(EVENTS):
         if work.stop[0]:
             return STOPPED
+        if stalled >= EVENTS_AT_ONE_PLACE:
+            break
         _place(system, table, state, work, sides, inputs, 1.0)
         work.g[:] = state.g
         _place(system, table, state, work, sides, inputs, share)

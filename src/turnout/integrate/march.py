@@ -5,7 +5,7 @@ Kernels change `State` in place and return an outcome code; they never raise and
 
 from typing import NamedTuple
 
-from turnout.integrate.accuracy import equilibrium_residual, is_inaccurate
+from turnout.integrate.accuracy import DRIFTS, correct, equilibrium_residual, is_inaccurate
 from turnout.integrate.columns import REBUILD_AFTER, rebuild, refresh_inverse
 from turnout.integrate.energy import (
     account_friction,
@@ -28,6 +28,9 @@ from turnout.integrate.solve import (
 from turnout.integrate.system import COUNT_HALVED, COUNT_RECENT, Floats, State, System
 from turnout.law.compiled import compiled
 from turnout.law.table import LawTable
+
+MEASURE_EVERY = 100
+"""After so many steps a solution is measured whatever has happened."""
 
 
 class Stepping(NamedTuple):
@@ -137,12 +140,17 @@ def _try_step(
         start = start_of_path(system, table, state, inertia, viscosity)
         code = follow_path(system, table, state, work, tolerances, (start, aim), inputs)
     if code == CONVERGED and (
-        state.counters[COUNT_RECENT] >= REBUILD_AFTER
-        or is_inaccurate(system, table, state, work, inertia, viscosity)
+        is_inaccurate(system, table, state, work, inertia, viscosity)
+        or state.counters[COUNT_RECENT] >= REBUILD_AFTER
     ):
-        # the set is found; its solution is taken from columns without a history
-        rebuild(system, table, state, inertia, viscosity, work.row)
-        code = settle(system, table, state, work, tolerances)
+        if state.counters[COUNT_RECENT] > 0:
+            # the set is found; its solution is taken from columns without a history
+            rebuild(system, table, state, inertia, viscosity, work.row)
+            code = settle(system, table, state, work, tolerances)
+            state.drift[0] = DRIFTS
+        if code == CONVERGED and is_inaccurate(system, table, state, work, inertia, viscosity):
+            correct(system, state, work)
+            state.drift[0] = DRIFTS
     if code == CONVERGED:
         _correct(state, work, stepping, h)
         return code
@@ -244,7 +252,9 @@ def march(
             return code, n
         if (n + 1) % stepping.stride == 0:
             store(system, table, state, work, record, (n + 1) // stepping.stride)
-            if (n + 1) % (100 * stepping.stride) == 0:
+            if (n + 1) % (MEASURE_EVERY * stepping.stride) == 0:
                 residual = equilibrium_residual(system, table, state, work)
                 record.residual[0] = max(record.residual[0], residual)
+        if (n + 1) % MEASURE_EVERY == 0:
+            state.drift[0] = max(state.drift[0], DRIFTS)  # what was small at rest may have grown
     return CONVERGED, last

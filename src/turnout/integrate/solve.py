@@ -45,6 +45,9 @@ class Work(NamedTuple):
     acceleration: Floats
     g: Floats
     g_start: Floats
+    row_error: Floats
+    modal_error: Floats
+    predicted_error: Floats
     stop: Ints
 
 
@@ -272,7 +275,7 @@ def new_work(system: System, table: LawTable) -> Work:
     """Return scratch arrays that fit a system."""
     n_rows, n_modes = system.row_load.size, system.eigenvalues.size
     widest = int(np.max(np.diff(system.pattern_start), initial=1))
-    modal = [np.zeros(n_modes) for _ in range(7)]
+    modal = [np.zeros(n_modes) for _ in range(9)]
     return Work(
         row=np.zeros(max(n_rows, widest + 3 * n_modes)),
         predicted=modal[0],
@@ -288,6 +291,9 @@ def new_work(system: System, table: LawTable) -> Work:
         a=modal[5],
         acceleration=modal[6],
         g=np.zeros(n_rows),
+        row_error=np.zeros(n_rows),
+        modal_error=modal[7],
+        predicted_error=modal[8],
         g_start=np.zeros(n_rows),
         stop=np.zeros(1, dtype=np.int64),
     )
