@@ -16,7 +16,7 @@ settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 # Figures are drawn, never shown.
 os.environ.setdefault("MPLBACKEND", "Agg")
-# A shell starts what it puts in the background deaf to Ctrl-C, and programs started here inherit it.
+# What a shell puts in the background is deaf to Ctrl-C, and so is what it starts in turn.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
