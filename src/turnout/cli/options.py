@@ -1,6 +1,7 @@
 """Options that several commands share, and numbers with units from the command line."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
@@ -26,6 +27,13 @@ SetOption = Annotated[
         metavar="KEY=VALUE",
         help="Change a value of the panel, with its unit: drive.2.stiffness='81 kN/m'. Repeatable.",
     ),
+]
+DatasetOption = Annotated[
+    Path | None, typer.Option("--out", metavar="FILE.nc", help="Write the dataset (netCDF).")
+]
+FigureOption = Annotated[
+    Path | None,
+    typer.Option("--plot", metavar="FILE", help="Write a figure (.png, .pdf or .svg)."),
 ]
 
 

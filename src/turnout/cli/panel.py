@@ -132,9 +132,7 @@ def sections_command(
 
 @app.command("export")
 def export_command(
-    panel: Annotated[
-        str, typer.Argument(metavar="PANEL", help="Library panel, or path of a panel file (.toml).")
-    ],
+    panel: PanelArgument,
     out: Annotated[
         Path, typer.Option("--out", metavar="FOLDER", help="Where the files go; made if need be.")
     ],

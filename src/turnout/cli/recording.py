@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from turnout.cli.options import DatasetOption, FigureOption
 from turnout.cli.outputs import check_outputs
 
 if TYPE_CHECKING:
@@ -39,13 +40,8 @@ def import_command(
             "listed and a map to edit is suggested.",
         ),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE.nc", help="Write the dataset (netCDF).")
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option("--plot", metavar="FILE", help="Write a figure (.png, .pdf or .svg)."),
-    ] = None,
+    out: DatasetOption = None,
+    plot: FigureOption = None,
     suggest: Annotated[
         Path | None,
         typer.Option("--suggest", metavar="FILE.toml", help="Write the suggested map to a file."),

@@ -8,6 +8,8 @@ import typer
 
 from turnout.cli.options import (
     DEFAULT_PANEL,
+    DatasetOption,
+    FigureOption,
     PanelArgument,
     SetOption,
     all_told,
@@ -34,13 +36,8 @@ def simulate_command(
         ),
     ] = [],  # noqa: B006 - typer copies it
     settings: SetOption = [],  # noqa: B006 - typer copies it
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE.nc", help="Write the dataset (netCDF).")
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option("--plot", metavar="FILE", help="Write a figure (.png, .pdf or .svg)."),
-    ] = None,
+    out: DatasetOption = None,
+    plot: FigureOption = None,
     overlay: Annotated[
         Path | None,
         typer.Option(
