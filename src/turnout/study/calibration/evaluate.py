@@ -1,0 +1,297 @@
+"""Throws for a fit: in worker processes, each kept on disk by the content of what made it."""
+
+import io
+import multiprocessing
+import signal
+import zipfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from multiprocessing.pool import Pool
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.errors import FileError, TurnoutError
+from turnout.files.atomic import write_atomic
+from turnout.files.provenance import content_hash, version
+from turnout.integrate.scheme import Scheme
+from turnout.metric.movement import movements
+from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.load import LoadedPanel
+from turnout.response.save import Save
+from turnout.response.simulate import simulate
+from turnout.study.virtual_throw import DIRECTIONS
+
+Floats = NDArray[np.float64]
+FIELDS = ("drive_force", "object_force", "drive_displacement", "contact_time")
+# Kept instants are so far apart [s]; straight lines between them miss less than the solver does.
+INTERVAL = 2e-3
+# Raised when what a kept throw holds changes.
+KEPT_VERSION = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Throw:
+    """One simulation that a fit needs.
+
+    Attributes
+    ----------
+    overrides : mapping of str to float
+        Changes of the panel, in SI.
+    place, size : str, float
+        Of the object; "none" and 0 without one [m].
+    """
+
+    overrides: Mapping[str, object]
+    place: str = "none"
+    size: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Response:
+    """What is kept of a simulation.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        On the panel's schedule [s].
+    drive_force, marker : mapping of drive to ndarray, shape (n,)
+        Force on the rail [N] and position of the marker [m], positive closing.
+    object_force : ndarray, shape (n,)
+        In compression [N].
+    onsets : mapping of direction to float
+        Start of the last movement in that direction [s].
+    contact_time : float
+        First touch of the object, NaN where there is none [s].
+    failure : str
+        Why the simulation ended early; empty where it did not.
+    """
+
+    time: Floats
+    drive_force: Mapping[str, Floats]
+    marker: Mapping[str, Floats]
+    object_force: Floats
+    onsets: Mapping[str, float]
+    contact_time: float = float("nan")
+    failure: str = ""
+
+
+@dataclass(slots=True, eq=False)
+class Evaluator:
+    """Worker processes and what they have thrown so far; use as a context manager.
+
+    Attributes
+    ----------
+    panel : LoadedPanel
+        What throws change.
+    folder : Path or None
+        Where throws are kept, so that a run that was stopped goes on; None keeps nothing.
+    workers : int
+        Processes; with one, all is done in this one.
+    scheme : Scheme
+        Numerical choices.
+    told : callable or None
+        Called after each throw.
+    made, reused : int
+        Throws simulated, and taken from the folder.
+    """
+
+    panel: LoadedPanel
+    folder: Path | None = None
+    workers: int = 1
+    scheme: Scheme = field(default_factory=Scheme)
+    told: Callable[[], None] | None = None
+    made: int = 0
+    reused: int = 0
+    _known: dict[str, Response] = field(default_factory=dict)
+    _pool: Pool | None = None
+
+    def __enter__(self) -> Self:
+        """Make the folder; processes start when there is something to do."""
+        if self.folder is not None:
+            try:
+                self.folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                message = f"{self.folder}: cannot be made ({error.strerror or error})"
+                raise FileError(message) from None
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End the processes, at once after Ctrl-C."""
+        if self._pool is not None:
+            self._pool.terminate()
+            self._pool.join()
+            self._pool = None
+
+    def responses(self, throws: Sequence[Throw]) -> list[Response]:
+        """Return the response of each throw; equal ones are made once.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            On Ctrl-C; what was thrown by then is kept.
+        """
+        keys = [self._key(throw) for throw in throws]
+        missing: dict[str, Throw] = {}
+        for key, throw in zip(keys, throws, strict=True):
+            if key in self._known or key in missing:
+                continue
+            found = self._read(key)
+            if found is None:
+                missing[key] = throw
+            else:
+                self._known[key] = found
+                self.reused += 1
+        for key, content in self._made(missing):
+            self._write(key, content)
+            self._known[key] = unpacked(content)
+            self.made += 1
+            if self.told is not None:
+                self.told()
+        return [self._known[key] for key in keys]
+
+    def _made(self, missing: Mapping[str, Throw]) -> Iterator[tuple[str, bytes]]:
+        jobs = [(key, self.panel, throw, self.scheme) for key, throw in missing.items()]
+        if self.workers <= 1 or (len(jobs) <= 1 and self._pool is None):
+            yield from map(_thrown, jobs)
+            return
+        if self._pool is None:
+            context = multiprocessing.get_context("spawn")
+            self._pool = context.Pool(self.workers, initializer=_deaf_to_ctrl_c)
+        yield from self._pool.imap_unordered(_thrown, jobs)
+
+    def _key(self, throw: Throw) -> str:
+        return content_hash(
+            {
+                "panel": self.panel.hash,
+                "overrides": {key: _plain(value) for key, value in throw.overrides.items()},
+                "object": [throw.place, throw.size],
+                "scheme": asdict(self.scheme),
+                "version": f"{version()} {KEPT_VERSION}",
+            }
+        )
+
+    def _read(self, key: str) -> Response | None:
+        if self.folder is None:
+            return None
+        try:
+            return unpacked((self.folder / f"{key[:40]}.npz").read_bytes())
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            return None
+
+    def _write(self, key: str, content: bytes) -> None:
+        # A folder that may not be written to costs time after a stop, never a result.
+        if self.folder is not None:
+            with suppress(FileError):
+                write_atomic(self.folder / f"{key[:40]}.npz", content)
+
+
+def _plain(value: object) -> object:
+    """Return an override as plain data, whose text tells it apart from any other."""
+    return value if isinstance(value, str | int | float | bool) else repr(value)
+
+
+def _deaf_to_ctrl_c() -> None:
+    """Leave Ctrl-C to the process that shows the progress; it ends the others."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _thrown(job: tuple[str, LoadedPanel, Throw, Scheme]) -> tuple[str, bytes]:
+    """Simulate one throw; what goes wrong with it comes back as its failure."""
+    key, panel, throw, scheme = job
+    try:
+        changed = panel.with_overrides(dict(throw.overrides)) if throw.overrides else panel
+        foreign = ForeignObject(throw.size, throw.place) if throw.size > 0 else None
+        save = Save(interval=max(INTERVAL, scheme.step), fields=FIELDS)
+        run = simulate(changed, foreign_object=foreign, scheme=scheme, save=save, throw=False)
+    except TurnoutError as error:
+        return key, packed(_failed(str(error)))
+    if run.attrs["outcome"] == "interrupted":
+        raise KeyboardInterrupt
+    return key, packed(kept(run))
+
+
+def kept(run: xr.Dataset) -> Response:
+    """Return what a fit keeps of a simulation.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `simulate`.
+    """
+    onsets: dict[str, float] = {}
+    for span in movements(run):
+        onsets[DIRECTIONS[span.to]] = span.start
+    return Response(
+        time=run["time"].values,
+        drive_force=_by_drive(run["drive_force"]),
+        marker=_by_drive(run["drive_displacement"]),
+        object_force=run["object_force"].values,
+        onsets=onsets,
+        contact_time=float(run["contact_time"]) if "contact_time" in run else float("nan"),
+        failure="" if run.attrs["complete"] else str(run.attrs["outcome_message"]),
+    )
+
+
+def _by_drive(channel: xr.DataArray) -> dict[str, Floats]:
+    return {str(name): channel.sel(drive=name).values for name in channel["drive"].values}
+
+
+def _failed(reason: str) -> Response:
+    return Response(
+        time=np.zeros(0),
+        drive_force={},
+        marker={},
+        object_force=np.zeros(0),
+        onsets={},
+        failure=reason,
+    )
+
+
+def packed(response: Response) -> bytes:
+    """Return a response as the content of a file."""
+    content = io.BytesIO()
+    drives = list(response.drive_force)
+    shape = (len(drives), response.time.size)
+    np.savez_compressed(
+        content,
+        time=response.time,
+        drives=np.array(drives, dtype=np.str_),
+        drive_force=np.array(list(response.drive_force.values())).reshape(shape),
+        marker=np.array(list(response.marker.values())).reshape(shape),
+        object_force=response.object_force,
+        directions=np.array(list(response.onsets), dtype=np.str_),
+        onsets=np.array(list(response.onsets.values())),
+        contact_time=response.contact_time,
+        failure=np.array(response.failure),
+    )
+    return content.getvalue()
+
+
+def unpacked(content: bytes) -> Response:
+    """Return a response from the content of its file."""
+    with np.load(io.BytesIO(content), allow_pickle=False) as kept_arrays:
+        names = [str(name) for name in kept_arrays["drives"]]
+        directions = [str(name) for name in kept_arrays["directions"]]
+        return Response(
+            time=kept_arrays["time"],
+            drive_force=dict(zip(names, kept_arrays["drive_force"], strict=True)),
+            marker=dict(zip(names, kept_arrays["marker"], strict=True)),
+            object_force=kept_arrays["object_force"],
+            onsets={
+                name: float(value)
+                for name, value in zip(directions, kept_arrays["onsets"], strict=True)
+            },
+            contact_time=float(kept_arrays["contact_time"]),
+            failure=str(kept_arrays["failure"]),
+        )

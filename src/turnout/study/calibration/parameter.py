@@ -1,0 +1,219 @@
+"""What a calibration may change: named values of a panel with bounds, unit and transform."""
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel
+
+from turnout.errors import PanelError
+from turnout.panel.document import FAMILIES
+from turnout.panel.load import LoadedPanel
+from turnout.panel.override import records_in
+
+Floats = NDArray[np.float64]
+TRANSFORMS = ("log", "linear")
+# A free key may come to between a third and three times of what the panel says.
+REACH = 3.0
+_UNIT = re.compile(r"\[([^\]]+)\]\s*\Z")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """One value to calibrate.
+
+    Attributes
+    ----------
+    name : str
+        What it is called in stages, records and messages.
+    keys : tuple of str
+        Keys of the panel that it sets, all to the same value; none for a parameter that acts on
+        the simulated signals alone.
+    start, lower, upper : float
+        In SI.
+    unit : str
+        SI unit; "1" for a plain number.
+    vary : bool
+        Whether stages that name it may change it.
+    transform : str
+        "log" (steps are shares of the value, which must be positive) or "linear".
+    scatter : float
+        Standard deviation from movement to movement, as a share of the value, that is expected
+        before the measurement is seen; 0 for a value that all movements share.
+
+    Examples
+    --------
+    >>> stiffness = Parameter(
+    ...     name="k1", keys=("drive.1.stiffness",), start=7e5, lower=1e5, upper=1e7, unit="N/m"
+    ... )
+    >>> round(stiffness.value(stiffness.coordinate(8e5)))
+    800000
+    """
+
+    name: str
+    keys: tuple[str, ...]
+    start: float
+    lower: float
+    upper: float
+    unit: str = "1"
+    vary: bool = True
+    transform: str = "log"
+    scatter: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be, all at once."""
+        problems = []
+        if self.transform not in TRANSFORMS:
+            problems.append(f'transform = "{self.transform}": must be "log" or "linear"')
+        if not self.lower < self.upper:
+            problems.append(
+                f"bounds {self.lower:g} ... {self.upper:g}: the lower must be below the upper"
+            )
+        elif not self.lower <= self.start <= self.upper:
+            problems.append(
+                f"start = {self.start:g} {self.unit}: is outside its bounds {self.lower:g} ... "
+                f"{self.upper:g}; widen them, or start inside"
+            )
+        if self.transform == "log" and not self.lower > 0:
+            problems.append(
+                f'lower = {self.lower:g}: must be positive for the transform "log"; '
+                'raise it, or take "linear"'
+            )
+        if not self.scatter >= 0:
+            problems.append(f"scatter = {self.scatter:g}: must be at least 0")
+        if problems:
+            raise PanelError([f"{self.name}: {text}" for text in problems], source="parameter")
+
+    @property
+    def scale(self) -> float:
+        """Size of one unit of the coordinate of a linear parameter [its unit]."""
+        return max(abs(self.start), 0.1 * (self.upper - self.lower))
+
+    def coordinate(self, value: float) -> float:
+        """Return the coordinate in which a fit moves: a change of 0.01 is about one per cent."""
+        return math.log(value) if self.transform == "log" else value / self.scale
+
+    def value(self, coordinate: float) -> float:
+        """Return the value of a coordinate, within the bounds [its unit]."""
+        raw = math.exp(coordinate) if self.transform == "log" else coordinate * self.scale
+        return min(max(raw, self.lower), self.upper)
+
+    def slope(self, value: float) -> float:
+        """Return the change of the value with its coordinate [its unit]."""
+        return value if self.transform == "log" else self.scale
+
+    def at_bound(self, value: float) -> bool:
+        """Tell whether a value lies on a bound, so that the fit would have gone on."""
+        reach = 1e-6 * (self.upper - self.lower)
+        return value - self.lower <= reach or self.upper - value <= reach
+
+
+def coordinates(parameters: Sequence[Parameter], values: Mapping[str, float]) -> Floats:
+    """Return the coordinates of values, in the order of the parameters."""
+    return np.array([item.coordinate(values[item.name]) for item in parameters])
+
+
+def values_at(parameters: Sequence[Parameter], point: Floats) -> dict[str, float]:
+    """Return values by name at coordinates."""
+    return {item.name: item.value(float(x)) for item, x in zip(parameters, point, strict=True)}
+
+
+def overrides_of(parameters: Iterable[Parameter], values: Mapping[str, float]) -> dict[str, float]:
+    """Return the overrides of a panel that values stand for, in SI.
+
+    Examples
+    --------
+    >>> friction = Parameter(name="mu", keys=("a", "b"), start=0.4, lower=0.1, upper=1.0)
+    >>> overrides_of([friction], {"mu": 0.3})
+    {'a': 0.3, 'b': 0.3}
+    """
+    return {key: values[item.name] for item in parameters for key in item.keys}
+
+
+def value_in(panel: LoadedPanel, key: str) -> float:
+    """Return the value of a panel at a key; of a family, that of its first member.
+
+    Raises
+    ------
+    PanelError
+        When there is no such key, or no number there.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> value_in(load_panel("sb1"), "chair.friction_coefficient")
+    0.4
+    """
+    found: Any = panel
+    try:
+        parts = key.split(".")
+        if parts[0] in FAMILIES and len(parts) > 1 and parts[1] in FAMILIES[parts[0]].model_fields:
+            parts.insert(1, next(iter(getattr(panel, parts[0]))))
+        for part in parts:
+            found = found[part] if isinstance(found, dict) else getattr(found, part)
+    except (KeyError, AttributeError, StopIteration):
+        # The override says what is wrong with the key and which is the nearest.
+        panel.with_overrides({key: 1.0})
+        raise PanelError([f"{key}: has no value in this panel"], source="parameter") from None
+    if isinstance(found, bool) or not isinstance(found, int | float):
+        raise PanelError([f"{key}: is not a number, so it cannot be fitted"], source="parameter")
+    return float(found)
+
+
+def unit_in(key: str) -> str:
+    """Return the SI unit of a panel's key, "1" for a plain number.
+
+    Examples
+    --------
+    >>> unit_in("drive.1.stiffness"), unit_in("chair.friction_coefficient"), unit_in("gravity")
+    ('N/m', '1', 'm/s2')
+    """
+    parts = key.split(".")
+    record: type[BaseModel] = FAMILIES.get(parts[0], LoadedPanel)
+    rest = parts[1:] if parts[0] in FAMILIES else parts
+    if parts[0] in FAMILIES and rest and rest[0] not in record.model_fields:
+        rest = rest[1:]
+    for part in rest:
+        info = record.model_fields.get(part)
+        if info is None:
+            break
+        inner = list(records_in(info.annotation))
+        if not inner:
+            match = _UNIT.search(info.description or "")
+            unit = match[1] if match else "1"
+            return "1" if unit == "-" else unit
+        record = inner[0]
+    return "1"
+
+
+def free_parameter(panel: LoadedPanel, key: str, *, scatter: float = 0.0) -> Parameter:
+    """Return a parameter for a key of a panel, with wide bounds about what the panel says.
+
+    Raises
+    ------
+    PanelError
+        When there is no number at the key.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> free_parameter(load_panel("sb1"), "drive.1.stiffness").upper
+    2250000.0
+    """
+    value = value_in(panel, key)
+    if value <= 0:
+        problem = f"{key} = {value:g}: is not positive; state its bounds in a plan"
+        raise PanelError([problem], source="parameter")
+    return Parameter(
+        name=key,
+        keys=(key,),
+        start=value,
+        lower=value / REACH,
+        upper=value * REACH,
+        unit=unit_in(key),
+        scatter=scatter,
+    )

@@ -1,0 +1,213 @@
+"""How one measured movement is compared with a simulated one: alignment, noise, doubts.
+
+What differs from movement to movement, and is not asked for, has a prior and is integrated out: the
+true onset, the zero of each channel, and parameters that scatter, such as friction. Whitened
+residuals therefore hold only what the parameters of a fit can tell.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from turnout.study.calibration.evaluate import Response
+from turnout.study.calibration.noise import Noise
+from turnout.study.calibration.observed import Movement, Signal
+from turnout.study.calibration.predict import compared, predicted
+
+Floats = NDArray[np.float64]
+ONSET_STEP = 2e-3
+MOST_SHIFT = 0.1
+ONSET_TURNS = 5
+Key = tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Doubt:
+    """What is not known of each movement, as standard deviations.
+
+    Attributes
+    ----------
+    clocked_onset, onset : float
+        Of the marked onset, where currents told it and where only forces did [s].
+    zero : float
+        Of the zero of a force channel [N].
+    """
+
+    clocked_onset: float = 0.005
+    onset: float = 0.02
+    zero: float = 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """How movements are compared.
+
+    Attributes
+    ----------
+    noise : mapping of (channel, drive) to Noise
+        Of each channel.
+    channels : tuple of str
+        Of the schema.
+    window : tuple
+        From the onset [s]; None for the end of the movement and its rest.
+    scatter : mapping of str to float
+        Relative standard deviation of parameters from movement to movement.
+    doubt : Doubt
+        Of onset and zero.
+    """
+
+    noise: Mapping[Key, Noise]
+    channels: tuple[str, ...] = ("drive_force", "object_force")
+    window: tuple[float, float | None] = (0.0, None)
+    scatter: Mapping[str, float] = field(default_factory=dict)
+    doubt: Doubt = field(default_factory=Doubt)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class View:
+    """How one movement is compared: bins, onset, and the whitening of its residuals.
+
+    Attributes
+    ----------
+    movement : Movement
+        Measured.
+    parts : list of (Signal, ndarray of int)
+        What is compared.
+    measured : ndarray, shape (n,)
+        All parts in a row.
+    shift : float
+        How much later than marked the movement began, as estimated [s].
+    turned : ndarray, shape (n,)
+        Change of the prediction with the shift [unit/s].
+    factors : tuple of ndarray
+        Cholesky factor of the noise of each part.
+    basis, shrink : ndarray, shape (n, q) and (q,)
+        Directions in which the movement is in doubt, whitened, and how far they are shrunk.
+    estimates : mapping of str to float
+        Of what is in doubt: "onset" [s], scattering parameters as shares.
+    """
+
+    movement: Movement
+    parts: list[tuple[Signal, NDArray[np.intp]]]
+    measured: Floats
+    shift: float
+    turned: Floats
+    factors: tuple[Floats, ...]
+    basis: Floats
+    shrink: Floats
+    estimates: Mapping[str, tuple[float, float]]
+
+    def of(self, response: Response) -> Floats:
+        """Return the prediction of a response, centred on a doubt of the onset about zero."""
+        return _row(response, self.movement, self.parts, self.shift) - self.turned * self.shift
+
+    def plain(self, response: Response) -> Floats:
+        """Return the prediction of a response at the estimated onset."""
+        return _row(response, self.movement, self.parts, self.shift)
+
+    def noise_whitened(self, row: Floats) -> Floats:
+        """Return a row with its noise made independent; doubts are left in."""
+        return _unnoised(row, self.factors)
+
+    def whitened(self, row: Floats) -> Floats:
+        """Return a row made independent, doubts shrunk."""
+        clean = self.noise_whitened(row)
+        return np.asarray(clean - self.basis @ (self.shrink * (self.basis.T @ clean)))
+
+
+def _row(
+    response: Response,
+    movement: Movement,
+    parts: Sequence[tuple[Signal, NDArray[np.intp]]],
+    shift: float,
+) -> Floats:
+    return np.concatenate([predicted(response, movement, s, b, shift=shift) for s, b in parts])
+
+
+def _unnoised(row: Floats, factors: Sequence[Floats]) -> Floats:
+    found, first = [], 0
+    for factor in factors:
+        piece = row[first : first + factor.shape[0]]
+        found.append(solve_triangular(factor, piece, lower=True, check_finite=False))
+        first += factor.shape[0]
+    return np.concatenate(found)
+
+
+def view_of(
+    movement: Movement,
+    response: Response,
+    *,
+    comparison: Comparison,
+    sensitivities: Mapping[str, tuple[Response, Response, float]],
+) -> View:
+    """Make the view of a movement about a response.
+
+    Parameters
+    ----------
+    movement : Movement
+        Measured.
+    response : Response
+        Simulated at the point that the view is made about.
+    comparison : Comparison
+        How movements are compared.
+    sensitivities : mapping of str to (Response, Response, float)
+        For each parameter that scatters: responses at the point and aside, and the relative change
+        of the parameter between them.
+    """
+    parts = compared(movement, comparison.channels, comparison.window)
+    measured = np.concatenate([signal.values[bins] for signal, bins in parts])
+    factors = tuple(
+        comparison.noise[signal.channel, signal.drive].factor(signal.time[bins])
+        for signal, bins in parts
+    )
+    spread = comparison.doubt.clocked_onset if movement.clocked else comparison.doubt.onset
+    names = ["onset", *sensitivities]
+    scales = [spread, *(comparison.scatter[name] for name in sensitivities)]
+    zeros = _zero_columns(parts, comparison.doubt.zero)
+    shift = 0.0
+    for _ in range(ONSET_TURNS):
+        later = _row(response, movement, parts, shift + ONSET_STEP)
+        earlier = _row(response, movement, parts, shift - ONSET_STEP)
+        turned = (later - earlier) / (2.0 * ONSET_STEP)
+        columns = [turned] + [
+            (_row(aside, movement, parts, shift) - _row(here, movement, parts, shift)) / step
+            for here, aside, step in sensitivities.values()
+        ]
+        doubts = np.column_stack([*(c * s for c, s in zip(columns, scales, strict=True)), *zeros])
+        clean = np.column_stack([_unnoised(column, factors) for column in doubts.T])
+        rest = measured - _row(response, movement, parts, shift) + turned * shift
+        inverse = np.linalg.inv(np.eye(clean.shape[1]) + clean.T @ clean)
+        found = inverse @ (clean.T @ _unnoised(rest, factors))
+        before, shift = shift, float(np.clip(found[0] * spread, -MOST_SHIFT, MOST_SHIFT))
+        if abs(shift - before) < 1e-4:
+            break
+    basis, sizes, _ = np.linalg.svd(clean, full_matrices=False)
+    return View(
+        movement=movement,
+        parts=parts,
+        measured=measured,
+        shift=before,
+        turned=turned,
+        factors=factors,
+        basis=basis,
+        shrink=1.0 - 1.0 / np.sqrt(1.0 + sizes**2),
+        estimates={
+            name: (float(found[n] * scale), float(np.sqrt(inverse[n, n]) * scale))
+            for n, (name, scale) in enumerate(zip(names, scales, strict=True))
+        },
+    )
+
+
+def _zero_columns(parts: Sequence[tuple[Signal, NDArray[np.intp]]], size: float) -> list[Floats]:
+    """Return a column for the zero of each part."""
+    total = sum(bins.size for _, bins in parts)
+    columns, first = [], 0
+    for _, bins in parts:
+        column = np.zeros(total)
+        column[first : first + bins.size] = size
+        columns.append(column)
+        first += bins.size
+    return columns

@@ -1,0 +1,62 @@
+"""Parameters and stages as data."""
+
+import pytest
+
+from turnout.errors import PanelError
+from turnout.panel.load import load_panel
+from turnout.study.calibration.parameter import Parameter, free_parameter, unit_in, value_in
+from turnout.study.calibration.stage import Plan, Selection, Stage, default_plan
+
+
+def test_every_problem_of_a_parameter_is_told() -> None:
+    with pytest.raises(PanelError) as told:
+        Parameter(name="k", keys=("k",), start=5.0, lower=-1.0, upper=2.0, scatter=-1.0)
+    assert "outside its bounds" in str(told.value)
+    assert "must be positive" in str(told.value)
+    assert "scatter" in str(told.value)
+
+
+@pytest.mark.parametrize("transform", ["log", "linear"])
+def test_values_and_coordinates_belong_together(transform: str) -> None:
+    item = Parameter(name="k", keys=("k",), start=2.0, lower=1.0, upper=8.0, transform=transform)
+    assert item.value(item.coordinate(3.0)) == pytest.approx(3.0, rel=1e-12)
+    assert item.value(item.coordinate(3.0) + 100.0) == 8.0
+    here = item.coordinate(3.0)
+    slope = (item.value(here + 1e-6) - item.value(here - 1e-6)) / 2e-6
+    assert item.slope(3.0) == pytest.approx(slope, rel=1e-6)
+
+
+def test_a_key_that_matches_nothing_names_the_nearest() -> None:
+    with pytest.raises(PanelError, match=r"nearest is 'drive\.1\.stiffness'"):
+        value_in(load_panel("sb1"), "drive.1.stifness")
+
+
+def test_a_key_without_a_number_is_refused() -> None:
+    with pytest.raises(PanelError, match="not a number"):
+        free_parameter(load_panel("sb1"), "drive.1.rail")
+
+
+def test_units_of_keys() -> None:
+    assert unit_in("drive.saturation_force") == "N"
+    assert unit_in("material.density") == "kg/m3"
+
+
+def test_default_stages_are_those_published() -> None:
+    plan = default_plan(load_panel("sb1"), free=["gravity"], fixed=["drive.1.saturation_force"])
+    assert plan.stages[0].movements.objects == "none"
+    assert plan.stages[2].movements.place == "drive 2"
+    assert "gravity" in plan.stages[-1].parameters
+    varied = [item.name for item in plan.named(plan.stages[1].parameters)]
+    assert varied == ["drive.1.stiffness"]
+
+
+def test_an_unknown_parameter_of_a_stage_is_refused() -> None:
+    item = free_parameter(load_panel("sb1"), "gravity")
+    stage = Stage(name="one", parameters=("gravty",), movements=Selection())
+    with pytest.raises(PanelError, match="nearest is 'gravity'"):
+        Plan(parameters=(item,), stages=(stage,))
+
+
+def test_unknown_fixed_key_is_refused() -> None:
+    with pytest.raises(PanelError, match="no parameter of the default stages"):
+        default_plan(load_panel("sb1"), fixed=["drive.1.stroke"])
