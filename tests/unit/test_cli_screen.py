@@ -11,13 +11,13 @@ from tests.unit.simulated import sb2_panel
 from turnout.cli.outputs import check_outputs
 from turnout.cli.sections import section_lines
 from turnout.cli.show import Thrown, panel_lines
-from turnout.cli.units import shown
-from turnout.cli.values import value_lines
 from turnout.cli.watch import COMPILING, Watch, watched
 from turnout.errors import FileError
 from turnout.panel.load import library_names, load_panel
 from turnout.panel.model import Panel
 from turnout.plot.plan import plot_plan
+from turnout.report.units import shown
+from turnout.report.values import value_lines
 from turnout.response.compilation import cache_fault
 from turnout.response.simulate import simulate
 from turnout.study.test_piece import PieceResult

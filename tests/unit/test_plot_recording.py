@@ -5,20 +5,7 @@ import pytest
 import xarray as xr
 
 from turnout.errors import ResponseError
-from turnout.plot.recording import MOST_ROWS, Trace, plot_columns, plot_measured, thinned
-
-
-def test_a_spike_survives_thinning() -> None:
-    time = np.arange(1_000_000) / 1000
-    values = np.sin(time)
-    values[654_321] = 50.0
-    values[1000:200_000] = np.nan
-    shown_time, shown = thinned(time, values, most=2000)
-    assert shown.size <= 2000
-    assert np.all(np.diff(shown_time) >= 0)
-    assert shown_time[np.nanargmax(shown)] == time[654_321]
-    assert np.nanmax(shown) == 50.0
-    assert np.isnan(shown[(shown_time > 3) & (shown_time < 198)]).all()
+from turnout.plot.recording import MOST_ROWS, Trace, plot_columns, plot_measured
 
 
 def test_columns_fill_their_axes() -> None:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from turnout.cli import campaign, panel, recording, simulate
+from turnout.cli import campaign, panel, recording, report, simulate
 from turnout.errors import TurnoutError
 
 BAD_INPUT, INTERRUPTED = 2, 130
@@ -20,6 +20,7 @@ app = typer.Typer(
 )
 app.command("simulate")(simulate.simulate_command)
 app.command("import")(recording.import_command)
+app.command("report")(report.report_command)
 app.add_typer(panel.app, name="panel")
 app.add_typer(campaign.app, name="campaign")
 

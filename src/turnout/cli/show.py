@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnout.cli.plan import plan_lines
-from turnout.cli.values import assumption_lines, value_lines
 from turnout.panel.layout import resting_gap
+from turnout.report.values import assumption_lines, value_lines
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -9,6 +9,7 @@ import xarray as xr
 from turnout.metric.books import numerical_share, numerical_warning, residual_share
 from turnout.metric.movement import Margin, Slip, margins, slips
 from turnout.metric.signal import at_end
+from turnout.metric.words import kilo, milli
 
 
 def summary(dataset: xr.Dataset) -> list[tuple[str, str]]:
@@ -72,9 +73,7 @@ def _objects(dataset: xr.Dataset) -> list[str]:
     text = f"first touched at t = {float(dataset['contact_time']):.3f} s"
     if "object_force" in dataset:
         peak = float(dataset["object_force"].max())
-        text += (
-            f"; force {_kilo(at_end(dataset['object_force']))} at the end, {_kilo(peak)} at most"
-        )
+        text += f"; force {kilo(at_end(dataset['object_force']))} at the end, {kilo(peak)} at most"
     return [*placed, text]
 
 
@@ -97,9 +96,7 @@ def _state(dataset: xr.Dataset) -> list[tuple[str, str]]:
             sensor = dataset.sel(sensor=name)
             answer = "yes" if at_end(sensor["in_control"]) else "NO"
             gap, limit = at_end(sensor["sensor_gap"]), sensor["sensor_limit"]
-            lines.append(
-                ("in control", f"{name} {answer}: gap {_milli(gap)}, limit {_milli(limit)}")
-            )
+            lines.append(("in control", f"{name} {answer}: gap {milli(gap)}, limit {milli(limit)}"))
     return lines
 
 
@@ -110,7 +107,7 @@ def _drives(dataset: xr.Dataset) -> list[tuple[str, str]]:
         drive = dataset.sel(drive=name)
         parts = []
         if "drive_force" in drive:
-            parts.append(f"end force {_kilo(at_end(drive['drive_force']))}")
+            parts.append(f"end force {kilo(at_end(drive['drive_force']))}")
         if "end_gap" in drive:
             parts.append(_end_gap(drive))
         if "force_margin" in drive:
@@ -125,14 +122,14 @@ def _drives(dataset: xr.Dataset) -> list[tuple[str, str]]:
 def _margin(margin: Margin) -> str:
     if margin.force <= 0:
         return f"none left {margin.direction}"
-    text = f"{_kilo(margin.force)} {margin.direction}"
+    text = f"{kilo(margin.force)} {margin.direction}"
     return f"{text} (only {100 * margin.share:.1f} %)" if margin.tight else text
 
 
 def _end_gap(drive: xr.Dataset) -> str:
     if math.isnan(float(drive["end_gap"])):
         return "no gap known, as the rail has no stock rail"
-    return f"raw end gap {_milli(drive['end_gap'])}{_stretch(drive)}"
+    return f"raw end gap {milli(drive['end_gap'])}{_stretch(drive)}"
 
 
 def _stretch(drive: xr.Dataset) -> str:
@@ -146,7 +143,7 @@ def _stretch(drive: xr.Dataset) -> str:
     if math.isnan(float(drive["drive_stiffness"])):
         return " (bushing stretched as its table says)"
     stretch = abs(at_end(drive["drive_force"])) / drive["drive_stiffness"]
-    return f" (bushing stretch {_milli(stretch)})"
+    return f" (bushing stretch {milli(stretch)})"
 
 
 def _slips(dataset: xr.Dataset) -> list[str]:
@@ -177,7 +174,7 @@ def _flangeway(dataset: xr.Dataset) -> list[tuple[str, str]]:
     if "least_flangeway" not in dataset or math.isnan(float(dataset["least_flangeway"])):
         return []
     text = (
-        f"{_milli(dataset['least_flangeway'])} at x = {float(dataset['least_flangeway_x']):g} m, "
+        f"{milli(dataset['least_flangeway'])} at x = {float(dataset['least_flangeway_x']):g} m, "
         f"rail {str(dataset['least_flangeway_rail'].values)}"
     )
     limit = float(dataset.attrs.get("flangeway_limit", math.nan))
@@ -202,12 +199,3 @@ def _energy(dataset: xr.Dataset) -> list[tuple[str, str]]:
     ]
     warning = numerical_warning(dataset)
     return lines if warning is None else [*lines, ("WARNING", warning)]
-
-
-def _kilo(force: xr.DataArray | float) -> str:
-    # Adding zero turns a negative zero into a plain one.
-    return f"{round(float(force) / 1e3, 2) + 0.0:.2f} kN"
-
-
-def _milli(length: xr.DataArray | float) -> str:
-    return f"{round(float(length) * 1e3, 2) + 0.0:.2f} mm"

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from turnout.errors import ResponseError
 from turnout.plot.style import COLOURS, COMPARED, DASHES, new_figure, styled
+from turnout.plot.thin import thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 KILO = 1e-3
-# More points than these are drawn as the least and largest of each of half as many parts.
+# More points than these are thinned, their peaks kept.
 MOST_POINTS = 8000
 MOST_ROWS = 16
 
@@ -29,38 +30,6 @@ class Trace:
     unit: str
     time: NDArray[np.float64]
     values: NDArray[np.float64]
-
-
-def thinned(
-    time: NDArray[np.float64], values: NDArray[np.float64], *, most: int = MOST_POINTS
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return at most so many points that look the same: least and largest of each part.
-
-    Examples
-    --------
-    >>> thinned(np.arange(6.0), np.array([0.0, 5.0, 1.0, 2.0, -3.0, 1.0]), most=4)
-    (array([0., 1., 3., 4.]), array([ 0.,  5.,  2., -3.]))
-    """
-    if values.size <= most:
-        return time, values
-    size = -(-values.size // (most // 2))
-    padded = np.full(-(-values.size // size) * size, np.nan)
-    padded[: values.size] = values
-    parts = padded.reshape(-1, size)
-    there = np.isfinite(parts)
-    least = np.min(parts, axis=1, where=there, initial=np.inf)
-    largest = np.max(parts, axis=1, where=there, initial=-np.inf)
-    empty = ~there.any(axis=1)
-    least[empty] = largest[empty] = np.nan
-    first = np.argmin(np.where(there, parts, np.inf), axis=1)
-    last = np.argmax(np.where(there, parts, -np.inf), axis=1)
-    begin = np.arange(parts.shape[0]) * size
-    at = np.stack((np.minimum(first, last), np.maximum(first, last)), axis=1) + begin[:, None]
-    at = np.minimum(at, values.size - 1)
-    shown = np.where(
-        (first <= last)[:, None], np.stack((least, largest), 1), np.stack((largest, least), 1)
-    )
-    return time[at.ravel()], shown.ravel()
 
 
 def plot_columns(traces: Sequence[Trace], *, title: str = "") -> "Figure":
@@ -188,5 +157,5 @@ def _line(
     dash: str | tuple[int, tuple[float, ...]] = "-",
     label: str | None = None,
 ) -> None:
-    time, values = thinned(trace.time, trace.values)
+    time, values = thinned(trace.time, trace.values, most=MOST_POINTS)
     ax.plot(time, values, color=colour, linewidth=width, linestyle=dash, label=label)

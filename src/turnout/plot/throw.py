@@ -66,11 +66,11 @@ def plot_throw(
         When there is nothing to draw, or the overlay has a drive or sensor that the run has not.
     """
     under = _under(dataset, overlay) if overlay is not None else {}
-    rows = [(label, curves) for label, curves in _rows(dataset) if curves or under.get(label)]
+    rows = [(label, curves) for label, curves in throw_rows(dataset) if curves or under.get(label)]
     if not rows:
         message = "nothing to draw: the dataset has no forces, displacements or gaps"
         raise ResponseError(message)
-    behind = dict(_rows(compare)) if compare is not None else {}
+    behind = dict(throw_rows(compare)) if compare is not None else {}
     figure, axes = new_figure(len(rows))
     time = dataset["time"].values
     for ax, (label, curves) in zip(axes, rows, strict=True):
@@ -116,7 +116,9 @@ def _under(dataset: xr.Dataset, overlay: xr.Dataset) -> dict[str, list[Curve]]:
             if family in overlay.coords
         }
     )
-    ours = {(row, curve.label): curve.colour for row, curves in _rows(dataset) for curve in curves}
+    ours = {
+        (row, curve.label): curve.colour for row, curves in throw_rows(dataset) for curve in curves
+    }
     return {
         label: [
             Curve(
@@ -127,12 +129,12 @@ def _under(dataset: xr.Dataset, overlay: xr.Dataset) -> dict[str, list[Curve]]:
             for curve in curves
             if np.isfinite(curve.values).any()
         ]
-        for label, curves in _rows(full)
+        for label, curves in throw_rows(full)
     }
 
 
-def _rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
-    """Return what goes into each of the stacked axes, in screen units."""
+def throw_rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
+    """Return label and curves of each of the stacked axes, in screen units, some without any."""
     forces = _of_drives(dataset, "drive_force", KILO)
     objects = []
     if "object_force" in dataset and dataset.attrs.get("foreign_objects", "") != "[]":
@@ -202,7 +204,7 @@ def _draw_under(ax: "Axes", time: np.ndarray, curve: Curve) -> None:
     )
 
 
-def _shown(dataset: xr.Dataset) -> list[tuple[Span, float, float]]:
+def shown_movements(dataset: xr.Dataset) -> list[tuple[Span, float, float]]:
     """Return each movement with the part of it that lies within the time of a dataset."""
     first, last = float(dataset["time"][0]), float(dataset["time"][-1])
     parts = [(span, max(span.start, first), min(span.end, last)) for span in movements(dataset)]
@@ -211,12 +213,12 @@ def _shown(dataset: xr.Dataset) -> list[tuple[Span, float, float]]:
 
 def _shade(ax: "Axes", dataset: xr.Dataset) -> None:
     """Shade the time in which markers move."""
-    for _, start, end in _shown(dataset):
+    for _, start, end in shown_movements(dataset):
         ax.axvspan(start, end, color=SHADE, linewidth=0, zorder=0)
 
 
 def _name_movements(ax: "Axes", dataset: xr.Dataset) -> None:
-    for span, start, end in _shown(dataset):
+    for span, start, end in shown_movements(dataset):
         ax.annotate(
             f"{span.name} ({'closing' if span.to == 'closed' else 'opening'})",
             xy=(0.5 * (start + end), 1.0),

@@ -1,10 +1,10 @@
-"""A panel as lines of text: every value with its unit and where it comes from."""
+"""Every value of a panel with its unit and where it comes from, as lines or in groups."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from turnout.cli.units import shown, unit_of
+from turnout.report.units import shown, unit_of
 
 if TYPE_CHECKING:
     from turnout.panel.load import LoadedPanel
@@ -24,19 +24,34 @@ class Leaf:
     origin: str
 
 
-def value_lines(panel: "LoadedPanel") -> Iterator[str]:
-    """Yield every value of a panel: its key, its text and where it comes from."""
+def value_groups(panel: "LoadedPanel") -> Iterator[tuple[str, list[Leaf]]]:
+    """Yield the values of a panel by family or record, each under its heading.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> groups = dict(value_groups(load_panel("sb1")))
+    >>> [leaf.text for leaf in groups["drive (1, 2)"] if leaf.below == "x"]
+    ['0.3, 6.9 m']
+    """
     for name, field in type(panel).model_fields.items():
         value = getattr(panel, name)
         if name in HEAD or value is None or value == {}:
             continue
         if _is_family(value):
-            yield from _family(panel, name, value)
+            yield f"{name} ({_listed(list(value))})", list(_family(panel, name, value))
         elif _is_record(value):
-            yield name
-            yield from _aligned(list(_leaves(panel, (name,), value)))
+            yield name, list(_leaves(panel, (name,), value))
         else:
-            yield from _aligned([_leaf(panel, (name,), name, value, field)], indent="")
+            yield "", [_leaf(panel, (name,), name, value, field)]
+
+
+def value_lines(panel: "LoadedPanel") -> Iterator[str]:
+    """Yield every value of a panel: its key, its text and where it comes from."""
+    for heading, leaves in value_groups(panel):
+        if heading:
+            yield heading
+        yield from _aligned(leaves, indent="  " if heading else "")
 
 
 def assumption_lines(panel: "LoadedPanel") -> Iterator[str]:
@@ -52,9 +67,8 @@ def assumption_lines(panel: "LoadedPanel") -> Iterator[str]:
             yield line
 
 
-def _family(panel: "LoadedPanel", name: str, members: dict[str, Any]) -> Iterator[str]:
+def _family(panel: "LoadedPanel", name: str, members: dict[str, Any]) -> Iterator[Leaf]:
     """Yield a family field by field: what most members have, then who has something else."""
-    yield f"{name} ({_listed(list(members))})"
     fields: dict[str, dict[tuple[str, str], list[str]]] = {}
     for member, record in members.items():
         for leaf in _leaves(panel, (name, member), record):
@@ -62,7 +76,7 @@ def _family(panel: "LoadedPanel", name: str, members: dict[str, Any]) -> Iterato
             groups.setdefault((leaf.text, leaf.origin), []).append(member)
     for below, groups in fields.items():
         if below == "x" and _stand_alike(members, groups):
-            yield from _aligned([Leaf(below, _places(members), next(iter(groups))[1])])
+            yield Leaf(below, _places(members), next(iter(groups))[1])
             continue
         ranked = sorted(groups.items(), key=lambda item: -len(item[1]))
         most = len(ranked[0][1])
@@ -70,7 +84,7 @@ def _family(panel: "LoadedPanel", name: str, members: dict[str, Any]) -> Iterato
         for number, ((text, origin), owners) in enumerate(ranked):
             common = everyone or (number == 0 and most > len(members) / 2)
             label = below if common else f"{below} ({_listed(owners)})"
-            yield from _aligned([Leaf(label, text, origin)])
+            yield Leaf(label, text, origin)
 
 
 def _stand_alike(members: dict[str, Any], groups: dict[tuple[str, str], list[str]]) -> bool:

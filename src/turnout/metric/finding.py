@@ -1,0 +1,219 @@
+"""What a run means for whoever answers for the switch, in plain words."""
+
+import json
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import xarray as xr
+
+from turnout.metric.books import numerical_warning
+from turnout.metric.movement import Slip, margins, slips
+from turnout.metric.signal import at_end
+from turnout.metric.words import kilo, milli
+
+Level = Literal["good", "look", "bad", "told"]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One answer.
+
+    Attributes
+    ----------
+    level : str
+        "good", "look" (should be looked at), "bad", or "told" (a fact without a judgement).
+    question : str
+        Such as "Locked?".
+    answer : str
+        In a word or two.
+    detail : str
+        Which, where, when, by what margin.
+    """
+
+    level: Level
+    question: str
+    answer: str
+    detail: str
+
+
+def findings(dataset: xr.Dataset) -> list[Finding]:
+    """Return what a run says, the answer to "was the object noticed?" first.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        One run, simulated or measured; questions that its channels cannot answer are left out.
+
+    Returns
+    -------
+    list of Finding
+
+    Examples
+    --------
+    >>> run = xr.Dataset({"locked": ("time", [False, True])}, {"time": [0.0, 1.0]})
+    >>> [(item.question, item.answer) for item in findings(run)]
+    [('Outcome', 'Locked'), ('Locked?', 'Yes')]
+    """
+    if not dataset.sizes.get("time", 0):
+        reason = str(dataset.attrs.get("outcome_message", "it holds no instant"))
+        return [Finding("bad", "Outcome", "Nothing to judge", reason)]
+    found = [*_complete(dataset), *_outcome(dataset), *_locked(dataset), *_control(dataset)]
+    found += [*_slipped(dataset), *_nearest(dataset), *_object(dataset), *_flangeway(dataset)]
+    warning = numerical_warning(dataset) if "energy_numerical" in dataset else None
+    if warning is not None:
+        found.append(Finding("look", "Can the numbers be trusted?", "With care", warning))
+    return found
+
+
+def is_locked(dataset: xr.Dataset) -> bool | None:
+    """Return whether a run ends locked; None where that is not known."""
+    return bool(at_end(dataset["locked"])) if "locked" in dataset else None
+
+
+def is_in_control(dataset: xr.Dataset) -> bool | None:
+    """Return whether every sensor is in control at the end; None where that is not known."""
+    return bool(at_end(dataset["in_control"]).all()) if "in_control" in dataset else None
+
+
+def _complete(dataset: xr.Dataset) -> list[Finding]:
+    if dataset.attrs.get("complete", True):
+        return []
+    message = str(dataset.attrs.get("outcome_message", "ended early"))
+    return [Finding("bad", "Is the run whole?", "No", f"{message}; what follows holds until then")]
+
+
+def _outcome(dataset: xr.Dataset) -> list[Finding]:
+    """Return the one sentence that matters: whether the switch tells what is trapped."""
+    locked, control = is_locked(dataset), is_in_control(dataset)
+    if locked is None and control is None:
+        return []
+    tells = locked is False or control is False
+    states = [] if locked is None else ["locked" if locked else "not locked"]
+    states += [] if control is None else ["in control" if control else "not in control"]
+    state = " and ".join(states) if not tells else _refusal(locked, control)
+    if not _objects(dataset):
+        if tells:
+            text = "nothing is trapped, yet the switch does not reach its end position"
+            return [Finding("bad", "Outcome", _capital(state), text)]
+        text = "nothing is trapped, and the switch reaches its end position"
+        return [Finding("good", "Outcome", _capital(state), text)]
+    what = " and ".join(
+        f"{1e3 * item['size']:g} mm at {item['place']}" for item in _objects(dataset)
+    )
+    if "object_touched" in dataset and not dataset["object_touched"]:
+        return [Finding("look", "Outcome", "Object never touched", f"{what}; {state}")]
+    if tells:
+        return [Finding("good", "Outcome", "Object noticed", f"{what}; the switch is {state}")]
+    return [Finding("bad", "Outcome", "Object NOT noticed", f"{what}, yet the switch is {state}")]
+
+
+def _refusal(locked: bool | None, control: bool | None) -> str:
+    parts = ["not locked"] if locked is False else []
+    parts += ["not in control"] if control is False else []
+    return " and ".join(parts)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _locked(dataset: xr.Dataset) -> list[Finding]:
+    locked = is_locked(dataset)
+    if locked is None:
+        return []
+    rule = dataset.attrs.get("lock_rule")
+    detail = f"at the end, by the rule '{rule}'" if rule else "at the end"
+    return [Finding("good" if locked else "bad", "Locked?", "Yes" if locked else "No", detail)]
+
+
+def _control(dataset: xr.Dataset) -> list[Finding]:
+    control = is_in_control(dataset)
+    if control is None or "sensor_gap" not in dataset:
+        return []
+    parts = []
+    for name in dataset["sensor"].values:
+        sensor = dataset.sel(sensor=name)
+        gap, limit = float(at_end(sensor["sensor_gap"])), float(sensor["sensor_limit"])
+        if math.isnan(gap):
+            parts.append(f"{name} gap not known")
+            continue
+        side = f"{milli(limit - gap)} below" if gap < limit else f"{milli(gap - limit)} above"
+        parts.append(f"{name} gap {milli(gap)}, {side} its limit of {milli(limit)}")
+    level: Level = "good" if control else "bad"
+    return [Finding(level, "In control?", "Yes" if control else "No", "; ".join(parts))]
+
+
+def _slipped(dataset: xr.Dataset) -> list[Finding]:
+    if "drive_slipping" not in dataset:
+        return []
+    found = slips(dataset)
+    if not found:
+        return [Finding("good", "Did a drive slip?", "No", "every drive followed its marker")]
+    names = ", ".join(dict.fromkeys(slip.drive for slip in found))
+    detail = "; ".join(_slip(dataset, slip) for slip in found)
+    return [Finding("look", "Did a drive slip?", f"Yes, drive {names}", detail)]
+
+
+def _slip(dataset: xr.Dataset, slip: Slip) -> str:
+    text = f"drive {slip.drive}"
+    if "drive_x" in dataset.coords:
+        text += f" at x = {float(dataset['drive_x'].sel(drive=slip.drive)):g} m"
+    text += f" from t = {slip.time:.2f} s"
+    if slip.movement is not None:
+        text += " while closing" if slip.movement.to == "closed" else " while opening"
+    if "contact_time" in dataset and _objects(dataset):
+        touched = bool(dataset["contact_time"] <= slip.time)
+        text += ", after the object was touched" if touched else ", before any object was touched"
+    return text
+
+
+def _nearest(dataset: xr.Dataset) -> list[Finding]:
+    """Return the drive with the least left, where none has slipped: how near it came."""
+    if "force_margin" not in dataset or "saturation_force" not in dataset.coords:
+        return []
+    left = [margin for margin in margins(dataset) if margin.force > 0]
+    if not left:
+        return []
+    least = min(left, key=lambda margin: margin.share)
+    detail = (
+        f"drive {least.drive} {least.direction}: {kilo(least.largest)} of {kilo(least.limit)}, "
+        f"{kilo(least.force)} left"
+    )
+    level: Level = "look" if least.tight else "good"
+    return [Finding(level, "Least margin to slip", f"{100 * least.share:.1f} %", detail)]
+
+
+def _object(dataset: xr.Dataset) -> list[Finding]:
+    if "object_touched" not in dataset or not dataset["object_touched"]:
+        return []
+    detail = f"first touched at t = {float(dataset['contact_time']):.2f} s"
+    if "object_force" not in dataset:
+        return [Finding("told", "Force on the object", "not known", detail)]
+    force = dataset["object_force"]
+    detail += f"; {kilo(force.max())} at most"
+    return [Finding("told", "Force on the object", kilo(at_end(force)), detail)]
+
+
+def _flangeway(dataset: xr.Dataset) -> list[Finding]:
+    limit = float(dataset.attrs.get("flangeway_limit", float("nan")))
+    if "least_flangeway" not in dataset:
+        return []
+    least = float(dataset["least_flangeway"])
+    if math.isnan(least):
+        return []
+    detail = (
+        f"rail {dataset['least_flangeway_rail'].values!s} at "
+        f"x = {float(dataset['least_flangeway_x']):g} m"
+    )
+    if math.isnan(limit):
+        detail += "; the panel gives no limit"
+        return [Finding("told", "Least flangeway", milli(least), detail)]
+    level: Level = "good" if least >= limit else "look"
+    detail += f"; {'above' if least >= limit else 'BELOW'} the limit of {1e3 * limit:g} mm"
+    return [Finding(level, "Least flangeway", milli(least), detail)]
+
+
+def _objects(dataset: xr.Dataset) -> list[dict[str, Any]]:
+    items: list[dict[str, Any]] = json.loads(dataset.attrs.get("foreign_objects", "[]"))
+    return items

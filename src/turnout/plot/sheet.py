@@ -1,0 +1,172 @@
+"""What a figure shows, as plain data: one description for paper and for pages."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from turnout.plot.thin import thinned
+
+Style = Literal["line", "marks", "line and marks", "bars"]
+
+# Points of a thinned line; more cannot be told apart on a screen.
+MOST_POINTS = 1600
+DECIMALS = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """One line, set of marks or set of bars.
+
+    Attributes
+    ----------
+    label : str
+        For the legend.
+    x, y : ndarray
+        In the units of the axes; a NaN tears a line.
+    colour : int or str
+        Place among the colours of `turnout.plot.style`, or a colour of its own ("#rrggbb").
+    dash : int
+        Place among the dashes.
+    style : str
+        "line", "marks", "line and marks" or "bars".
+    symbol : str
+        "circle", "square", "triangle up", "triangle down" or "cross".
+    width : float
+        Of a line in points, of bars in units of x.
+    """
+
+    label: str
+    x: NDArray[Any]
+    y: NDArray[Any]
+    colour: int | str = 0
+    dash: int = 0
+    style: Style = "line"
+    symbol: str = "circle"
+    width: float = 1.3
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """A value that lines are read against, drawn dashed across: its place and its name."""
+
+    at: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """A part of the x axis, shaded: from, to, and what it is."""
+
+    start: float
+    end: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A place on the x axis, dotted upright: where and what."""
+
+    at: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One of the stacked axes: label with its unit, lines, levels."""
+
+    label: str
+    lines: tuple[Line, ...]
+    levels: tuple[Level, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sheet:
+    """A figure of stacked axes that share x.
+
+    Attributes
+    ----------
+    name : str
+        For files and links, such as "chair-forces".
+    title : str
+        What it shows.
+    caption : str
+        How to read it, in a sentence or two.
+    x_label : str
+        With its unit.
+    rows : tuple of Row
+        From above.
+    bands, moments : tuple
+        Over all rows.
+    """
+
+    name: str
+    title: str
+    caption: str
+    x_label: str
+    rows: tuple[Row, ...]
+    bands: tuple[Band, ...] = ()
+    moments: tuple[Moment, ...] = ()
+
+
+def sheet_record(sheet: Sheet, *, most: int = MOST_POINTS) -> dict[str, Any]:
+    """Return a sheet as plain data for a page, its lines thinned with their peaks kept.
+
+    Parameters
+    ----------
+    sheet : Sheet
+        The figure.
+    most : int
+        Points of a line at most.
+
+    Returns
+    -------
+    dict
+        Of texts, numbers, lists and None (for NaN), fit for JSON.
+
+    Examples
+    --------
+    >>> line = Line(label="force", x=np.arange(3.0), y=np.array([0.0, np.nan, 2.0]))
+    >>> sheet = Sheet(name="f", title="", caption="", x_label="t", rows=(Row("F [kN]", (line,)),))
+    >>> sheet_record(sheet)["rows"][0]["lines"][0]["y"]
+    [0.0, None, 2.0]
+    """
+    return {
+        "name": sheet.name,
+        "title": sheet.title,
+        "x_label": sheet.x_label,
+        "rows": [
+            {
+                "label": row.label,
+                "lines": [_line_record(line, most) for line in row.lines],
+                "levels": [{"at": level.at, "text": level.text} for level in row.levels],
+            }
+            for row in sheet.rows
+        ],
+        "bands": [{"start": b.start, "end": b.end, "text": b.text} for b in sheet.bands],
+        "moments": [{"at": moment.at, "text": moment.text} for moment in sheet.moments],
+    }
+
+
+def _line_record(line: Line, most: int) -> dict[str, Any]:
+    x, y = np.asarray(line.x, dtype=float), np.asarray(line.y, dtype=float)
+    if line.style == "line":
+        x, y = thinned(x, y, most=most)
+    return {
+        "label": line.label,
+        "x": _numbers(x),
+        "y": _numbers(y),
+        "colour": line.colour,
+        "dash": line.dash,
+        "style": line.style,
+        "symbol": line.symbol,
+        "width": line.width,
+    }
+
+
+def _numbers(values: ArrayLike) -> list[float | None]:
+    """Return numbers short enough for a page."""
+    # Adding zero turns a negative zero into a plain one.
+    rounded = np.round(np.asarray(values, dtype=float), DECIMALS) + 0.0
+    return [value if np.isfinite(value) else None for value in rounded.tolist()]

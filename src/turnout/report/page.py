@@ -1,0 +1,208 @@
+"""A self-contained page: findings first, then sections of tables and charts."""
+
+import base64
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from html import escape
+from importlib.resources import files
+
+from turnout.metric.finding import Finding
+from turnout.plot.sheet import Sheet, sheet_record
+from turnout.report.script import plotly_script
+
+MEDIA = {".pdf": "application/pdf", ".png": "image/png", ".svg": "image/svg+xml"}
+# A page asks nobody for anything, and its browser holds it to that.
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src data: blob:; base-uri 'none'; form-action 'none'"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A figure of a page: what it shows, and the same on paper as files by suffix."""
+
+    sheet: Sheet
+    files: Mapping[str, bytes]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table: heading, names of columns, rows of texts, and numbers of rows to mark."""
+
+    heading: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    marked: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """A part of a page under a heading.
+
+    Attributes
+    ----------
+    heading : str
+        Of the part.
+    text : str
+        Plain text below it.
+    pictures, tables : sequence
+        Its content, in this order.
+    markup : str
+        Ready HTML after these.
+    folded : bool
+        Whether it is opened only by a click.
+    """
+
+    heading: str
+    text: str = ""
+    pictures: Sequence[Picture] = ()
+    tables: Sequence[Table] = ()
+    markup: str = ""
+    folded: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """All of a page; the first finding is its headline."""
+
+    title: str
+    subtitle: str
+    findings: Sequence[Finding]
+    sections: Sequence[Section]
+    synthetic: bool = False
+    footer: Sequence[str] = field(default_factory=tuple)
+
+
+def page_html(page: Page) -> str:
+    """Return a page as one file that needs no other.
+
+    Parameters
+    ----------
+    page : Page
+        What it says.
+
+    Returns
+    -------
+    str
+        HTML with its styles, script and data inside.
+
+    Examples
+    --------
+    >>> page = Page(title="A < B", subtitle="", findings=[], sections=[])
+    >>> "<h1>A &lt; B</h1>" in page_html(page)
+    True
+    """
+    body = [
+        _head(page),
+        _findings(page.findings),
+        _links(page.sections),
+        *(_section(number, section) for number, section in enumerate(page.sections)),
+        f"<footer class='soft'>{'<br>'.join(map(escape, page.footer))}</footer>",
+    ]
+    charts = any(section.pictures for section in page.sections)
+    scripts = f"<script>{plotly_script()}</script><script>{asset('charts.js')}</script>"
+    return (
+        "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'>"
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
+        "<meta name='viewport' content='width=device-width, initial-scale=1'>"
+        f"<title>{escape(page.title)}</title><style>{asset('page.css')}</style></head>\n<body>"
+        + "\n".join(body)
+        + (scripts if charts else "")
+        + "</body></html>\n"
+    )
+
+
+@cache
+def asset(name: str) -> str:
+    """Return one of the texts that pages are made of."""
+    return files("turnout.report").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def data_address(content: bytes, suffix: str) -> str:
+    """Return a file as an address that holds it."""
+    return f"data:{MEDIA[suffix]};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def _head(page: Page) -> str:
+    synthetic = "<p class='synthetic'>Synthetic: simulated, not measured</p>"
+    return (
+        f"<header><div><h1>{escape(page.title)}</h1>"
+        f"<p class='soft'>{escape(page.subtitle)}</p></div>"
+        f"{synthetic if page.synthetic else ''}</header>"
+    )
+
+
+def _findings(found: Sequence[Finding]) -> str:
+    if not found:
+        return ""
+    first, *others = found
+    cards = "".join(
+        f"<li class='card {item.level}'><div class='question'>{escape(item.question)}</div>"
+        f"<div class='answer'>{_words(item.answer)}</div>"
+        f"<div class='detail'>{_words(item.detail)}</div></li>"
+        for item in others
+    )
+    return (
+        f"<div class='outcome {first.level}'><strong>{escape(first.answer)}</strong>"
+        f"{_words(first.detail)}</div><ul class='cards'>{cards}</ul>"
+    )
+
+
+def _words(text: str) -> str:
+    """Return a text in which no number is parted from its unit at the end of a line."""
+    return re.sub(r"(?<=\d) (?=(?:mm|m|kN|s|%)\b|%)", "\u00a0", escape(text))
+
+
+def _links(sections: Sequence[Section]) -> str:
+    links = "".join(
+        f"<a href='#part-{number}'>{escape(section.heading)}</a>"
+        for number, section in enumerate(sections)
+    )
+    return f"<nav aria-label='Parts of this page'>{links}</nav>"
+
+
+def _section(number: int, section: Section) -> str:
+    parts = [f"<p>{escape(section.text)}</p>"] if section.text else []
+    parts += [_picture(picture) for picture in section.pictures]
+    parts += [_table(table) for table in section.tables]
+    content = "".join((*parts, section.markup))
+    if section.folded:
+        content = f"<details><summary>Show</summary>{content}</details>"
+    return f"<section id='part-{number}'><h2>{escape(section.heading)}</h2>{content}</section>"
+
+
+def _picture(picture: Picture) -> str:
+    sheet = picture.sheet
+    record = json.dumps(sheet_record(sheet), separators=(",", ":")).replace("</", "<\\/")
+    links = "".join(
+        f"<a download='{escape(sheet.name)}{suffix}' href='{data_address(content, suffix)}'>"
+        f"{suffix.removeprefix('.').upper()}</a>"
+        for suffix, content in picture.files.items()
+    )
+    download = f"<span class='files'>Download: {links}</span>" if links else ""
+    return (
+        f"<figure><h3>{escape(sheet.title)}</h3>"
+        f"<div class='chart' id='{escape(sheet.name)}' role='img' "
+        f"aria-label='{escape(sheet.title)}'>"
+        f"<script type='application/json'>{record}</script></div>"
+        f"<figcaption>{escape(sheet.caption)}</figcaption>{download}</figure>"
+    )
+
+
+def _table(table: Table) -> str:
+    head = "".join(f"<th>{escape(name)}</th>" for name in table.columns)
+    rows = "".join(
+        f"<tr{' class=assumed' if number in table.marked else ''}>"
+        + "".join(f"<td>{escape(text)}</td>" for text in row)
+        + "</tr>"
+        for number, row in enumerate(table.rows)
+    )
+    heading = f"<h3>{escape(table.heading)}</h3>" if table.heading else ""
+    return (
+        f"{heading}<div class='scroll'><table><thead><tr>{head}</tr></thead>"
+        f"<tbody>{rows}</tbody></table></div>"
+    )

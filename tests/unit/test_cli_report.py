@@ -1,0 +1,49 @@
+"""The command `turnout report`."""
+
+from pathlib import Path
+
+import pytest
+from tests.unit.simulated import sb2_dataset
+from typer.testing import CliRunner
+
+from turnout.cli.main import app
+from turnout.errors import FileError
+from turnout.response.store import save_response
+
+
+@pytest.fixture(scope="module")
+def run_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("run") / "run.nc"
+    save_response(sb2_dataset(), path)
+    return path
+
+
+def test_a_report_and_its_figures_are_written(run_file: Path, tmp_path: Path) -> None:
+    out, figures = tmp_path / "r.html", tmp_path / "figures"
+    line = ["report", str(run_file), "-o", str(out), "--figures", str(figures)]
+    done = CliRunner().invoke(app, line)
+    assert done.exit_code == 0, done.output
+    assert "r.html: written" in done.output
+    assert out.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    names = {path.name for path in figures.iterdir()}
+    assert {f"throw{suffix}" for suffix in (".pdf", ".png", ".svg")} <= names
+    assert len(names) == 15
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        (["report", "nowhere.nc"], "there is no such file"),
+        (["report", "nowhere.nc", "-o", "report.pdf"], "must end in .html"),
+        (["report", "RUN", "--panel", "uic60-760-1-15"], "--panel uic60-760-1-15"),
+    ],
+)
+def test_what_cannot_be_reported_is_refused(
+    line: list[str], words: str, run_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    line = [str(run_file) if word == "RUN" else word for word in line]
+    done = CliRunner().invoke(app, line)
+    assert isinstance(done.exception, FileError)
+    assert words in str(done.exception)
+    assert not (tmp_path / "report.html").exists()
