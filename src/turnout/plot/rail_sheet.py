@@ -38,7 +38,9 @@ def shape_sheet(dataset: xr.Dataset, *, compare: xr.Dataset | None = None) -> Sh
     for rail in rails:
         lines = [_end_gap(dataset, rail, "at the end", colour=0)]
         if compare is not None:
-            lines.append(_end_gap(compare, rail, "to compare", colour=1))
+            free = compare.attrs.get("foreign_objects") == "[]"
+            text = "without an object" if free else "to compare"
+            lines.append(_end_gap(compare, rail, text, colour=1))
         if rail == closed:
             lines += _marks(dataset)
         state = "closed" if rail == closed else "open"
@@ -177,17 +179,6 @@ def _limit(dataset: xr.Dataset, rail: str) -> tuple[Level, ...]:
 def _marks(dataset: xr.Dataset) -> list[Line]:
     """Return the objects and the limits of the sensors, at their places."""
     marks = []
-    if "sensor_limit" in dataset.coords:
-        marks.append(
-            Line(
-                label="limit of TKK",
-                x=dataset["sensor_x"].values,
-                y=MILLI * dataset["sensor_limit"].values,
-                colour=2,
-                style="marks",
-                symbol="triangle down",
-            )
-        )
     objects: list[dict[str, Any]] = json.loads(dataset.attrs.get("foreign_objects", "[]"))
     if objects:
         marks.append(
@@ -198,6 +189,17 @@ def _marks(dataset: xr.Dataset) -> list[Line]:
                 colour=1,
                 style="marks",
                 symbol="square",
+            )
+        )
+    if "sensor_limit" in dataset.coords:
+        marks.append(
+            Line(
+                label="limit of TKK",
+                x=dataset["sensor_x"].values,
+                y=MILLI * dataset["sensor_limit"].values,
+                colour=2,
+                style="marks",
+                symbol="triangle down",
             )
         )
     return marks
