@@ -44,6 +44,13 @@ class MeasurementError(ListedError):
         super().__init__(problems, source=source)
 
 
+class StudyError(ListedError):
+    """A study of many throws is not valid; takes what `ListedError` takes."""
+
+    def __init__(self, problems: list[str] | tuple[str, ...], *, source: str = "study") -> None:
+        super().__init__(problems, source=source)
+
+
 class MechanicsError(TurnoutError):
     """A mesh, a reduction or a mechanism cannot be built from what was given."""
 

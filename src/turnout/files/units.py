@@ -47,6 +47,9 @@ CURRENT_SENSITIVITY = Dimension("current sensitivity", "V/A", "100 mV/A")
 VOLTAGE_RATIO = Dimension("voltage ratio", "V/V", "1 mV/V")
 STRAIN = Dimension("strain", "m/m", "273 um/m")
 SECTION_MODULUS = Dimension("section modulus", "m^3", "6.28 cm^3")
+TEMPERATURE = Dimension("temperature", "K", "20 degC")
+TEMPERATURE_DIFFERENCE = Dimension("temperature difference", "K", "5 K")
+TEMPERATURE_COEFFICIENT = Dimension("temperature coefficient", "1/K", "-0.004 1/K")
 
 DIMENSIONS = (
     LENGTH,
@@ -67,6 +70,9 @@ DIMENSIONS = (
     VOLTAGE_RATIO,
     STRAIN,
     SECTION_MODULUS,
+    TEMPERATURE,
+    TEMPERATURE_DIFFERENCE,
+    TEMPERATURE_COEFFICIENT,
 )
 
 # Unit texts resolved without pint; tests/unit/test_files_quantity.py compares each with pint.
@@ -91,7 +97,13 @@ COMMON_UNITS: dict[str, dict[str, float]] = {
     "voltage ratio": {"V/V": 1.0, "mV/V": 1e-3},
     "strain": {"m/m": 1.0, "um/m": 1e-6},
     "section modulus": {"m^3": 1.0, "cm^3": 1e-6, "mm^3": 1e-9},
+    "temperature": {"K": 1.0},
+    "temperature difference": {"K": 1.0},
+    "temperature coefficient": {"1/K": 1.0},
 }  # fmt: skip
+
+# Counted from another zero than kelvins, so that no factor turns one into the other.
+CELSIUS, CELSIUS_ZERO = ("degC", "°C"), Decimal("273.15")
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*\Z", re.DOTALL)
 _NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\b", re.IGNORECASE)
@@ -171,6 +183,8 @@ def _bare(number: str, dimension: Dimension) -> str:
 
 
 def _scaled(number: float, unit: str, dimension: Dimension) -> float:
+    if dimension is TEMPERATURE and unit in CELSIUS and math.isfinite(number):
+        return float(Decimal(repr(number)) + CELSIUS_ZERO)
     factor = unit_factor(unit, dimension)
     exponent = round(math.log10(factor))
     # Shifting the decimal point rounds once: "4.9 mm" is exactly the 0.0049 that Python writes.

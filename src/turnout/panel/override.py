@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from turnout.files.problems import Problem, nearest, show_value
 from turnout.files.toml import Origin
@@ -101,6 +102,22 @@ def _record_at(path: Path) -> type[BaseModel] | None:
             return None
         record = inner[0]
     return record
+
+
+def field_at(path: Path) -> FieldInfo | None:
+    """Find the field that a key path leads to; None where there is none.
+
+    Examples
+    --------
+    >>> field_at(("drive", "2", "stiffness")).description
+    'bushing below saturation [N/m]'
+    """
+    record = _record_at(path[:-1])
+    if record is not None:
+        return record.model_fields.get(path[-1])
+    outer = _record_at(path[:-2])
+    info = outer.model_fields.get(path[-2]) if outer and len(path) > 1 else None
+    return info if info is not None and _is_mapping(info.annotation) else None
 
 
 def _takes_text(path: Path) -> bool:

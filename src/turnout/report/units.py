@@ -1,8 +1,5 @@
 """Numbers in engineers' units for the screen; SI stays inside."""
 
-import re
-import typing
-from collections.abc import Iterator
 from typing import Any
 
 # SI unit: name on the screen and its size in SI.
@@ -17,23 +14,6 @@ SHOWN: dict[str, tuple[str, float]] = {
 }
 # Lengths of the layout are read in metres, all others in millimetres.
 IN_METRES = frozenset({"x", "start", "end", "radius", "curve_radius", "lead", "element_length"})
-
-
-def unit_of(field: Any) -> str | None:
-    """Return the SI unit of a field of a record, None where it has none.
-
-    Examples
-    --------
-    >>> from turnout.panel.support_records import Chair
-    >>> unit_of(Chair.model_fields["damping"]), unit_of(Chair.model_fields["friction_coefficient"])
-    ('N s/m', None)
-    """
-    for marker in (*field.metadata, *_markers(field.annotation)):
-        description = str((getattr(marker, "json_schema", None) or {}).get("description", ""))
-        found = re.search(r"\[([^\]]+)\]$", description)
-        if found and found.group(1) != "-":
-            return found.group(1)
-    return None
 
 
 def shown(value: Any, unit: str | None, name: str) -> str:
@@ -81,11 +61,3 @@ def _screen_unit(unit: str, name: str) -> tuple[str, float]:
 
 def _number(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-def _markers(annotation: Any) -> Iterator[Any]:
-    """Find what is attached to an annotation, also within unions."""
-    yield from getattr(annotation, "__metadata__", ())
-    for part in typing.get_args(annotation):
-        if not isinstance(part, str):
-            yield from _markers(part)

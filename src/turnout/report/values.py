@@ -4,7 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from turnout.report.units import shown, unit_of
+from turnout.files.field_unit import unit_of
+from turnout.report.units import shown
 
 if TYPE_CHECKING:
     from turnout.panel.load import LoadedPanel

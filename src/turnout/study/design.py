@@ -1,0 +1,128 @@
+"""The design of a study: from the number of a scenario to the value of every variable."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from turnout.study.distribution import Choice, Distribution
+from turnout.study.sampling import correlated, point, states_of
+from turnout.study.scenario import Value
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Axis:
+    """Values that are gone through one by one: of one variable, or of several side by side.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Variables.
+    rows : tuple of tuple
+        A value for each of them, in SI.
+    """
+
+    names: tuple[str, ...]
+    rows: tuple[tuple[Value, ...], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawn:
+    """A variable that is drawn, and from what."""
+
+    name: str
+    law: Distribution | Choice
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """Every state that is drawn, thrown with every combination of the values on the axes.
+
+    The last axis runs fastest; where a rule ends chains, it is the axis of the rule, so that a
+    chain is a run of neighbouring numbers in which nothing else changes.
+
+    Attributes
+    ----------
+    axes : tuple of Axis
+        May be none.
+    drawn : tuple of Drawn
+        May be none.
+    method : str
+        How states are drawn, one of `turnout.study.sampling.METHODS`.
+    draws : int
+        The count of the study file; 1 where nothing is drawn.
+    copula : ndarray, shape (n_drawn, n_drawn), optional
+        Cholesky factor of the correlation of normal scores.
+    seed : int
+        Of the study.
+    """
+
+    axes: tuple[Axis, ...]
+    drawn: tuple[Drawn, ...]
+    method: str
+    draws: int
+    copula: FloatArray | None
+    seed: int
+
+    @property
+    def cells(self) -> int:
+        """Combinations of the values on the axes."""
+        return int(np.prod([len(axis.rows) for axis in self.axes], dtype=np.int64))
+
+    @property
+    def states(self) -> int:
+        """States of the switch that are drawn."""
+        return states_of(self.method, count=self.draws, dimensions=len(self.drawn))
+
+    @property
+    def count(self) -> int:
+        """Scenarios in all."""
+        return self.states * self.cells
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Variables, those on the axes first."""
+        return tuple(name for axis in self.axes for name in axis.names) + tuple(
+            item.name for item in self.drawn
+        )
+
+    def state_of(self, index: int) -> int:
+        """Return the state that a scenario is thrown in."""
+        return index // self.cells
+
+    def on_axes(self, index: int) -> dict[str, Value]:
+        """Return the values on the axes of a scenario, by variable.
+
+        Examples
+        --------
+        >>> axis = Axis(names=("object.size",), rows=((0.01,), (0.013,)))
+        >>> one = Design(axes=(axis,), drawn=(), method="random", draws=1, copula=None, seed=0)
+        >>> one.count, one.on_axes(1)
+        (2, {'object.size': 0.013})
+        """
+        rest = index % self.cells
+        found: dict[str, Value] = {}
+        for axis in reversed(self.axes):
+            rest, place = divmod(rest, len(axis.rows))
+            found.update(zip(axis.names, axis.rows[place], strict=True))
+        return {name: found[name] for axis in self.axes for name in axis.names}
+
+    def in_state(self, state: int) -> dict[str, Value]:
+        """Return the values that are drawn for a state, by variable."""
+        if not self.drawn:
+            return {}
+        shares = point(
+            self.method,
+            count=self.draws,
+            dimensions=len(self.drawn),
+            seed=self.seed,
+            state=state,
+        )
+        if self.copula is not None:
+            shares = correlated(shares, factor=self.copula)
+        return {
+            item.name: item.law.value(float(share))
+            for item, share in zip(self.drawn, shares, strict=True)
+        }

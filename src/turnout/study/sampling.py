@@ -1,0 +1,177 @@
+"""Points of the unit cube: one a state of the switch, one coordinate a variable.
+
+Every method gives the same points for the same seed whatever was asked for before. Points of
+"random" are drawn one by one, so that more of them leave the earlier ones as they were; the others
+fill the cube evenly and are known only together.
+"""
+
+import functools
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy import special
+from scipy.stats import qmc
+
+from turnout.study.distribution import EDGE
+
+FloatArray = npt.NDArray[np.float64]
+
+METHODS = ("random", "latin hypercube", "sobol", "saltelli")
+# Streams of chance that share the seed of a study.
+POINTS, FIELDS, SCENARIOS = 1, 2, 3
+
+
+def states_of(method: str, *, count: int, dimensions: int) -> int:
+    """Return how many states of the switch a design has.
+
+    Parameters
+    ----------
+    method : str
+        One of `METHODS`.
+    count : int
+        As the study file gives it.
+    dimensions : int
+        Variables that are drawn.
+
+    Examples
+    --------
+    >>> states_of("sobol", count=64, dimensions=3), states_of("saltelli", count=64, dimensions=3)
+    (64, 320)
+    """
+    return count * (dimensions + 2) if method == "saltelli" else count
+
+
+def point(method: str, *, count: int, dimensions: int, seed: int, state: int) -> FloatArray:
+    """Return the coordinates of one state.
+
+    Parameters
+    ----------
+    method : str
+        One of `METHODS`.
+    count, dimensions, seed : int
+        Of the design.
+    state : int
+        From 0.
+
+    Returns
+    -------
+    ndarray, shape (dimensions,)
+        Each between 0 and 1, without either.
+
+    Examples
+    --------
+    >>> point("random", count=1, dimensions=2, seed=1, state=5).shape
+    (2,)
+    """
+    if method == "random":
+        drawn = np.random.default_rng([seed, POINTS, state]).random(dimensions)
+        return np.clip(drawn, EDGE, 1.0 - EDGE)
+    found: FloatArray = _points(method, count, dimensions, seed)[state]
+    return found
+
+
+@functools.lru_cache(maxsize=4)
+def _points(method: str, count: int, dimensions: int, seed: int) -> FloatArray:
+    """Return all points of a design that is known only as a whole."""
+    rng = np.random.default_rng([seed, POINTS])
+    if method == "latin hypercube":
+        points = qmc.LatinHypercube(dimensions, rng=rng).random(count)
+    elif method == "sobol":
+        points = qmc.Sobol(dimensions, rng=rng).random(count)
+    else:
+        points = _saltelli(qmc.Sobol(2 * dimensions, rng=rng).random(count))
+    points = np.clip(points, EDGE, 1.0 - EDGE)
+    points.flags.writeable = False
+    return points
+
+
+def _saltelli(pairs: FloatArray) -> FloatArray:
+    """Return rows A, A with each column in turn of B, and B, one block a pair of points.
+
+    Saltelli et al. 2010, doi 10.1016/j.cpc.2009.09.018: the design behind first and total indices.
+    """
+    dimensions = pairs.shape[1] // 2
+    first, second = pairs[:, :dimensions], pairs[:, dimensions:]
+    blocks = np.repeat(first[:, np.newaxis, :], dimensions + 2, axis=1)
+    for column in range(dimensions):
+        blocks[:, column + 1, column] = second[:, column]
+    blocks[:, -1, :] = second
+    return blocks.reshape(-1, dimensions)
+
+
+def correlated(shares: FloatArray, *, factor: FloatArray) -> FloatArray:
+    """Join independent coordinates by a Gaussian copula.
+
+    Parameters
+    ----------
+    shares : ndarray, shape (n,)
+        Independent, each uniform between 0 and 1.
+    factor : ndarray, shape (n, n)
+        Lower Cholesky factor of the correlation of the normal scores.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Each still uniform.
+
+    Examples
+    --------
+    >>> correlated(np.array([0.3, 0.9]), factor=np.eye(2)).round(12).tolist()
+    [0.3, 0.9]
+    """
+    joined = special.ndtr(factor @ special.ndtri(shares))
+    return np.clip(joined, EDGE, 1.0 - EDGE)
+
+
+def normal_score_correlation(rank: float) -> float:
+    r"""Return the correlation of normal scores that gives a rank correlation (Spearman's).
+
+    .. math:: r = 2 \sin(\pi \rho_S / 6)
+
+    Exact for the Gaussian copula; Pearson 1907.
+
+    Examples
+    --------
+    >>> normal_score_correlation(1.0), round(normal_score_correlation(0.5), 4)
+    (1.0, 0.5176)
+    """
+    return round(2.0 * float(np.sin(np.pi * rank / 6.0)), 15)
+
+
+def copula_factor(
+    names: Sequence[str], pairs: Sequence[tuple[str, str, float]]
+) -> tuple[FloatArray | None, str]:
+    """Return the Cholesky factor of a copula, or what keeps it from having one.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of all drawn variables.
+    pairs : sequence of (str, str, float)
+        Two of the names and their rank correlation; all other pairs are independent.
+
+    Returns
+    -------
+    factor : ndarray, shape (n, n), or None
+        None where the correlations contradict each other.
+    fault : str
+        Why; empty if nothing is wrong.
+
+    Examples
+    --------
+    >>> copula_factor(["a", "b"], [("a", "b", 0.0)])[0].tolist()
+    [[1.0, 0.0], [0.0, 1.0]]
+    """
+    matrix = np.eye(len(names))
+    for first, second, rank in pairs:
+        row, column = names.index(first), names.index(second)
+        matrix[row, column] = matrix[column, row] = normal_score_correlation(rank)
+    least = float(np.linalg.eigvalsh(matrix).min()) if len(names) else 1.0
+    if least < 1e-9:
+        text = (
+            f"contradict each other: the matrix is not positive definite (least eigenvalue "
+            f"{least:.3g}, must be more than 0); make the strongest of them weaker"
+        )
+        return None, text
+    return np.linalg.cholesky(matrix).astype(np.float64), ""

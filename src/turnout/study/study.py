@@ -1,0 +1,259 @@
+"""A study: every throw of it by its number, and what determines their results."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from turnout.errors import StudyError
+from turnout.files.provenance import content_hash
+from turnout.files.toml import TomlFile
+from turnout.integrate.scheme import Scheme
+from turnout.panel.load import LoadedPanel
+from turnout.study.assemble import foreign_objects, multiplied, shown
+from turnout.study.design import Design
+from turnout.study.random_field import RandomField
+from turnout.study.sampling import FIELDS, SCENARIOS
+from turnout.study.scenario import Output, Rule, Scenario, Value, chains_of
+from turnout.study.study_check import limit_faults
+from turnout.study.study_library import named_panel, open_study
+from turnout.study.study_read import Parts, read_parts, read_record
+from turnout.study.temperature import TemperatureLaw
+from turnout.study.variable import OBJECT_KEYS, TEMPERATURE_KEY, Variable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Study:
+    """Many throws of one panel, each by its number.
+
+    Attributes
+    ----------
+    name, description : str
+        For people.
+    panel : LoadedPanel
+        With what the study sets in every throw.
+    scheme : Scheme
+        Numerical choices.
+    output : Output
+        What is kept.
+    seed : int
+        Of all that is left to chance.
+    design : Design
+        Which values the variables take.
+    variables : mapping of str to Variable
+        By name, in the order of the design.
+    fields : tuple of RandomField
+        Values that scatter along the switch, anew in each state.
+    law : TemperatureLaw, optional
+        What temperature does.
+    rule : Rule, optional
+        What ends a chain.
+    split : tuple of str
+        Variables whose equal values stay together when data are split; without any it is the
+        drawn state.
+    digest : str
+        Content hash of all that determines the results but the version of the program.
+    """
+
+    name: str
+    description: str
+    panel: LoadedPanel
+    scheme: Scheme
+    output: Output
+    seed: int
+    design: Design
+    variables: Mapping[str, Variable]
+    fields: tuple[RandomField, ...]
+    law: TemperatureLaw | None
+    rule: Rule | None
+    split: tuple[str, ...]
+    digest: str
+
+    @property
+    def count(self) -> int:
+        """Scenarios in all; a rule may leave some of them out."""
+        return self.design.count
+
+    @property
+    def chains(self) -> Sequence[range]:
+        """Numbers of scenarios that are thrown one after the other, until the rule stops them."""
+        length = len(self.design.axes[-1].rows) if self.rule else 1
+        return chains_of(self.count, length=length)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """SI unit of each input of a scenario; empty for plain numbers and texts."""
+        found = {name: variable.units for name, variable in self.variables.items()}
+        for field in self.fields:
+            found |= {f"{field.name}.mean": "", f"{field.name}.deviation": ""}
+        return found
+
+    def scenario(self, index: int) -> Scenario:
+        """Return a scenario by its number, the same whatever was asked for before.
+
+        Parameters
+        ----------
+        index : int
+            From 0.
+
+        Raises
+        ------
+        IndexError
+            When there is none of that number.
+        """
+        if not 0 <= index < self.count:
+            message = f"scenario {index}: the study has {self.count}, counted from 0"
+            raise IndexError(message)
+        state = self.design.state_of(index)
+        on_axes = self.design.on_axes(index)
+        inputs: dict[str, Value] = on_axes | self.design.in_state(state)
+        drawn = {field.name: self._field_values(field, state) for field in self.fields}
+        by_key = {self.variables[name].key: value for name, value in inputs.items()}
+        for name, values in drawn.items():
+            spread = np.array(list(values.values()))
+            inputs |= {
+                f"{name}.mean": float(spread.mean()),
+                f"{name}.deviation": float(spread.std()),
+            }
+        return Scenario(
+            index=index,
+            name=self._name(index, state=state, on_axes=on_axes),
+            overrides=self._overrides(inputs, drawn),
+            foreign_objects=foreign_objects(by_key),
+            inputs=inputs,
+            condition=self._condition(inputs, state),
+            seed=_seed(self.seed, index),
+        )
+
+    def scenarios(self) -> Iterator[Scenario]:
+        """Yield all scenarios in the order of their numbers."""
+        return (self.scenario(index) for index in range(self.count))
+
+    def _field_values(self, field: RandomField, state: int) -> dict[str, float]:
+        number = self.fields.index(field)
+        return field.values(np.random.default_rng([self.seed, FIELDS, number, state]))
+
+    def _name(self, index: int, *, state: int, on_axes: Mapping[str, Value]) -> str:
+        parts = [f"state {state}"] if self.design.states > 1 else []
+        parts += [shown(self.variables[name], value) for name, value in on_axes.items()]
+        return ", ".join(parts) or f"throw {index}"
+
+    def _condition(self, inputs: Mapping[str, Value], state: int) -> str:
+        if not self.split:
+            return f"state {state}"
+        return ", ".join(shown(self.variables[name], inputs[name]) for name in self.split)
+
+    def _overrides(
+        self, inputs: Mapping[str, Value], drawn: Mapping[str, Mapping[str, float]]
+    ) -> dict[str, Value]:
+        """Return what a scenario changes: values first, then what multiplies them."""
+        values: dict[str, Value] = {}
+        factors: list[tuple[str, float]] = []
+        for name, variable in self.variables.items():
+            if variable.key in OBJECT_KEYS:
+                continue
+            if variable.key == TEMPERATURE_KEY:
+                law = self.law or TemperatureLaw()
+                factors.append((law.key, law.factor(float(inputs[name]))))
+            elif variable.factor:
+                factors.append((variable.key, float(inputs[name])))
+            else:
+                values[variable.key] = inputs[name]
+        for field in self.fields:
+            family, _, below = field.key.partition(".")
+            members = {
+                f"{family}.{member}.{below}": value for member, value in drawn[field.name].items()
+            }
+            if field.factor:
+                factors += members.items()
+            else:
+                values |= members
+        return multiplied(self.panel, values, factors)
+
+
+def load_study(name_or_path: str | Path) -> Study:
+    """Load a study of the library by its name, or a study file by its path.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        A library name, or a path; a text with ".toml" or a path separator is a path.
+
+    Returns
+    -------
+    Study
+        Completely checked against its panel.
+
+    Raises
+    ------
+    FileError
+        When the file cannot be read or is not TOML.
+    StudyError, PanelError
+        With all problems at once.
+
+    Examples
+    --------
+    >>> load_study("sleeper-6").count
+    11
+    """
+    return study_from_file(open_study(name_or_path))
+
+
+def study_from_file(file: TomlFile) -> Study:
+    """Make a study from a TOML document that was already read."""
+    record = read_record(file)
+    parts = read_parts(record, named_panel(record.panel, file), source=file.source)
+    faults = limit_faults(
+        parts.panel,
+        design=parts.design,
+        variables=parts.variables,
+        fields=parts.fields,
+        law=parts.law,
+    )
+    if faults:
+        raise StudyError(list(dict.fromkeys(faults)), source=file.source)
+    return Study(
+        name=record.name,
+        description=record.description,
+        panel=parts.panel,
+        scheme=parts.scheme,
+        output=parts.output,
+        seed=record.seed,
+        design=parts.design,
+        variables=parts.variables,
+        fields=parts.fields,
+        law=parts.law,
+        rule=parts.rule,
+        split=parts.split,
+        digest=digest_of(parts, seed=record.seed),
+    )
+
+
+def digest_of(parts: Parts, *, seed: int) -> str:
+    """Return the content hash of all that determines the results of a study."""
+    content = {item.name: getattr(parts, item.name) for item in fields(parts)}
+    content |= {"panel": parts.panel.hash, "seed": seed}
+    return content_hash(_plain(content))
+
+
+def _plain(value: Any) -> Any:
+    """Turn records and arrays into nested plain data; infinite numbers into texts."""
+    if isinstance(value, type):
+        return value.__name__
+    if is_dataclass(value):
+        return {item.name: _plain(getattr(value, item.name)) for item in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return float(value) if np.isfinite(value) else str(value)
+    return value
+
+
+def _seed(seed: int, index: int) -> int:
+    """Return the seed of one scenario: 63 bits, so that it fits a signed integer."""
+    state = np.random.SeedSequence([seed, SCENARIOS, index]).generate_state(1, np.uint64)
+    return int(state[0] >> np.uint64(1))

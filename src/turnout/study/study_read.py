@@ -1,0 +1,233 @@
+"""From a study file to the parts of a study, with all that is wrong in it at once."""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from turnout.errors import PanelError, SolverError, StudyError
+from turnout.files.problems import choices, describe_error, nearest, show_value
+from turnout.files.toml import TomlFile
+from turnout.files.units import (
+    FORCE,
+    FREQUENCY,
+    LENGTH,
+    TIME,
+    Dimension,
+)
+from turnout.integrate.scheme import Scheme
+from turnout.panel.load import LoadedPanel
+from turnout.panel.override import records_in
+from turnout.schema.check import unknown_channels
+from turnout.study.design import Axis, Design
+from turnout.study.random_field import RandomField
+from turnout.study.sampling import copula_factor
+from turnout.study.scenario import Output, Rule
+from turnout.study.study_chance import (
+    MOST_SCENARIOS,
+    read_fields,
+    read_law_of_temperature,
+    read_pairs,
+    read_quantity,
+    sampling_faults,
+)
+from turnout.study.study_records import StudyRecord
+from turnout.study.study_variables import Found, read_together, read_variable
+from turnout.study.temperature import TemperatureLaw
+from turnout.study.variable import Variable
+
+SCHEME_UNITS: dict[str, Dimension] = {
+    "step": TIME,
+    "cutoff_frequency": FREQUENCY,
+    "gap_tolerance": LENGTH,
+    "force_tolerance": FORCE,
+}
+RATE_FROM_OUTPUT = "output_interval"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parts:
+    """What a study file says, before it is held against the limits of its panel."""
+
+    panel: LoadedPanel
+    scheme: Scheme
+    output: Output
+    design: Design
+    variables: dict[str, Variable]
+    fields: tuple[RandomField, ...]
+    law: TemperatureLaw | None
+    rule: Rule | None
+    split: tuple[str, ...]
+
+
+def read_record(file: TomlFile) -> StudyRecord:
+    """Make the record of a study file; StudyError tells all keys and types that are wrong."""
+    try:
+        return StudyRecord.model_validate(file.data)
+    except ValidationError as error:
+        problems = [_described(item, file.data) for item in error.errors(include_url=False)]
+        raise StudyError(list(dict.fromkeys(problems)), source=file.source) from None
+
+
+def _described(error: Any, data: Any) -> str:
+    """Return key path and fault of what pydantic found; parts of a list have their number."""
+    path, inside = "", data
+    record: type[BaseModel] = StudyRecord
+    for part in error["loc"]:
+        if isinstance(part, int):
+            inside = inside[part]
+            key = inside.get("key") if isinstance(inside, dict) else None
+            path += f" {part + 1}" + (f" ({key})" if isinstance(key, str) else "")
+            continue
+        path += f".{part}" if path else str(part)
+        field = record.model_fields.get(part)
+        inner = next(records_in(field.annotation), None) if field is not None else None
+        record = inner or record
+        inside = inside.get(part, {}) if isinstance(inside, dict) else {}
+    return path + describe_error(error, allowed=record.model_fields)
+
+
+def read_parts(record: StudyRecord, panel: LoadedPanel, *, source: str) -> Parts:
+    """Read everything of a study but what only its panel can tell.
+
+    Raises
+    ------
+    StudyError
+        With all problems at once.
+    """
+    found = Found(panel)
+    try:
+        panel = panel.with_overrides(record.set, si=False) if record.set else panel
+        found.panel = panel
+    except PanelError as error:
+        found.problems += [f"set.{text}" for text in error.problems]
+    for number, variable in enumerate(record.variable, 1):
+        read_variable(found, variable, where=f"variable {number} ({variable.key})")
+    for number, together in enumerate(record.together, 1):
+        read_together(found, together, where=f"together {number}")
+    random_fields = read_fields(found, record)
+    law = read_law_of_temperature(found, record)
+    scheme, output = _scheme(found, record), _output(found, record)
+    rule = _rule(found, record)
+    design = _design(found, record, with_fields=bool(random_fields))
+    split = _split(found, record, design)
+    if found.problems or design is None:
+        raise StudyError(list(dict.fromkeys(found.problems)), source=source)
+    return Parts(
+        panel=panel,
+        scheme=scheme,
+        output=output,
+        design=design,
+        variables={name: found.variables[name] for name in design.names},
+        fields=tuple(random_fields),
+        law=law,
+        rule=rule,
+        split=split,
+    )
+
+
+def _scheme(found: Found, record: StudyRecord) -> Scheme:
+    known = {item.name for item in fields(Scheme)} - {RATE_FROM_OUTPUT}
+    chosen: dict[str, Any] = {}
+    for name, value in record.scheme.items():
+        if name not in known:
+            text = f": unknown key{nearest(name, known)}; allowed are {choices(sorted(known))}"
+            found.note(f"scheme.{name}", text)
+        elif name in SCHEME_UNITS:
+            number = read_quantity(found, f"scheme.{name}", value, SCHEME_UNITS[name])
+            chosen |= {} if number is None else {name: number}
+        else:
+            chosen[name] = value
+    try:
+        return Scheme(**chosen)
+    except (SolverError, TypeError) as error:
+        found.note("", str(error))
+        return Scheme()
+
+
+def _output(found: Found, record: StudyRecord) -> Output:
+    rate = read_quantity(found, "output.rate", record.output.rate, FREQUENCY)
+    if rate is not None and not 0 < rate <= 1000:
+        found.note("output.rate", f" = {rate:g} Hz: must be more than 0, at most 1000 Hz")
+    channels = record.output.channels
+    if channels is None:
+        return Output(rate=rate or 100.0)
+    found.problems += [f"output.channels: {text}" for text in unknown_channels(tuple(channels))]
+    return Output(rate=rate or 100.0, channels=tuple(channels))
+
+
+def _rule(found: Found, record: StudyRecord) -> Rule | None:
+    """Read the rule, and make its axis the one that runs fastest."""
+    given = record.rule
+    if given is None:
+        return None
+    own = [axis for axis in found.axes if axis.names == (given.increase,)]
+    if not own:
+        names = [axis.names[0] for axis in found.axes if len(axis.names) == 1]
+        text = f": is no variable with values{nearest(given.increase, names)}"
+        found.note("rule.increase", f' = "{given.increase}"{text}; there are {choices(names)}')
+        return None
+    variable, axis = found.variables[given.increase], own[0]
+    values = [row[0] for row in axis.rows]
+    numbers = [item for item in values if isinstance(item, float)]
+    if len(numbers) < len(values) or numbers != sorted(numbers):
+        found.note("rule.increase", f' = "{given.increase}": its values must rise')
+    found.axes.remove(axis)
+    found.axes.append(Axis(names=axis.names, rows=axis.rows))
+    if given.at_least is None:
+        return Rule(variable=given.increase, at_least=-float("inf"))
+    try:
+        return Rule(variable=given.increase, at_least=float(variable.read(given.at_least)))
+    except ValueError as error:
+        found.note("rule.at_least", f" = {show_value(given.at_least)}: {error}")
+        return None
+
+
+def _design(found: Found, record: StudyRecord, *, with_fields: bool) -> Design | None:
+    given, names = record.sampling, [item.name for item in found.drawn]
+    if given is None:
+        if found.drawn or with_fields:
+            what = choices(names) if names else "the field"
+            found.note("sampling", f": {what} is drawn, so say how often in a table [sampling]")
+        if not found.axes and not found.problems:
+            found.note("variable", ": nothing varies, so there is no scenario; give one variable")
+    elif not found.drawn and not with_fields and not found.problems:
+        found.note("sampling", ": nothing is drawn; give a variable with a `distribution`")
+    if given is not None:
+        found.problems += sampling_faults(given.method, given.count, len(names), with_fields)
+    pairs = read_pairs(found, record, names)
+    factor, fault = copula_factor(names, pairs)
+    if fault:
+        found.note("correlation", f": the rank correlations {fault}")
+    if pairs and given is not None and given.method == "saltelli":
+        found.note("correlation", ": Sobol indices need independent variables; leave it out")
+    if found.problems:
+        return None
+    design = Design(
+        axes=tuple(found.axes),
+        drawn=tuple(found.drawn),
+        method=given.method if given else "random",
+        draws=given.count if given else 1,
+        copula=factor if pairs else None,
+        seed=record.seed,
+    )
+    if design.count > MOST_SCENARIOS:
+        found.note("", f"{design.count} scenarios: at most {MOST_SCENARIOS}; take fewer values")
+    return design
+
+
+def _split(found: Found, record: StudyRecord, design: Design | None) -> tuple[str, ...]:
+    if design is None:
+        return ()
+    if record.split is not None:
+        for name in record.split:
+            if name not in design.names:
+                text = f"{nearest(name, design.names)}; there are {choices(design.names)}"
+                found.note("split", f' = "{name}": is no variable{text}')
+        return tuple(record.split)
+    if design.states > 1:
+        return ()
+    keys = {name: found.variables[name].key for name in design.names}
+    return tuple(
+        name for name in design.names if keys[name] not in ("object.size", "object.present")
+    )

@@ -1,0 +1,161 @@
+"""What may vary in a study: keys of the panel, of the foreign object, and the temperature."""
+
+import types
+import typing
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from turnout.files.field_unit import dimension_of
+from turnout.files.problems import nearest
+from turnout.files.units import (
+    LENGTH,
+    STIFFNESS,
+    TEMPERATURE,
+    TIME,
+    Dimension,
+    is_finite,
+    parse_quantity,
+)
+from turnout.panel.document import FAMILIES
+from turnout.panel.load import LoadedPanel
+from turnout.panel.override import field_at, known_keys
+from turnout.study.scenario import Value
+
+TEMPERATURE_KEY = "temperature"
+# Of the object that the study traps, beside any that the panel has itself.
+OBJECT_KEYS: dict[str, Dimension | type] = {
+    "object.size": LENGTH,
+    "object.at": str,
+    "object.x": LENGTH,
+    "object.stiffness": STIFFNESS,
+    "object.height": LENGTH,
+    "object.rail": str,
+    "object.appears": TIME,
+    "object.disappears": TIME,
+    "object.present": bool,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variable:
+    """One thing that varies.
+
+    Attributes
+    ----------
+    name : str
+        In the results.
+    key : str
+        What it changes.
+    kind : Dimension or type
+        What its values are: of a dimension, or float, str, bool.
+    factor : bool
+        Whether it multiplies the panel's values instead of replacing them.
+    """
+
+    name: str
+    key: str
+    kind: Dimension | type
+    factor: bool = False
+
+    @property
+    def units(self) -> str:
+        """SI unit of its values; empty for plain numbers and texts."""
+        return "" if self.factor or not isinstance(self.kind, Dimension) else self.kind.unit
+
+    def read(self, value: object) -> Value:
+        """Read a value of a study file; ValueError says what it must be."""
+        kind = float if self.factor else self.kind
+        if isinstance(kind, Dimension):
+            return parse_quantity(value, kind)
+        if kind is float:
+            return _plain_number(value)
+        if not isinstance(value, kind):
+            message = "must be text in quotes" if kind is str else "must be true or false"
+            raise ValueError(message)
+        return bool(value) if kind is bool else str(value).strip()
+
+
+def _plain_number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not is_finite(value):
+        message = "must be a finite plain number, without quotes or unit"
+        raise ValueError(message)
+    return float(value)
+
+
+def kind_of(panel: LoadedPanel, key: str) -> Dimension | type:
+    """Tell what the values of a key are; ValueError where nothing of that name can vary.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> kind_of(load_panel("sb1"), "drive.1.stiffness").name
+    'stiffness'
+    """
+    if key in OBJECT_KEYS:
+        return OBJECT_KEYS[key]
+    if key == TEMPERATURE_KEY:
+        return TEMPERATURE
+    path = tuple(key.split("."))
+    info = field_at(path) if path[0] != "schema_version" else None
+    kind = _kind_of_field(info) if info is not None else None
+    if kind is None:
+        names = [*OBJECT_KEYS, TEMPERATURE_KEY, *keys_of(panel)]
+        message = f"no value of this name can vary in panel {panel.name}{nearest(key, names)}"
+        raise ValueError(message)
+    return kind
+
+
+def _kind_of_field(info: Any) -> Dimension | type | None:
+    """Tell what a field takes; None where that is no single value."""
+    forms = {typing.get_origin(form) or form for form in _forms(info.annotation)}
+    if forms & {list, tuple}:
+        return None
+    dimension = dimension_of(info)
+    if dimension is not None:
+        return dimension
+    if forms & {str, typing.Literal}:
+        return str
+    return next((kind for kind in (bool, float) if kind in forms), None)
+
+
+def _forms(annotation: Any) -> Iterator[Any]:
+    """Find the alternatives of an annotation."""
+    origin = typing.get_origin(annotation)
+    if origin in (typing.Union, types.UnionType, typing.Annotated):
+        parts = typing.get_args(annotation)
+        for part in parts[:1] if origin is typing.Annotated else parts:
+            yield from _forms(part)
+    else:
+        yield annotation
+
+
+def keys_of(panel: LoadedPanel) -> Iterable[str]:
+    """List the keys of a panel that a study may vary, families first, then members."""
+    return known_keys({name: getattr(panel, name) for name in FAMILIES})
+
+
+def values_at(panel: LoadedPanel, key: str) -> dict[str, Any]:
+    """Return the panel's values by full key: one for each member where a key names a family.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> values_at(load_panel("sb1"), "drive.stiffness")
+    {'drive.1.stiffness': 750000.0, 'drive.2.stiffness': 810000.0}
+    """
+    family, *rest = key.split(".")
+    record = FAMILIES.get(family)
+    if record is not None and rest[0] in record.model_fields:
+        members = getattr(panel, family)
+        return {
+            f"{family}.{name}.{'.'.join(rest)}": _reached(member, rest)
+            for name, member in members.items()
+        }
+    return {key: _reached(getattr(panel, family), rest)}
+
+
+def _reached(record: Any, parts: list[str]) -> Any:
+    for part in parts:
+        record = record[part] if isinstance(record, Mapping) else getattr(record, part)
+    return record
