@@ -8,7 +8,7 @@ from turnout.files.quantity import LengthList
 from turnout.panel.document import FAMILIES, is_generated
 from turnout.panel.model import Panel
 
-_DRAFT = "https://json-schema.org/draft/2020-12/schema"
+DRAFT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def panel_schema() -> dict[str, Any]:
@@ -34,8 +34,8 @@ def panel_schema() -> dict[str, Any]:
         schema["properties"][name] = _family_schema(name, record, schema["properties"][name])
     for name in {family.__name__ for family in FAMILIES.values()}:
         definitions[name].pop("required", None)
-    _tidy(schema)
-    return {"$schema": _DRAFT, **schema, "title": "turnout panel"}
+    tidy(schema)
+    return {"$schema": DRAFT, **schema, "title": "turnout panel"}
 
 
 def _family_schema(name: str, record: dict[str, Any], family: dict[str, Any]) -> dict[str, Any]:
@@ -61,11 +61,11 @@ def _family_schema(name: str, record: dict[str, Any], family: dict[str, Any]) ->
     }
 
 
-def _tidy(node: Any) -> None:
+def tidy(node: Any) -> None:
     """Take out what only the records know: titles, SI defaults, and nulls that TOML lacks."""
     if isinstance(node, list):
         for item in node:
-            _tidy(item)
+            tidy(item)
         return
     if not isinstance(node, dict):
         return
@@ -84,4 +84,4 @@ def _tidy(node: Any) -> None:
         if isinstance(node.get(stray), str | int | float):
             del node[stray]
     for item in node.values():
-        _tidy(item)
+        tidy(item)

@@ -111,6 +111,11 @@ class Study:
         inputs: dict[str, Value] = on_axes | self.design.in_state(state)
         drawn = {field.name: self._field_values(field, state) for field in self.fields}
         by_key = {self.variables[name].key: value for name, value in inputs.items()}
+        objects = foreign_objects(by_key)
+        if not objects:
+            # What is not there has no size, whatever was drawn for it.
+            sizes = (name for name in inputs if self.variables[name].key == "object.size")
+            inputs |= dict.fromkeys(sizes, 0.0)
         for name, values in drawn.items():
             spread = np.array(list(values.values()))
             inputs |= {
@@ -121,7 +126,7 @@ class Study:
             index=index,
             name=self._name(index, state=state, on_axes=on_axes),
             overrides=self._overrides(inputs, drawn),
-            foreign_objects=foreign_objects(by_key),
+            foreign_objects=objects,
             inputs=inputs,
             condition=self._condition(inputs, state),
             seed=_seed(self.seed, index),

@@ -1,0 +1,60 @@
+"""The commands `turnout sweep ...` that look at studies before anything is thrown."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from turnout.cli.outputs import check_outputs, write_told
+
+app = typer.Typer(
+    help="Many throws from one study file: list, show, schema.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+StudyArgument = Annotated[
+    str, typer.Argument(metavar="STUDY", help="Library study, or path of a study file (.toml).")
+]
+
+
+@app.command("list")
+def list_command() -> None:
+    """List the studies that come with the program."""
+    from turnout.study.study import load_study
+    from turnout.study.study_library import study_names
+
+    names = study_names()
+    width = max(len(name) for name in names) + 2
+    for name in names:
+        study = load_study(name)
+        first = " ".join(study.description.split()).split(". ")[0].rstrip(".")
+        typer.echo(f"{name:<{width}}{study.count:>7} throws  {first}")
+
+
+@app.command("show")
+def show_command(study: StudyArgument) -> None:
+    """Show the text of a library study, to start an own one from."""
+    from turnout.study.study_library import study_text
+
+    typer.echo(study_text(study).rstrip())
+
+
+@app.command("schema")
+def schema_command(
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE.json", help="Write it to a file.")
+    ] = None,
+) -> None:
+    """Give the JSON schema of study files, for editors."""
+    import json
+
+    check_outputs({"--out": out}, {"--out": (".json",)})
+
+    from turnout.study.study_schema import study_schema
+
+    text = json.dumps(study_schema(), indent=2)
+    if out is None:
+        typer.echo(text)
+        return
+    write_told(out, text + "\n")
