@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from turnout.cli import campaign, panel, recording, report, simulate
+from turnout.cli import campaign, panel, recording, report, simulate, sweep
 from turnout.errors import TurnoutError
 
 BAD_INPUT, INTERRUPTED = 2, 130
@@ -23,6 +23,7 @@ app.command("import")(recording.import_command)
 app.command("report")(report.report_command)
 app.add_typer(panel.app, name="panel")
 app.add_typer(campaign.app, name="campaign")
+app.add_typer(sweep.app, name="sweep")
 
 
 def _show_version(wanted: bool) -> None:
