@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.mechanism import cache
+from turnout.mechanism import cache, reduce
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.load import load_panel
 
@@ -19,10 +19,12 @@ def fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """An empty memory and an empty folder."""
     monkeypatch.setenv("TURNOUT_CACHE_DIR", str(tmp_path))
     cache.forget()
+    reduce.forget()
     cache.counts.clear()
     monkeypatch.setattr(cache, "_told", set())
     yield tmp_path
     cache.forget()
+    reduce.forget()
 
 
 def built(overrides: dict[str, object]) -> dict[str, int]:
@@ -53,6 +55,7 @@ def test_only_what_changes_is_built_anew(fresh: Path) -> None:
 def test_files_serve_the_next_process(fresh: Path) -> None:
     first = build_mechanism(PANEL)
     cache.forget()
+    reduce.forget()
     cache.counts.clear()
     second = build_mechanism(PANEL)
     assert cache.counts == {
@@ -75,6 +78,7 @@ def test_a_damaged_file_is_made_anew_and_told_once(
     files[0].write_bytes(b"no archive")
     files[1].write_bytes(files[1].read_bytes()[:60])
     cache.forget()
+    reduce.forget()
     with caplog.at_level(logging.WARNING, logger="turnout"):
         for number in (1, 2):
             again = cache.remembered("a", [number], lambda: {"value": np.array([1.0, 2.0])})
@@ -82,6 +86,7 @@ def test_a_damaged_file_is_made_anew_and_told_once(
     assert cache.counts["damaged"] == 2
     assert len(caplog.records) == 1
     cache.forget()
+    reduce.forget()
     cache.remembered("a", [1], lambda: {"value": np.zeros(0)})
     assert cache.counts["a from file"] == 1
 

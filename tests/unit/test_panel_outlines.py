@@ -8,7 +8,7 @@ import pytest
 from turnout.errors import MechanicsError, PanelError
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.build_rails import foot_points, stock_rail_data, switch_rail_data
-from turnout.mechanism.rail_sections import foot_span, section_values, station_columns
+from turnout.mechanism.rail_sections import foot_spans, section_values, station_columns
 from turnout.panel.load import LoadedPanel, library_text, load_panel
 from turnout.section.analyse import analyse_outlines
 from turnout.section.library import planed_rail
@@ -106,9 +106,9 @@ def test_given_feet_stay_as_given_and_a_table_has_one_foot() -> None:
 
 
 def test_fastenings_act_in_the_middle_of_the_underside() -> None:
-    span = foot_span(DEFAULT, "straight", 15.0)
-    assert span is not None
-    middle = 0.5 * sum(span)
+    spans = foot_spans(DEFAULT, "straight", [15.0])
+    assert spans is not None
+    middle = 0.5 * sum(spans[0])
     supports = switch_rail_data(DEFAULT, "straight", (), ()).supports
     np.testing.assert_allclose([s.point.y for s in supports], middle, rtol=1e-12)
     moved = DEFAULT.with_overrides({"fastening.offset": 0.02, "stock_fastening.offset": 0.03})

@@ -16,7 +16,7 @@ from turnout.integrate.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.response.compilation import must_compile
 from turnout.response.save import Save
-from turnout.response.simulate import _compile_kernels, simulate
+from turnout.response.simulate import compile_kernels, simulate
 from turnout.schema.check import schema_problems
 
 STUBBORN = Scheme(iterations=1, halvings=0, follow_path=False)
@@ -162,7 +162,7 @@ def test_compilation_does_not_count_as_the_time_of_a_run(monkeypatch: pytest.Mon
         time.sleep(1.0)
 
     monkeypatch.setattr("turnout.response.simulate.must_compile", lambda: True)
-    monkeypatch.setattr("turnout.response.simulate._compile_kernels", compile_slowly)
+    monkeypatch.setattr("turnout.response.simulate.compile_kernels", compile_slowly)
     began = time.perf_counter()
     attributes = simulate(sb1_panel()).attrs
     assert compiled == [True]
@@ -174,5 +174,5 @@ def test_the_throw_that_compiles_is_a_valid_one(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(
         "turnout.response.simulate.integrate", lambda *_, end, **__: ends.append(end)
     )
-    _compile_kernels()
+    compile_kernels()
     assert ends == [0.03]

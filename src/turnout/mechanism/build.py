@@ -14,7 +14,7 @@ from turnout.errors import MechanicsError
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.build_rails import (
     SIGN,
-    foot_points,
+    rail_feet,
     stands_on,
     stock_body,
     stock_rail_data,
@@ -121,13 +121,13 @@ def _layout(panel: Panel, objects: Sequence[PlacedObject]) -> _Layout:
     law_names: list[str] = []
     friction_names: list[str] = []
     for rail_name, rail in panel.rail.items():
-        for name, chair in panel.chair.items():
-            if stands_on(chair.rails, rail_name):
-                key = (rail_name, name)
-                contacts, frictions = _add_chair(rows, laws, panel, rail_name, chair)
-                index.chair[key], index.chair_friction[key] = contacts, frictions
-                law_names += [f"chair {name} of rail {rail_name}"] * len(contacts)
-                friction_names += [f"chair {name} of rail {rail_name}"] * len(frictions)
+        chairs = {k: chair for k, chair in panel.chair.items() if stands_on(chair.rails, rail_name)}
+        for name, feet in rail_feet(panel, rail_name, chairs).items():
+            key = (rail_name, name)
+            contacts, frictions = _add_chair(rows, laws, rail_name, chairs[name], feet)
+            index.chair[key], index.chair_friction[key] = contacts, frictions
+            law_names += [f"chair {name} of rail {rail_name}"] * len(contacts)
+            friction_names += [f"chair {name} of rail {rail_name}"] * len(frictions)
         for name, stop, kind in _stops(panel):
             if rail.stock_rail_gap is not None and stands_on(stop.rails, rail_name):
                 index.stop[rail_name, name] = _add_stop(rows, laws, panel, rail_name, stop)
@@ -151,12 +151,12 @@ def _stops(panel: Panel) -> list[tuple[str, Stop, str]]:
 
 
 def _add_chair(
-    rows: _Rows, laws: LawTableBuilder, panel: Panel, rail: str, chair: Chair
+    rows: _Rows, laws: LawTableBuilder, rail: str, chair: Chair, feet: tuple[Point, ...]
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Add a contact and a friction law for each foot point of a chair."""
     slide = rows.add((rail, Point(chair.x, "uy", z=chair.foot_height)))
     contacts, frictions = [], []
-    for foot in foot_points(panel, rail, chair):
+    for foot in feet:
         contact = laws.add_contact(
             rows.add((rail, replace(foot, sign=-1.0))),
             stiffness=chair.normal_stiffness,

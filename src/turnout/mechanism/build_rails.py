@@ -3,7 +3,7 @@
 Beside `turnout.mechanism.build` the only file that sees both definition and mechanics.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from turnout.errors import MechanicsError
 from turnout.mechanism.rail import Point, RailData, Support, rayleigh_factors
 from turnout.mechanism.rail_sections import (
     FOOT_EDGES,
-    foot_span,
+    foot_spans,
     in_panel_axes,
     section_values,
     station_columns,
@@ -92,6 +92,11 @@ def switch_rail_data(
             centroid_z=np.zeros(x.size - 1),
             shear_centre_z=sections.shear_centre_z - sections.centroid_z,
         )
+    damped = {
+        key: chair
+        for key, chair in panel.chair.items()
+        if chair.damping > 0 and stands_on(chair.rails, name)
+    }
     return RailData(
         name=name,
         closes=side,
@@ -104,10 +109,9 @@ def switch_rail_data(
         damping=rayleigh_factors(panel.damping.ratio, list(panel.damping.frequencies)),
         supports=_held(panel, name),
         dashpots=tuple(
-            Support(point, 0.0, chair.damping)
-            for chair in panel.chair.values()
-            if chair.damping > 0 and stands_on(chair.rails, name)
-            for point in foot_points(panel, name, chair)
+            Support(point, 0.0, damped[key].damping)
+            for key, feet in rail_feet(panel, name, damped).items()
+            for point in feet
         ),
         points=points,
         cutoff_frequency=panel.discretisation.superelement_cutoff,
@@ -172,7 +176,12 @@ def stock_rail_data(panel: Panel, name: str, points: tuple[Point, ...]) -> RailD
 
 
 def foot_points(panel: Panel, name: str, chair: Chair) -> tuple[Point, ...]:
-    """Return the points of a switch rail's underside that a chair carries, as vertical rows.
+    """Return the points of a switch rail's underside that a chair carries; see `rail_feet`."""
+    return rail_feet(panel, name, {"": chair})[""]
+
+
+def rail_feet(panel: Panel, name: str, chairs: Mapping[str, Chair]) -> dict[str, tuple[Point, ...]]:
+    """Return the points of a switch rail's underside that chairs carry, as vertical rows.
 
     Those of the chair itself; else the two edges of the section's underside there, of which the
     one beside the stock rail comes first; else one point below the reference line.
@@ -183,14 +192,23 @@ def foot_points(panel: Panel, name: str, chair: Chair) -> tuple[Point, ...]:
         The panel.
     name : str
         Name of the switch rail.
-    chair : Chair
-        The chair.
+    chairs : mapping of str to Chair
+        The chairs.
+
+    Returns
+    -------
+    dict of str to tuple of Point
+        By the names of the chairs that were given.
     """
-    offsets = chair.foot_offsets
-    if offsets is None:
-        offsets = foot_span(panel, name, chair.x) or (0.0,)
     side = SIGN[panel.rail[name].closes]
-    return tuple(Point(chair.x, "uz", y=side * y, z=chair.foot_height) for y in offsets)
+    spans = foot_spans(panel, name, [chair.x for chair in chairs.values()])
+    found = {}
+    for number, (key, chair) in enumerate(chairs.items()):
+        offsets = chair.foot_offsets
+        if offsets is None:
+            offsets = (0.0,) if spans is None else tuple(spans[number].tolist())
+        found[key] = tuple(Point(chair.x, "uz", y=side * y, z=chair.foot_height) for y in offsets)
+    return found
 
 
 def fastening_offset(panel: Panel, name: str, fastening: Fastening) -> float:
@@ -198,11 +216,18 @@ def fastening_offset(panel: Panel, name: str, fastening: Fastening) -> float:
 
     That is its own `offset`; else the middle of the underside of an outline, else zero.
     """
-    offset = fastening.offset
-    if offset is None:
-        span = foot_span(panel, name, fastening.x)
-        offset = 0.5 * sum(span) if span else 0.0
-    return SIGN[panel.rail[name].closes] * offset
+    return fastening_offsets(panel, name, [fastening])[0]
+
+
+def fastening_offsets(panel: Panel, name: str, fastenings: Sequence[Fastening]) -> list[float]:
+    """Return where each of several fastenings acts, as `fastening_offset` does for one [m]."""
+    side = SIGN[panel.rail[name].closes]
+    spans = foot_spans(panel, name, [fastening.x for fastening in fastenings])
+    middles = [0.0] * len(fastenings) if spans is None else (0.5 * spans.sum(axis=1)).tolist()
+    return [
+        side * (middle if fastening.offset is None else fastening.offset)
+        for fastening, middle in zip(fastenings, middles, strict=True)
+    ]
 
 
 def _plan(rail: Rail, x: Floats, *, radius: float | None, side: float) -> Floats | None:
@@ -221,10 +246,9 @@ def _plan(rail: Rail, x: Floats, *, radius: float | None, side: float) -> Floats
 def _held(panel: Panel, name: str) -> tuple[Support, ...]:
     """Return the springs and dashpots of a switch rail's fastenings, and of rods against roll."""
     found: list[Support] = []
-    for fastening in panel.fastening.values():
-        if stands_on(fastening.rails, name):
-            y = fastening_offset(panel, name, fastening)
-            found += _springs(fastening, y=y, z=fastening.height)
+    held = [f for f in panel.fastening.values() if stands_on(f.rails, name)]
+    for fastening, y in zip(held, fastening_offsets(panel, name, held), strict=True):
+        found += _springs(fastening, y=y, z=fastening.height)
     found += [
         Support(Point(drive.x, "rx"), drive.roll_stiffness)
         for drive in panel.drive.values()

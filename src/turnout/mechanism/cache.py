@@ -8,7 +8,7 @@ in the user's cache folder; a file that cannot be read or written costs time, ne
 import hashlib
 import logging
 from collections import Counter, OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import cache
 from io import BytesIO
@@ -84,7 +84,7 @@ def forget() -> None:
     _memory.clear()
 
 
-def digest(parts: Sequence[object]) -> str:
+def digest(parts: Iterable[object]) -> str:
     """Hash values by their content: arrays by dtype, shape and bytes, all else by its text.
 
     Examples

@@ -126,7 +126,7 @@ def section_outlines(panel: Panel, section: str) -> list[tuple[Outline, Outline 
     return [(cut.outline, cut.stock_rail) for cut in cuts]
 
 
-def foot_span(panel: Panel, rail: str, x: float) -> tuple[float, float] | None:
+def foot_spans(panel: Panel, rail: str, x: npt.ArrayLike) -> Floats | None:
     """Return the edges of a rail's underside, towards its stock rail positive, or None.
 
     Parameters
@@ -135,18 +135,18 @@ def foot_span(panel: Panel, rail: str, x: float) -> tuple[float, float] | None:
         The panel.
     rail : str
         Name of the rail.
-    x : float
-        Position from the toe [m].
+    x : array_like, shape (n,)
+        Positions from the toe [m].
 
     Returns
     -------
-    tuple of float or None
+    ndarray, shape (n, 2), or None
         The edge beside the stock rail and the other one [m]; None for a tabulated section.
     """
-    values = section_values(panel, rail, [x])
-    if FOOT_EDGES[0] not in values:
+    if panel.rail[rail].section in panel.section:
         return None
-    return float(values[FOOT_EDGES[0]][0]), float(values[FOOT_EDGES[1]][0])
+    values = section_values(panel, rail, x)
+    return np.stack([values[edge] for edge in FOOT_EDGES], axis=1)
 
 
 def in_panel_axes(values: dict[str, Floats], *, side: float) -> SectionProperties:

@@ -1,13 +1,18 @@
 """One rail from its structure to a superelement with the points where laws act."""
 
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import fields, replace
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from turnout.mechanism.cache import remembered
+from turnout.mechanism.cache import digest, remembered
 from turnout.mechanism.mechanism import RailBody
 from turnout.mechanism.rail import RailData, ReducedRail
 from turnout.mechanism.structure import Structure, point_rows, rail_structure
+from turnout.panel.rail_matrices import RailMatrices
 from turnout.reduction.craig_bampton import (
     Superelement,
     craig_bampton,
@@ -15,13 +20,18 @@ from turnout.reduction.craig_bampton import (
     reduce_vector,
 )
 from turnout.reduction.report import ReductionReport, reduction_report
+from turnout.section.properties import SectionProperties
 
 Floats = NDArray[np.float64]
+MOST_RAILS = 24
+"""So many reduced rails are kept in memory, the latest used."""
+
+_rails: OrderedDict[str, ReducedRail] = OrderedDict()
 _FIELDS = ("stiffness", "mass", "transformation", "frequencies_kept", "frequency_first_omitted")
 
 
 def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
-    """Assemble and reduce one rail.
+    """Assemble and reduce one rail, or find what was made of the same data before.
 
     Parameters
     ----------
@@ -33,8 +43,41 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
     Returns
     -------
     ReducedRail
-        ``rows`` has shape (number of points, reduced coordinates).
+        ``rows`` has shape (number of points, reduced coordinates). Its arrays are shared with every
+        other caller and therefore not writeable.
     """
+    if data.matrices is not None and not data.matrices.digest:  # of unknown content
+        return _reduced(data, first=first)
+    key = digest(_parts(data))
+    found = _rails.get(key)
+    if found is None:
+        found = _rails[key] = _reduced(data, first=0)
+        for array in (found.stiffness, found.mass, found.damping, found.load, found.rows):
+            array.flags.writeable = False
+        while len(_rails) > MOST_RAILS:
+            _rails.popitem(last=False)
+    _rails.move_to_end(key)
+    return replace(found, body=replace(found.body, first=first))
+
+
+def forget() -> None:
+    """Empty the memory of reduced rails."""
+    _rails.clear()
+
+
+def _parts(data: RailData) -> Iterator[object]:
+    """Yield all that a reduced rail depends on."""
+    for item in fields(data):
+        value = getattr(data, item.name)
+        if isinstance(value, SectionProperties):
+            yield from (getattr(value, part.name) for part in fields(value))
+        elif isinstance(value, RailMatrices):
+            yield value.digest
+        else:
+            yield value
+
+
+def _reduced(data: RailData, *, first: int) -> ReducedRail:
     structure, element, damping = superelement_of(data)
     rows = point_rows(structure, data.points, name=data.name)
     at_dashpots = point_rows(structure, tuple(s.point for s in data.dashpots), name=data.name)

@@ -2,6 +2,9 @@
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
 
 FILTER_WINDOW = 0.1
 
@@ -30,18 +33,38 @@ def filtered(channel: xr.DataArray, *, window: float = FILTER_WINDOW) -> xr.Data
     >>> filtered(ramp).values
     array([0.5, 1. , 2. , 3. , 3.5])
     """
-    time = channel["time"].values
+    axis = channel.get_axis_num("time")
+    values = np.moveaxis(channel.values, axis, -1).astype(float)
+    mean = filtered_values(values, time=channel["time"].values, window=window)
+    return channel.copy(data=np.moveaxis(mean, -1, axis))
+
+
+def filtered_values(values: Floats, *, time: Floats, window: float = FILTER_WINDOW) -> Floats:
+    """Return what `filtered` does, for arrays.
+
+    Parameters
+    ----------
+    values : ndarray, shape (..., n_times)
+        Any channels.
+    time : ndarray, shape (n_times,)
+        Evenly spaced [s].
+    window : float
+        Width [s].
+
+    Returns
+    -------
+    ndarray, shape (..., n_times)
+    """
     if time.size < 2:
-        return channel.copy()
+        return values.copy()
     step = (time[-1] - time[0]) / (time.size - 1)
     half = round(0.5 * window / step)
     index = np.arange(time.size)
     first, last = np.maximum(index - half, 0), np.minimum(index + half + 1, time.size)
-    values = np.moveaxis(channel.values, channel.get_axis_num("time"), -1).astype(float)
     zero = np.zeros((*values.shape[:-1], 1))
     total = np.concatenate((zero, np.cumsum(values, axis=-1)), axis=-1)
-    mean = (total[..., last] - total[..., first]) / (last - first)
-    return channel.copy(data=np.moveaxis(mean, -1, channel.get_axis_num("time")))
+    mean: Floats = (total[..., last] - total[..., first]) / (last - first)
+    return mean
 
 
 def first_time(flag: xr.DataArray, *, after: float = -np.inf) -> xr.DataArray:

@@ -8,17 +8,17 @@ from turnout.panel.drive_records import Drive
 from turnout.panel.model import Panel
 from turnout.response.fastenings import AXES
 from turnout.response.labels import DIRECTIONS
-from turnout.response.recovery import Motion
 from turnout.response.save import Save
 from turnout.response.signals import Variable, stop_names
 
 Floats = NDArray[np.float64]
 
 
-def stations(panel: Panel, motion: Motion, save: Save) -> Floats:
+def stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
     """Return the places of `gap` and `lateral_displacement`, rising [m]."""
     if save.stations == "all":
-        return motion.rails[next(iter(panel.rail))].x.copy()
+        first = next(iter(panel.rail))
+        return next(body.x.copy() for body in mechanism.rails if body.name == first)
     if save.stations is not None:
         return np.array(save.stations, dtype=float)
     places = [item.x for family in (panel.chair, panel.drive) for item in family.values()]

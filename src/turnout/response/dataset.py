@@ -1,7 +1,7 @@
 """A run as a dataset in the terms of the schema."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import xarray as xr
@@ -17,6 +17,7 @@ from turnout.panel.model import Panel
 from turnout.panel.record import Placed
 from turnout.response.coordinates import coordinates, stations
 from turnout.response.energies import energy_channels, energy_scale
+from turnout.response.fastenings import NAMES as FASTENINGS
 from turnout.response.fastenings import fastening_signals
 from turnout.response.gaps import contact_height, drive_gaps, rail_gap, sensor_gaps
 from turnout.response.labels import (
@@ -46,6 +47,19 @@ from turnout.schema.check import check_schema
 
 Floats = NDArray[np.float64]
 
+# Nothing is computed that is not kept: signals of forces by what they make, then all that needs the
+# motion of the rails, which costs most.
+_FORCES: Mapping[tuple[str, ...], Callable[[Panel, Mechanism, History], dict[str, Variable]]] = {
+    ("object_force", "single_object_force"): lambda _, *made: object_signals(*made),
+    ("chair_normal_force", "chair_friction_force"): chair_signals,
+    ("stop_force",): stop_signals,
+    ("link_force",): link_signals,
+}
+_SHAPES = ("gap", "lateral_displacement")
+_DRIVE_GAPS = ("drive_gap", "end_gap", "locked")
+_SENSOR_GAPS = ("sensor_gap", "in_control")
+_FLANGEWAYS = ("least_flangeway", "least_flangeway_x", "least_flangeway_rail")
+
 
 def response_dataset(
     panel: Panel, mechanism: Mechanism, history: History, *, save: Save | None = None
@@ -69,20 +83,19 @@ def response_dataset(
         Labelled and checked; ``attrs`` are left to `describe_run`.
     """
     save = save or Save()
-    motion = recover_motion(mechanism, history)
-    x = stations(panel, motion, save)
-    channels = {
-        **drive_signals(panel, mechanism, history),
-        **object_signals(mechanism, history),
-        **chair_signals(panel, mechanism, history),
-        **stop_signals(panel, mechanism, history),
-        **link_signals(panel, mechanism, history),
-        **_shapes(panel, motion, x, save),
-        **fastening_signals(panel, motion, save),
-        **contact_labels(mechanism, history),
-        **energy_channels(history.stored, history.ledger),
-    }
-    channels |= _states(panel, motion, history.time, channels)
+    channels = drive_signals(panel, mechanism, history)
+    for names, signals in _FORCES.items():
+        if save.keeps(*names):
+            channels |= signals(panel, mechanism, history)
+    x = stations(panel, mechanism, save)
+    if save.keeps(*_SHAPES, *FASTENINGS, *_DRIVE_GAPS, *_SENSOR_GAPS, *_FLANGEWAYS):
+        motion = recover_motion(mechanism, history)
+        channels |= _shapes(panel, motion, x, save)
+        channels |= fastening_signals(panel, motion, save)
+        channels |= _gaps(panel, motion, history.time, save)
+    channels |= contact_labels(mechanism, history)
+    channels |= energy_channels(history.stored, history.ledger)
+    channels |= _states(panel, history.time, channels)
     kept = {name: value for name, value in channels.items() if save.keeps(name)}
     used = {dim for dims, _ in kept.values() for dim in dims} | {"time"}
     named = coordinates(panel, mechanism, time=history.time, x=x)
@@ -92,7 +105,7 @@ def response_dataset(
 
 def _shapes(panel: Panel, motion: Motion, x: Floats, save: Save) -> dict[str, Variable]:
     """Return gap and lateral displacement of all rails at contact height."""
-    if not save.keeps("gap", "lateral_displacement"):
+    if not save.keeps(*_SHAPES):
         return {}
     shape = (len(panel.rail), x.size, motion.q.shape[0])
     moved, gap = np.empty(shape), np.empty(shape)
@@ -104,29 +117,38 @@ def _shapes(panel: Panel, motion: Motion, x: Floats, save: Save) -> dict[str, Va
     return {"gap": (dims, gap), "lateral_displacement": (dims, moved)}
 
 
-def _states(
-    panel: Panel, motion: Motion, time: Floats, channels: dict[str, Variable]
-) -> dict[str, Variable]:
-    """Return gaps at drives and sensors, and what follows from them."""
-    drive_gap = drive_gaps(panel, motion, time)
-    sensor_gap = sensor_gaps(panel, motion) if panel.sensor else None
-    found: dict[str, Variable] = {"drive_gap": (("drive", "time"), drive_gap)}
-    if sensor_gap is not None:
-        found["sensor_gap"] = (("sensor", "time"), sensor_gap)
-    margins = force_margins(
-        panel, time=time, drive_force=np.asarray(channels["drive_force"][1], dtype=float)
-    )
-    last = drive_gap[:, -1] if time.size else np.full(drive_gap.shape[0], np.nan)
-    found["force_margin"] = (("drive", "direction"), margins)
-    found["end_gap"] = (("drive",), last.copy())
-    found |= control_states(
-        panel,
-        time=time,
-        slipping=np.asarray(channels["drive_slipping"][1], dtype=np.bool_),
-        drive_gap=drive_gap,
-        sensor_gap=sensor_gap,
-    )
-    return found | flangeway_labels(panel, motion, time)
+def _gaps(panel: Panel, motion: Motion, time: Floats, save: Save) -> dict[str, Variable]:
+    """Return gaps at drives and sensors, and the least flangeway."""
+    found: dict[str, Variable] = {}
+    if save.keeps(*_DRIVE_GAPS, *_SENSOR_GAPS):
+        gap = drive_gaps(panel, motion, time)
+        last = gap[:, -1] if time.size else np.full(gap.shape[0], np.nan)
+        found["drive_gap"] = (("drive", "time"), gap)
+        found["end_gap"] = (("drive",), last.copy())
+    if panel.sensor and save.keeps(*_SENSOR_GAPS):
+        found["sensor_gap"] = (("sensor", "time"), sensor_gaps(panel, motion))
+    if save.keeps(*_FLANGEWAYS):
+        found |= flangeway_labels(panel, motion, time)
+    return found
+
+
+def _states(panel: Panel, time: Floats, channels: dict[str, Variable]) -> dict[str, Variable]:
+    """Return what follows from forces and gaps, as far as these were made."""
+
+    def values(name: str) -> Floats:
+        return np.asarray(channels[name][1], dtype=float)
+
+    margins = force_margins(panel, time=time, drive_force=values("drive_force"))
+    found: dict[str, Variable] = {"force_margin": (("drive", "direction"), margins)}
+    if "drive_gap" in channels:
+        found |= control_states(
+            panel,
+            time=time,
+            slipping=np.asarray(channels["drive_slipping"][1], dtype=np.bool_),
+            drive_gap=values("drive_gap"),
+            sensor_gap=values("sensor_gap") if "sensor_gap" in channels else None,
+        )
+    return found
 
 
 def describe_run(
@@ -150,7 +172,7 @@ def describe_run(
         "panel_hash": panel.hash,
         "overrides": json.dumps(dict(panel.overrides), default=_plain),
         "foreign_objects": json.dumps([_object_record(panel, item) for item in objects]),
-        "movements": json.dumps(_movement_records(panel)),
+        "movements": movement_records(panel),
         "lock_rule": panel.lock.rule,
         "lock_gap_limit": panel.lock.gap_limit,
         "flangeway_limit": panel.flangeway.limit if panel.flangeway else float("nan"),
@@ -207,11 +229,14 @@ def _place_name(panel: Panel, x: float) -> str:
     return f"x = {x:g} m"
 
 
-def _movement_records(panel: Panel) -> list[dict[str, object]]:
-    return [
-        {"name": throw.name, "to": throw.to, "start": throw.start, "end": throw.end}
-        for throw in throws(panel)
-    ]
+def movement_records(panel: Panel) -> str:
+    """Return the movements of a panel as JSON text, as a dataset names them in its attributes."""
+    return json.dumps(
+        [
+            {"name": throw.name, "to": throw.to, "start": throw.start, "end": throw.end}
+            for throw in throws(panel)
+        ]
+    )
 
 
 def _superelement_records(mechanism: Mechanism) -> list[dict[str, object]]:

@@ -2,18 +2,19 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
 
 from turnout.errors import ResponseError
 from turnout.integrate.outcome import NotConverged
-from turnout.integrate.run import Floats, integrate
+from turnout.integrate.run import Floats, History, integrate
 from turnout.integrate.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
+from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.threads import one_blas_thread
-from turnout.panel.foreign_object import ForeignObject, resolve_objects
+from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.panel.motion import marker_offsets, marker_positions
 from turnout.response.compilation import must_compile
@@ -80,10 +81,83 @@ def simulate(
     scheme, save = scheme or Scheme(), save or Save()
     if save.interval is not None:
         scheme = replace(scheme, output_interval=save.interval)
-    objects = resolve_objects(panel, _as_objects(foreign_object))
-    if must_compile():
-        _compile_kernels()
     began = time.perf_counter()
+    solved = solve(panel, foreign_object=foreign_object, scheme=scheme, report=report)
+    with one_blas_thread():
+        dataset = response_dataset(panel, solved.mechanism, solved.history, save=save)
+    attributes = describe_run(
+        panel,
+        solved.mechanism,
+        solved.history,
+        scheme=scheme,
+        objects=solved.objects,
+        wall_time=time.perf_counter() - began - solved.compile_time,
+        solver_time=solved.solver_time,
+    )
+    dataset = dataset.assign_attrs(attributes)
+    if throw and not solved.history.outcome.complete:
+        raise NotConverged(solved.history.outcome, partial=dataset)
+    return dataset
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """A throw as the solver left it, before it becomes a dataset.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+        What was integrated.
+    history : History
+        What the integration left behind, complete or not.
+    objects : tuple of PlacedObject
+        The foreign objects with their places.
+    solver_time, compile_time : float
+        Taken to build and integrate, and before that to compile kernels [s].
+    """
+
+    mechanism: Mechanism
+    history: History
+    objects: tuple[PlacedObject, ...]
+    solver_time: float
+    compile_time: float
+
+
+def solve(
+    panel: LoadedPanel,
+    *,
+    foreign_object: ForeignObject | Sequence[ForeignObject] | None = None,
+    scheme: Scheme,
+    report: Callable[[int, int], None] | None = None,
+) -> Solved:
+    """Build the mechanism of a panel and integrate it; `simulate` is this and a dataset.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        From `load_panel`.
+    foreign_object : ForeignObject or sequence of them, optional
+        What is trapped.
+    scheme : Scheme
+        Numerical choices.
+    report : callable, optional
+        Called now and then with steps done and steps in all.
+
+    Returns
+    -------
+    Solved
+        A run that ends early is returned as it is; see ``history.outcome``.
+
+    Raises
+    ------
+    PanelError
+        When a foreign object does not fit the panel.
+    """
+    objects = tuple(resolve_objects(panel, _as_objects(foreign_object)))
+    began = time.perf_counter()
+    if must_compile():
+        compile_kernels()
+    compiled = time.perf_counter()
     mechanism = build_mechanism(panel, objects)
     history = integrate(
         mechanism,
@@ -92,25 +166,11 @@ def simulate(
         end=panel.schedule.end,
         report=report,
     )
-    solved = time.perf_counter()
-    with one_blas_thread():
-        dataset = response_dataset(panel, mechanism, history, save=save)
-    attributes = describe_run(
-        panel,
-        mechanism,
-        history,
-        scheme=scheme,
-        objects=objects,
-        wall_time=time.perf_counter() - began,
-        solver_time=solved - began,
-    )
-    dataset = dataset.assign_attrs(attributes)
-    if throw and not history.outcome.complete:
-        raise NotConverged(history.outcome, partial=dataset)
-    return dataset
+    now = time.perf_counter()
+    return Solved(mechanism, history, objects, now - compiled, compiled - began)
 
 
-def _compile_kernels() -> None:
+def compile_kernels() -> None:
     """Throw a small panel for an instant, so that no run's own time holds the compilation."""
     moments = {"throw.start": 0.0, "throw.duration": 0.01, "return.start": 0.02}
     changes: dict[str, object] = {f"movement.{key}": value for key, value in moments.items()}
