@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from turnout.errors import StudyError
 from turnout.files.provenance import content_hash
 from turnout.files.toml import TomlFile
 from turnout.integrate.scheme import Scheme
@@ -17,7 +16,6 @@ from turnout.study.design import Design
 from turnout.study.random_field import RandomField
 from turnout.study.sampling import FIELDS, SCENARIOS
 from turnout.study.scenario import Output, Rule, Scenario, Value, chains_of
-from turnout.study.study_check import limit_faults
 from turnout.study.study_library import named_panel, open_study
 from turnout.study.study_read import Parts, read_parts, read_record
 from turnout.study.temperature import TemperatureLaw
@@ -208,17 +206,9 @@ def load_study(name_or_path: str | Path) -> Study:
 
 def study_from_file(file: TomlFile) -> Study:
     """Make a study from a TOML document that was already read."""
-    record = read_record(file)
-    parts = read_parts(record, named_panel(record.panel, file), source=file.source)
-    faults = limit_faults(
-        parts.panel,
-        design=parts.design,
-        variables=parts.variables,
-        fields=parts.fields,
-        law=parts.law,
-    )
-    if faults:
-        raise StudyError(list(dict.fromkeys(faults)), source=file.source)
+    record, unknown = read_record(file)
+    panel = named_panel(record.panel, file)
+    parts = read_parts(record, panel, source=file.source, unknown=unknown)
     return Study(
         name=record.name,
         description=record.description,

@@ -1,5 +1,7 @@
 """What a study leaves to chance: fields, correlations, draws, and what temperature does."""
 
+import math
+
 from turnout.files.problems import choices, nearest, show_value
 from turnout.files.units import (
     LENGTH,
@@ -117,7 +119,7 @@ def sampling_faults(method: str, count: int, drawn: int, with_fields: bool) -> l
     if count < 1:
         faults.append(f"{where}: must be at least 1, or there is no scenario")
     elif method in ("sobol", "saltelli") and count & (count - 1):
-        near = 1 << round(count.bit_length() - 0.5)
+        near = 1 << round(math.log2(count))
         faults.append(f"{where}: must be a power of 2 for '{method}'; near is {near}")
     if count > MOST_SCENARIOS:
         faults.append(f"{where}: at most {MOST_SCENARIOS}")

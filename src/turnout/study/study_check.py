@@ -7,7 +7,7 @@ from turnout.files.problems import show_value
 from turnout.panel.foreign_object import object_faults
 from turnout.panel.load import LoadedPanel
 from turnout.study.assemble import foreign_objects, multiplied
-from turnout.study.design import Design
+from turnout.study.design import Axis, Drawn
 from turnout.study.distribution import Choice
 from turnout.study.random_field import RandomField
 from turnout.study.scenario import Value
@@ -18,13 +18,15 @@ from turnout.study.variable import OBJECT_KEYS, TEMPERATURE_KEY, Variable
 MOST_CHECKED = 200
 
 
-def reach_of(design: Design) -> dict[str, tuple[Value, ...]]:
+def reach_of(axes: Iterable[Axis], drawn: Iterable[Drawn]) -> dict[str, tuple[Value, ...]]:
     """Return what each variable can be: all values, or the ends of a distribution.
 
     Parameters
     ----------
-    design : Design
-        Axes and draws.
+    axes : iterable of Axis
+        Of a design.
+    drawn : iterable of Drawn
+        Of a design.
 
     Returns
     -------
@@ -32,10 +34,10 @@ def reach_of(design: Design) -> dict[str, tuple[Value, ...]]:
         Values in SI by variable, without repeats, in their order.
     """
     found: dict[str, list[Value]] = {}
-    for axis in design.axes:
+    for axis in axes:
         for column, name in enumerate(axis.names):
             found[name] = [row[column] for row in axis.rows]
-    for item in design.drawn:
+    for item in drawn:
         law = item.law
         found[item.name] = list(law.values if isinstance(law, Choice) else law.bounds)
     return {name: tuple(dict.fromkeys(values)) for name, values in found.items()}
@@ -44,19 +46,34 @@ def reach_of(design: Design) -> dict[str, tuple[Value, ...]]:
 def limit_faults(
     panel: LoadedPanel,
     *,
-    design: Design,
+    reach: Mapping[str, tuple[Value, ...]],
     variables: Mapping[str, Variable],
     fields: Iterable[RandomField],
     law: TemperatureLaw | None,
+    whole: bool = True,
 ) -> list[str]:
     """Find every value that the panel or the place of an object does not allow.
 
     Each value is tried alone, all other variables as the panel has them.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        What has the limits.
+    reach : mapping
+        From `reach_of`.
+    variables : mapping of str to Variable
+        By name.
+    fields : iterable of RandomField
+        Tried at both ends of their distribution.
+    law : TemperatureLaw or None
+        Tried at the least and the largest temperature.
+    whole : bool
+        Whether nothing is missing, so that what an object lacks may be told.
     """
-    reach = reach_of(design)
     problems = []
-    for name, variable in variables.items():
-        values = reach[name]
+    for name, values in reach.items():
+        variable = variables[name]
         if variable.key == TEMPERATURE_KEY:
             numbers = [float(item) for item in values]
             faults = law.faults(min(numbers), max(numbers)) if law else []
@@ -75,7 +92,8 @@ def limit_faults(
                 multiplied(panel, {}, [(field.key, end)]) if field.factor else {field.key: end}
             )
             problems += _refused(panel, changes, f"field {field.name}")
-    return [*problems, *_object_faults(panel, reach, variables)]
+    by_key = {variables[name].key: values for name, values in reach.items()}
+    return [*problems, *_object_faults(panel, by_key, whole=whole)]
 
 
 def _some(values: tuple[Value, ...]) -> tuple[Value, ...]:
@@ -93,17 +111,16 @@ def _refused(panel: LoadedPanel, changes: Mapping[str, Value], where: str) -> li
 
 
 def _object_faults(
-    panel: LoadedPanel, reach: Mapping[str, tuple[Value, ...]], variables: Mapping[str, Variable]
+    panel: LoadedPanel, by_key: Mapping[str, tuple[Value, ...]], *, whole: bool
 ) -> list[str]:
     """Check the object: complete, positive, and with room at each place for its largest size."""
-    by_key = {variables[name].key: reach[name] for name in variables}
     given = [key for key in by_key if key in OBJECT_KEYS]
     if not given:
         return []
     problems = []
-    if "object.size" not in by_key:
+    if whole and "object.size" not in by_key:
         problems.append(f'{given[0]}: an object needs a size; give a variable "object.size"')
-    if ("object.at" in by_key) == ("object.x" in by_key):
+    if whole and ("object.at" in by_key) == ("object.x" in by_key):
         problems.append('object: give its place as one of the variables "object.at", "object.x"')
     sizes = [float(size) for size in by_key.get("object.size", ())]
     if any(size < 0 for size in sizes):
@@ -113,7 +130,8 @@ def _object_faults(
         problems += [f"{key} = {show_value(value)}: must be more than 0" for value in wrong]
     wrong = [value for value in by_key.get("object.appears", ()) if float(value) < 0]
     problems += [f"object.appears = {show_value(value)}: must be at least 0" for value in wrong]
-    if problems or not max(sizes) > 0:
+    placed = ("object.at" in by_key) != ("object.x" in by_key)
+    if problems or not placed or not max(sizes, default=0.0) > 0:
         return problems
     # Faults that do not depend on each other: each key is tried with the first of the others.
     usual = {key: by_key[key][0] for key in given} | {"object.size": max(sizes)}

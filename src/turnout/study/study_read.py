@@ -1,5 +1,7 @@
 """From a study file to the parts of a study, with all that is wrong in it at once."""
 
+import copy
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -31,6 +33,7 @@ from turnout.study.study_chance import (
     read_quantity,
     sampling_faults,
 )
+from turnout.study.study_check import limit_faults, reach_of
 from turnout.study.study_records import StudyRecord
 from turnout.study.study_variables import Found, read_together, read_variable
 from turnout.study.temperature import TemperatureLaw
@@ -47,7 +50,7 @@ RATE_FROM_OUTPUT = "output_interval"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parts:
-    """What a study file says, before it is held against the limits of its panel."""
+    """What a study file says, held against the limits of its panel."""
 
     panel: LoadedPanel
     scheme: Scheme
@@ -60,12 +63,29 @@ class Parts:
     split: tuple[str, ...]
 
 
-def read_record(file: TomlFile) -> StudyRecord:
-    """Make the record of a study file; StudyError tells all keys and types that are wrong."""
+def read_record(file: TomlFile) -> tuple[StudyRecord, list[str]]:
+    """Make the record of a study file, without the keys that are unknown, which it tells.
+
+    Raises
+    ------
+    StudyError
+        Where anything else is wrong with keys and types.
+    """
     try:
-        return StudyRecord.model_validate(file.data)
+        return StudyRecord.model_validate(file.data), []
     except ValidationError as error:
-        problems = [_described(item, file.data) for item in error.errors(include_url=False)]
+        errors = error.errors(include_url=False)
+    problems = [_described(item, file.data) for item in errors]
+    known = copy.deepcopy(file.data)
+    for item in errors:
+        if item["type"] == "extra_forbidden":
+            table: Any = known
+            for part in item["loc"][:-1]:
+                table = table[part]
+            del table[item["loc"][-1]]
+    try:
+        return StudyRecord.model_validate(known), problems
+    except ValidationError:
         raise StudyError(list(dict.fromkeys(problems)), source=file.source) from None
 
 
@@ -87,15 +107,28 @@ def _described(error: Any, data: Any) -> str:
     return path + describe_error(error, allowed=record.model_fields)
 
 
-def read_parts(record: StudyRecord, panel: LoadedPanel, *, source: str) -> Parts:
-    """Read everything of a study but what only its panel can tell.
+def read_parts(
+    record: StudyRecord, panel: LoadedPanel, *, source: str, unknown: Iterable[str] = ()
+) -> Parts:
+    """Read everything of a study and hold it against its panel.
+
+    Parameters
+    ----------
+    record : StudyRecord
+        What the file says.
+    panel : LoadedPanel
+        What it is about.
+    source : str
+        What to call the file.
+    unknown : iterable of str
+        Problems that were found before.
 
     Raises
     ------
     StudyError
         With all problems at once.
     """
-    found = Found(panel)
+    found = Found(panel, problems=list(unknown))
     try:
         panel = panel.with_overrides(record.set, si=False) if record.set else panel
         found.panel = panel
@@ -107,10 +140,19 @@ def read_parts(record: StudyRecord, panel: LoadedPanel, *, source: str) -> Parts
         read_together(found, together, where=f"together {number}")
     random_fields = read_fields(found, record)
     law = read_law_of_temperature(found, record)
-    scheme, output = _scheme(found, record), _output(found, record)
+    scheme = _scheme(found, record)
+    output = _output(found, record, scheme)
     rule = _rule(found, record)
     design = _design(found, record, with_fields=bool(random_fields))
     split = _split(found, record, design)
+    found.problems += limit_faults(
+        panel,
+        reach=reach_of(found.axes, found.drawn),
+        variables=found.variables,
+        fields=random_fields,
+        law=law,
+        whole=not found.problems,
+    )
     if found.problems or design is None:
         raise StudyError(list(dict.fromkeys(found.problems)), source=source)
     return Parts(
@@ -145,10 +187,16 @@ def _scheme(found: Found, record: StudyRecord) -> Scheme:
         return Scheme()
 
 
-def _output(found: Found, record: StudyRecord) -> Output:
+def _output(found: Found, record: StudyRecord, scheme: Scheme) -> Output:
     rate = read_quantity(found, "output.rate", record.output.rate, FREQUENCY)
     if rate is not None and not 0 < rate <= 1000:
         found.note("output.rate", f" = {rate:g} Hz: must be more than 0, at most 1000 Hz")
+    elif rate is not None:
+        stride = 1.0 / (rate * scheme.output_interval)
+        if round(stride) < 1 or abs(stride - round(stride)) > 1e-6 * stride:
+            fine = 1.0 / scheme.output_interval
+            text = f"; the solver keeps {fine:g} instants a second, take a rate that divides them"
+            found.note("output.rate", f' = "{record.output.rate}"{text}')
     channels = record.output.channels
     if channels is None:
         return Output(rate=rate or 100.0)
