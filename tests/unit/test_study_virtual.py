@@ -2,18 +2,20 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.unit.campaigns import PLAN, made
 from tests.unit.recorded import FIELDS, clean, run
-from tests.unit.simulated import sb2_panel
+from tests.unit.simulated import sb1_panel, sb2_panel
 
 from turnout.errors import FileError, PanelError
 from turnout.measurement.read import read_recording
 from turnout.measurement.sheet import read_sheet
 from turnout.measurement.write import WRITERS
+from turnout.response.scheme import Scheme
 from turnout.response.store import open_response
 from turnout.schema.check import schema_problems
 from turnout.study import virtual_series
@@ -31,6 +33,7 @@ from turnout.study.virtual_plan import (
     virtual_plan,
 )
 from turnout.study.virtual_throw import CurrentLaw, assumed_current, record_throw
+from turnout.study.virtual_truth import finer_panel, finer_scheme
 
 
 def test_the_default_is_the_published_campaign() -> None:
@@ -243,3 +246,21 @@ def test_a_series_ends_with_a_slip_but_not_before_a_load_cell_fits() -> None:
     ]
     assert [virtual_series.ends_series(part, case, plan) for case in cases] == [False, True]
     assert not virtual_series.ends_series(held, cases[1], plan)
+
+
+def test_a_finer_truth_is_solved_otherwise() -> None:
+    panel, scheme = finer_panel(sb2_panel()), finer_scheme()
+    assert panel.discretisation.element_length == 0.5 * sb2_panel().discretisation.element_length
+    assert (scheme.step, scheme.cutoff_frequency, scheme.output_interval) == (2.5e-4, 600.0, 1e-3)
+    assert scheme.spectral_radius != Scheme().spectral_radius
+
+
+def test_the_truth_takes_the_scheme_of_its_plan(tmp_path: Path) -> None:
+    plan = replace(PLAN, places=(), object_free=1, friction_scatter=0.0, disturbance=QUIET)
+    coarse = replace(plan, scheme=Scheme(step=4e-3, cutoff_frequency=100.0))
+    forces = []
+    for name, chosen in (("usual", plan), ("coarse", coarse)):
+        make_virtual_campaign(sb1_panel(), tmp_path / name, plan=chosen)
+        truth = open_response(tmp_path / name / "truth.nc")
+        forces.append(truth["drive_force"].values)
+    assert 0.1 < np.nanmax(np.abs(forces[0] - forces[1])) < 300.0

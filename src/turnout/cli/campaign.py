@@ -112,7 +112,7 @@ def plot_command(
         message = f"--direction {direction}: must be closing or opening"
         raise FileError(message)
     place = None if place is None else _place(place)
-    dataset = _dataset_of(source, channels, quiet=quiet)
+    dataset = dataset_of(source, channels, quiet=quiet)
     from turnout.files.atomic import write_atomic
     from turnout.plot.campaign import plot_overview, plot_stacked
     from turnout.plot.style import rendered
@@ -154,6 +154,9 @@ def virtual_command(
     soft_build_up: Annotated[
         bool, typer.Option("--soft-build-up", help="Drive 2 builds up softly after contact.")
     ] = False,
+    finer: Annotated[
+        bool, typer.Option("--finer", help="Solve the truth more finely and otherwise.")
+    ] = False,
     mistype: Annotated[
         int, typer.Option("--mistype", min=0, help="Mistakes to make in the run sheet.")
     ] = 0,
@@ -162,8 +165,11 @@ def virtual_command(
 ) -> None:
     """Make a campaign of simulated throws as a data acquisition system would have recorded it."""
     from turnout.study.virtual_plan import virtual_plan
+    from turnout.study.virtual_truth import finer_panel, finer_scheme
 
     loaded = opened_panel(panel, settings)
+    if finer:
+        loaded = finer_panel(loaded)
     plan = virtual_plan(
         loaded,
         places=places,
@@ -174,6 +180,7 @@ def virtual_command(
         seed=seed,
         worn_clutch=worn_clutch,
         soft_build_up=soft_build_up,
+        scheme=finer_scheme() if finer else None,
     )
     _make(loaded, out, plan, workers=workers, quiet=quiet)
 
@@ -232,7 +239,8 @@ def _built(folder: Path, channels: str | None, *, strict: bool, quiet: bool) -> 
         raise typer.Exit(INTERRUPTED) from None
 
 
-def _dataset_of(source: Path, channels: str | None, *, quiet: bool) -> "xr.Dataset":
+def dataset_of(source: Path, channels: str | None, *, quiet: bool) -> "xr.Dataset":
+    """Return the dataset of a campaign from its file, or built from its folder."""
     if source.suffix.lower() == ".nc":
         from turnout.response.store import open_response
 

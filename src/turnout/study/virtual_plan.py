@@ -14,6 +14,7 @@ from turnout.measurement.sheet_value import normal_place
 from turnout.measurement.write import WRITERS
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
+from turnout.response.scheme import Scheme
 from turnout.study.virtual_noise import Disturbance
 from turnout.study.virtual_throw import CurrentLaw, Window
 
@@ -65,6 +66,8 @@ class Plan:
         Mistakes in the run sheet.
     seed : int
         Of all that is left to chance.
+    scheme : Scheme
+        With which the truth is integrated.
     """
 
     places: tuple[str, ...]
@@ -79,6 +82,7 @@ class Plan:
     disturbance: Disturbance = field(default_factory=Disturbance)
     window: Window = field(default_factory=Window)
     law: CurrentLaw = field(default_factory=CurrentLaw)
+    scheme: Scheme = field(default_factory=Scheme)
 
     def __post_init__(self) -> None:
         """Refuse what cannot be, all at once."""
@@ -135,6 +139,7 @@ def virtual_plan(
     object_free: int = 5,
     mistyped: int = 0,
     seed: int = 0,
+    scheme: Scheme | None = None,
 ) -> Plan:
     """Return a plan from what a user types.
 
@@ -152,6 +157,8 @@ def virtual_plan(
         Drive 2 follows with 0.25 s after contact.
     object_free, mistyped, seed : int
         As in `Plan`.
+    scheme : Scheme, optional
+        With which the truth is integrated.
 
     Raises
     ------
@@ -190,6 +197,7 @@ def virtual_plan(
         mistyped=mistyped,
         seed=seed,
         defects=defects,
+        scheme=scheme or Scheme(),
     )
 
 

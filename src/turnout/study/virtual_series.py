@@ -146,7 +146,9 @@ def make_throw(job: Job, case: Case, *, number: int) -> Part:
     overrides = overrides_for(plan, job.panel, rng)
     panel = job.panel.with_overrides(dict(overrides)) if overrides else job.panel
     foreign = ForeignObject(case.size, case.place) if case.size > 0 else None
-    run = simulate(panel, foreign_object=foreign, save=Save(fields=FIELDS), throw=False)
+    run = simulate(
+        panel, foreign_object=foreign, scheme=plan.scheme, save=Save(fields=FIELDS), throw=False
+    )
     if not run.attrs["complete"]:
         if run.attrs["outcome"] == "interrupted":
             raise KeyboardInterrupt

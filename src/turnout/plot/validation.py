@@ -1,0 +1,183 @@
+"""A validation: measured against predicted movements with their bands, and errors by place."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from turnout.errors import ResponseError
+from turnout.plot.campaign import places_of
+from turnout.plot.style import COLOURS, GREY, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+KILO, MILLI = 1e-3, 1e3
+MEASURED = "0.25"
+# Errors are told as multiples of the repeat spread; colours end where a validation fails.
+WORST = 3.0
+
+
+def plot_comparison(validation: xr.Dataset, *, place: str, sizes: Sequence[float] = ()) -> "Figure":
+    """Draw measured and predicted forces over time, with the band of 95 %.
+
+    This is the form of figure 11 of the published calibration.
+
+    Parameters
+    ----------
+    validation : xarray.Dataset
+        `measured`, `predicted`, `low`, `high` (channel, movement, time) [N].
+    place : str
+        Such as "sleeper 6".
+    sizes : sequence of float, optional
+        Of the objects [m]; default 13 and 29 mm where they were thrown, else the smallest and the
+        largest.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A row for each channel [kN] over the time since the onset [s].
+
+    Raises
+    ------
+    ResponseError
+        When nothing was thrown at that place.
+    """
+    chosen = _chosen(validation, place=place, sizes=sizes)
+    rows = [
+        name
+        for name in validation["channel"].values
+        if np.isfinite(chosen["measured"].sel(channel=name).values).any()
+    ]
+    figure, axes = new_figure(len(rows))
+    shown = chosen["predicted"].notnull().any(("channel", "movement")).values
+    chosen = chosen.isel(time=np.flatnonzero(shown))
+    time = chosen["time"].values
+    for ax, name in zip(axes, rows, strict=True):
+        for number, size in enumerate(chosen["size"].values):
+            one = chosen.sel(channel=name).isel(movement=number)
+            colour = COLOURS[number % len(COLOURS)]
+            text = f"{size * MILLI:g} mm" if size > 0 else "no object"
+            band = (one["low"].values * KILO, one["high"].values * KILO)
+            ax.fill_between(time, *band, color=colour, alpha=0.2, linewidth=0)
+            ax.plot(time, one["predicted"].values * KILO, color=colour, label=f"predicted, {text}")
+            ax.plot(
+                time,
+                one["measured"].values * KILO,
+                color=MEASURED,
+                linestyle="-" if number == 0 else (0, (4, 1.5)),
+                linewidth=1.0,
+                label=f"measured, {text}",
+            )
+        styled(ax, f"{str(name).capitalize()}\nforce [kN]", span=(float(time[0]), float(time[-1])))
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside right upper", frameon=False, fontsize=9)
+    axes[-1].set_xlabel("Time since onset of motion [s]")
+    figure.align_ylabels(axes)
+    text = f"object at {place}; shaded: where 95 % of measurements should lie"
+    figure.suptitle(_title(validation, text), x=0.01, ha="left", fontsize=11)
+    return figure
+
+
+def plot_error_map(validation: xr.Dataset) -> "Figure":
+    """Draw places against sizes: the error of each channel beside the spread of repeats.
+
+    Parameters
+    ----------
+    validation : xarray.Dataset
+        `rms` (channel, movement) and `repeat_spread` (channel) [N]; `used` (movement).
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A table for each channel: RMS difference [N], coloured by its multiple of the repeat spread
+        (of the largest error where nothing was repeated). What the fit has used is in brackets.
+    """
+    channels = [str(name) for name in validation["channel"].values]
+    closing = validation.isel(movement=np.flatnonzero(validation["direction"].values == "closing"))
+    sizes = np.unique(closing["size"].values)
+    places = (["none"] if (sizes == 0).any() else []) + places_of(closing)
+    if not places:
+        message = "nothing to draw: no closing movement"
+        raise ResponseError(message)
+    figure, axes = _tables(len(channels), rows=len(places), columns=sizes.size)
+    for number, (ax, name) in enumerate(zip(axes, channels, strict=True)):
+        one = closing.sel(channel=name)
+        _table(ax, one, places=places, sizes=sizes)
+        spread = float(one["repeat_spread"])
+        known = f"repeat spread {spread:.0f} N" if np.isfinite(spread) else "nothing repeated"
+        ax.set_title(f"{name.capitalize()}, {known}", fontsize=10)
+        ax.set_xlabel("Object size [mm]")
+        ax.tick_params(labelleft=number == 0)
+    text = (
+        "RMS difference of prediction and measurement [N]; red: three repeat spreads or more;"
+        "\nin brackets: used for the fit; framed: a drive slipped"
+    )
+    figure.suptitle(_title(validation, text), x=0.01, ha="left", fontsize=11)
+    return figure
+
+
+def _chosen(validation: xr.Dataset, *, place: str, sizes: Sequence[float]) -> xr.Dataset:
+    closing = validation["direction"].values == "closing"
+    here = np.flatnonzero(closing & (validation["place"].values == place))
+    if not here.size:
+        known = ", ".join(places_of(validation)) or "no place at all"
+        message = f"no closing movement with an object at '{place}'; there are {known}"
+        raise ResponseError(message)
+    thrown = validation["size"].values[here]
+    wanted = list(sizes) or [s for s in (0.013, 0.029) if np.isclose(thrown, s).any()]
+    if len(wanted) < 2 and not sizes:
+        wanted = sorted({float(thrown.min()), float(thrown.max())})
+    found = [int(here[np.argmin(abs(thrown - size))]) for size in wanted]
+    return validation.isel(movement=list(dict.fromkeys(found)))
+
+
+def _table(ax: "Axes", one: xr.Dataset, *, places: Sequence[str], sizes: np.ndarray) -> None:
+    from matplotlib.patches import Rectangle
+
+    cells = np.full((len(places), sizes.size), np.nan)
+    used = np.zeros(cells.shape, dtype=bool)
+    for (line, column), _ in np.ndenumerate(cells):
+        same = (one["place"].values == places[line]) & (one["size"].values == sizes[column])
+        errors = one["rms"].values[same]
+        if np.isfinite(errors).any():
+            cells[line, column] = np.sqrt(np.nanmean(errors**2))
+            used[line, column] = bool(one["used"].values[same].any())
+        if "slipped" in one.coords and bool(one["slipped"].values[same].any()):
+            frame = Rectangle(
+                (column - 0.5, line - 0.5), 1, 1, fill=False, edgecolor="black", linewidth=1.6
+            )
+            ax.add_patch(frame)
+    spread = float(one["repeat_spread"])
+    largest = float(np.nanmax(cells, initial=0.0))
+    top = WORST * spread if np.isfinite(spread) and spread > 0 else max(largest, 1e-9)
+    ax.imshow(cells, cmap="YlOrRd", vmin=0.0, vmax=top, aspect="auto")
+    for (line, column), value in np.ndenumerate(cells):
+        if np.isfinite(value):
+            text = f"({value:.0f})" if used[line, column] else f"{value:.0f}"
+            colour = "white" if value > 0.65 * top else "black"
+            ax.text(column, line, text, ha="center", va="center", fontsize=7, color=colour)
+    ax.set_xticks(range(sizes.size), [f"{size * MILLI:g}" for size in sizes], fontsize=8)
+    ax.set_yticks(range(len(places)), ["no object" if p == "none" else p for p in places])
+    ax.tick_params(length=0)
+    ax.set_facecolor("0.95")
+    for spine in ax.spines.values():
+        spine.set_color(GREY)
+
+
+def _tables(count: int, *, rows: int, columns: int) -> "tuple[Figure, list[Axes]]":
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    size = (max(8.5, 1.8 + count * (0.6 + 0.4 * columns)), 2.2 + 0.3 * rows)
+    figure = Figure(figsize=size, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, list(figure.subplots(1, count, squeeze=False, sharey=True)[0])
+
+
+def _title(validation: xr.Dataset, text: str) -> str:
+    name = str(validation.attrs.get("title", "validation"))
+    origin = " (synthetic)" if validation.attrs.get("synthetic") else ""
+    return f"{name}{origin}\n{text}"

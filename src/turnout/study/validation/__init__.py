@@ -1,0 +1,1 @@
+"""Validation: what a calibrated model predicts of movements that it has not seen."""

@@ -1,0 +1,142 @@
+"""What differs from throw to throw although nobody changed anything, found from repeats."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+# A direction whose expected scatter moves forces by less than so many noises tells nothing of it.
+LEAST_ANSWER = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Direction:
+    """Something that a throw can have of its own.
+
+    Attributes
+    ----------
+    name : str
+        For texts.
+    slope : ndarray, shape (n_channels, n_movements, n_times)
+        Of the forces with it [N/its unit].
+    expected : float
+        Standard deviation from throw to throw before repeats are seen; zero for none.
+    """
+
+    name: str
+    slope: Floats
+    expected: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scatter:
+    """Standard deviations from throw to throw, and what they make of forces.
+
+    Attributes
+    ----------
+    sizes : dict of str to float
+        By name of the direction.
+    rest : ndarray, shape (n_channels,)
+        What is left of the difference between repeats, noise among it [N].
+    variance : ndarray, shape (n_channels, n_movements, n_times)
+        Of one throw about the mean of its like [N^2].
+    repeated : int
+        Throws that it was found from; with none, the sizes are assumptions.
+    """
+
+    sizes: dict[str, float]
+    rest: Floats
+    variance: Floats
+    repeated: int
+
+
+def scatter_of(
+    measured: Floats,
+    directions: Sequence[Direction],
+    *,
+    groups: Sequence[Sequence[int]],
+    noise: Floats,
+) -> Scatter:
+    """Find from repeats how much each direction differs from throw to throw.
+
+    The difference of each repeat from the mean of its like is written as a sum of the directions;
+    what no such sum explains is the rest. Expected sizes count like one more repeat, so that few
+    repeats that happen to agree do not make a prediction look sure.
+
+    Parameters
+    ----------
+    measured : ndarray, shape (n_channels, n_movements, n_times)
+        [N]; NaN where nothing was measured.
+    directions : sequence of Direction
+        What can differ.
+    groups : sequence of sequence of int
+        Movements that are equal by the sheet.
+    noise : ndarray, shape (n_channels,)
+        Of a bin, which the rest is never below [N].
+
+    Returns
+    -------
+    Scatter
+
+    Examples
+    --------
+    >>> slope = np.ones((1, 2, 4))
+    >>> measured = np.array([[[3.0] * 4, [1.0] * 4]])
+    >>> found = scatter_of(
+    ...     measured,
+    ...     [Direction(name="level", slope=slope, expected=1.4142)],
+    ...     groups=[[0, 1]],
+    ...     noise=np.array([0.1]),
+    ... )
+    >>> round(found.sizes["level"], 3)
+    1.414
+    """
+    squares = np.array([item.expected**2 for item in directions])
+    freedom = np.ones(len(directions))
+    left, samples = np.zeros(noise.size), np.zeros(noise.size)
+    for group in groups:
+        lost = (len(group) - 1.0) / len(group)
+        mean = measured[:, list(group)].mean(axis=1)
+        for number in group:
+            amounts, told, remainder = _explained(
+                measured[:, number] - mean, directions, number=number, noise=noise
+            )
+            squares += np.where(told, amounts**2, 0.0)
+            freedom += np.where(told, lost, 0.0)
+            known = np.isfinite(remainder)
+            left += np.where(known, remainder, 0.0) ** 2 @ np.ones(remainder.shape[1])
+            samples += lost * known.sum(axis=1)
+    sizes = np.sqrt(squares / freedom)
+    rest = np.sqrt(np.divide(left, samples, out=noise**2, where=samples > 0))
+    variance = np.broadcast_to(
+        np.maximum(rest, noise)[:, np.newaxis, np.newaxis] ** 2, measured.shape
+    ).copy()
+    for size, item in zip(sizes, directions, strict=True):
+        variance += (size * item.slope) ** 2
+    return Scatter(
+        sizes={item.name: float(size) for item, size in zip(directions, sizes, strict=True)},
+        rest=np.maximum(rest, noise),
+        variance=variance,
+        repeated=sum(len(group) for group in groups),
+    )
+
+
+def _explained(
+    difference: Floats, directions: Sequence[Direction], *, number: int, noise: Floats
+) -> tuple[Floats, NDArray[np.bool_], Floats]:
+    """Return how much of each direction explains a difference, which of them can tell, the rest."""
+    rows = np.array([item.slope[:, number] for item in directions])
+    there = np.isfinite(difference) & np.isfinite(rows).all(axis=0)
+    weight = 1.0 / noise[:, np.newaxis]
+    flat = np.where(there, rows * weight, 0.0).reshape(len(directions), -1)
+    count = max(int(there.sum()), 1)
+    answer = np.sqrt((flat**2).sum(axis=1) / count) * [item.expected for item in directions]
+    told = answer > LEAST_ANSWER
+    amounts = np.zeros(len(directions))
+    if told.any():
+        target = np.where(there, difference * weight, 0.0).ravel()
+        amounts[told] = np.linalg.lstsq(flat[told].T, target, rcond=1e-6)[0]
+    remainder = difference - np.tensordot(amounts, np.where(there, rows, 0.0), axes=1)
+    return amounts, told, np.where(there, remainder, np.nan)

@@ -1,0 +1,163 @@
+"""Scatter from repeats, verdicts, and what is written of a validation; without any simulation."""
+
+import csv
+import io
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from turnout.errors import ResponseError
+from turnout.plot.validation import plot_comparison, plot_error_map
+from turnout.study.validation.report import page_text, table_text
+from turnout.study.validation.scatter import Direction, scatter_of
+from turnout.study.validation.verdict import judge, verdict_lines
+
+TIME = np.linspace(0.0, 3.0, 151)
+CHANNELS = ["drive 1", "drive 2", "object"]
+
+
+def hand_made(*, off: float = 0.0, used: int = 2, band: float = 60.0) -> xr.Dataset:
+    """A validation of six movements that are `off` in Drive 2, with repeats 30 N apart."""
+    rng = np.random.default_rng(1)
+    base = 1e3 * np.minimum(TIME, 2.0)
+    dims = ("channel", "movement", "time")
+    forecast = np.tile(base, (3, 6, 1))
+    measured = forecast + 30.0 * rng.standard_normal((3, 6, 1))
+    measured[1] -= off
+    measured[2, :2] = np.nan
+    coordinates = {
+        "channel": CHANNELS,
+        "movement": [f"m{n}" for n in range(6)],
+        "time": TIME,
+        "direction": ("movement", ["closing"] * 6),
+        "size": ("movement", [0.0, 0.0, 0.013, 0.029, 0.013, 0.029]),
+        "place": ("movement", ["none", "none", *["sleeper 6"] * 2, *["drive 2"] * 2]),
+        "slipped": ("movement", [False] * 5 + [True]),
+    }
+    array = xr.DataArray(measured, coordinates, dims)
+    plain = array.copy(data=forecast)
+    rms = np.sqrt(((plain - array) ** 2).mean("time"))
+    inside = (abs(plain - array) <= band).where(array.notnull())
+    pair = {
+        f"{name}_{side}": xr.full_like(rms, value)
+        for name, value in (("slope", 1e3), ("peak", 2e3), ("plateau", 2e3))
+        for side in ("measured", "predicted")
+    }
+    pair |= {f"contact_{side}": xr.full_like(rms[0], 1.0) for side in ("measured", "predicted")}
+    return xr.Dataset(
+        {
+            "measured": array,
+            "predicted": plain,
+            "low": plain - band,
+            "high": plain + band,
+            "rms": rms,
+            "nrmse": rms / 2e3,
+            "cover": inside.mean("time"),
+            "scale": ("channel", [2e3] * 3),
+            "repeat_spread": ("channel", [30.0] * 3),
+            "used": ("movement", np.arange(6) < used),
+            **pair,
+        },
+        attrs={
+            "title": "hand-made",
+            "synthetic": "synthetic: by hand",
+            "scatter": '{"chair.friction_coefficient": 0.02, "onset [s]": 0.005, "repeats": 2}',
+        },
+    )
+
+
+def test_scatter_is_found_and_the_rest_is_noise() -> None:
+    rng = np.random.default_rng(7)
+    slope = np.tile(1e3 * np.sin(TIME), (2, 40, 1))
+    own = 0.03 * rng.standard_normal((1, 40, 1))
+    measured = 500.0 + own * slope + 4.0 * rng.standard_normal(slope.shape)
+    flat = Direction(name="flat", slope=0.0 * slope, expected=0.02)
+    friction = Direction(name="friction", slope=slope, expected=0.02)
+    found = scatter_of(
+        measured, [friction, flat], groups=[list(range(40))], noise=np.array([1.0, 1.0])
+    )
+    assert found.sizes["friction"] == pytest.approx(np.std(own, ddof=1), rel=0.03)
+    assert found.sizes["flat"] == 0.02
+    assert found.rest == pytest.approx([4.0, 4.0], rel=0.05)
+    expected = found.rest[0] ** 2 + (found.sizes["friction"] * slope[0, 0]) ** 2
+    assert found.variance[0, 0] == pytest.approx(expected)
+    assert found.repeated == 40
+
+
+def test_without_repeats_expectations_count() -> None:
+    slope = np.ones((1, 2, 5))
+    found = scatter_of(
+        slope, [Direction(name="a", slope=slope, expected=0.02)], groups=[], noise=np.array([3.0])
+    )
+    assert (found.sizes["a"], found.rest[0], found.repeated) == (0.02, 3.0, 0)
+
+
+def test_a_good_prediction_is_accepted() -> None:
+    verdict = judge(hand_made())
+    assert verdict.accepted
+    assert verdict.text.startswith("VALID: all 3 channels of 4 movements")
+    assert (verdict.judged, verdict.used) == (4, 2)
+    assert [item.movements for item in verdict.channels] == [4, 4, 4]
+    assert "drive 1" in verdict_lines(verdict)[1]
+
+
+def test_an_error_beyond_three_spreads_is_refused() -> None:
+    verdict = judge(hand_made(off=120.0, band=500.0))
+    assert not verdict.accepted
+    assert len(verdict.reasons) == 1
+    assert "drive 2 is off by 1" in verdict.reasons[0]
+    assert "times the spread of repeats" in verdict.text
+
+
+def test_a_band_that_misses_is_refused() -> None:
+    verdict = judge(hand_made(band=5.0))
+    assert any("the band of 95 % covers" in reason for reason in verdict.reasons)
+
+
+def test_a_fit_to_everything_validates_nothing() -> None:
+    verdict = judge(hand_made(used=6))
+    assert not verdict.accepted
+    assert "NOT VALIDATED: the fit has seen every movement" in verdict.text
+
+
+def test_the_worst_movement_is_named() -> None:
+    validation = hand_made()
+    validation["rms"][1, 5] = 300.0
+    assert judge(validation).worst[0] == (
+        "m5 (closing, 29 mm at drive 2): drive 2 off by 300 N, 10.0 spreads"
+    )
+
+
+def test_the_page_and_the_table_hold_what_was_judged() -> None:
+    validation = hand_made(off=120.0)
+    page = page_text(validation, judge(validation), figures=["errors.png"])
+    assert "NOT VALID" in page
+    assert "Synthetic: by hand." in page
+    assert "from 2 repeats" in page
+    rows = list(csv.DictReader(io.StringIO(table_text(validation))))
+    assert len(rows) == 16
+    assert [row["used"] for row in rows[:3]] == ["yes"] * 3
+    assert float(rows[4]["rms [N]"]) == pytest.approx(float(validation["rms"][0, 2]), rel=1e-5)
+
+
+def test_figures_show_measured_and_predicted_forces() -> None:
+    validation = hand_made()
+    figure = plot_comparison(validation, place="sleeper 6")
+    assert len(figure.axes) == 3
+    lines = {line.get_label(): line for line in figure.axes[1].lines}
+    measured = lines["measured, 29 mm"].get_ydata()
+    assert measured == pytest.approx(validation["measured"].values[1, 3] / 1e3)
+    assert "predicted, 13 mm" in lines
+    with pytest.raises(ResponseError, match="no closing movement with an object at 'sleeper 9'"):
+        plot_comparison(validation, place="sleeper 9")
+
+
+def test_the_map_shows_errors_and_brackets_what_was_used() -> None:
+    validation = hand_made(used=3)
+    texts = [text.get_text() for text in plot_error_map(validation).axes[1].texts]
+    rms = validation["rms"].values[1]
+    none = np.sqrt(np.mean(rms[:2] ** 2))
+    assert texts[0] == f"({none:.0f})"
+    assert texts[1] == f"({rms[2]:.0f})"
+    assert texts[2] == f"{rms[3]:.0f}"
