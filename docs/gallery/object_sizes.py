@@ -29,6 +29,7 @@ sheet = Sheet(
     title="Closing, with objects of several sizes at sleeper 6",
     caption="",
     x_label="Time [s]",
+    one_legend=True,
     rows=(
         Row("Object force\n[kN]", lines("object_force")),
         Row("Drive 1\n[kN]", lines("drive_force", drive="1")),

@@ -10,7 +10,7 @@ from tests.unit.simulated import sb2_dataset, sb2_panel
 from turnout.panel.load import load_panel
 from turnout.report.inputs import inputs_section, panel_of
 from turnout.report.page import Page, Section, Table, page_html
-from turnout.report.run import SUFFIXES, picture_of, run_page, run_sheets
+from turnout.report.run import FIGURE_SUFFIXES, picture_of, run_page, run_sheets
 
 MOST_BYTES = 4_000_000
 VOCABULARIES = {"http://www.w3.org"}
@@ -99,4 +99,4 @@ def test_a_measured_movement_needs_only_its_forces() -> None:
     page = run_page(forces)
     assert page.title == "Throw of Autumn, throw 3"
     assert [p.sheet.name for s in page.sections for p in s.pictures] == ["throw"]
-    assert set(page.sections[0].pictures[0].files) == set(SUFFIXES)
+    assert set(page.sections[0].pictures[0].files) == set(FIGURE_SUFFIXES)

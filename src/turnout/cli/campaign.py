@@ -49,7 +49,7 @@ def check_command(
     quiet: QuietOption = False,
 ) -> None:
     """Check a run sheet against its files, and the quality of every movement."""
-    campaign = _built(folder, channels, strict=strict, quiet=quiet)
+    campaign = built_campaign(folder, channels, strict=strict, quiet=quiet)
     if not quiet:
         _tell(campaign, remarks=True)
 
@@ -68,13 +68,13 @@ def build_command(
     """Build one dataset of all usable movements; what was built before is taken up."""
     if out is not None:
         check_outputs({"--out": out}, {"--out": (".nc",)})
-    campaign = _built(folder, channels, strict=strict, quiet=quiet)
+    campaign = built_campaign(folder, channels, strict=strict, quiet=quiet)
     if not quiet:
         _tell(campaign, remarks=False)
     if campaign.dataset is None:
         from turnout.errors import MeasurementError
 
-        problems = [f"{who}: {'; '.join(reasons)}" for who, reasons in _excluded(campaign)]
+        problems = [f"{who}: {'; '.join(reasons)}" for who, reasons in excluded_movements(campaign)]
         raise MeasurementError(problems, source=f"{folder}: no movement is usable")
     from turnout.response.store import save_response
 
@@ -224,7 +224,8 @@ def _make(panel: "LoadedPanel", out: Path, plan: "Plan", *, workers: int, quiet:
         typer.echo(f"{'written':<12}{out} (run sheet runs.csv, truth truth.nc; all synthetic)")
 
 
-def _built(folder: Path, channels: str | None, *, strict: bool, quiet: bool) -> "Campaign":
+def built_campaign(folder: Path, channels: str | None, *, strict: bool, quiet: bool) -> "Campaign":
+    """Read a campaign's folder with its progress shown; Ctrl-C loses nothing."""
     from turnout.cli.watch import Watch
     from turnout.measurement.campaign import build_campaign
 
@@ -251,7 +252,7 @@ def dataset_of(source: Path, channels: str | None, *, quiet: bool) -> "xr.Datase
             message = f"{source}: holds one run, not a campaign; `turnout simulate --plot` draws it"
             raise FileError(message)
         return dataset
-    campaign = _built(source, channels, strict=False, quiet=quiet)
+    campaign = built_campaign(source, channels, strict=False, quiet=quiet)
     if campaign.dataset is None:
         from turnout.errors import MeasurementError
 
@@ -267,7 +268,7 @@ def _tell(campaign: "Campaign", *, remarks: bool) -> None:
     typer.echo(f"{'movements':<12}{len(sheet.runs)} in the sheet, {usable} usable")
     if campaign.reused:
         typer.echo(f"{'':<12}{campaign.reused} had been cut before")
-    for who, reasons in _excluded(campaign):
+    for who, reasons in excluded_movements(campaign):
         for number, reason in enumerate(reasons):
             typer.echo(f"{'excluded' if number == 0 else '':<12}{who}: {reason}")
     shown = campaign.remarks if remarks else campaign.remarks[:MOST_REMARKS]
@@ -278,7 +279,7 @@ def _tell(campaign: "Campaign", *, remarks: bool) -> None:
         typer.echo(f"{'':<12}and {more} more; `turnout campaign check` shows all")
 
 
-def _excluded(campaign: "Campaign") -> list[tuple[str, tuple[str, ...]]]:
+def excluded_movements(campaign: "Campaign") -> list[tuple[str, tuple[str, ...]]]:
     """Return the reasons to leave movements out, each with the names that it holds for."""
     same: dict[tuple[str, ...], list[str]] = {}
     for item in campaign.excluded:

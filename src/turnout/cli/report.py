@@ -1,15 +1,21 @@
 """The command `turnout report`."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from turnout.cli.campaign import ChannelsOption, built_campaign, excluded_movements
 from turnout.cli.options import opened_panel
 from turnout.cli.outputs import check_outputs, made_folder, write_told
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from turnout.report.page import Page
+
+FORMS = (".pdf", ".png", ".svg")
 
 
 def report_command(
@@ -30,32 +36,84 @@ def report_command(
         str | None,
         typer.Option("--panel", metavar="PANEL", help="Panel file of a run, for its origins."),
     ] = None,
+    channels: ChannelsOption = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")] = False,
 ) -> None:
     """Write a self-contained page about a run or a campaign: open it in any browser, offline."""
     check_outputs({"--out": out}, {"--out": (".html",)})
     folder = made_folder("--figures", figures) if figures is not None else None
-    page = _page(source, panel)
+    if source.is_dir():
+        page, files = _folder_page(source, channels, drawn=folder is not None, quiet=quiet)
+    else:
+        page, files = _file_page(source, panel, drawn=folder is not None)
     from turnout.files.atomic import write_atomic
     from turnout.report.page import page_html
 
-    for section in page.sections:
-        for picture in section.pictures if folder is not None else ():
-            for suffix, content in picture.files.items():
-                write_atomic(folder / f"{picture.sheet.name}{suffix}", content)  # type: ignore[operator]
-    write_told(out, page_html(page))
+    if folder is not None:
+        for name, content in {**_pictures(page), **files}.items():
+            write_atomic(folder / name, content)
+    if quiet:
+        write_atomic(out, page_html(page))
+    else:
+        write_told(out, page_html(page))
 
 
-def _page(source: Path, panel: str | None) -> "Page":
-    from turnout.errors import FileError
-    from turnout.report.inputs import panel_of
-    from turnout.report.run import run_page
+def _pictures(page: "Page") -> dict[str, bytes]:
+    """Return the figures of a page as files by name."""
+    return {
+        f"{picture.sheet.name}{suffix}": content
+        for section in page.sections
+        for picture in section.pictures
+        for suffix, content in picture.files.items()
+    }
+
+
+def _folder_page(
+    source: Path, channels: str | None, *, drawn: bool, quiet: bool
+) -> "tuple[Page, Mapping[str, bytes]]":
+    """Return the page of a campaign's folder, with what was left out of it and why."""
+    from turnout.report.campaign import campaign_figures, campaign_page
+
+    campaign = built_campaign(source, channels, strict=False, quiet=quiet)
+    excluded = excluded_movements(campaign)
+    if campaign.dataset is None:
+        from turnout.errors import MeasurementError
+
+        problems = [f"{who}: {'; '.join(reasons)}" for who, reasons in excluded]
+        raise MeasurementError(problems, source=f"{source}: no movement is usable")
+    page = campaign_page(
+        campaign.dataset,
+        excluded=excluded,
+        remarks=campaign.remarks,
+        suffixes=FORMS if drawn else FORMS[:1],
+    )
+    return page, campaign_figures(campaign.dataset, suffixes=FORMS) if drawn else {}
+
+
+def _file_page(
+    source: Path, panel: str | None, *, drawn: bool
+) -> "tuple[Page, Mapping[str, bytes]]":
+    """Return the page of a dataset, one run or a campaign."""
     from turnout.response.store import open_response
 
     dataset = open_response(source)
+    if "movement" not in dataset.dims:
+        return _run_page(dataset, source, panel), {}
+    from turnout.report.campaign import campaign_figures, campaign_page
+
+    page = campaign_page(dataset, suffixes=FORMS if drawn else FORMS[:1])
+    return page, campaign_figures(dataset, suffixes=FORMS) if drawn else {}
+
+
+def _run_page(dataset: "xr.Dataset", source: Path, panel: str | None) -> "Page":
+    from turnout.report.inputs import panel_of
+    from turnout.report.run import run_page
+
     given = opened_panel(panel, []) if panel is not None else None
     used = panel_of(dataset.attrs, panel=given)
     if given is not None and used is None:
+        from turnout.errors import FileError
+
         message = (
             f"--panel {panel}: is not the panel of {source}, which is "
             f"'{dataset.attrs.get('panel', 'not stated')}' with other values; name that one"

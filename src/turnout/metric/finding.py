@@ -12,6 +12,9 @@ from turnout.metric.movement import Slip, margins, slips
 from turnout.metric.signal import at_end
 from turnout.metric.words import kilo, milli
 
+HEADLINE = "Outcome"
+"""The question that the headline of a run answers; it goes without being asked."""
+
 Level = Literal["good", "look", "bad", "told"]
 
 
@@ -57,7 +60,7 @@ def findings(dataset: xr.Dataset) -> list[Finding]:
     """
     if not dataset.sizes.get("time", 0):
         reason = str(dataset.attrs.get("outcome_message", "it holds no instant"))
-        return [Finding("bad", "Outcome", "Nothing to judge", reason)]
+        return [Finding("bad", HEADLINE, "Nothing to judge", reason)]
     found = [*_complete(dataset), *_outcome(dataset), *_locked(dataset), *_control(dataset)]
     found += [*_slipped(dataset), *_nearest(dataset), *_object(dataset), *_flangeway(dataset)]
     warning = numerical_warning(dataset) if "energy_numerical" in dataset else None
@@ -95,17 +98,17 @@ def _outcome(dataset: xr.Dataset) -> list[Finding]:
     if not _objects(dataset):
         if tells:
             text = "nothing is trapped, yet the switch does not reach its end position"
-            return [Finding("bad", "Outcome", _capital(state), text)]
+            return [Finding("bad", HEADLINE, _capital(state), text)]
         text = "nothing is trapped, and the switch reaches its end position"
-        return [Finding("good", "Outcome", _capital(state), text)]
+        return [Finding("good", HEADLINE, _capital(state), text)]
     what = " and ".join(
         f"{1e3 * item['size']:g} mm at {item['place']}" for item in _objects(dataset)
     )
     if "object_touched" in dataset and not dataset["object_touched"]:
-        return [Finding("look", "Outcome", "Object never touched", f"{what}; {state}")]
+        return [Finding("look", HEADLINE, "Object never touched", f"{what}; {state}")]
     if tells:
-        return [Finding("good", "Outcome", "Object noticed", f"{what}; the switch is {state}")]
-    return [Finding("bad", "Outcome", "Object NOT noticed", f"{what}, yet the switch is {state}")]
+        return [Finding("good", HEADLINE, "Object noticed", f"{what}; the switch is {state}")]
+    return [Finding("bad", HEADLINE, "Object NOT noticed", f"{what}, yet the switch is {state}")]
 
 
 def _refusal(locked: bool | None, control: bool | None) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.errors import ResponseError
+from turnout.metric.campaign import end_values, places_of
 from turnout.plot.style import GREY, new_figure, styled
 
 if TYPE_CHECKING:
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KILO, MILLI = 1e-3, 1e3
-# Time over which an end value is averaged [s].
-END = 0.3
 NO_OBJECT = "#000000"
 
 
@@ -27,12 +26,6 @@ class Row:
     label: str
     channel: xr.DataArray
     factor: float
-
-
-def places_of(dataset: xr.Dataset) -> list[str]:
-    """Return the places of objects in a campaign, in the order of the dataset."""
-    objects = dataset["place"].values[dataset["size"].values > 0]
-    return list(dict.fromkeys(str(place) for place in objects))
 
 
 def plot_stacked(dataset: xr.Dataset, *, place: str, direction: str = "closing") -> "Figure":
@@ -59,13 +52,13 @@ def plot_stacked(dataset: xr.Dataset, *, place: str, direction: str = "closing")
     ResponseError
         When nothing was thrown at that place.
     """
-    chosen = _chosen(dataset, place=place, direction=direction)
-    rows = _rows(chosen)
+    chosen = chosen_movements(dataset, place=place, direction=direction)
+    rows = channel_rows(chosen)
     if not rows:
         message = "nothing to draw: the dataset has no forces and no currents"
         raise ResponseError(message)
     sizes = chosen["size"].values
-    span = _span(chosen, rows)
+    span = shown_span(chosen, rows)
     figure, axes = new_figure(len(rows))
     for ax, row in zip(axes, rows, strict=True):
         for number, size in enumerate(sizes):
@@ -73,10 +66,10 @@ def plot_stacked(dataset: xr.Dataset, *, place: str, direction: str = "closing")
             ax.plot(
                 chosen["time"].values,
                 values,
-                color=_colour(float(size), sizes),
+                color=size_colour(float(size), sizes),
                 linewidth=1.5 if size == 0 else 1.1,
                 linestyle="-" if not _slipped(chosen, number) else (0, (5, 1.2)),
-                label=_size_label(chosen, number),
+                label=size_label(chosen, number),
                 zorder=3 if size == 0 else 2,
             )
         styled(ax, row.label, span=span)
@@ -86,7 +79,7 @@ def plot_stacked(dataset: xr.Dataset, *, place: str, direction: str = "closing")
     )
     axes[-1].set_xlabel("Time since onset of motion [s]")
     figure.align_ylabels(axes)
-    figure.suptitle(_title(dataset, f"{direction}, object at {place}"), x=0.01, ha="left")
+    figure.suptitle(campaign_title(dataset, f"{direction}, object at {place}"), x=0.01, ha="left")
     return figure
 
 
@@ -109,7 +102,7 @@ def plot_overview(dataset: xr.Dataset, *, direction: str = "closing") -> "Figure
     kept = dataset.isel(movement=np.flatnonzero(dataset["direction"].values == direction))
     tables = [
         (row.label.replace("\n", " "), row.channel * row.factor)
-        for row in _rows(kept)
+        for row in channel_rows(kept)
         if row.factor == KILO
     ]
     if not kept.sizes["movement"] or not tables:
@@ -124,7 +117,7 @@ def plot_overview(dataset: xr.Dataset, *, direction: str = "closing") -> "Figure
         ax.set_xlabel("Object size [mm]")
         ax.tick_params(labelleft=number == 0)
     figure.suptitle(
-        _title(
+        campaign_title(
             dataset, f"{direction}: force at the end of the throw, framed where a drive slipped"
         ),
         x=0.01,
@@ -133,37 +126,7 @@ def plot_overview(dataset: xr.Dataset, *, direction: str = "closing") -> "Figure
     return figure
 
 
-def end_values(channel: xr.DataArray) -> np.ndarray:
-    """Return the mean of each movement over its last 0.3 s; NaN where nothing was measured.
-
-    Parameters
-    ----------
-    channel : xarray.DataArray
-        Dimensions movement and time.
-
-    Returns
-    -------
-    ndarray, shape (n_movements,)
-
-    Examples
-    --------
-    >>> time = np.arange(5) * 0.1
-    >>> values = [[0.0, 1.0, 1.0, 1.0, np.nan], [np.nan] * 5]
-    >>> end_values(xr.DataArray(values, {"time": time}, ("movement", "time")))
-    array([ 1., nan])
-    """
-    time = channel["time"].values
-    ends = np.full(channel.sizes["movement"], np.nan)
-    for number, row in enumerate(channel.transpose("movement", "time").values):
-        known = np.flatnonzero(np.isfinite(row))
-        if known.size:
-            last = time[known[-1]]
-            part = row[(time > last - END + 1e-9) & (time <= last)]
-            ends[number] = np.nanmean(part)
-    return ends
-
-
-def _chosen(dataset: xr.Dataset, *, place: str, direction: str) -> xr.Dataset:
+def chosen_movements(dataset: xr.Dataset, *, place: str, direction: str) -> xr.Dataset:
     """Return one movement a size at a place, the smallest object first."""
     going = dataset["direction"].values == direction
     here = going & (dataset["place"].values == place) & (dataset["size"].values > 0)
@@ -180,7 +143,8 @@ def _chosen(dataset: xr.Dataset, *, place: str, direction: str) -> xr.Dataset:
     return dataset.isel(movement=[first[size] for size in sorted(first)])
 
 
-def _rows(dataset: xr.Dataset) -> list[Row]:
+def channel_rows(dataset: xr.Dataset) -> list[Row]:
+    """Return the forces and currents of a campaign, each with label and scale of its axes."""
     rows = []
     if "object_force" in dataset and np.isfinite(dataset["object_force"].values).any():
         rows.append(Row("Object\nforce [kN]", dataset["object_force"], KILO))
@@ -196,7 +160,7 @@ def _rows(dataset: xr.Dataset) -> list[Row]:
     return rows
 
 
-def _span(dataset: xr.Dataset, rows: Sequence[Row]) -> tuple[float, float]:
+def shown_span(dataset: xr.Dataset, rows: Sequence[Row]) -> tuple[float, float]:
     """Return the time to show: until half a second after what does not slip has stopped."""
     time = dataset["time"].values
     known = np.isfinite(rows[-1].channel.values)
@@ -211,13 +175,14 @@ def _slipped(dataset: xr.Dataset, number: int) -> bool:
     return "slipped" in dataset.coords and bool(dataset["slipped"].values[number])
 
 
-def _size_label(dataset: xr.Dataset, number: int) -> str:
+def size_label(dataset: xr.Dataset, number: int) -> str:
+    """Return the size of a movement's object for a legend, and whether a drive slipped on it."""
     size = float(dataset["size"].values[number])
     text = "none" if size == 0 else f"{size * MILLI:g} mm"
     return f"{text} (slips)" if _slipped(dataset, number) else text
 
 
-def _colour(size: float, sizes: np.ndarray) -> str | tuple[float, float, float, float]:
+def size_colour(size: float, sizes: np.ndarray) -> str | tuple[float, float, float, float]:
     """Return black without an object, else a colour that grows with the size."""
     if size == 0:
         return NO_OBJECT
@@ -229,7 +194,8 @@ def _colour(size: float, sizes: np.ndarray) -> str | tuple[float, float, float, 
     return (red, green, blue, alpha)
 
 
-def _title(dataset: xr.Dataset, text: str) -> str:
+def campaign_title(dataset: xr.Dataset, text: str) -> str:
+    """Return the name of a campaign, whether it is synthetic, and what a figure shows of it."""
     name = str(dataset.attrs.get("title", "campaign"))
     origin = " (synthetic)" if dataset.attrs.get("synthetic") else ""
     return f"{name}{origin}\n{text}"

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnout.errors import ResponseError
-from turnout.plot.sheet import Line, Sheet
+from turnout.plot.sheet import Line, Row, Sheet
 from turnout.plot.style import COLOURS, DASHES, GREY, SHADE, new_figure, styled
 
 if TYPE_CHECKING:
@@ -67,13 +67,18 @@ def draw_sheet(sheet: Sheet) -> "Figure":
             ax.axvspan(band.start, band.end, color=SHADE, linewidth=0, zorder=0)
         for moment in sheet.moments:
             ax.axvline(moment.at, color="black", linewidth=0.8, linestyle=":")
-        if ax.get_legend_handles_labels()[1]:
+        if ax.get_legend_handles_labels()[1] and (not sheet.one_legend or row is _fullest(sheet)):
             ax.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, fontsize=9)
     _name_places(axes[0], sheet)
     axes[-1].set_xlabel(sheet.x_label)
     figure.align_ylabels(axes)
     figure.suptitle(sheet.title, x=0.01, ha="left", fontsize=11)
     return figure
+
+
+def _fullest(sheet: Sheet) -> Row:
+    """Return the row with the most lines, which names them for all."""
+    return max(sheet.rows, key=lambda row: len(row.lines))
 
 
 def colour_of(line: Line) -> str:

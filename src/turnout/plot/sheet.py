@@ -99,6 +99,8 @@ class Sheet:
         From above.
     bands, moments : tuple
         Over all rows.
+    one_legend : bool
+        Whether the rows show the same lines, so that one legend serves all.
     """
 
     name: str
@@ -108,6 +110,7 @@ class Sheet:
     rows: tuple[Row, ...]
     bands: tuple[Band, ...] = ()
     moments: tuple[Moment, ...] = ()
+    one_legend: bool = False
 
 
 def sheet_record(sheet: Sheet, *, most: int = MOST_POINTS) -> dict[str, Any]:
@@ -145,6 +148,7 @@ def sheet_record(sheet: Sheet, *, most: int = MOST_POINTS) -> dict[str, Any]:
             for row in sheet.rows
         ],
         "bands": [{"start": b.start, "end": b.end, "text": b.text} for b in sheet.bands],
+        "one_legend": sheet.one_legend,
         "moments": [{"at": moment.at, "text": moment.text} for moment in sheet.moments],
     }
 

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,8 +10,8 @@ from functools import cache
 from html import escape
 from importlib.resources import files
 
-from turnout.metric.finding import Finding
-from turnout.plot.sheet import Sheet, sheet_record
+from turnout.metric.finding import HEADLINE, Finding
+from turnout.plot.sheet import MOST_POINTS, Sheet, sheet_record
 from turnout.report.script import plotly_script
 
 MEDIA = {".pdf": "application/pdf", ".png": "image/png", ".svg": "image/svg+xml"}
@@ -23,10 +24,11 @@ POLICY = (
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A figure of a page: what it shows, and the same on paper as files by suffix."""
+    """A figure of a page: what it shows, the same on paper as files by suffix, points of a line."""
 
     sheet: Sheet
     files: Mapping[str, bytes]
+    most: int = MOST_POINTS
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +39,27 @@ class Table:
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
     marked: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class Heat:
+    """A table of numbers coloured by size: NaN is an empty cell, framed ones are set off.
+
+    Attributes
+    ----------
+    heading : str
+        With the unit.
+    rows, columns : sequence of str
+        Names of both sides.
+    values, framed : sequence of sequences
+        By row and column.
+    """
+
+    heading: str
+    rows: Sequence[str]
+    columns: Sequence[str]
+    values: Sequence[Sequence[float]]
+    framed: Sequence[Sequence[bool]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,17 +74,17 @@ class Section:
         Plain text below it.
     pictures, tables : sequence
         Its content, in this order.
-    markup : str
-        Ready HTML after these.
+    heats : sequence of Heat
+        Coloured tables, before these.
     folded : bool
-        Whether it is opened only by a click.
+        Whether its pictures after the first are opened only by a click.
     """
 
     heading: str
     text: str = ""
     pictures: Sequence[Picture] = ()
     tables: Sequence[Table] = ()
-    markup: str = ""
+    heats: Sequence[Heat] = ()
     folded: bool = False
 
 
@@ -140,6 +163,7 @@ def _findings(found: Sequence[Finding]) -> str:
     if not found:
         return ""
     first, *others = found
+    asked = "" if first.question == HEADLINE else f"<span>{escape(first.question)}</span>"
     cards = "".join(
         f"<li class='card {item.level}'><div class='question'>{escape(item.question)}</div>"
         f"<div class='answer'>{_words(item.answer)}</div>"
@@ -147,7 +171,7 @@ def _findings(found: Sequence[Finding]) -> str:
         for item in others
     )
     return (
-        f"<div class='outcome {first.level}'><strong>{escape(first.answer)}</strong>"
+        f"<div class='outcome {first.level}'>{asked}<strong>{escape(first.answer)}</strong>"
         f"{_words(first.detail)}</div><ul class='cards'>{cards}</ul>"
     )
 
@@ -167,30 +191,38 @@ def _links(sections: Sequence[Section]) -> str:
 
 def _section(number: int, section: Section) -> str:
     parts = [f"<p>{escape(section.text)}</p>"] if section.text else []
-    parts += [_picture(picture) for picture in section.pictures]
+    parts += [_heat(heat) for heat in section.heats]
+    parts += [
+        _picture(picture, folded=section.folded and number > 0)
+        for number, picture in enumerate(section.pictures)
+    ]
     parts += [_table(table) for table in section.tables]
-    content = "".join((*parts, section.markup))
-    if section.folded:
-        content = f"<details><summary>Show</summary>{content}</details>"
+    content = "".join(parts)
     return f"<section id='part-{number}'><h2>{escape(section.heading)}</h2>{content}</section>"
 
 
-def _picture(picture: Picture) -> str:
+def _picture(picture: Picture, *, folded: bool) -> str:
     sheet = picture.sheet
-    record = json.dumps(sheet_record(sheet), separators=(",", ":")).replace("</", "<\\/")
+    record = json.dumps(sheet_record(sheet, most=picture.most), separators=(",", ":")).replace(
+        "</", "<\\/"
+    )
     links = "".join(
         f"<a download='{escape(sheet.name)}{suffix}' href='{data_address(content, suffix)}'>"
         f"{suffix.removeprefix('.').upper()}</a>"
         for suffix, content in picture.files.items()
     )
     download = f"<span class='files'>Download: {links}</span>" if links else ""
-    return (
-        f"<figure><h3>{escape(sheet.title)}</h3>"
+    heading = "" if folded else f"<h3>{escape(sheet.title)}</h3>"
+    figure = (
+        f"<figure>{heading}"
         f"<div class='chart' id='{escape(sheet.name)}' role='img' "
         f"aria-label='{escape(sheet.title)}'>"
         f"<script type='application/json'>{record}</script></div>"
         f"<figcaption>{escape(sheet.caption)}</figcaption>{download}</figure>"
     )
+    if not folded:
+        return figure
+    return f"<details><summary>{escape(sheet.title)}</summary>{figure}</details>"
 
 
 def _table(table: Table) -> str:
@@ -206,3 +238,29 @@ def _table(table: Table) -> str:
         f"{heading}<div class='scroll'><table><thead><tr>{head}</tr></thead>"
         f"<tbody>{rows}</tbody></table></div>"
     )
+
+
+def _heat(heat: Heat) -> str:
+    known = [value for row in heat.values for value in row if math.isfinite(value)]
+    top = max([1.0, *known])
+    head = "".join(f"<th class='cell'>{escape(name)}</th>" for name in ("", *heat.columns))
+    rows = "".join(
+        f"<tr><th>{escape(name)}</th>"
+        + "".join(_cell(value, top, frame) for value, frame in zip(values, framed, strict=True))
+        + "</tr>"
+        for name, values, framed in zip(heat.rows, heat.values, heat.framed, strict=True)
+    )
+    return (
+        f"<h3>{escape(heat.heading)}</h3><div class='scroll'><table><thead><tr>{head}</tr></thead>"
+        f"<tbody>{rows}</tbody></table></div>"
+    )
+
+
+def _cell(value: float, top: float, framed: bool) -> str:
+    if not math.isfinite(value):
+        return "<td class='cell'></td>"
+    # Half transparent at most, so that the ink of either theme stays readable on it.
+    share = 0.5 * min(1.0, max(0.0, value / top))
+    kind = "cell slipped" if framed else "cell"
+    tint = f"background:rgba(230,120,0,{share:.2f})"
+    return f"<td class='{kind}' style='{tint}'>{value + 0.0:.2f}</td>"

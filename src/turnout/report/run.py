@@ -16,7 +16,7 @@ from turnout.plot.throw_sheet import energy_sheet, throw_sheet
 from turnout.report.inputs import inputs_section, origin_section
 from turnout.report.page import Page, Picture, Section, Table
 
-SUFFIXES = (".pdf", ".png", ".svg")
+FIGURE_SUFFIXES = (".pdf", ".png", ".svg")
 
 
 def run_page(
@@ -75,7 +75,7 @@ def run_sheets(dataset: xr.Dataset) -> list[Sheet]:
 def picture_of(sheet: Sheet) -> Picture:
     """Return a sheet with its drawing as PDF, PNG and SVG."""
     figure = draw_sheet(sheet)
-    return Picture(sheet, {suffix: rendered(figure, suffix) for suffix in SUFFIXES})
+    return Picture(sheet, {suffix: rendered(figure, suffix) for suffix in FIGURE_SUFFIXES})
 
 
 def _tables(dataset: xr.Dataset) -> list[Table]:

@@ -29,11 +29,12 @@
 
   function named(text) { return text.replace(/\n/g, "<br>"); }
 
-  function trace(line, number, look) {
+  function trace(line, number, look, once) {
     const suffix = number ? String(number + 1) : "";
     const tone = colour(line.colour, look);
     const shared = { name: named(line.label), x: line.x, y: line.y, yaxis: "y" + suffix, xaxis: "x",
-                     legend: "legend" + suffix, hovertemplate: "%{y:.4~g}" };
+                     legend: once === null ? "legend" + suffix : "legend", hovertemplate: "%{y:.4~g}" };
+    if (once !== null) Object.assign(shared, { legendgroup: line.label, showlegend: number === once });
     if (line.style === "bars") {
       return Object.assign(shared, { type: "bar", width: line.width, marker: { color: tone } });
     }
@@ -100,11 +101,18 @@
   function draw(chart) {
     const sheet = chart.sheet;
     const look = theme();
-    const traces = sheet.rows.flatMap((row, number) => row.lines.map((line) => trace(line, number, look)));
+    const once = sheet.one_legend ? fullest(sheet) : null;
+    const traces = sheet.rows.flatMap((row, number) => row.lines.map((line) => trace(line, number, look, once)));
     const width = Math.max(320, chart.clientWidth);
     const config = { displaylogo: false, responsive: false, showSendToCloud: false, showEditInChartStudio: false,
                      modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d", "toImage"] };
     Plotly.react(chart, traces, layout(sheet, look, width), config);
+  }
+
+  // The row with the most lines names them for all.
+  function fullest(sheet) {
+    const counts = sheet.rows.map((row) => row.lines.length);
+    return counts.indexOf(Math.max(...counts));
   }
 
   function shown(chart) { return chart.clientWidth > 0; }

@@ -1,0 +1,164 @@
+"""What a campaign of movements says: end forces, their scatter, and the sizes that matter."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from scipy.stats import t as student
+
+# Time over which an end value is averaged [s].
+END = 0.3
+# Share of throws without an object that may be taken for one with: three standard deviations of a
+# distribution that is known, more of one that is known from a few throws.
+MISTAKEN = 0.00135
+
+
+@dataclass(frozen=True, slots=True)
+class Scatter:
+    """End force of a drive in throws without an object: mean and standard deviation [N], count."""
+
+    drive: str
+    mean: float
+    deviation: float
+    count: int
+
+    @property
+    def reach(self) -> float:
+        """How far above the mean one more throw without an object may lie [N]; NaN if unknown."""
+        if self.count < 2:
+            return math.nan
+        quantile = float(student.ppf(1 - MISTAKEN, self.count - 1))
+        return quantile * self.deviation * math.sqrt(1 + 1 / self.count)
+
+
+@dataclass(frozen=True, slots=True)
+class PlaceSizes:
+    """What objects did at a place, as sizes [m]; NaN where none did.
+
+    Attributes
+    ----------
+    place : str
+        Such as "sleeper 6".
+    smallest, largest : float
+        That were thrown on.
+    told : float
+        Smallest from which on every object's end force at some drive is larger, in the direction of
+        the movement, than the scatter of throws without one explains.
+    slipped : float
+        Smallest that made a drive slip.
+    """
+
+    place: str
+    smallest: float
+    largest: float
+    told: float
+    slipped: float
+
+
+def places_of(dataset: xr.Dataset) -> list[str]:
+    """Return the places of objects in a campaign, in the order of the dataset."""
+    objects = dataset["place"].values[dataset["size"].values > 0]
+    return list(dict.fromkeys(str(place) for place in objects))
+
+
+def end_values(channel: xr.DataArray) -> np.ndarray:
+    """Return the mean of each movement over its last 0.3 s; NaN where nothing was measured.
+
+    Parameters
+    ----------
+    channel : xarray.DataArray
+        Dimensions movement and time.
+
+    Returns
+    -------
+    ndarray, shape (n_movements,)
+
+    Examples
+    --------
+    >>> time = np.arange(5) * 0.1
+    >>> values = [[0.0, 1.0, 1.0, 1.0, np.nan], [np.nan] * 5]
+    >>> end_values(xr.DataArray(values, {"time": time}, ("movement", "time")))
+    array([ 1., nan])
+    """
+    time = channel["time"].values
+    ends = np.full(channel.sizes["movement"], np.nan)
+    for number, row in enumerate(channel.transpose("movement", "time").values):
+        known = np.flatnonzero(np.isfinite(row))
+        if known.size:
+            last = time[known[-1]]
+            part = row[(time > last - END + 1e-9) & (time <= last)]
+            ends[number] = np.nanmean(part)
+    return ends
+
+
+def repeat_scatter(dataset: xr.Dataset, *, direction: str) -> list[Scatter]:
+    """Return how the end force of each drive scatters in throws without an object.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Of a campaign.
+    direction : str
+        "closing" or "opening".
+
+    Returns
+    -------
+    list of Scatter
+        The deviation is NaN for fewer than two throws.
+    """
+    going = dataset["direction"].values == direction
+    free = np.flatnonzero(going & (dataset["size"].values == 0))
+    found = []
+    for drive in dataset["drive"].values if "drive_force" in dataset else []:
+        ends = end_values(dataset["drive_force"].sel(drive=drive).isel(movement=free))
+        ends = ends[np.isfinite(ends)]
+        mean = float(ends.mean()) if ends.size else float("nan")
+        deviation = float(ends.std(ddof=1)) if ends.size > 1 else float("nan")
+        found.append(Scatter(str(drive), mean, deviation, int(ends.size)))
+    return found
+
+
+def place_sizes(dataset: xr.Dataset, *, direction: str) -> list[PlaceSizes]:
+    """Return at each place the sizes from which on objects are told, and make a drive slip.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Of a campaign.
+    direction : str
+        "closing" or "opening".
+
+    Returns
+    -------
+    list of PlaceSizes
+        In the order of the dataset.
+    """
+    scatter = repeat_scatter(dataset, direction=direction)
+    sign = 1.0 if direction == "closing" else -1.0
+    outside = np.zeros(dataset.sizes["movement"], dtype=bool)
+    for drive in scatter:
+        ends = end_values(dataset["drive_force"].sel(drive=drive.drive))
+        # A comparison with an unknown reach is false: nothing is told from nothing.
+        outside |= sign * (ends - drive.mean) > drive.reach
+    slipped = dataset["slipped"].values.astype(bool) if "slipped" in dataset.coords else None
+    found = []
+    for place in places_of(dataset):
+        here = (dataset["place"].values == place) & (dataset["size"].values > 0)
+        here &= dataset["direction"].values == direction
+        if not here.any():
+            continue
+        size = dataset["size"].values[here]
+        hidden = size[~outside[here]].max(initial=0.0)
+        told = size[size > hidden].min(initial=np.inf)
+        slips = size[slipped[here]] if slipped is not None else size[:0]
+        found.append(
+            PlaceSizes(
+                place,
+                float(size.min()),
+                float(size.max()),
+                float(told) if np.isfinite(told) else float("nan"),
+                float(slips.min()) if slips.size else float("nan"),
+            )
+        )
+    return found

@@ -1,0 +1,211 @@
+"""The page about a campaign of movements, measured or virtual."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+from turnout.metric.campaign import (
+    PlaceSizes,
+    end_values,
+    place_sizes,
+    places_of,
+    repeat_scatter,
+)
+from turnout.metric.finding import Finding
+from turnout.metric.words import kilo
+from turnout.plot.campaign import channel_rows, plot_overview, plot_stacked
+from turnout.plot.campaign_sheet import stacked_sheet
+from turnout.plot.style import rendered
+from turnout.report.inputs import origin_section
+from turnout.report.page import Heat, Page, Picture, Section, Table
+
+Reasons = Sequence[tuple[str, Sequence[str]]]
+
+KILO, MILLI = 1e-3, 1e3
+# Points of a line; a campaign has hundreds of lines.
+MOST_POINTS = 260
+DIRECTIONS = ("closing", "opening")
+
+
+def campaign_page(
+    dataset: xr.Dataset,
+    *,
+    excluded: Reasons = (),
+    remarks: Sequence[str] = (),
+    suffixes: Sequence[str] = (".pdf",),
+) -> Page:
+    """Return the page about a campaign.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Dimensions movement and time.
+    excluded : sequence of (str, sequence of str)
+        Movements that are not in it, with every reason.
+    remarks : sequence of str
+        What does not exclude a movement but should be looked at.
+    suffixes : sequence of str
+        In which forms the page holds each figure on paper.
+
+    Returns
+    -------
+    Page
+    """
+    thrown = [way for way in DIRECTIONS if _places(dataset, way)] or [
+        way for way in DIRECTIONS if (dataset["direction"].values == way).any()
+    ]
+    sections = [
+        Section(
+            heading=f"Places against sizes, {way}",
+            text="Force at the end of the throw in kN, by size of the object in mm. Framed where a "
+            "drive slipped; repeats are averaged; empty where nothing was thrown.",
+            heats=_heats(dataset, direction=way),
+            tables=[_sizes_table(place_sizes(dataset, direction=way))],
+        )
+        for way in thrown
+    ]
+    sections += [
+        Section(
+            heading=f"Over time, {way}",
+            pictures=[_stacked(dataset, place, way, suffixes) for place in _places(dataset, way)],
+            folded=True,
+        )
+        for way in thrown
+        if _places(dataset, way)
+    ]
+    rows = [(who, "; ".join(reasons)) for who, reasons in excluded]
+    left_out = Table("Left out", ("Movement", "Why"), rows)
+    looked_at = Table("To look at", ("Remark",), [(text,) for text in remarks])
+    quality = [table for table in (left_out, looked_at) if table.rows]
+    sections += [Section(heading="Quality", tables=quality)] if quality else []
+    sections.append(origin_section(dataset.attrs))
+    count = dataset.sizes["movement"]
+    return Page(
+        title=str(dataset.attrs.get("title", "Campaign")),
+        subtitle=f"Campaign of {count} usable movements",
+        findings=campaign_findings(dataset, excluded=excluded, remarks=remarks),
+        sections=sections,
+        synthetic=bool(dataset.attrs.get("synthetic")),
+    )
+
+
+def campaign_findings(
+    dataset: xr.Dataset, *, excluded: Reasons = (), remarks: Sequence[str] = ()
+) -> list[Finding]:
+    """Return what a campaign says, in plain words: which objects are told from none, and where."""
+    found = [_told(dataset, way) for way in DIRECTIONS if _places(dataset, way)]
+    found += [_slips(dataset, way) for way in DIRECTIONS if _places(dataset, way)]
+    for way in DIRECTIONS:
+        for drive in repeat_scatter(dataset, direction=way):
+            if drive.count:
+                spread = "not known" if math.isnan(drive.deviation) else f"{drive.deviation:.0f} N"
+                detail = f"{spread} standard deviation in {drive.count} throws without an object"
+                question = f"End force of drive {drive.drive}, {way}"
+                found.append(Finding("told", question, kilo(drive.mean), detail))
+    count = dataset.sizes["movement"]
+    if excluded or remarks:
+        out = "some left out" if excluded else "none left out"
+        detail = f"{out}; {'remarks' if remarks else 'no remarks'} under Quality"
+        found.append(Finding("look", "Usable movements", str(count), detail))
+    else:
+        found.append(Finding("good", "Usable movements", str(count), "none left out, no remark"))
+    return found
+
+
+def campaign_figures(dataset: xr.Dataset, *, suffixes: Sequence[str]) -> dict[str, bytes]:
+    """Return the tables of places against sizes as files by name."""
+    files: dict[str, bytes] = {}
+    for way in DIRECTIONS:
+        if (dataset["direction"].values == way).any():
+            figure = plot_overview(dataset, direction=way)
+            files |= {f"overview-{way}{suffix}": rendered(figure, suffix) for suffix in suffixes}
+    return files
+
+
+def _places(dataset: xr.Dataset, direction: str) -> list[str]:
+    return places_of(dataset.isel(movement=dataset["direction"].values == direction))
+
+
+def _told(dataset: xr.Dataset, direction: str) -> Finding:
+    """Return from which size on objects are told at every place, and where they are not."""
+    results = place_sizes(dataset, direction=direction)
+    question = f"Objects told by the drives, {direction}"
+    blind = [item.place for item in results if math.isnan(item.told)]
+    rule = "told is an end force that one in 700 throws without an object would show"
+    if all(math.isnan(item.deviation) for item in repeat_scatter(dataset, direction=direction)):
+        detail = "fewer than two throws without an object to compare with"
+        return Finding("look", question, "Not known", detail)
+    known = [item for item in results if not math.isnan(item.told)]
+    if not known:
+        return Finding("bad", question, "None", f"at no place; {rule}")
+    worst = max(known, key=lambda item: item.told)
+    detail = f"at {len(known)} of {len(results)} places, latest at {worst.place}; {rule}"
+    if blind:
+        detail += f"; never at {', '.join(blind)}"
+    answer = f"From {MILLI * worst.told:g} mm on"
+    return Finding("look" if blind else "good", question, answer, detail)
+
+
+def _slips(dataset: xr.Dataset, direction: str) -> Finding:
+    results = [
+        item for item in place_sizes(dataset, direction=direction) if not math.isnan(item.slipped)
+    ]
+    question = f"Objects that make a drive slip, {direction}"
+    if not results:
+        return Finding("told", question, "None", "no drive slipped on any object")
+    least = min(results, key=lambda item: item.slipped)
+    most = max(results, key=lambda item: item.slipped)
+    detail = f"first at {least.place}"
+    if most.slipped > least.slipped:
+        detail += f", only from {MILLI * most.slipped:g} mm on at {most.place}"
+    return Finding("told", question, f"From {MILLI * least.slipped:g} mm on", detail)
+
+
+def _sizes_table(results: Sequence[PlaceSizes]) -> Table:
+    def size(value: float) -> str:
+        return "none" if math.isnan(value) else f"{MILLI * value:g} mm"
+
+    rows = [
+        (item.place, f"{size(item.smallest)} to {size(item.largest)}", size(item.told),
+         size(item.slipped))
+        for item in results
+    ]  # fmt: skip
+    columns = ("Place", "Thrown on", "Told from no object from", "A drive slips from")
+    return Table("From which size on", columns, rows)
+
+
+def _heats(dataset: xr.Dataset, *, direction: str) -> list[Heat]:
+    """Return the end force of each drive and of the object, by place and size."""
+    kept = dataset.isel(movement=np.flatnonzero(dataset["direction"].values == direction))
+    none = ["none"] if (kept["size"].values == 0).any() else []
+    places = [*none, *places_of(kept)]
+    sizes = np.unique(kept["size"].values)
+    slipped = kept["slipped"].values.astype(bool) if "slipped" in kept.coords else None
+    heats = []
+    for row in channel_rows(kept):
+        if row.factor != KILO:
+            continue
+        ends = end_values(row.channel) * KILO
+        values = np.full((len(places), sizes.size), np.nan)
+        framed = np.zeros(values.shape, dtype=bool)
+        for line, place in enumerate(places):
+            for column, size in enumerate(sizes):
+                same = (kept["place"].values == place) & (kept["size"].values == size)
+                same &= np.isfinite(ends)
+                if same.any():
+                    values[line, column] = ends[same].mean()
+                    framed[line, column] = slipped is not None and bool(slipped[same].any())
+        names = ["no object" if place == "none" else place for place in places]
+        columns = [f"{MILLI * size:g}" for size in sizes]
+        heading = f"{row.label.replace(chr(10), ' ')}"
+        heats.append(Heat(heading, names, columns, values.tolist(), framed.tolist()))
+    return heats
+
+
+def _stacked(dataset: xr.Dataset, place: str, direction: str, suffixes: Sequence[str]) -> Picture:
+    sheet = stacked_sheet(dataset, place=place, direction=direction)
+    figure = plot_stacked(dataset, place=place, direction=direction)
+    files = {suffix: rendered(figure, suffix) for suffix in suffixes}
+    return Picture(sheet, files, MOST_POINTS)

@@ -1,0 +1,73 @@
+"""The page about a campaign, from a virtual one as a folder and as a dataset."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from tests.unit.campaigns import copied, made
+from typer.testing import CliRunner
+
+from turnout.cli.main import app
+from turnout.plot.campaign_sheet import stacked_sheet
+from turnout.report.campaign import campaign_findings, campaign_page
+from turnout.report.page import page_html
+from turnout.response.store import open_response
+
+
+@pytest.fixture(scope="module")
+def dataset() -> xr.Dataset:
+    return open_response(made() / "truth.nc")
+
+
+def test_places_against_sizes_are_end_forces_with_slips_framed(dataset: xr.Dataset) -> None:
+    page = campaign_page(dataset, suffixes=())
+    force, one, two = page.sections[0].heats
+    assert (two.rows, two.columns) == (["no object", "sleeper 6"], ["0", "10", "13", "31"])
+    assert [heat.heading for heat in (one, two)] == ["Drive 1 force [kN]", "Drive 2 force [kN]"]
+    assert np.isnan(force.values[0]).all()
+    assert two.values[1][3] == pytest.approx(6.0, abs=0.05)
+    assert two.framed == [[False] * 4, [False, False, False, True]]
+
+
+def test_a_place_over_time_holds_every_size(dataset: xr.Dataset) -> None:
+    sheet = stacked_sheet(dataset, place="sleeper 6", direction="closing")
+    row = sheet.rows[-1]
+    assert [line.label for line in row.lines] == ["none", "10 mm", "13 mm", "31 mm (slips)"]
+    peak = float(dataset["drive_force"].sel(drive="2").max()) / 1e3
+    assert np.nanmax(row.lines[3].y) == pytest.approx(peak)
+
+
+def test_findings_name_sizes_repeats_and_what_was_left_out(dataset: xr.Dataset) -> None:
+    told = {item.question: item for item in campaign_findings(dataset)}
+    assert told["Objects told by the drives, closing"].answer.startswith("From 1")
+    assert told["Objects that make a drive slip, closing"].answer == "From 31 mm on"
+    assert "3 throws without an object" in told["End force of drive 2, closing"].detail
+    assert told["Usable movements"].level == "good"
+    (usable,) = campaign_findings(dataset, excluded=[("1", ["clipped"])])[-1:]
+    assert (usable.level, usable.detail) == ("look", "some left out; no remarks under Quality")
+
+
+def test_the_page_says_that_it_is_synthetic_and_names_no_address(dataset: xr.Dataset) -> None:
+    html = page_html(campaign_page(dataset, excluded=[("9", ["clipped <b>"])]))
+    assert "Synthetic: simulated" in html
+    assert "clipped &lt;b&gt;" in html
+    assert set(re.findall(r"https?://[\w.-]+", html)) <= {"http://www.w3.org"}
+    records = re.findall(r"<script type='application/json'>(.*?)</script>", html)
+    assert [json.loads(record)["name"] for record in records] == ["sleeper-6-closing"]
+    assert html.count("download='sleeper-6-closing.pdf'") == 1
+
+
+def test_the_command_takes_a_folder_and_a_dataset(tmp_path: Path) -> None:
+    folder, figures = copied(tmp_path), tmp_path / "figures"
+    out = tmp_path / "campaign.html"
+    line = ["report", str(folder), "-o", str(out), "--figures", str(figures)]
+    done = CliRunner().invoke(app, line)
+    assert done.exit_code == 0, done.output
+    assert "Usable movements" in out.read_text(encoding="utf-8")
+    names = {path.name for path in figures.iterdir()}
+    assert {"overview-closing.svg", "sleeper-6-closing.png"} <= names
+    done = CliRunner().invoke(app, ["report", str(folder / "truth.nc"), "-o", str(out), "-q"])
+    assert (done.exit_code, done.output) == (0, "")
