@@ -81,7 +81,7 @@ def _check_place(dataset: "xr.Dataset", place: str) -> None:
     """Refuse a place without movements before anything is thrown."""
     from turnout.errors import FileError
     from turnout.files.problems import choices
-    from turnout.plot.campaign import places_of
+    from turnout.metric.campaign import places_of
 
     known = places_of(dataset)
     if place not in known:
@@ -126,7 +126,7 @@ def _interrupted() -> NoReturn:
 
 
 def _write(out: Path, found: "xr.Dataset", verdict: "Verdict", *, place: str | None) -> None:
-    from turnout.plot.campaign import places_of
+    from turnout.metric.campaign import places_of
     from turnout.plot.style import rendered
     from turnout.plot.validation import plot_comparison, plot_error_map
     from turnout.response.store import save_response

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.errors import ResponseError
-from turnout.plot.campaign import places_of
+from turnout.metric.campaign import places_of
 from turnout.plot.style import COLOURS, GREY, new_figure, styled
 
 if TYPE_CHECKING:
