@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from benchmarks.throw import machine
 from scipy.io import savemat
 
+from benchmarks.machine import machine
 from turnout.measurement.recording import Channel, Recording
 from turnout.measurement.write import write_recording
 

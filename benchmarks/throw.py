@@ -1,4 +1,4 @@
-"""Time one throw of the default panel and write docs/performance.md.
+"""Time one throw of the default panel and write a section of docs/performance.md.
 
     python -m benchmarks.throw
 
@@ -7,16 +7,15 @@ of a full cycle (panel record to history), the same up to the finished dataset, 
 `turnout simulate` from start to files written, with its peak memory. Kernels are compiled before.
 """
 
-import os
-import platform
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 
+from benchmarks.machine import machine
+from benchmarks.page import write_section
 from turnout.integrate.run import integrate
 from turnout.integrate.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
@@ -25,7 +24,6 @@ from turnout.panel.load import load_panel
 from turnout.panel.motion import marker_positions
 from turnout.response.simulate import simulate
 
-PAGE = Path(__file__).parents[1] / "docs" / "performance.md"
 PANEL = "uic60-760-1-15"
 REPEATS = 15
 
@@ -93,22 +91,9 @@ def row(what: str, seconds: list[float]) -> str:
     return f"| {what} | {statistics.median(seconds):.3f} | {least:.3f} to {largest:.3f} |"
 
 
-def machine() -> str:
-    """Describe the machine in one line."""
-    model = platform.processor() or platform.machine()
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            model = line.split(":", 1)[1].strip()
-            break
-    system = f"{platform.system()}, Python {platform.python_version()}"
-    return f"{model}, {os.cpu_count()} cores (shared), {system}"
-
-
 def main() -> None:
     """Measure and write the page."""
     lines = [
-        "# Performance",
-        "",
         f"Written by `python -m benchmarks.throw` on {machine()}.",
         "One full cycle of the default panel (8.5 s, two switch rails, two stock rails, 50 chairs",
         f"with two feet each) with a 13 mm object at sleeper 6. Scheme: {Scheme().describe()}.",
@@ -122,9 +107,7 @@ def main() -> None:
         "",
     ]
     lines.append(f"Peak memory of the command: {command():.0f} MB.")
-    text = "\n".join(lines) + "\n"
-    PAGE.write_text(text, encoding="utf-8")
-    print(text)
+    write_section("One throw", "\n".join(lines))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,1 @@
+"""What turnout costs, measured by commands that write pages of the documentation."""

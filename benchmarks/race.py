@@ -1,0 +1,169 @@
+"""Race turnout against other programs on SB1, and against the clock on whole panels.
+
+    python -m benchmarks.race [FOLDER] [--again RACER ...]
+
+writes two sections of docs/performance.md. What was measured is kept in FOLDER (default
+build/race), so that an interrupted race goes on where it stopped and slow programs run once;
+`--again` measures some racers afresh (`all` for everyone), which ratios ask for: they are of one
+run. Needs the extra `benchmark`; a program that is not installed is left out, saying so.
+"""
+
+import argparse
+import importlib.util
+import json
+import os
+import statistics
+import subprocess
+import sys
+from pathlib import Path
+
+from benchmarks.kept import keep
+from benchmarks.machine import ONE_THREAD, figure, load, machine, told
+from benchmarks.page import write_section
+from benchmarks.racers import RACERS
+from benchmarks.real_time import FILE as REAL_TIME
+from benchmarks.real_time import section as real_time_section
+
+ROOT = Path(__file__).parents[1]
+NEEDS = {"exudyn": "exudyn", "exudyn-reduced": "exudyn", "opensees": "openseespy"}
+Found = dict[str, object]
+
+TEXT = """One prismatic rail on 16 chairs, thrown and returned in 9 s: case A without an object,
+case B with 13 mm at x = 3.9 m. Every program solves the same laws, friction with exact stick and
+slip included, from rest to the end of the motion; reading, assembly and reduction are not counted
+(they take turnout {setup}). Each is judged by the same checks against the same answers (Exudyn at
+0.5 ms): *rms* is the worst of the drives and the object in percent of the peak, at most {limit} to
+agree; *plateau* is the worst of the drives at 4.5 s and the object at 3.98 s in percent, at most
+0.3. *Friction* of single chairs is told and not asked for. The ratio is to turnout's least that
+agrees, of medians in this run.
+
+What the columns cannot tell:
+
+- The banded program is ours, written for this race: full finite elements, exact sets, a factor kept
+  for each of the last sixteen sets. Its second form solves the lateral plane alone, which a
+  researcher may do on SB1, where nothing moves up or down, and nowhere else.
+- Exudyn holds the matrices in one object and the laws in user functions, which call the banded
+  program's compiled laws; modified Newton, residual to 1e-6. On turnout's own superelement it
+  differs from turnout in the solver alone: the fairest race.
+- OpenSeesPy runs on its own beams and compiled materials, with the limit of friction kept at the
+  normal force of rest; banded symmetric solver and Krylov-accelerated Newton were the quickest of
+  several tried.
+- What is quoted was taken at 1 ms when the reference was made, on another small machine, by
+  programs written for that (the banded one there was not compiled).
+- Undamped steps of 4 ms agree in case A by a hair and fail in case B, where the object's going
+  rings; everyone is tried with the same steps, and turnout with several cut-offs and dampings.
+"""
+
+
+def measured(racer: str, case: str, step: float, folder: Path) -> Found | None:
+    """Return what a racer took, from the folder or measured now; None where it is not installed."""
+    path = folder / f"{racer}_{case}_{step:g}ms.json"
+    if path.exists():
+        kept: Found = json.loads(path.read_text(encoding="utf-8"))
+        return kept
+    needs = NEEDS.get(racer)
+    if needs and importlib.util.find_spec(needs) is None:
+        print(f"{RACERS[racer].title}: {needs} is not installed, left out", file=sys.stderr)
+        return None
+    print(f"{RACERS[racer].title}, case {case}, step {step or 'its own'} ms ...", file=sys.stderr)
+    command = (racer, case, f"{step}", f"{RACERS[racer].repeats}")
+    run = subprocess.run(
+        [sys.executable, "-m", "benchmarks.racers", *command],
+        check=True, stdout=subprocess.PIPE, text=True, env=os.environ | ONE_THREAD, cwd=ROOT,
+    )  # fmt: skip
+    found: Found = json.loads(run.stdout.strip().splitlines()[-1])
+    keep(path, found)
+    return found
+
+
+def median(found: Found) -> float:
+    """Return the median of the seconds of a measurement."""
+    return float(statistics.median(found["seconds"]))  # type: ignore[call-overload]
+
+
+def table(case: str, lines: list[tuple[str, Found]]) -> str:
+    """Return the table of a case: everyone's every step, ratios to turnout's least."""
+    base = median(next(found for name, found in lines if name == "turnout-least"))
+    text = [
+        f"### SB1, case {case}",
+        "",
+        "| program | step [ms] | processor time | rms [%] | plateau [%] | friction [%] | agrees "
+        "| ratio | quoted, 1 ms |",
+        "|---|---:|---:|---:|---:|---:|---|---:|---:|",
+    ]
+    for name, found in lines:
+        racer = RACERS[name]
+        errors = " | ".join(figure(float(f"{found[k]}")) for k in ("rms", "plateau", "friction"))
+        verdict = "yes" if found["agrees"] else "**no**"
+        quoted = racer.quoted if found["step"] == 1.0 else ""
+        text.append(
+            f"| {racer.title} | {found['step']:g} | {told(found['seconds'])} | {errors} "  # type: ignore[arg-type]
+            f"| {verdict} | {figure(median(found) / base)} | {quoted} |"
+        )
+    return "\n".join(text) + "\n"
+
+
+def summary(case: str, lines: list[tuple[str, Found]]) -> str:
+    """Return each rival's cheapest run that agrees, against turnout's."""
+    own = next(found for name, found in lines if name == "turnout-least")
+    parts = []
+    for name in RACERS:
+        agreeing = [f for n, f in lines if n == name and f["agrees"]]
+        if name.startswith("turnout") or not agreeing:
+            continue
+        best = min(agreeing, key=median)
+        ratio = figure(median(best) / median(own))
+        parts.append(f"{RACERS[name].title}, {best['step']:g} ms: {ratio}")
+    steps = median(own) - float(f"{own['start']}")
+    return (
+        f"Turnout's least is {own['note']}: {figure(1e3 * median(own))} ms, of which "
+        f"{figure(1e3 * steps)} ms are steps, the rest condensation and equilibrium. How many times"
+        " as long the cheapest run of each rival takes that agrees:\n\n"
+        + "\n".join(f"- {part}" for part in parts)
+        + "\n"
+    )
+
+
+def race(folder: Path) -> str:
+    """Run what is missing; return the section."""
+    before = load()
+    parts, most, setup = [], before, 0.0
+    for case in ("A", "B"):
+        lines = []
+        for name, racer in RACERS.items():
+            for step in racer.steps:
+                found = measured(name, case, step, folder)
+                if found is not None:
+                    lines.append((name, found))
+                    most = max(most, float(f"{found['load']}"))
+        setup = max(float(f"{found['setup']}") for n, found in lines if n == "turnout-least")
+        parts += [table(case, lines), summary(case, lines)]
+    head = (
+        f"Written by `python -m benchmarks.race` on {machine()}, at a load of up to {most:.1f}. "
+        "Processor seconds of one thread: median (least to largest).\n"
+    )
+    text = TEXT.format(limit="0.2", setup=f"{figure(1e3 * setup)} ms")
+    return "\n".join([head, text, *parts])
+
+
+def main() -> None:
+    """Race, and write the sections."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.race")
+    parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "build" / "race")
+    parser.add_argument("--again", nargs="+", default=[], choices=["all", "real-time", *RACERS])
+    given = parser.parse_args()
+    for name in RACERS if "all" in given.again else given.again:
+        for path in given.folder.glob(f"{name}_?_*.json"):
+            path.unlink()
+    if {"all", "real-time"} & set(given.again):
+        (given.folder / REAL_TIME).unlink(missing_ok=True)
+    try:
+        write_section("The race", race(given.folder))
+        write_section("Against real time", real_time_section(given.folder))
+    except KeyboardInterrupt:
+        print(f"interrupted; {given.folder} holds what is done", file=sys.stderr)
+        raise SystemExit(130) from None
+
+
+if __name__ == "__main__":
+    main()
