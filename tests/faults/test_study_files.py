@@ -95,7 +95,7 @@ FAULTS = {
     ),
     "temperature without law": (TEMPERATURE, "say what it does in a table [temperature_law]"),
     "temperature beyond friction": (TEMPERATURE + LAW + '"0.03 1/K"\n', "must stay more than 0"),
-    "unknown channel": (SIZE + PLACE + '[output]\nchannels = ["drive_forc"]\n', "nearest is drive_force"),
+    "unknown channel": (SIZE + PLACE + '[output]\nchannels = ["drive_forc"]\n', "drive_forc: no"),
     "unknown scheme": (SIZE + PLACE + '[scheme]\nstp = "1 ms"\n', "nearest is 'step'"),
     "rate between instants": (SIZE + PLACE + '[output]\nrate = "300 Hz"\n', "a rate that divides"),
     "rate too high": (SIZE + PLACE + '[output]\nrate = "10 kHz"\n', "at most 1000 Hz"),

@@ -88,6 +88,17 @@ class Design:
             item.name for item in self.drawn
         )
 
+    def described(self) -> dict[str, object]:
+        """Return what an analysis of the results must know, as plain data."""
+        return {
+            "method": self.method,
+            "draws": self.draws,
+            "states": self.states,
+            "cells": self.cells,
+            "drawn": [item.name for item in self.drawn],
+            "axes": [list(axis.names) for axis in self.axes],
+        }
+
     def state_of(self, index: int) -> int:
         """Return the state that a scenario is thrown in."""
         return index // self.cells

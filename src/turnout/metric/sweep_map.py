@@ -1,0 +1,151 @@
+"""Many throws as a map: what became of them over two of their inputs, such as place and size."""
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.errors import ResponseError
+
+STATES = (
+    "locked, in control",
+    "not locked",
+    "not in control",
+    "slips on the object",
+    "slips without an object",
+    "failed",
+    "not thrown",
+)
+"""How a throw ended, from good to bad; the last two say that there is no result."""
+LOCKED, NOT_LOCKED, NOT_IN_CONTROL, SLIPS, SLIPS_FREE, FAILED, NOT_THROWN = range(len(STATES))
+
+# Numbers that take more values than this are shown in classes of equal width.
+MOST_VALUES, CLASSES = 30, 12
+QUANTITIES = ("peak_force", "object_force_peak", "end_gap")
+
+
+def end_state(labels: xr.Dataset) -> xr.DataArray:
+    """Return how each throw ended.
+
+    Parameters
+    ----------
+    labels : xarray.Dataset
+        Of a sweep, with the dimension scenario: `outcome`, `slipped`, `slipped_free`, `end_locked`
+        and, where the panel has sensors, `end_in_control`.
+
+    Returns
+    -------
+    xarray.DataArray of int
+        A place in `STATES` for each scenario; of several that hold the worst. A slip counts as one
+        without an object when a drive slips before any object is touched.
+
+    Examples
+    --------
+    >>> labels = xr.Dataset(
+    ...     {
+    ...         "outcome": ("scenario", ["complete", "complete", "skipped"]),
+    ...         "slipped": ("scenario", [0, 1, -1]),
+    ...         "slipped_free": ("scenario", [0, 0, -1]),
+    ...         "end_locked": ("scenario", [1, 0, -1]),
+    ...     }
+    ... )
+    >>> [STATES[state] for state in end_state(labels).values]
+    ['locked, in control', 'slips on the object', 'not thrown']
+    """
+    outcome = labels["outcome"].to_numpy().astype(str)
+    state = np.full(outcome.size, LOCKED)
+    state[labels["end_locked"].to_numpy() < 1] = NOT_LOCKED
+    if "end_in_control" in labels:
+        controlled = labels["end_in_control"].transpose("scenario", ...).to_numpy() > 0
+        state[~controlled.all(axis=1)] = NOT_IN_CONTROL
+    state[labels["slipped"].to_numpy() > 0] = SLIPS
+    state[labels["slipped_free"].to_numpy() > 0] = SLIPS_FREE
+    state[outcome != "complete"] = FAILED
+    state[outcome == "skipped"] = NOT_THROWN
+    return xr.DataArray(state, dims="scenario", name="state", attrs={"states": list(STATES)})
+
+
+def sweep_map(
+    labels: xr.Dataset, *, x: str = "object.size", y: str = "object.at", direction: str = "closing"
+) -> xr.Dataset:
+    """Sort the throws of a sweep into cells of two inputs.
+
+    Parameters
+    ----------
+    labels : xarray.Dataset
+        Of a sweep, with the dimension scenario.
+    x, y : str
+        Inputs; one with many values is shown in classes of equal width.
+    direction : str
+        Movement whose forces are shown.
+
+    Returns
+    -------
+    xarray.Dataset
+        By (y, x): the medians of `peak_force` and `end_gap` of the drive with most [N], [m] and of
+        `object_force_peak` [N], NaN where nothing was thrown; `state`, the worst of the cell, and
+        `throws` that came to an end.
+
+    Raises
+    ------
+    ResponseError
+        When the sweep has no such inputs, with those there are.
+    """
+    missing = [name for name in (x, y) if name not in labels.coords]
+    if missing:
+        inputs = [str(name) for name in labels.coords if "input" in labels[name].attrs]
+        message = f"no input '{missing[0]}' in this sweep; there are {', '.join(inputs)}"
+        raise ResponseError(message)
+    columns, across = _classes(labels[x])
+    rows, along = _classes(labels[y])
+    state = end_state(labels).to_numpy()
+    shape = (along.size, across.size)
+    cells = {name: np.full(shape, np.nan) for name in QUANTITIES}
+    worst, throws = np.full(shape, NOT_THROWN), np.zeros(shape, dtype=np.int64)
+    values = {name: _largest(labels, name, direction) for name in QUANTITIES if name in labels}
+    for row, column in np.ndindex(*shape):
+        inside = (rows == row) & (columns == column)
+        thrown = inside & (state < FAILED)
+        throws[row, column] = thrown.sum()
+        if thrown.any():
+            worst[row, column] = state[thrown].max()
+            for name, numbers in values.items():
+                known = numbers[thrown][~np.isnan(numbers[thrown])]
+                cells[name][row, column] = np.median(known) if known.size else np.nan
+        elif inside.any():
+            worst[row, column] = state[inside].min()
+    return xr.Dataset(
+        {
+            **{name: (("y", "x"), cells[name]) for name in values},
+            "state": (("y", "x"), worst),
+            "throws": (("y", "x"), throws),
+        },
+        {"x": ("x", across, labels[x].attrs), "y": ("y", along, labels[y].attrs)},
+        {**labels.attrs, "x_input": x, "y_input": y},
+    )
+
+
+def _classes(values: xr.DataArray) -> tuple[NDArray[np.int64], NDArray[np.generic]]:
+    """Return the class of each scenario, and what stands for each class."""
+    items = values.to_numpy()
+    if items.dtype.kind not in "fiu":
+        texts = items.astype(str)
+        _, first = np.unique(texts, return_index=True)
+        names = texts[np.sort(first)]
+        order = {str(name): number for number, name in enumerate(names)}
+        return np.array([order[str(text)] for text in texts]), names
+    known = np.unique(items)
+    if known.size <= MOST_VALUES:
+        return np.searchsorted(known, items), known
+    edges = np.linspace(known[0], known[-1], CLASSES + 1)
+    found = np.clip(np.searchsorted(edges, items, side="right") - 1, 0, CLASSES - 1)
+    return found, 0.5 * (edges[1:] + edges[:-1])
+
+
+def _largest(labels: xr.Dataset, name: str, direction: str) -> NDArray[np.float64]:
+    """Return a number a scenario: of all drives the largest, in the movement that is shown."""
+    values = labels[name]
+    if "direction" in values.dims:
+        values = values.sel(direction=direction)
+    others = [dim for dim in values.dims if dim != "scenario"]
+    found = values.max(others) if others else values
+    return np.asarray(found.to_numpy(), dtype=np.float64)
