@@ -7,9 +7,14 @@ author = "The turnout developers"
 copyright = "2026, The turnout developers"
 version = release = version_of("turnout")
 
-extensions = ["myst_parser"]
+extensions = ["myst_nb"]
 myst_enable_extensions = ["deflist", "dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build"]
+# The tutorial is run each time, and a cell that fails fails the build.
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600
+nb_merge_streams = True
 html_theme = "furo"
 html_title = "turnout"

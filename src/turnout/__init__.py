@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from turnout.panel.load import LoadedPanel, load_panel
     from turnout.plot.modes import plot_modes
     from turnout.plot.throw import plot_throw
+    from turnout.report.view import view
     from turnout.response.modes import modes
     from turnout.response.save import Save
     from turnout.response.simulate import simulate
@@ -52,6 +53,7 @@ _HOME = {
     "plot_throw": "turnout.plot.throw",
     "save_response": "turnout.response.store",
     "simulate": "turnout.response.simulate",
+    "view": "turnout.report.view",
 }
 
 __all__ = [
@@ -74,6 +76,7 @@ __all__ = [
     "plot_throw",
     "save_response",
     "simulate",
+    "view",
 ]
 
 

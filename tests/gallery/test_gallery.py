@@ -1,6 +1,7 @@
 """Every script of the gallery, run from an empty folder; each asserts a number of its figure."""
 
 import ast
+import json
 import runpy
 from pathlib import Path
 
@@ -32,3 +33,12 @@ def test_the_page_shows_every_script_and_its_picture() -> None:
         assert f"gallery/{script.name}\n" in page
         assert (DOCS / "figures" / "gallery" / f"{script.stem}.png").is_file()
     assert page.count("literalinclude") == len(SCRIPTS) >= 10
+
+
+def test_the_tutorial_is_kept_without_what_it_prints() -> None:
+    """The documentation runs it; stored answers would hide that it no longer gives them."""
+    cells = json.loads((DOCS / "tutorial.ipynb").read_text(encoding="utf-8"))["cells"]
+    code = [cell for cell in cells if cell["cell_type"] == "code"]
+    assert len(code) > 4
+    assert [cell["outputs"] for cell in code] == [[]] * len(code)
+    assert any("assert " in "".join(cell["source"]) for cell in code)

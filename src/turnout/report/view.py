@@ -1,0 +1,109 @@
+"""A result as a notebook shows it: what matters in words, and one picture."""
+
+from dataclasses import dataclass
+from html import escape
+
+import xarray as xr
+
+from turnout.metric.finding import Finding, findings
+from turnout.plot.draw import draw_sheet
+from turnout.plot.sheet import Sheet
+from turnout.plot.style import rendered, title_of
+from turnout.plot.throw_sheet import throw_sheet
+from turnout.report.campaign import campaign_findings
+from turnout.report.page import data_address
+
+# Told by colour and by sign, so that no reader depends on colour.
+SIGNS = {"good": ("✓", "#00875f"), "look": ("!", "#b36b00"), "bad": ("✗", "#c8322b")}
+TOLD = ("·", "inherit")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """A dataset that shows itself in a notebook as findings and a picture; see `view`."""
+
+    dataset: xr.Dataset
+
+    def __repr__(self) -> str:
+        """Return the findings as lines of text."""
+        lines = [self._title()]
+        lines += [
+            f"  {_sign(item)[0]} {item.question} {item.answer}: {item.detail}"
+            for item in self._findings()
+        ]
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        """Return the findings as a table above a picture."""
+        cell = "text-align:left;padding:2px 12px 2px 0;vertical-align:top"
+        rows = "".join(
+            f"<tr style='background:none'><td style='{cell};color:{_sign(item)[1]}'>"
+            f"<b>{_sign(item)[0]}</b></td><td style='{cell}'>{escape(item.question)}</td>"
+            f"<td style='{cell};color:{_sign(item)[1]}'><b>{escape(item.answer)}</b></td>"
+            f"<td style='{cell}'>{escape(item.detail)}</td></tr>"
+            for item in self._findings()
+        )
+        return (
+            f"<div class='turnout-view'><div><b>{escape(self._title())}</b></div>"
+            f"<table style='border:none;font-size:90%'>{rows}</table>{self._picture()}</div>"
+        )
+
+    def _is_campaign(self) -> bool:
+        return "movement" in self.dataset.dims
+
+    def _title(self) -> str:
+        if self._is_campaign():
+            count = self.dataset.sizes["movement"]
+            return f"{self.dataset.attrs.get('title', 'campaign')}: {count} movements"
+        return title_of(self.dataset)
+
+    def _findings(self) -> list[Finding]:
+        if self._is_campaign():
+            return campaign_findings(self.dataset)
+        return findings(self.dataset)
+
+    def _picture(self) -> str:
+        sheet = self._sheet()
+        if sheet is None:
+            return ""
+        content = rendered(draw_sheet(sheet), ".png")
+        style = "max-width:100%;width:900px;background:white"
+        return (
+            f"<img style='{style}' alt='{escape(sheet.title)}' "
+            f"src='{data_address(content, '.png')}'>"
+        )
+
+    def _sheet(self) -> Sheet | None:
+        """Return a run over time; a campaign has too many lines for a glance."""
+        if self._is_campaign() or self.dataset.sizes.get("time", 0) < 2:
+            return None
+        sheet = throw_sheet(self.dataset)
+        return sheet if any(row.lines for row in sheet.rows) else None
+
+
+def view(dataset: xr.Dataset) -> View:
+    """Show a result compactly: as the last line of a notebook's cell, or printed.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        One run, simulated or measured, or a campaign.
+
+    Returns
+    -------
+    View
+        Findings in words, and for one run its forces, markers and gaps over time.
+
+    Examples
+    --------
+    >>> run = xr.Dataset({"locked": ("time", [True])}, {"time": [0.0]}, {"panel": "sb1"})
+    >>> print(view(run))
+    sb1, locked
+      ✓ Outcome Locked: nothing is trapped, and the switch reaches its end position
+      ✓ Locked? Yes: at the end
+    """
+    return View(dataset)
+
+
+def _sign(item: Finding) -> tuple[str, str]:
+    return SIGNS.get(item.level, TOLD)
