@@ -13,6 +13,7 @@ from turnout.cli.outputs import check_outputs, made_folder, write_told
 if TYPE_CHECKING:
     import xarray as xr
 
+    from turnout.panel.load import LoadedPanel
     from turnout.report.page import Page
 
 FORMS = (".pdf", ".png", ".svg")
@@ -22,7 +23,8 @@ def report_command(
     source: Annotated[
         Path,
         typer.Argument(
-            metavar="SOURCE", help="A run or a campaign (.nc), or the folder of a campaign."
+            metavar="SOURCE",
+            help="A run or a campaign (.nc), the folder of a campaign, or a calibration (.toml).",
         ),
     ],
     out: Annotated[
@@ -39,10 +41,12 @@ def report_command(
     channels: ChannelsOption = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")] = False,
 ) -> None:
-    """Write a self-contained page about a run or a campaign: open it in any browser, offline."""
+    """Write a self-contained page about a result: open it in any browser, offline."""
     check_outputs({"--out": out}, {"--out": (".html",)})
     folder = made_folder("--figures", figures) if figures is not None else None
-    if source.is_dir():
+    if source.suffix.lower() == ".toml" and not source.is_dir():
+        page, files = _calibration_page(source, panel, drawn=folder is not None)
+    elif source.is_dir():
         page, files = _folder_page(source, channels, drawn=folder is not None, quiet=quiet)
     else:
         page, files = _file_page(source, panel, drawn=folder is not None)
@@ -88,6 +92,31 @@ def _folder_page(
         suffixes=FORMS if drawn else FORMS[:1],
     )
     return page, campaign_figures(campaign.dataset, suffixes=FORMS) if drawn else {}
+
+
+def _calibration_page(
+    source: Path, panel: str | None, *, drawn: bool
+) -> "tuple[Page, Mapping[str, bytes]]":
+    """Return the page of a calibration, with the inputs of its panel where that is at hand."""
+    from turnout.errors import FileError, PanelError
+    from turnout.panel.load import load_panel
+    from turnout.report.calibration import calibration_page
+    from turnout.study.calibration.record import load_calibration
+
+    calibration = load_calibration(source)
+    used: LoadedPanel | None = None
+    try:
+        used = load_panel(panel if panel is not None else calibration.panel)
+    except (FileError, PanelError):
+        if panel is not None:
+            raise
+    if panel is not None and used is not None and used.hash != calibration.panel_hash:
+        message = (
+            f"--panel {panel}: is not the panel of {source}, which is '{calibration.panel}' with "
+            "other values; name that one"
+        )
+        raise FileError(message)
+    return calibration_page(calibration, panel=used, suffixes=FORMS if drawn else FORMS[:1]), {}
 
 
 def _file_page(

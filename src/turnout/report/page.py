@@ -241,7 +241,7 @@ def _table(table: Table) -> str:
 
 
 def _heat(heat: Heat) -> str:
-    known = [value for row in heat.values for value in row if math.isfinite(value)]
+    known = [abs(value) for row in heat.values for value in row if math.isfinite(value)]
     top = max([1.0, *known])
     head = "".join(f"<th class='cell'>{escape(name)}</th>" for name in ("", *heat.columns))
     rows = "".join(
@@ -260,7 +260,7 @@ def _cell(value: float, top: float, framed: bool) -> str:
     if not math.isfinite(value):
         return "<td class='cell'></td>"
     # Half transparent at most, so that the ink of either theme stays readable on it.
-    share = 0.5 * min(1.0, max(0.0, value / top))
+    share = 0.5 * min(1.0, abs(value) / top)
     kind = "cell slipped" if framed else "cell"
     tint = f"background:rgba(230,120,0,{share:.2f})"
     return f"<td class='{kind}' style='{tint}'>{value + 0.0:.2f}</td>"

@@ -1,0 +1,199 @@
+"""The page about a calibration: what the data tell of each parameter, and how sure they are."""
+
+import math
+
+import numpy as np
+
+from turnout.metric.finding import Finding
+from turnout.panel.load import LoadedPanel
+from turnout.plot.draw import draw_sheet
+from turnout.plot.sheet import Line, Moment, Row, Sheet
+from turnout.plot.style import rendered
+from turnout.report.inputs import inputs_section
+from turnout.report.page import Heat, Page, Picture, Section, Table
+from turnout.report.units import shown
+from turnout.study.calibration.record import Calibration, Fitted, StageLog
+
+FITTED, FIXED = "fitted", "fixed"
+# Parameters that rise and fall together this closely cannot be told apart by the data.
+STRONG = 0.9
+
+
+def calibration_page(
+    calibration: Calibration,
+    *,
+    panel: LoadedPanel | None = None,
+    suffixes: tuple[str, ...] = (".pdf",),
+) -> Page:
+    """Return the page about a calibration.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        What was found.
+    panel : LoadedPanel, optional
+        The panel that was calibrated, without what was found.
+    suffixes : tuple of str
+        In which forms the page holds each figure on paper.
+
+    Returns
+    -------
+    Page
+    """
+    sweeps = [stage for stage in calibration.stages if stage.sweep]
+    pictures = [_picture(sweep_sheet(stage, calibration), suffixes) for stage in sweeps]
+    said = [Table("", ("What the data tell",), [(text,) for text in calibration.findings])]
+    warned = [Table("", ("To look at",), [(text,) for text in calibration.warnings])]
+    sections = [
+        Section(
+            heading="Parameters", tables=[_parameters(calibration)], heats=_together(calibration)
+        ),
+        Section(
+            heading="What the data tell, and what to look at",
+            tables=[table for table in (*said, *warned) if table.rows],
+        ),
+        Section(heading="Stages", pictures=pictures, tables=[_stages(calibration)]),
+        Section(heading="Noise and scatter", tables=_noise(calibration)),
+        _inputs(calibration, panel),
+        Section(heading="Versions", tables=[Table("", ("What", ""), _about(calibration))]),
+    ]
+    return Page(
+        title=f"Calibration of {calibration.panel}",
+        subtitle=f"To {calibration.data}; {len(calibration.movements)} movements in the last stage",
+        findings=calibration_findings(calibration),
+        synthetic=bool(calibration.about.get("synthetic")),
+        sections=[s for s in sections if s.text or s.tables or s.pictures],
+    )
+
+
+def calibration_findings(calibration: Calibration) -> list[Finding]:
+    """Return what a calibration found, in plain words, its doubts first."""
+    free = [item for item in calibration.parameters if item.state != FIXED]
+    told = [item for item in free if item.state == FITTED]
+    good = len(told) == len(free) and not calibration.warnings
+    count = len(calibration.warnings)
+    detail = f"{count} warning{'s' * (count > 1)} below" if count else "no warning"
+    answer = f"{len(told)} of {len(free)} parameters"
+    found = [Finding("good" if good else "look", "Told by the data", answer, detail)]
+    for item in calibration.parameters:
+        key = item.keys[0] if item.keys else item.name
+        value = _shown(item, item.value, key)
+        if item.state == FITTED:
+            low, high = (_shown(item, bound, key) for bound in item.interval)
+            found.append(Finding("told", item.name, value, f"between {low} and {high} (95 %)"))
+        elif item.state != FIXED:
+            found.append(Finding("look", item.name, value, item.state))
+    return found
+
+
+def sweep_sheet(stage: StageLog, calibration: Calibration) -> Sheet:
+    """Return the misfit over the values that a stage has swept, as a share of the channels' range.
+
+    Parameters
+    ----------
+    stage : StageLog
+        One with a sweep.
+    calibration : Calibration
+        Where it ended.
+    """
+    known = {item.name: item for item in calibration.parameters}
+    # A stage sweeps one parameter, the first that it changes.
+    item = next((known[name] for name in stage.values if name in known), None)
+    label = "swept value" if item is None else f"{item.name} [{item.unit}]"
+    line = Line(
+        label="misfit",
+        x=np.array(stage.sweep["value"]),
+        y=100 * np.array(stage.sweep["misfit"]),
+        style="line and marks",
+    )
+    found = [Moment(item.value, "found")] if item is not None else []
+    return Sheet(
+        name=f"sweep-{stage.name.replace(' ', '-')}",
+        title=f"Stage {stage.name}: misfit over the swept value",
+        caption="Where the misfit is lowest the next stage begins; a flat valley tells little.",
+        x_label=label,
+        rows=(Row("Misfit [% of range]", (line,)),),
+        moments=tuple(found),
+    )
+
+
+def _picture(sheet: Sheet, suffixes: tuple[str, ...]) -> Picture:
+    figure = draw_sheet(sheet)
+    return Picture(sheet, {suffix: rendered(figure, suffix) for suffix in suffixes})
+
+
+def _shown(item: Fitted, value: float, key: str) -> str:
+    if math.isnan(value):
+        return "not known"
+    unit = None if item.unit == "1" else item.unit
+    return shown(float(f"{value:.4g}"), unit, key.rsplit(".", 1)[-1])
+
+
+def _parameters(calibration: Calibration) -> Table:
+    rows = []
+    for item in calibration.parameters:
+        key = item.keys[0] if item.keys else item.name
+        value, start, low, high = (
+            _shown(item, number, key) for number in (item.value, item.start, item.lower, item.upper)
+        )
+        doubt = "" if math.isnan(item.deviation) else _shown(item, item.deviation, key)
+        rows.append((item.name, value, doubt, item.state, start, f"{low} to {high}"))
+    columns = ("Parameter", "Value", "Standard deviation", "State", "Began at", "Bounds")
+    marked = frozenset(
+        n for n, item in enumerate(calibration.parameters) if item.state not in (FITTED, FIXED)
+    )
+    return Table("", columns, rows, marked)
+
+
+def _together(calibration: Calibration) -> list[Heat]:
+    """Return the correlations of the fitted parameters; strong ones are framed."""
+    names = [item.name for item in calibration.fitted]
+    size = np.sqrt(np.diag(calibration.covariance)) if len(names) > 1 else np.zeros(0)
+    if not size.size or not (size > 0).all():
+        return []
+    correlation = calibration.covariance / np.outer(size, size)
+    strong = (np.abs(correlation) > STRONG) & ~np.eye(len(names), dtype=bool)
+    heading = f"Correlation of the parameters; beyond {STRONG:g} they cannot be told apart"
+    numbers = [str(number + 1) for number in range(len(names))]
+    rows = [f"{number} {name}" for number, name in zip(numbers, names, strict=True)]
+    return [Heat(heading, rows, numbers, correlation.tolist(), strong.tolist())]
+
+
+def _stages(calibration: Calibration) -> Table:
+    rows = [
+        (stage.name, stage.method, str(len(stage.movements)), f"{stage.misfit:.3g}",
+         str(stage.evaluations), str(stage.iterations), stage.message)
+        for stage in calibration.stages
+    ]  # fmt: skip
+    columns = ("Stage", "Method", "Movements", "Misfit", "Throws", "Steps", "How it ended")
+    return Table(
+        "Misfit is the residual over its expected size: 1 is as good as noise", columns, rows
+    )
+
+
+def _noise(calibration: Calibration) -> list[Table]:
+    noise = [
+        (channel, ", ".join(f"{key.replace('_', ' ')} {value:.4g}" for key, value in sizes.items()))
+        for channel, sizes in calibration.noise.items()
+    ]
+    scatter = [(name, f"{100 * share:.2g} %") for name, share in calibration.scatter.items()]
+    tables = [Table("Noise, in SI", ("Channel", "Parts"), noise)] if noise else []
+    if scatter:
+        heading = "Scatter from movement to movement"
+        tables.append(Table(heading, ("Parameter", "Share"), scatter))
+    return tables
+
+
+def _inputs(calibration: Calibration, panel: LoadedPanel | None) -> Section:
+    attributes = {"panel": calibration.panel, "panel_hash": calibration.panel_hash}
+    known = panel is not None and panel.hash == calibration.panel_hash
+    return inputs_section(attributes, panel if known else None)
+
+
+def _about(calibration: Calibration) -> list[tuple[str, str]]:
+    rows = [(key.replace("_", " "), str(value)) for key, value in calibration.about.items()]
+    return [
+        *rows,
+        ("panel", f"{calibration.panel} ({calibration.panel_hash[:12]})"),
+        ("data", f"{calibration.data} ({calibration.data_hash[:12]})"),
+    ]
