@@ -1,4 +1,4 @@
-"""The commands `turnout sweep ...` that look at studies before anything is thrown."""
+"""The commands `turnout sweep ...`; those that look at studies before anything is thrown."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,12 +6,16 @@ from typing import Annotated
 import typer
 
 from turnout.cli.outputs import check_outputs, write_told
+from turnout.cli.sweep_run import export_command, run_command
 
 app = typer.Typer(
-    help="Many throws from one study file: list, show, schema.",
+    help="Many throws from one study file: list, show, schema, run, export.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
+
+app.command("run")(run_command)
+app.command("export")(export_command)
 
 StudyArgument = Annotated[
     str, typer.Argument(metavar="STUDY", help="Library study, or path of a study file (.toml).")

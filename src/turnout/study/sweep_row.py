@@ -1,0 +1,243 @@
+"""One scenario of a sweep thrown and boiled down to what is stored of it.
+
+Labels and features are taken from every instant that the solver kept, histories at the rate of the
+study. What is not asked for is never computed.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.errors import FileError, PanelError, TurnoutError
+from turnout.integrate.outcome import Code
+from turnout.integrate.run import History
+from turnout.integrate.scheme import Scheme
+from turnout.mechanism.threads import one_blas_thread
+from turnout.metric.features import FEATURES, features
+from turnout.panel.load import LoadedPanel
+from turnout.response.dataset import movement_records, response_dataset
+from turnout.response.route import throws
+from turnout.response.save import Save
+from turnout.response.simulate import Solved, solve
+from turnout.study.scenario import Scenario
+from turnout.study.study import Study
+
+Variables = dict[str, xr.Variable]
+
+OUTCOMES = ("complete", "failed", "invalid", "skipped")
+"""How a scenario ended: to its end; not even with a finer step; not possible; left out by the
+rule of its chain."""
+COMPLETE, FAILED, INVALID, SKIPPED = OUTCOMES
+
+FORCES = ("drive_force", "drive_displacement", "drive_slipping", "object_force", "force_margin")
+CONTACTS = ("object_placed", "object_touched", "contact_time")
+GAPS = ("end_gap", "locked", "in_control", "least_flangeway", "least_flangeway_x")
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What is stored of one scenario.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        What was thrown.
+    outcome : str
+        One of `OUTCOMES`.
+    reason : str
+        Why it is not complete, else empty.
+    attempts : int
+        Throws that were made.
+    variables : dict of str to xarray.Variable
+        Histories, labels and features; empty unless complete.
+    coordinates : dict of str to xarray.Variable
+        Of these.
+    solver_time : float
+        Of the throw that counted [s].
+    """
+
+    scenario: Scenario
+    outcome: str
+    reason: str
+    attempts: int
+    variables: Variables
+    coordinates: Variables
+    solver_time: float
+
+    @property
+    def slipped(self) -> bool:
+        """Whether a drive slipped in the last movement."""
+        return bool(self.variables["slipped"].values)
+
+
+def throw_scenario(study: Study, scenario: Scenario) -> Row:
+    """Throw one scenario, a second time with half the step if the first does not get to its end.
+
+    Parameters
+    ----------
+    study : Study
+        Panel, scheme, and what is kept.
+    scenario : Scenario
+        One of its own.
+
+    Returns
+    -------
+    Row
+
+    Raises
+    ------
+    KeyboardInterrupt
+        On Ctrl-C.
+    """
+    reason, attempts = "", 0
+    try:
+        panel = study.panel
+        if scenario.overrides:
+            panel = panel.with_overrides(dict(scenario.overrides))
+        for scheme in (study.scheme, tighter(study.scheme)):
+            attempts += 1
+            solved = solve(panel, foreign_object=scenario.foreign_objects, scheme=scheme)
+            outcome = solved.history.outcome
+            if outcome.code is Code.INTERRUPTED:
+                raise KeyboardInterrupt
+            if outcome.complete:
+                variables, coordinates = boiled_down(study, panel, solved)
+                spent = solved.solver_time
+                return Row(scenario, COMPLETE, "", attempts, variables, coordinates, spent)
+            reason = outcome.message()
+    except PanelError as error:
+        return Row(scenario, INVALID, "; ".join(error.problems), attempts, {}, {}, 0.0)
+    except TurnoutError as error:
+        return Row(scenario, FAILED, str(error), attempts, {}, {}, 0.0)
+    return Row(scenario, FAILED, reason, attempts, {}, {}, 0.0)
+
+
+def skipped(scenario: Scenario, *, reason: str) -> Row:
+    """Return a scenario that the rule of its chain leaves out."""
+    return Row(scenario, SKIPPED, reason, 0, {}, {}, 0.0)
+
+
+def tighter(scheme: Scheme) -> Scheme:
+    """Return a scheme with half the step and more patience, for a second attempt."""
+    return replace(
+        scheme,
+        step=0.5 * scheme.step,
+        iterations=2 * scheme.iterations,
+        halvings=scheme.halvings + 2,
+        output_interval=scheme.output_interval,
+    )
+
+
+def boiled_down(study: Study, panel: LoadedPanel, solved: Solved) -> tuple[Variables, Variables]:
+    """Return what is stored of a complete throw, and its coordinates.
+
+    Parameters
+    ----------
+    study : Study
+        What is kept, at which rate.
+    panel : LoadedPanel
+        What was thrown.
+    solved : Solved
+        The throw.
+    """
+    history = solved.history
+    kept, ends = _kept_instants(study, panel, history)
+    with one_blas_thread():
+        every = response_dataset(
+            panel, solved.mechanism, history, save=Save(fields=(*FORCES, *CONTACTS))
+        )
+        fields = tuple(dict.fromkeys((*study.output.channels, *GAPS)))
+        union = np.union1d(kept, ends)
+        some = response_dataset(
+            panel, solved.mechanism, at_instants(history, union), save=Save(fields=fields)
+        )
+    coarse = some.isel(time=np.searchsorted(union, kept))
+    histories = {name: coarse[name].variable for name in study.output.channels if name in coarse}
+    variables = {name: _small(variable) for name, variable in histories.items()}
+    variables |= {name: every[name].variable for name in (*CONTACTS, "force_margin")}
+    variables |= {name: some[name].variable for name in ("end_gap", *GAPS[3:]) if name in some}
+    for name in ("locked", "in_control"):
+        if name in some:
+            variables[f"end_{name}"] = some[name].isel(time=-1).variable
+    found = features(every.assign_attrs(movements=movement_records(panel)))
+    variables |= {name: found[name].variable for name in FEATURES}
+    variables |= _object_labels(every, panel)
+    needed = {dim for variable in variables.values() for dim in variable.dims}
+    coordinates = {
+        str(name): variable
+        for dataset in (coarse, every)
+        for name, variable in dataset.coords.variables.items()
+        if set(variable.dims) <= needed and name != "time"
+    }
+    return variables, coordinates
+
+
+def _object_labels(every: xr.Dataset, panel: LoadedPanel) -> Variables:
+    """Return the largest and last force on the objects, and whether a drive slipped at the end."""
+    force = every["object_force"].to_numpy()
+    last = throws(panel)[-1] if panel.movement else None
+    slipping = every["drive_slipping"].to_numpy()
+    if last is not None:
+        sign = 1.0 if last.to == "closed" else -1.0
+        during = every["time"].to_numpy() >= last.start - 1e-9
+        slipping = (slipping & (sign * every["drive_force"].to_numpy() > 0))[:, during]
+    values: dict[str, tuple[object, str, str]] = {
+        "object_force_peak": (float(np.max(force, initial=0.0)), "N", "largest force on objects"),
+        "object_force_end": (float(force[-1]), "N", "force on objects at the end"),
+        "slipped": (bool(slipping.any()), "1", "whether a drive slipped in the last movement"),
+    }
+    return {
+        name: xr.Variable((), np.asarray(value), {"units": units, "long_name": text})
+        for name, (value, units, text) in values.items()
+    }
+
+
+def at_instants(history: History, index: NDArray[np.int64]) -> History:
+    """Return a history at some of its instants; what was gathered from every step stays."""
+    names = ("time", "inputs", "q", "g", "law_force", "friction_force", "stored", "ledger")
+    return replace(history, **{name: getattr(history, name)[index] for name in names})
+
+
+def stride_of(study: Study) -> int:
+    """Return how many instants of the solver there are to one that is kept.
+
+    Raises
+    ------
+    FileError
+        When the rates do not fit together.
+    """
+    fine = study.scheme.output_interval
+    stride = round(study.output.interval / fine)
+    if stride < 1 or not math.isclose(stride * fine, study.output.interval, rel_tol=1e-6):
+        message = (
+            f"output.rate = {study.output.rate:g} Hz: the solver keeps an instant every "
+            f"{1e3 * fine:g} ms; take a rate that divides {1.0 / fine:g} Hz"
+        )
+        raise FileError(message)
+    return stride
+
+
+def _kept_instants(
+    study: Study, panel: LoadedPanel, history: History
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return instants at the rate of the study, and those that labels of gaps look at."""
+    stride = stride_of(study)
+    count = history.time.size
+    ends = [int(np.searchsorted(history.time, throw.end - 1e-9)) for throw in throws(panel)]
+    return np.arange(0, count, stride), np.array(sorted({*ends, count - 1} - {count}))
+
+
+def _small(variable: xr.Variable) -> xr.Variable:
+    """Return numbers in single precision; logical values stay."""
+    if variable.dtype.kind != "f":
+        return variable
+    return variable.astype(np.float32)
+
+
+def labels_of(row: Row) -> Mapping[str, object]:
+    """Return what the rule of a chain looks at."""
+    return {"slipped": row.slipped, **row.scenario.inputs}

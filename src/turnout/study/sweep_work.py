@@ -1,0 +1,119 @@
+"""What a worker of a sweep does: throw a batch, write it, and tell how it went."""
+
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from turnout.errors import FileError
+from turnout.study.sweep_batch import (
+    batch_bytes,
+    batch_dataset,
+    batches_of,
+    throw_batch,
+    write_batch,
+)
+from turnout.study.sweep_folder import BATCHES, code_digest, kept_study
+from turnout.study.sweep_row import OUTCOMES
+
+# A worker of a cluster may have several threads; the caches and HDF5 want one.
+_one_at_a_time = threading.Lock()
+
+
+@dataclass(frozen=True, slots=True)
+class BatchDone:
+    """What comes back of a batch.
+
+    Attributes
+    ----------
+    number : int
+        Of the batch.
+    outcomes : dict of str to int
+        Scenarios by how they ended.
+    retried : int
+        Scenarios that took a second attempt.
+    solver_time, wall_time : float
+        Spent in building and integrating, and on the whole batch [s].
+    size : int
+        Of the file [bytes].
+    """
+
+    number: int
+    outcomes: dict[str, int]
+    retried: int
+    solver_time: float
+    wall_time: float
+    size: int
+
+
+def make_batch(folder: str, digest: str, code: str, number: int) -> BatchDone:
+    """Throw one batch and write it, in whatever process this is called.
+
+    Parameters
+    ----------
+    folder : str
+        Of the sweep, as seen from this process too.
+    digest, code : str
+        Of the study and of the sources, which must be those of this process.
+    number : int
+        Of the batch.
+
+    Raises
+    ------
+    FileError
+        When the batch cannot be written, or this process is not what the run expects.
+    """
+    if code != code_digest():
+        message = "a worker has other sources of turnout than the run; install the same on both"
+        raise FileError(message)
+    with _one_at_a_time:
+        began = time.perf_counter()
+        place = Path(folder)
+        study = kept_study(place, digest)
+        rows = throw_batch(study, kept_batches(place, digest)[number])
+        content = batch_bytes(batch_dataset(study, rows))
+        write_batch(place / BATCHES, number, content)
+        wall_time = time.perf_counter() - began
+    counts = {name: sum(row.outcome == name for row in rows) for name in OUTCOMES}
+    return BatchDone(
+        number=number,
+        outcomes={name: n for name, n in counts.items() if n},
+        retried=sum(row.attempts > 1 for row in rows),
+        solver_time=sum(row.solver_time for row in rows),
+        wall_time=wall_time,
+        size=len(content),
+    )
+
+
+@lru_cache(maxsize=2)
+def kept_batches(folder: Path, digest: str) -> list[tuple[Sequence[int], ...]]:
+    """Return the chains of each batch of the study of a folder."""
+    return batches_of(kept_study(folder, digest))
+
+
+def worker_processes(workers: int) -> ProcessPoolExecutor:
+    """Return an executor of fresh processes on this machine, which end when this one does."""
+    return ProcessPoolExecutor(
+        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker
+    )
+
+
+def _begin_worker() -> None:
+    """Be deaf to Ctrl-C, which is for the run, and end when the run does, however it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: int) -> None:
+    from multiprocessing.connection import wait as wait_for
+
+    wait_for([sentinel])
+    os._exit(1)

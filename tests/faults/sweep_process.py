@@ -1,0 +1,67 @@
+"""The program as a user starts it on a small sweep, to be ended in all ways."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from tests.unit.sweeps import batch_names
+
+PATIENCE = 300.0
+
+
+def started(study: Path, folder: Path, *options: str) -> subprocess.Popen[str]:
+    """Start the program in a group of its own, as a terminal does."""
+    command = [sys.executable, "-m", "turnout", "sweep", "run", str(study), "-o", str(folder)]
+    path = os.pathsep.join(map(os.path.abspath, sys.path))
+    return subprocess.Popen(
+        [*command, *(options or ("--workers", "2"))],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        # A shell in the background has Ctrl-C ignored, and its children inherit that.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        env={**os.environ, "PYTHONPATH": path},
+    )
+
+
+def finished(study: Path, folder: Path, *options: str) -> str:
+    """Run the program to its end; return what it said."""
+    process = started(study, folder, *options)
+    out, err = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, err
+    return out + err
+
+
+def wait_for_batches(process: subprocess.Popen[str], folder: Path, count: int) -> None:
+    due = time.monotonic() + PATIENCE
+    while time.monotonic() < due and process.poll() is None:
+        if len(batch_names(folder)) >= count:
+            return
+        time.sleep(0.02)
+
+
+def workers_of(pid: int) -> list[int]:
+    """Return the processes of a run that throw, by what the kernel knows of its children."""
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="utf-8").split()
+    return [int(child) for child in children if _throws(int(child))]
+
+
+def _throws(pid: int) -> bool:
+    try:
+        return b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return False
+
+
+def gone(pids: list[int], *, within: float = 20.0) -> bool:
+    """Tell whether processes end by themselves."""
+    due = time.monotonic() + within
+    while time.monotonic() < due:
+        if not any(_throws(pid) for pid in pids):
+            return True
+        time.sleep(0.05)
+    return False

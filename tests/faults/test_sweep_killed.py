@@ -1,0 +1,133 @@
+"""A sweep ended at any moment, in any way, goes on with nothing lost, doubled or torn."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from tests.faults.sweep_process import (
+    PATIENCE,
+    finished,
+    gone,
+    started,
+    wait_for_batches,
+    workers_of,
+)
+from tests.unit.sweeps import batch_names, here, small_study, study_file
+
+from turnout.study.sweep_read import open_sweep
+from turnout.study.sweep_run import run_sweep
+
+pytestmark = pytest.mark.skipif(
+    not Path("/proc/self/task").exists(), reason="finds the processes of a run in /proc"
+)
+COUNT = 40
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A sweep that nothing interrupted, made in one process."""
+    folder = tmp_path_factory.mktemp("whole")
+    run_sweep(small_study(folder, count=COUNT), folder / "sweep", pool=here)
+    return folder / "sweep"
+
+
+def check_same(folder: Path, whole: Path) -> None:
+    """Names of batches hold digests of their bytes; the datasets are looked at besides."""
+    assert batch_names(folder) == batch_names(whole)
+    mine, theirs = open_sweep(folder), open_sweep(whole)
+    assert mine["scenario"].values.tolist() == list(range(COUNT))
+    xr.testing.assert_identical(mine.load(), theirs.load())
+    assert not list((folder / "batches").glob(".*"))
+
+
+def test_a_killed_run_leaves_no_process_and_goes_on(
+    worker_processes: None, whole: Path, tmp_path: Path
+) -> None:
+    study = study_file(tmp_path, count=COUNT)
+    process = started(study, tmp_path / "s")
+    wait_for_batches(process, tmp_path / "s", 1)
+    workers = workers_of(process.pid)
+    process.kill()
+    process.communicate()
+    assert len(workers) == 2
+    assert gone(workers)
+    assert 1 <= len(batch_names(tmp_path / "s")) < len(batch_names(whole))
+    finished(study, tmp_path / "s")
+    check_same(tmp_path / "s", whole)
+
+
+def test_a_killed_worker_is_replaced(worker_processes: None, whole: Path, tmp_path: Path) -> None:
+    study = study_file(tmp_path, count=COUNT)
+    process = started(study, tmp_path / "s")
+    wait_for_batches(process, tmp_path / "s", 1)
+    os.kill(workers_of(process.pid)[0], signal.SIGKILL)
+    _, err = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, err
+    check_same(tmp_path / "s", whole)
+
+
+def test_ctrl_c_is_one_message_and_goes_on(
+    worker_processes: None, whole: Path, tmp_path: Path
+) -> None:
+    study = study_file(tmp_path, count=COUNT)
+    process = started(study, tmp_path / "s")
+    wait_for_batches(process, tmp_path / "s", 1)
+    os.killpg(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "the same command goes on" in err
+    assert "Traceback" not in err
+    said = finished(study, tmp_path / "s", "--workers", "1")
+    assert f"{COUNT} complete" not in said, "what was written is not thrown again"
+    check_same(tmp_path / "s", whole)
+
+
+def test_a_full_disk_is_one_message_and_goes_on(whole: Path, tmp_path: Path) -> None:
+    """A limit on the size of files stands in for a disk without space."""
+    study = study_file(tmp_path, count=COUNT)
+    command = f"ulimit -f 45; {sys.executable} -m turnout sweep run {study} -o {tmp_path / 's'}"
+    path = os.pathsep.join(map(os.path.abspath, sys.path))
+    run = subprocess.run(
+        ["bash", "-c", f"{command} --workers 1"],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": path},
+        check=False,
+    )
+    assert run.returncode == 2, run.stderr
+    assert "no space left; free some" in run.stderr
+    assert "Traceback" not in run.stderr
+    assert batch_names(tmp_path / "s") == []
+    run_sweep(small_study(tmp_path, count=COUNT), tmp_path / "s", pool=here)
+    check_same(tmp_path / "s", whole)
+
+
+@pytest.mark.long
+def test_fifty_ends_at_random_instants(worker_processes: None, whole: Path, tmp_path: Path) -> None:
+    """Half of them end the run, half a worker of it; each time from an early start."""
+    rng = np.random.default_rng(50)
+    study = study_file(tmp_path, count=COUNT)
+    ends = 0
+    while ends < 50:
+        folder = tmp_path / f"s{ends}"
+        for _ in range(5):
+            process = started(study, folder)
+            time.sleep(rng.uniform(0.3, 6.0))
+            if process.poll() is None:
+                workers = workers_of(process.pid)
+                if rng.random() < 0.5 and workers:
+                    with contextlib.suppress(ProcessLookupError):
+                        os.kill(int(rng.choice(workers)), signal.SIGKILL)
+                    time.sleep(rng.uniform(0.0, 1.0))
+                process.kill()
+                ends += 1
+            process.communicate()
+        finished(study, folder)
+        check_same(folder, whole)

@@ -1,0 +1,112 @@
+"""Features of forces made by hand, of a simulated run, and of a campaign."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from tests.unit.simulated import sb2_dataset
+
+from turnout.errors import ResponseError
+from turnout.metric.features import FEATURES, features, movement_features
+
+TIME = np.arange(0.0, 3.0, 1e-3)
+# Friction of 300 N from 0.2 s on, from 1.5 s on a rise of 2 kN/s to 1500 N, held until the end.
+EFFORT = np.interp(TIME, [0.0, 0.2, 1.5, 2.1], [0.0, 300.0, 300.0, 1500.0])
+TRAVEL = np.clip(0.05 * TIME, 0.0, 0.11)
+
+
+def named(values: np.ndarray) -> dict[str, float]:
+    return dict(zip(FEATURES, values.tolist(), strict=True))
+
+
+def run_of(effort: np.ndarray, *, closing: bool = True) -> xr.Dataset:
+    sign, to = (1.0, "closed") if closing else (-1.0, "open")
+    moves = [{"name": "m", "to": to, "start": 0.0, "end": 2.2}]
+    return xr.Dataset(
+        {
+            "drive_force": (("drive", "time"), sign * effort[np.newaxis]),
+            "drive_displacement": (("drive", "time"), sign * TRAVEL[np.newaxis]),
+        },
+        {"time": TIME, "drive": ["1"], "saturation_force": ("drive", [1400.0])},
+        {"movements": json.dumps(moves)},
+    )
+
+
+def test_a_rise_made_by_hand() -> None:
+    found = named(movement_features(TIME, EFFORT, travel=TRAVEL, limit=1400.0))
+    assert found["plateau_force"] == pytest.approx(300.0)
+    assert found["buildup_onset"] == pytest.approx(1.5 + 120.0 / 2000.0, abs=2e-3)
+    assert found["buildup_slope"] == pytest.approx(2000.0, rel=0.01)
+    assert found["peak_force"] == pytest.approx(1500.0)
+    assert found["peak_time"] == pytest.approx(2.1)
+    assert found["end_force"] == pytest.approx(1500.0)
+    assert found["duration"] == pytest.approx(2.2, abs=2e-3)
+    assert found["slip_time"] == pytest.approx(2.05, abs=2e-3)
+    # 0.1 s until 300 N are reached, held, the rise, held until the marker rests: at 50 mm/s
+    work = 0.05 * (0.5 * 0.2 * 300 + 1.3 * 300 + 0.6 * 900 + 0.1 * 1500)
+    assert found["marker_work"] == pytest.approx(work, rel=2e-3)
+
+
+@pytest.mark.parametrize("closing", [True, False])
+def test_effort_counts_in_the_direction_of_the_movement(closing: bool) -> None:
+    found = features(run_of(EFFORT, closing=closing)).sel(drive="1")
+    mine, other = ("closing", "opening") if closing else ("opening", "closing")
+    expected = movement_features(TIME, EFFORT, travel=TRAVEL, limit=1400.0)
+    for number, name in enumerate(FEATURES):
+        assert float(found[name].sel(direction=mine)) == pytest.approx(expected[number]), name
+        assert np.isnan(found[name].sel(direction=other)), name
+
+
+def test_friction_alone_does_not_build_up() -> None:
+    found = named(movement_features(TIME, np.minimum(EFFORT, 300.0), travel=TRAVEL))
+    assert np.isnan(found["buildup_onset"])
+    assert np.isnan(found["buildup_slope"])
+    assert np.isnan(found["slip_time"])
+    assert found["peak_force"] == pytest.approx(300.0)
+
+
+def test_without_markers_the_motor_tells_when_a_drive_has_arrived() -> None:
+    current = np.where(TIME < 1.9, 2.0, 0.0)
+    found = named(movement_features(TIME, EFFORT, current=current))
+    assert found["duration"] == pytest.approx(1.9, abs=2e-3)
+    assert np.isnan(found["marker_work"])
+    assert np.isnan(movement_features(TIME[:2], EFFORT[:2])).all()
+
+
+def test_a_campaign_has_the_features_of_its_movements() -> None:
+    padded = np.concatenate((np.zeros(100), EFFORT, np.full(50, np.nan)))
+    time = (np.arange(padded.size) - 100) * 1e-3
+    campaign = xr.Dataset(
+        {"drive_force": (("movement", "drive", "time"), np.stack([[padded], [-padded]]))},
+        {
+            "time": time,
+            "drive": ["2"],
+            "movement": ["a", "b"],
+            "direction": ("movement", ["closing", "opening"]),
+        },
+    )
+    found = features(campaign)
+    assert found["peak_force"].dims == ("movement", "drive")
+    np.testing.assert_allclose(found["peak_force"].values, 1500.0)
+    np.testing.assert_allclose(found["peak_time"].values, 2.1, atol=1e-9)
+
+
+def test_a_trapped_object_shows_in_the_drive_behind_it() -> None:
+    found = features(sb2_dataset()).sel(direction="closing")
+    run = sb2_dataset()
+    after = run["drive_force"].sel(time=slice(4.4, None))
+    np.testing.assert_allclose(found["peak_force"].values, after.max("time").values, rtol=1e-12)
+    assert (found["buildup_slope"].sel(drive="2") > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("dataset", "words"),
+    [
+        (xr.Dataset(), "no drive_force"),
+        (run_of(EFFORT).drop_attrs(), "names no movement"),
+    ],
+)
+def test_what_has_no_features_is_refused(dataset: xr.Dataset, words: str) -> None:
+    with pytest.raises(ResponseError, match=words):
+        features(dataset)

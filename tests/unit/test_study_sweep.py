@@ -1,0 +1,240 @@
+"""A sweep from study to dataset: nothing lost, nothing doubled, the same bits in any order."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from tests.unit.sweeps import batch_names, here, small_study
+
+from turnout.errors import FileError
+from turnout.integrate.outcome import Code, Outcome
+from turnout.integrate.scheme import Scheme
+from turnout.metric.features import FEATURES, features
+from turnout.response.simulate import Solved, simulate, solve
+from turnout.study import sweep_folder, sweep_row
+from turnout.study.study import Study, load_study
+from turnout.study.sweep_batch import batch_bytes, batch_dataset, batches_of, throw_batch
+from turnout.study.sweep_folder import locked_folder
+from turnout.study.sweep_read import open_sweep, read_labels
+from turnout.study.sweep_run import State, run_sweep
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    return small_study(tmp_path_factory.mktemp("study"))
+
+
+@pytest.fixture(scope="module")
+def whole(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The sweep without any interruption; nobody may change it."""
+    folder = tmp_path_factory.mktemp("sweep") / "whole"
+    assert run_sweep(study, folder, pool=here).thrown == study.count
+    return folder
+
+
+def test_it_opens_as_one_dataset_and_reads_nothing_before_it_is_used(whole: Path) -> None:
+    dataset = open_sweep(whole)
+    assert dataset["drive_force"].dims == ("scenario", "drive", "time")
+    assert dataset["scenario"].values.tolist() == list(range(20))
+    assert set(FEATURES) <= set(dataset)
+    assert "chair.friction_coefficient" in dataset.coords
+    assert not dataset["drive_force"].variable._in_memory
+    np.testing.assert_allclose(np.diff(dataset["time"].values), 0.01, rtol=1e-9)
+    assert dataset.attrs["complete"]
+    assert not list(whole.glob("batches/.*"))
+
+
+def test_values_are_those_of_a_single_throw(study: Study, whole: Path) -> None:
+    dataset = open_sweep(whole)
+    for index in (0, 13):
+        scenario = study.scenario(index)
+        run = simulate(study.panel.with_overrides(dict(scenario.overrides)), scheme=study.scheme)
+        mine = dataset.isel(scenario=index)
+        for name in study.output.channels:
+            alone = run[name].isel(time=slice(None, None, 10)).values.astype(np.float32)
+            np.testing.assert_array_equal(mine[name].values, alone, err_msg=name)
+        for name in ("end_gap", "force_margin", "contact_time", "least_flangeway"):
+            np.testing.assert_array_equal(mine[name].values, run[name].values, err_msg=name)
+        assert int(mine["end_locked"]) == int(run["locked"][-1])
+        for name, found in features(run).items():
+            np.testing.assert_array_equal(mine[str(name)].values, found.values, err_msg=str(name))
+        stored = float(mine["chair.friction_coefficient"])
+        assert stored == scenario.inputs["chair.friction_coefficient"]
+
+
+@pytest.mark.parametrize(
+    "look",
+    [
+        lambda d: d["drive_force"].isel(scenario=[17, 2, 2], time=slice(5, None, 20)),
+        lambda d: d["drive_force"].isel(scenario=-1, drive=1),
+        lambda d: d["drive_gap"].isel(scenario=slice(3, 19, 5)).sel(drive="2", time=0.5),
+        lambda d: d["outcome"].isel(scenario=slice(7, 9)),
+        lambda d: d["peak_force"].sel(scenario=11, direction="closing"),
+        lambda d: d["drive_force"].isel(scenario=np.arange(20) % 2 == 0),
+    ],
+)
+def test_any_part_is_that_of_the_whole(
+    whole: Path, look: Callable[[xr.Dataset], xr.DataArray]
+) -> None:
+    lazy, loaded = open_sweep(whole), open_sweep(whole).load()
+    xr.testing.assert_identical(look(lazy).load(), look(loaded))
+
+
+def test_labels_in_one_pass_are_those_of_the_dataset(whole: Path) -> None:
+    xr.testing.assert_identical(read_labels(whole), open_sweep(whole).drop_dims("time").load())
+
+
+def test_what_is_missing_is_thrown_and_comes_to_the_same_bits(
+    study: Study, whole: Path, tmp_path: Path
+) -> None:
+    told: list[State] = []
+    run_sweep(study, tmp_path / "s", pool=here)
+    names = batch_names(whole)
+    assert batch_names(tmp_path / "s") == names
+    assert len(names) == 3
+    (tmp_path / "s" / "batches" / names[1]).unlink()
+    torn = tmp_path / "s" / "batches" / names[2]
+    torn.write_bytes(torn.read_bytes()[:-200])
+    (tmp_path / "s" / "batches" / ".000001-half.nc").write_bytes(b"half")
+    assert open_sweep(whole).attrs["missing"] == 0
+    again = run_sweep(study, tmp_path / "s", pool=here, report=told.append)
+    assert again.thrown == 12
+    assert again.torn == (names[2],)
+    assert batch_names(tmp_path / "s") == names
+    assert not list((tmp_path / "s" / "batches").glob(".*"))
+    assert (told[0].done, told[-1].done, told[-1].total) == (8, 20, 20)
+    assert told[-1].left == 0.0
+    assert run_sweep(study, tmp_path / "s", pool=here).thrown == 0
+
+
+def test_a_sweep_that_is_not_whole_says_what_is_missing(
+    study: Study, whole: Path, tmp_path: Path
+) -> None:
+    run_sweep(study, tmp_path / "s", pool=here)
+    (tmp_path / "s" / "batches" / batch_names(tmp_path / "s")[0]).unlink()
+    dataset = open_sweep(tmp_path / "s")
+    assert dataset.attrs["missing"] == 8
+    assert dataset["scenario"].values.tolist() == list(range(8, 20))
+    full = open_sweep(whole).isel(scenario=slice(8, None)).drop_attrs(deep=False)
+    xr.testing.assert_identical(dataset.drop_attrs(deep=False).load(), full.load())
+
+
+def test_another_study_is_refused_and_nothing_is_touched(whole: Path, tmp_path: Path) -> None:
+    before = {p: p.stat().st_mtime_ns for p in whole.rglob("*")}
+    other = small_study(tmp_path, count=21)
+    with pytest.raises(FileError, match=r"holds the sweep 'tiny' \(20 scenarios.*another folder"):
+        run_sweep(other, whole, pool=here)
+    assert {p: p.stat().st_mtime_ns for p in whole.rglob("*")} == before
+
+
+def test_another_version_is_refused(
+    study: Study, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sweep_folder, "version", lambda: "9.9")
+    with pytest.raises(FileError, match=r"begun with turnout .* this is 9\.9"):
+        run_sweep(study, whole, pool=here)
+    known = json.loads((whole / "sweep.json").read_text(encoding="utf-8"))
+    (tmp_path / "sweep.json").write_text(json.dumps(known | {"store_version": 99}))
+    with pytest.raises(FileError, match="stored in form 99, this turnout has form 1"):
+        open_sweep(tmp_path)
+
+
+def test_a_folder_with_something_else_is_refused(study: Study, tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(FileError, match="is not empty and holds no sweep"):
+        run_sweep(study, tmp_path, pool=here)
+    assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
+    with pytest.raises(FileError, match="holds no sweep"):
+        open_sweep(tmp_path)
+
+
+def test_two_runs_do_not_write_to_one_folder(study: Study, tmp_path: Path) -> None:
+    folder = tmp_path / "s"
+    with locked_folder(folder), pytest.raises(FileError, match="another run writes to it now"):
+        run_sweep(study, folder, pool=here)
+
+
+def test_a_failed_throw_is_made_again_with_half_the_step(
+    study: Study, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Scenario 1 fails at the first step size, scenario 2 at any."""
+    steps: list[float] = []
+    friction = [study.scenario(index).inputs["chair.friction_coefficient"] for index in range(3)]
+
+    def failing(panel: Any, *, foreign_object: Any, scheme: Scheme) -> Solved:
+        solved = solve(panel, foreign_object=foreign_object, scheme=scheme)
+        at = friction.index(panel.chair["1"].friction_coefficient)
+        steps.append(scheme.step)
+        if at == 0 or (at == 1 and scheme.step < study.scheme.step):
+            return solved
+        outcome = Outcome(Code.NOT_CONVERGED, 0.5, 500, 1e-3, ("chair 1",))
+        return replace(solved, history=replace(solved.history, outcome=outcome))
+
+    monkeypatch.setattr(sweep_row, "solve", failing)
+    rows = throw_batch(study, [[0], [1], [2]])
+    assert steps == [1e-3, 1e-3, 5e-4, 1e-3, 5e-4]
+    assert [row.outcome for row in rows] == ["complete", "complete", "failed"]
+    assert [row.attempts for row in rows] == [1, 2, 2]
+    assert "not converged at t = 0.5" in rows[2].reason
+    dataset = batch_dataset(study, rows)
+    assert np.isnan(dataset["drive_force"].isel(scenario=2)).all()
+    assert dataset["end_locked"].values[2] == -1
+    assert batch_bytes(batch_dataset(study, rows[2:])), "a batch without any complete scenario"
+
+
+def test_a_scenario_that_cannot_be_says_why(study: Study) -> None:
+    scenario = replace(study.scenario(0), overrides={"chair.friction_coefficient": -1.0})
+    row = sweep_row.throw_scenario(study, scenario)
+    assert row.outcome == "invalid"
+    assert "friction_coefficient" in row.reason
+
+
+def test_a_rate_that_does_not_fit_the_solver_is_refused(study: Study, tmp_path: Path) -> None:
+    wrong = replace(study, output=replace(study.output, rate=300.0))
+    with pytest.raises(FileError, match="300 Hz.*divides 1000 Hz"):
+        run_sweep(wrong, tmp_path / "s", pool=here)
+    assert not (tmp_path / "s").exists()
+
+
+def test_the_rest_of_a_chain_is_left_out(study: Study) -> None:
+    """Whatever the rule looks at: a chain ends with the first scenario that it stops at."""
+
+    class AtSix:
+        def stops(self, labels: dict[str, object]) -> bool:
+            return labels["chair.friction_coefficient"] == inputs[1]
+
+    inputs = [study.scenario(index).inputs["chair.friction_coefficient"] for index in range(6)]
+    ruled = replace(study, rule=AtSix())  # type: ignore[arg-type]
+    rows = throw_batch(ruled, [range(3), range(3, 6)])
+    outcomes = [row.outcome for row in rows]
+    assert outcomes == ["complete", "complete", "skipped", "complete", "complete", "complete"]
+    assert "scenario 1" in rows[2].reason
+
+
+def test_batches_depend_on_the_study_alone_and_split_no_chain(study: Study) -> None:
+    batches = batches_of(study)
+    assert [index for batch in batches for chain in batch for index in chain] == list(range(20))
+    campaign = load_study("paper-campaign")
+    chains = [chain for batch in batches_of(campaign) for chain in batch]
+    assert chains == list(campaign.chains)
+
+
+def test_all_scenarios_of_a_condition_are_in_one_split(whole: Path) -> None:
+    labels = read_labels(whole)
+    split = dict(zip(labels["condition"].values, labels["split"].values, strict=True))
+    assert [split[c] for c in labels["condition"].values] == labels["split"].values.tolist()
+    assert {"train"} < set(split.values()) <= {"train", "validation", "test"}
+
+
+def test_the_card_says_what_how_and_where_from(study: Study, whole: Path) -> None:
+    text = (whole / "README.md").read_text(encoding="utf-8")
+    for words in ("One rail, cut short", "Simulated, not measured", "seed 3", "never by row"):
+        assert words in text
+    least = f"{float(open_sweep(whole)['chair.friction_coefficient'].min()):.6g}"
+    assert f"| `chair.friction_coefficient` | 1 | {least} |" in text
+    assert "| complete | 20 |" in text
