@@ -57,7 +57,8 @@ def test_a_local_cluster_comes_to_the_same_bits(
             n_workers=2,
             threads_per_worker=1,
             processes=False,
-            dashboard_address=None,
+            protocol="tcp://",
+            dashboard_address=":0",
         ) as cluster,
         scheduler_cluster(cluster.scheduler_address) as mine,
     ):

@@ -1,0 +1,85 @@
+"""What the commands of a sweep say to input that is not as it should be."""
+
+from pathlib import Path
+
+import pytest
+from scipy.io import loadmat
+from tests.unit.sweeps import here, small_study, study_file
+from typer.testing import CliRunner
+
+from turnout.cli.main import app
+from turnout.cli.sweep_run import described
+from turnout.errors import FileError, TurnoutError
+from turnout.study.sweep_read import read_labels
+from turnout.study.sweep_run import State, run_sweep
+
+CLI = CliRunner()
+
+
+def refused(*arguments: object) -> str:
+    result = CLI.invoke(app, ["sweep", *map(str, arguments)])
+    assert isinstance(result.exception, TurnoutError), result.output
+    return str(result.exception)
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("swept")
+    run_sweep(small_study(folder, count=3), folder / "sweep", pool=here)
+    return folder / "sweep"
+
+
+def test_a_folder_of_another_study_and_a_file_in_the_place_of_one(
+    swept: Path, tmp_path: Path
+) -> None:
+    study = study_file(tmp_path, count=4)
+    assert "name another folder" in refused("run", study, "-o", swept)
+    assert "is a file; name a folder" in refused("run", study, "-o", study)
+    assert "holds no sweep" in refused("export", tmp_path, "--csv", tmp_path / "a.csv")
+
+
+def test_options_that_do_not_go_together(swept: Path, tmp_path: Path) -> None:
+    study = study_file(tmp_path, count=3)
+    both = ("--scheduler", "tcp://127.0.0.1:9", "--slurm", "a.toml")
+    assert "take one of them" in refused("run", study, "-o", tmp_path / "s", *both)
+    assert not (tmp_path / "s").exists()
+    assert "name at least one of" in refused("export", swept)
+    assert "must end in .csv" in refused("export", swept, "--csv", tmp_path / "a.txt")
+
+
+def test_nothing_to_do_is_told(swept: Path, tmp_path: Path) -> None:
+    study = study_file(tmp_path, count=3)
+    result = CLI.invoke(app, ["sweep", "run", str(study), "-o", str(swept)])
+    assert result.exit_code == 0, result.output
+    assert "nothing was missing" in result.stdout
+
+
+def test_tables_hold_what_the_dataset_holds(swept: Path, tmp_path: Path) -> None:
+    pd, pyarrow = pytest.importorskip("pandas"), pytest.importorskip("pyarrow")
+    assert pyarrow
+    paths = {f"--{name}": tmp_path / f"t.{name}" for name in ("csv", "parquet", "mat")}
+    options = [str(part) for pair in paths.items() for part in pair]
+    result = CLI.invoke(app, ["sweep", "export", str(swept), *options])
+    assert result.exit_code == 0, result.output
+    peak = read_labels(swept)["peak_force"].sel(drive="2", direction="closing").values
+    name = "peak_force.2.closing"
+    assert pd.read_csv(paths["--csv"])[name].to_list() == pytest.approx(peak.tolist(), rel=1e-8)
+    assert pd.read_parquet(paths["--parquet"])[name].to_list() == peak.tolist()
+    matlab = loadmat(paths["--mat"], simplify_cells=True)
+    assert matlab["sweep"]["peak_force_2_closing"].tolist() == peak.tolist()
+    assert matlab["units"]["peak_force_2_closing"] == "N"
+    assert list(matlab["sweep"]["outcome"]) == ["complete"] * 3
+
+
+def test_a_damaged_batch_is_named(swept: Path, tmp_path: Path) -> None:
+    run_sweep(small_study(tmp_path, count=3), tmp_path / "s", pool=here)
+    batch = next((tmp_path / "s" / "batches").glob("*.nc"))
+    batch.write_bytes(b"no netCDF")
+    with pytest.raises(FileError, match=f"{batch.name}: cannot be read.*makes it anew"):
+        read_labels(tmp_path / "s")
+
+
+def test_progress_is_one_line() -> None:
+    state = State(done=50, failed=2, total=250, rate=4.0)
+    assert described(state) == "50 of 250 done, 2 failed, 4 a second, 50 s left"
+    assert described(State(0, 0, 9, 0.0)) == "0 of 9 done"
