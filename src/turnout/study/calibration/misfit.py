@@ -1,7 +1,7 @@
 """Weighted residuals of measured movements against simulated ones, over any set of movements."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from turnout.errors import SolverError
 from turnout.study.calibration.evaluate import Evaluator, Response, Throw
 from turnout.study.calibration.observed import Movement
 from turnout.study.calibration.parameter import Parameter, overrides_of
-from turnout.study.calibration.view import Comparison, View, view_of
+from turnout.study.calibration.view import Comparison, Sensitivity, View, view_of
 
 Floats = NDArray[np.float64]
 # Far enough for the noise of the solver, near enough for a straight line [coordinate].
@@ -35,6 +35,9 @@ class Misfit:
         Measured.
     comparison : Comparison
         How they are compared.
+    own : mapping of str to tuple of float
+        By parameter that scatters: how far each movement's own value is from the common one, as a
+        share; throws are made there.
     law : callable, optional
         From values by name to further overrides of the panel, such as another law of a drive.
     shape : callable, optional
@@ -46,6 +49,7 @@ class Misfit:
     base: Mapping[str, float]
     movements: tuple[Movement, ...]
     comparison: Comparison
+    own: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     law: Callable[[Mapping[str, float]], dict[str, object]] | None = None
     shape: Callable[[Response, Mapping[str, float]], Response] | None = None
     frame: "Frame | None" = None
@@ -80,9 +84,9 @@ class Misfit:
     def responses(self, points: Sequence[Mapping[str, float]]) -> list[list[Response]]:
         """Return the response to each movement at each of several points, thrown together."""
         whole = [{**self.base, **point} for point in points]
-        throws = [self._throw(item, values) for values in whole for item in self.movements]
-        made = self.evaluator.responses(throws)
         count = len(self.movements)
+        throws = [self._throw(number, values) for values in whole for number in range(count)]
+        made = self.evaluator.responses(throws)
         rows = [made[n * count : (n + 1) * count] for n in range(len(points))]
         if self.shape is None:
             return rows
@@ -91,8 +95,14 @@ class Misfit:
             for row, values in zip(rows, whole, strict=True)
         ]
 
-    def _throw(self, movement: Movement, values: Mapping[str, float]) -> Throw:
-        overrides: dict[str, object] = dict(overrides_of(self.parameters, values))
+    def _throw(self, number: int, values: Mapping[str, float]) -> Throw:
+        movement = self.movements[number]
+        mine = {
+            name: values[name] * (1.0 + shares[number])
+            for name, shares in self.own.items()
+            if shares[number]
+        }
+        overrides: dict[str, object] = dict(overrides_of(self.parameters, {**values, **mine}))
         if self.law is not None:
             overrides |= self.law(values)
         return Throw(overrides=overrides, place=movement.place, size=movement.size)
@@ -121,7 +131,15 @@ class Misfit:
         aside = {p.name: stepped_value(p, whole[p.name]) for p in stepped}
         moved = self._moved(whole, stepped, aside, here)
         steps = {p.name: p.coordinate(aside[p.name]) - p.coordinate(whole[p.name]) for p in stepped}
-        return Local(values=whole, here=tuple(here), moved=moved, steps=steps)
+        shares = {name: value / whole[name] - 1.0 for name, value in aside.items()}
+        return Local(
+            values=whole,
+            here=tuple(here),
+            origin=tuple(here),
+            moved=moved,
+            steps=steps,
+            shares=shares,
+        )
 
     def _moved(
         self,
@@ -136,10 +154,10 @@ class Misfit:
         found = {p.name: list(here) for p in stepped}
         for p in stepped:
             values = {**whole, p.name: aside[p.name]}
-            for number, movement in enumerate(self.movements):
+            for number in range(len(self.movements)):
                 if _touches(p, whole[p.name], here[number]):
                     wanted.append((p.name, number))
-                    throws.append(self._throw(movement, values))
+                    throws.append(self._throw(number, values))
         made = self.evaluator.responses(throws)
         for (name, number), response in zip(wanted, made, strict=True):
             if response.failure:
@@ -152,7 +170,9 @@ class Misfit:
             for p in stepped:
                 if not p.keys:
                     values = {**whole, p.name: aside[p.name]}
-                    raw = self.evaluator.responses([self._throw(m, values) for m in self.movements])
+                    raw = self.evaluator.responses(
+                        [self._throw(n, values) for n in range(len(here))]
+                    )
                     found[p.name] = [self.shape(item, values) for item in raw]
         return {name: tuple(row) for name, row in found.items()}
 
@@ -191,16 +211,22 @@ class Local:
         The point.
     here : tuple of Response
         To each movement.
+    origin : tuple of Response
+        Where the steps aside were taken: here, or near by.
     moved : mapping of str to tuple of Response
         By parameter.
     steps : mapping of str to float
         How far aside, in the coordinate.
+    shares : mapping of str to float
+        How far aside, as a share of the value.
     """
 
     values: Mapping[str, float]
     here: tuple[Response, ...]
+    origin: tuple[Response, ...]
     moved: Mapping[str, tuple[Response, ...]]
     steps: Mapping[str, float]
+    shares: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -222,11 +248,18 @@ class Frame:
 def framed(local: Local, misfit: Misfit) -> Frame:
     """Make the views of all movements about a point."""
     views = []
+    zeros = (0.0,) * len(misfit.movements)
     for number, movement in enumerate(misfit.movements):
         sensitivities = {
-            name: _scatter_column(local, misfit, name, number)
+            name: Sensitivity(
+                here=local.origin[number],
+                aside=local.moved[name][number],
+                step=local.shares[name] * (1.0 + own),
+                own=own,
+            )
             for name, share in misfit.comparison.scatter.items()
             if share > 0 and name in local.moved
+            for own in [misfit.own.get(name, zeros)[number]]
         }
         views.append(
             view_of(
@@ -248,22 +281,12 @@ def jacobian(local: Local, frame: Frame, names: Sequence[str]) -> Floats:
     """
     blocks = []
     for number, view in enumerate(frame.views):
-        here = view.plain(local.here[number])
+        here = view.plain(local.origin[number])
         columns = [
             -view.whitened(view.plain(local.moved[name][number]) - here) / local.steps[name]
-            if local.moved[name][number] is not local.here[number]
+            if local.moved[name][number] is not local.origin[number]
             else np.zeros(here.size)
             for name in names
         ]
         blocks.append(np.column_stack(columns) if columns else np.zeros((here.size, 0)))
     return np.concatenate(blocks)
-
-
-def _scatter_column(
-    local: Local, misfit: Misfit, name: str, number: int
-) -> tuple[Response, Response, float]:
-    """Return both responses and the relative change of the parameter between them."""
-    parameter = next(p for p in misfit.parameters if p.name == name)
-    value = local.values[name]
-    aside = parameter.value(parameter.coordinate(value) + local.steps[name])
-    return local.here[number], local.moved[name][number], aside / value - 1.0

@@ -74,10 +74,11 @@ def predicted(
     values = _channel(response, signal)
     start = response.onsets[movement.direction] - shift
     centre = signal.time[bins] + start
-    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(response.time)
-    total = np.concatenate(([0.0], np.cumsum(steps)))
-    above = np.interp(centre + 0.5 * BIN, response.time, total)
-    below = np.interp(centre - 0.5 * BIN, response.time, total)
+    cell = response.time[1] - response.time[0]
+    edges = response.time[0] + cell * (np.arange(values.size + 1) - 0.5)
+    total = np.concatenate(([0.0], np.cumsum(values, dtype=np.float64) * cell))
+    above = np.interp(centre + 0.5 * BIN, edges, total)
+    below = np.interp(centre - 0.5 * BIN, edges, total)
     return np.asarray((above - below) / BIN, dtype=np.float64)
 
 
@@ -88,5 +89,4 @@ def _channel(response: Response, signal: Signal) -> Floats:
     }
     if signal.channel in rows:
         return rows[signal.channel][signal.drive]
-    # Without an object placed, nothing presses on the load cell.
-    return np.nan_to_num(response.object_force)
+    return response.object_force

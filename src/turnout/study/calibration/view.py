@@ -34,11 +34,14 @@ class Doubt:
         Of the marked onset, where currents told it and where only forces did [s].
     zero : float
         Of the zero of a force channel [N].
+    gain : float
+        Of the sensitivity of a channel, cross-talk included, from movement to movement [-].
     """
 
     clocked_onset: float = 0.005
     onset: float = 0.02
     zero: float = 20.0
+    gain: float = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +60,9 @@ class Comparison:
         Relative standard deviation of parameters from movement to movement.
     doubt : Doubt
         Of onset and zero.
+    outlying : float
+        Residuals beyond this many standard deviations count less [-]; infinite far from the fit,
+        where they say where to go.
     """
 
     noise: Mapping[Key, Noise]
@@ -64,6 +70,25 @@ class Comparison:
     window: tuple[float, float | None] = (0.0, None)
     scatter: Mapping[str, float] = field(default_factory=dict)
     doubt: Doubt = field(default_factory=Doubt)
+    outlying: float = float("inf")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sensitivity:
+    """How a movement answers to a parameter that scatters.
+
+    Attributes
+    ----------
+    here, aside : Response
+        At the movement's own value, and one step aside.
+    step, own : float
+        The step, and how far the own value is from the common one, as shares of the common one.
+    """
+
+    here: Response
+    aside: Response
+    step: float
+    own: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,8 +105,8 @@ class View:
         All parts in a row.
     shift : float
         How much later than marked the movement began, as estimated [s].
-    turned : ndarray, shape (n,)
-        Change of the prediction with the shift [unit/s].
+    centre : ndarray, shape (n,)
+        What the estimates of onset and scatter, where throws are made, add to the prediction.
     factors : tuple of ndarray
         Cholesky factor of the noise of each part.
     basis, shrink : ndarray, shape (n, q) and (q,)
@@ -94,15 +119,15 @@ class View:
     parts: list[tuple[Signal, NDArray[np.intp]]]
     measured: Floats
     shift: float
-    turned: Floats
+    centre: Floats
     factors: tuple[Floats, ...]
     basis: Floats
     shrink: Floats
     estimates: Mapping[str, tuple[float, float]]
 
     def of(self, response: Response) -> Floats:
-        """Return the prediction of a response, centred on a doubt of the onset about zero."""
-        return _row(response, self.movement, self.parts, self.shift) - self.turned * self.shift
+        """Return the prediction of a response, brought back to doubts about zero."""
+        return _row(response, self.movement, self.parts, self.shift) - self.centre
 
     def plain(self, response: Response) -> Floats:
         """Return the prediction of a response at the estimated onset."""
@@ -116,6 +141,18 @@ class View:
         """Return a row made independent, doubts shrunk."""
         clean = self.noise_whitened(row)
         return np.asarray(clean - self.basis @ (self.shrink * (self.basis.T @ clean)))
+
+    def left_over(self, response: Response) -> list[Floats]:
+        """Return the residuals of each part, less what the doubts of this movement explain."""
+        row = self.measured - self.of(response)
+        clean = self.noise_whitened(row)
+        explained = 1.0 - (1.0 - self.shrink) ** 2
+        clean = clean - self.basis @ (explained * (self.basis.T @ clean))
+        found, first = [], 0
+        for factor in self.factors:
+            found.append(factor @ clean[first : first + factor.shape[0]])
+            first += factor.shape[0]
+        return found
 
 
 def _row(
@@ -141,7 +178,7 @@ def view_of(
     response: Response,
     *,
     comparison: Comparison,
-    sensitivities: Mapping[str, tuple[Response, Response, float]],
+    sensitivities: Mapping[str, Sensitivity],
 ) -> View:
     """Make the view of a movement about a response.
 
@@ -153,32 +190,58 @@ def view_of(
         Simulated at the point that the view is made about.
     comparison : Comparison
         How movements are compared.
-    sensitivities : mapping of str to (Response, Response, float)
-        For each parameter that scatters: responses at the point and aside, and the relative change
-        of the parameter between them.
+    sensitivities : mapping of str to Sensitivity
+        For each parameter that scatters.
     """
     parts = compared(movement, comparison.channels, comparison.window)
-    measured = np.concatenate([signal.values[bins] for signal, bins in parts])
     factors = tuple(
         comparison.noise[signal.channel, signal.drive].factor(signal.time[bins])
         for signal, bins in parts
     )
+    view = _aligned(movement, response, parts, factors, comparison, sensitivities)
+    if comparison.outlying == float("inf"):
+        return view
+    # What is far off once all is aligned, such as an impact, counts less.
+    trusted = [
+        factor * np.maximum(1.0, np.abs(row) / (comparison.outlying * deviations(factor)))[:, None]
+        for factor, row in zip(factors, view.left_over(response), strict=True)
+    ]
+    return _aligned(movement, response, parts, tuple(trusted), comparison, sensitivities)
+
+
+def deviations(factor: Floats) -> Floats:
+    """Return the standard deviation of each bin from the factor of its covariance."""
+    return np.asarray(np.sqrt((factor**2).sum(axis=1)), dtype=np.float64)
+
+
+def _aligned(
+    movement: Movement,
+    response: Response,
+    parts: list[tuple[Signal, NDArray[np.intp]]],
+    factors: tuple[Floats, ...],
+    comparison: Comparison,
+    sensitivities: Mapping[str, Sensitivity],
+) -> View:
+    """Estimate what is in doubt of a movement, the onset by turns, and whiten by that."""
+    measured = np.concatenate([signal.values[bins] for signal, bins in parts])
     spread = comparison.doubt.clocked_onset if movement.clocked else comparison.doubt.onset
     names = ["onset", *sensitivities]
     scales = [spread, *(comparison.scatter[name] for name in sensitivities)]
-    zeros = _zero_columns(parts, comparison.doubt.zero)
+    zeros = _channel_columns(parts, measured, comparison.doubt)
     shift = 0.0
     for _ in range(ONSET_TURNS):
         later = _row(response, movement, parts, shift + ONSET_STEP)
         earlier = _row(response, movement, parts, shift - ONSET_STEP)
         turned = (later - earlier) / (2.0 * ONSET_STEP)
         columns = [turned] + [
-            (_row(aside, movement, parts, shift) - _row(here, movement, parts, shift)) / step
-            for here, aside, step in sensitivities.values()
+            (_row(s.aside, movement, parts, shift) - _row(s.here, movement, parts, shift)) / s.step
+            for s in sensitivities.values()
         ]
         doubts = np.column_stack([*(c * s for c, s in zip(columns, scales, strict=True)), *zeros])
         clean = np.column_stack([_unnoised(column, factors) for column in doubts.T])
-        rest = measured - _row(response, movement, parts, shift) + turned * shift
+        places = np.array([shift, *(s.own for s in sensitivities.values())])
+        centre = np.column_stack(columns) @ places
+        rest = measured - _row(response, movement, parts, shift) + centre
         inverse = np.linalg.inv(np.eye(clean.shape[1]) + clean.T @ clean)
         found = inverse @ (clean.T @ _unnoised(rest, factors))
         before, shift = shift, float(np.clip(found[0] * spread, -MOST_SHIFT, MOST_SHIFT))
@@ -190,7 +253,7 @@ def view_of(
         parts=parts,
         measured=measured,
         shift=before,
-        turned=turned,
+        centre=centre,
         factors=factors,
         basis=basis,
         shrink=1.0 - 1.0 / np.sqrt(1.0 + sizes**2),
@@ -201,13 +264,16 @@ def view_of(
     )
 
 
-def _zero_columns(parts: Sequence[tuple[Signal, NDArray[np.intp]]], size: float) -> list[Floats]:
-    """Return a column for the zero of each part."""
-    total = sum(bins.size for _, bins in parts)
+def _channel_columns(
+    parts: Sequence[tuple[Signal, NDArray[np.intp]]], measured: Floats, doubt: Doubt
+) -> list[Floats]:
+    """Return a column for the zero and one for the gain of each part."""
     columns, first = [], 0
     for _, bins in parts:
-        column = np.zeros(total)
-        column[first : first + bins.size] = size
-        columns.append(column)
+        place = slice(first, first + bins.size)
+        for values in (np.full(bins.size, doubt.zero), doubt.gain * measured[place]):
+            column = np.zeros(measured.size)
+            column[place] = values
+            columns.append(column)
         first += bins.size
     return columns

@@ -1,0 +1,114 @@
+"""How sure a fit is: covariance, intervals, and what the data cannot tell apart, in words."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from turnout.study.calibration.fit import Fit
+from turnout.study.calibration.parameter import Parameter
+
+Floats = NDArray[np.float64]
+# A deviation above this share of what the bounds alone allow: the data say next to nothing.
+UNTOLD = 0.7
+# Correlation from which two parameters are told apart badly [-].
+CORRELATED = 0.95
+NORMAL_95 = float(norm.ppf(0.975))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Spread:
+    """Covariance of a fit and what follows.
+
+    Attributes
+    ----------
+    coordinate_covariance : ndarray, shape (p, p)
+        In the coordinates of all parameters of the fit, with what their bounds allow as prior.
+    covariance : ndarray, shape (f, f)
+        Of the values of the parameters with state "fitted", in their order.
+    deviations : tuple of float
+        Standard deviation of each value; NaN where it is at a bound.
+    intervals : tuple of (float, float)
+        95 %.
+    states : tuple of str
+        "fitted", "at its bound" or "not identified".
+    findings : tuple of str
+        In words.
+    """
+
+    coordinate_covariance: Floats
+    covariance: Floats
+    deviations: tuple[float, ...]
+    intervals: tuple[tuple[float, float], ...]
+    states: tuple[str, ...]
+    findings: tuple[str, ...]
+
+
+def prior_information(parameters: Sequence[Parameter]) -> Floats:
+    """Return what bounds alone tell of each coordinate: the inverse variance of a flat density."""
+    widths = [item.coordinate(item.upper) - item.coordinate(item.lower) for item in parameters]
+    return np.array([12.0 / width**2 for width in widths])
+
+
+def spread_of(found: Fit) -> Spread:
+    """Return the covariance of a fit from its sensitivities.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+
+    Returns
+    -------
+    Spread
+    """
+    parameters = found.parameters
+    prior = prior_information(parameters)
+    bound = np.array([item.at_bound(found.values[item.name]) for item in parameters])
+    slopes = np.where(bound[None, :], 0.0, found.jacobian)
+    whole = np.linalg.inv(slopes.T @ slopes + np.diag(prior))
+    sizes = np.sqrt(np.diag(whole))
+    states = [
+        "at its bound" if at else "not identified" if size > UNTOLD / np.sqrt(know) else "fitted"
+        for at, size, know in zip(bound, sizes, prior, strict=True)
+    ]
+    kept = [number for number, state in enumerate(states) if state == "fitted"]
+    scale = np.array([item.slope(found.values[item.name]) for item in parameters])
+    covariance = whole[np.ix_(kept, kept)] * np.outer(scale[kept], scale[kept])
+    deviations = tuple(
+        float("nan") if at else float(size * slope)
+        for at, size, slope in zip(bound, sizes, scale, strict=True)
+    )
+    intervals = tuple(
+        (
+            item.value(item.coordinate(found.values[item.name]) - NORMAL_95 * size),
+            item.value(item.coordinate(found.values[item.name]) + NORMAL_95 * size),
+        )
+        for item, size in zip(parameters, sizes, strict=True)
+    )
+    return Spread(
+        coordinate_covariance=whole,
+        covariance=covariance,
+        deviations=deviations,
+        intervals=intervals,
+        states=tuple(states),
+        findings=tuple(_correlations(parameters, whole, kept)),
+    )
+
+
+def _correlations(parameters: Sequence[Parameter], whole: Floats, kept: Sequence[int]) -> list[str]:
+    found = []
+    sizes = np.sqrt(np.diag(whole))
+    for place, one in enumerate(kept):
+        for other in kept[place + 1 :]:
+            correlation = float(whole[one, other] / (sizes[one] * sizes[other]))
+            if abs(correlation) < CORRELATED:
+                continue
+            word = "quotient" if correlation > 0 else "product"
+            found.append(
+                f"{parameters[one].name} and {parameters[other].name} are told apart badly "
+                f"(correlation {correlation:+.2f}): the data tell their {word} better than either"
+            )
+    return found

@@ -1,0 +1,272 @@
+"""Bounded least squares on simulations: steps that know what a throw costs and how sure it is."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from turnout.study.calibration.misfit import Frame, Local, Misfit, framed, jacobian
+from turnout.study.calibration.noise import missed_by_model
+from turnout.study.calibration.parameter import Parameter, coordinates, values_at
+from turnout.study.calibration.view import Key
+
+Floats = NDArray[np.float64]
+MOST_STEPS = 12
+MOST_PASSES = 4
+# Longest step of a coordinate; half a unit is a factor of 1.6.
+LONGEST_STEP = 0.5
+# Within this the sensitivities are not simulated anew [coordinate].
+SAME_SLOPE = 0.015
+# Steps below this cannot be told from the noise of the solver [coordinate].
+SHORTEST_STEP = 1e-4
+# A step that promises less than this is not worth throws [square of a standard deviation].
+LEAST_GAIN = 0.05
+# Of a stage that others follow: how few steps, and which share of the cost one must promise.
+ROUGH_STEPS, ROUGH_GAIN = 6, 0.01
+# How many movements the expected scatter counts for beside those that were measured.
+SCATTER_WEIGHT = 2.0
+# What the noise may change before the fit is done again with it [-].
+SAME_NOISE = 0.25
+# How far a movement's own value may be from where it is thrown [share].
+SAME_OWN = 2e-3
+# Residuals beyond this many standard deviations, such as at an impact, count less once near.
+OUTLYING = 3.0
+# From the median of absolute values to the standard deviation of a normal distribution [-].
+TO_DEVIATION = 1.4826
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fit:
+    """Where a fit ended.
+
+    Attributes
+    ----------
+    misfit : Misfit
+        With the noise and scatter that it ended with.
+    parameters : tuple of Parameter
+        Those that it changed.
+    values : mapping of str to float
+        Of all parameters.
+    local, frame : Local, Frame
+        Responses and views there.
+    residuals : ndarray, shape (n,)
+        Whitened.
+    jacobian : ndarray, shape (n, p)
+        Of the residuals to the coordinates.
+    iterations : int
+        Steps tried.
+    message : str
+        How it ended.
+    converged : bool
+        Whether it ended by itself.
+    """
+
+    misfit: Misfit
+    parameters: tuple[Parameter, ...]
+    values: Mapping[str, float]
+    local: Local
+    frame: Frame
+    residuals: Floats
+    jacobian: Floats
+    iterations: int
+    message: str
+    converged: bool
+
+    @property
+    def point(self) -> Floats:
+        """The coordinates of the parameters."""
+        return coordinates(self.parameters, self.values)
+
+    @property
+    def cost(self) -> float:
+        """Sum of the squared residuals."""
+        return float(self.residuals @ self.residuals)
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals; 1 where the model is right."""
+        return float(np.sqrt(np.mean(self.residuals**2)))
+
+
+def fit(
+    misfit: Misfit,
+    parameters: Sequence[Parameter],
+    values: Mapping[str, float],
+    *,
+    rough: bool = False,
+    told: Callable[[float], None] | None = None,
+) -> Fit:
+    """Fit parameters to movements, and the noise and scatter to what is left over.
+
+    Parameters
+    ----------
+    misfit : Misfit
+        Movements and how they are compared.
+    parameters : sequence of Parameter
+        To change.
+    values : mapping of str to float
+        Where to start, of all parameters.
+    rough : bool
+        Whether others follow, so that nearby is good enough.
+    told : callable, optional
+        Called with the root mean square of the residuals after each step.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    SolverError
+        When a movement cannot be simulated at the start.
+    """
+    first = misfit
+    iterations = 0
+    for _ in range(1 if rough else MOST_PASSES):
+        found = _least_squares(misfit, tuple(parameters), values, rough=rough, told=told)
+        iterations += found.iterations
+        values = found.values
+        better = relearned(found, first)
+        same = _alike(misfit, better)
+        misfit = better
+        if same:
+            break
+    return replace(found, iterations=iterations)
+
+
+def _least_squares(
+    misfit: Misfit,
+    parameters: tuple[Parameter, ...],
+    values: Mapping[str, float],
+    *,
+    rough: bool,
+    told: Callable[[float], None] | None,
+) -> Fit:
+    """Levenberg-Marquardt within bounds, in one state of noise and scatter."""
+    names = [item.name for item in parameters]
+    local = misfit.local(values, names)
+    damping, iterations = 1e-4, 0
+    most = ROUGH_STEPS if rough else MOST_STEPS
+    message, converged = f"ended after {most} steps; more may improve it", rough
+    while True:
+        frame = framed(local, misfit)
+        residuals = misfit.residuals_of(local.here, frame)
+        slopes = jacobian(local, frame, names)
+        cost = float(residuals @ residuals)
+        if told is not None:
+            told(float(np.sqrt(cost / max(residuals.size, 1))))
+        moved = False
+        while iterations < most:
+            iterations += 1
+            step, gain = _step(residuals, slopes, parameters, local.values, damping)
+            least = max(LEAST_GAIN, ROUGH_GAIN * cost) if rough else LEAST_GAIN
+            if gain < least or np.abs(step).max() < SHORTEST_STEP:
+                message, converged = "converged", True
+                break
+            point = coordinates(parameters, local.values) + step
+            trial = {**local.values, **values_at(parameters, point)}
+            here = tuple(misfit.responses([trial])[0])
+            at_trial = misfit.residuals_of(here, frame)
+            ahead = float(at_trial @ at_trial)
+            if np.isfinite(ahead) and ahead < cost:
+                damping, moved = 0.1 * damping, True
+                break
+            damping = max(10.0 * damping, 1e-3)
+            if np.abs(step).max() < 10 * SHORTEST_STEP:
+                message, converged = "converged to the noise of the solver", True
+                break
+        if not moved:
+            break
+        if np.abs(step).max() <= SAME_SLOPE:
+            local = replace(local, values=trial, here=here)
+        else:
+            local = misfit.local(trial, names)
+    return Fit(
+        misfit=misfit,
+        parameters=parameters,
+        values=local.values,
+        local=local,
+        frame=frame,
+        residuals=residuals,
+        jacobian=slopes,
+        iterations=iterations,
+        message=message,
+        converged=converged,
+    )
+
+
+def _step(
+    residuals: Floats,
+    slopes: Floats,
+    parameters: Sequence[Parameter],
+    values: Mapping[str, float],
+    damping: float,
+) -> tuple[Floats, float]:
+    """Return the damped step within bounds, and the fall of the cost that it promises."""
+    scale = np.sqrt((slopes**2).sum(axis=0))
+    scale = np.where(scale > 0, scale, 1.0)
+    here = coordinates(parameters, values)
+    low = np.array([item.coordinate(item.lower) for item in parameters]) - here
+    high = np.array([item.coordinate(item.upper) for item in parameters]) - here
+    low = np.minimum(np.maximum(low, -LONGEST_STEP), -1e-12)
+    high = np.maximum(np.minimum(high, LONGEST_STEP), 1e-12)
+    # The small triangle holds all that the tall matrix knows of the step.
+    tall = np.column_stack([slopes, residuals])
+    triangle: Floats = np.asarray(np.linalg.qr(tall, mode="r"), dtype=np.float64)
+    count = len(parameters)
+    matrix = np.vstack([triangle[:, :count], np.sqrt(damping) * np.diag(scale)])
+    right = np.concatenate([-triangle[:, count], np.zeros(count)])
+    step = lsq_linear(matrix, right, bounds=(low, high)).x
+    ahead = residuals + slopes @ step
+    return np.asarray(step), float(residuals @ residuals - ahead @ ahead)
+
+
+def relearned(found: Fit, first: Misfit) -> Misfit:
+    """Return a misfit whose noise holds what the model misses, and whose scatter is as found.
+
+    Parameters
+    ----------
+    found : Fit
+        In the present state.
+    first : Misfit
+        With the noise of the measurement, and the scatter that was expected.
+    """
+    series: dict[Key, list[Floats]] = {}
+    misfit_noise = found.misfit.comparison.noise
+    for view, response in zip(found.frame.views, found.local.here, strict=True):
+        for (signal, _), row in zip(view.parts, view.left_over(response), strict=True):
+            known = misfit_noise[signal.channel, signal.drive].total
+            most = OUTLYING * max(known, TO_DEVIATION * float(np.median(np.abs(row))))
+            series.setdefault((signal.channel, signal.drive), []).append(np.clip(row, -most, most))
+    noise = dict(first.comparison.noise)
+    for key, rows in series.items():
+        size, length = missed_by_model(rows, noise[key])
+        noise[key] = replace(noise[key], missed=size, missed_length=length)
+    scatter = {}
+    for name, expected in first.comparison.scatter.items():
+        estimates = [v.estimates[name] for v in found.frame.views if name in v.estimates]
+        squares = sum(mean**2 + deviation**2 for mean, deviation in estimates)
+        total = squares + SCATTER_WEIGHT * expected**2
+        scatter[name] = float(np.sqrt(total / (len(estimates) + SCATTER_WEIGHT)))
+    own = {
+        name: tuple(v.estimates[name][0] if name in v.estimates else 0.0 for v in found.frame.views)
+        for name in scatter
+    }
+    comparison = replace(first.comparison, noise=noise, scatter=scatter, outlying=OUTLYING)
+    return replace(found.misfit, comparison=comparison, own=own, frame=None)
+
+
+def _alike(before: Misfit, after: Misfit) -> bool:
+    """Tell whether noise and scatter changed too little to matter."""
+    if before.comparison.outlying != after.comparison.outlying:
+        return False
+    pairs = [
+        (before.comparison.noise[key].total, noise.total)
+        for key, noise in after.comparison.noise.items()
+    ]
+    pairs += [
+        (before.comparison.scatter[name], share) for name, share in after.comparison.scatter.items()
+    ]
+    return all(abs(a - b) <= SAME_NOISE * max(a, b) for a, b in pairs)
