@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from turnout.cli import campaign, panel, recording, report, simulate, sweep, validate
+from turnout.cli import calibrate, campaign, panel, recording, report, simulate, sweep, validate
 from turnout.errors import TurnoutError
 
 BAD_INPUT, INTERRUPTED = 2, 130
@@ -21,6 +21,7 @@ app = typer.Typer(
 app.command("simulate")(simulate.simulate_command)
 app.command("import")(recording.import_command)
 app.command("report")(report.report_command)
+app.command("calibrate")(calibrate.calibrate_command)
 app.command("validate")(validate.validate_command)
 app.add_typer(panel.app, name="panel")
 app.add_typer(campaign.app, name="campaign")

@@ -28,6 +28,14 @@ SetOption = Annotated[
         help="Change a value of the panel, with its unit: drive.2.stiffness='81 kN/m'. Repeatable.",
     ),
 ]
+CalibrationOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--calibration",
+        metavar="FILE",
+        help="Values from `turnout calibrate`; --set goes on top of them.",
+    ),
+]
 DatasetOption = Annotated[
     Path | None, typer.Option("--out", metavar="FILE.nc", help="Write the dataset (netCDF).")
 ]
@@ -37,11 +45,15 @@ FigureOption = Annotated[
 ]
 
 
-def opened_panel(name: str, settings: list[str]) -> "LoadedPanel":
-    """Load a panel and apply the settings of a command line."""
+def opened_panel(name: str, settings: list[str], calibration: Path | None = None) -> "LoadedPanel":
+    """Load a panel, apply a calibration, and the settings of a command line on top."""
     from turnout.panel.load import load_panel
 
     panel = load_panel(name)
+    if calibration is not None:
+        from turnout.study.calibration.record import load_calibration
+
+        panel = load_calibration(calibration).apply(panel)
     return panel.with_settings(settings) if settings else panel
 
 

@@ -8,6 +8,7 @@ import typer
 
 from turnout.cli.options import (
     DEFAULT_PANEL,
+    CalibrationOption,
     DatasetOption,
     FigureOption,
     PanelArgument,
@@ -36,6 +37,7 @@ def simulate_command(
         ),
     ] = [],  # noqa: B006 - typer copies it
     settings: SetOption = [],  # noqa: B006 - typer copies it
+    calibration: CalibrationOption = None,
     out: DatasetOption = None,
     plot: FigureOption = None,
     overlay: Annotated[
@@ -69,7 +71,14 @@ def simulate_command(
     theirs = _overlaid(overlay, plot)
     try:
         dataset, failed = _run(
-            panel, objects, settings, also=also, step=step, cutoff=cutoff, quiet=quiet
+            panel,
+            objects,
+            settings,
+            calibration=calibration,
+            also=also,
+            step=step,
+            cutoff=cutoff,
+            quiet=quiet,
         )
         written = _write(dataset, out=out, plot=plot, overlay=theirs)
     except KeyboardInterrupt:
@@ -88,6 +97,7 @@ def _run(
     objects: list[str],
     settings: list[str],
     *,
+    calibration: Path | None,
     also: list[str],
     step: str,
     cutoff: str,
@@ -99,7 +109,7 @@ def _run(
     from turnout.response.save import Save
 
     panel, foreign, (scheme, save, _) = all_told(
-        lambda: opened_panel(name, settings),
+        lambda: opened_panel(name, settings, calibration),
         lambda: parse_objects(objects),
         lambda: all_told(
             lambda: _scheme(step, cutoff), lambda: Save(also=tuple(also)), lambda: None

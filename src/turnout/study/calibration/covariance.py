@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
+from scipy.stats import t as student
 
-from turnout.study.calibration.fit import Fit
+from turnout.study.calibration.fit import SCATTER_WEIGHT, Fit
 from turnout.study.calibration.parameter import Parameter
 
 Floats = NDArray[np.float64]
@@ -81,12 +82,20 @@ def spread_of(found: Fit) -> Spread:
         float("nan") if at else float(size * slope)
         for at, size, slope in zip(bound, sizes, scale, strict=True)
     )
+    # The scatter of a parameter is itself known from few movements only.
+    freedom = max(len(found.frame.views) - 1, 0) + SCATTER_WEIGHT
+    wide = {
+        name: float(student.ppf(0.975, freedom))
+        for name, share in found.misfit.comparison.scatter.items()
+        if share > 0
+    }
     intervals = tuple(
         (
-            item.value(item.coordinate(found.values[item.name]) - NORMAL_95 * size),
-            item.value(item.coordinate(found.values[item.name]) + NORMAL_95 * size),
+            item.value(item.coordinate(found.values[item.name]) - reach),
+            item.value(item.coordinate(found.values[item.name]) + reach),
         )
         for item, size in zip(parameters, sizes, strict=True)
+        for reach in [wide.get(item.name, NORMAL_95) * float(size)]
     )
     return Spread(
         coordinate_covariance=whole,

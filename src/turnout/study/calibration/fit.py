@@ -249,7 +249,8 @@ def relearned(found: Fit, first: Misfit) -> Misfit:
         estimates = [v.estimates[name] for v in found.frame.views if name in v.estimates]
         squares = sum(mean**2 + deviation**2 for mean, deviation in estimates)
         total = squares + SCATTER_WEIGHT * expected**2
-        scatter[name] = float(np.sqrt(total / (len(estimates) + SCATTER_WEIGHT)))
+        # One movement's worth is used up by the common value itself.
+        scatter[name] = float(np.sqrt(total / (max(len(estimates) - 1, 0) + SCATTER_WEIGHT)))
     own = {
         name: tuple(v.estimates[name][0] if name in v.estimates else 0.0 for v in found.frame.views)
         for name in scatter

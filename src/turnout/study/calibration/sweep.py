@@ -83,7 +83,9 @@ def sweep(
         grid=tried,
         misfit=tuple(per_value),
         values=points[best],
-        curves=_curves(misfit.movements[shown], tried, rows),
+        curves=_curves(misfit.movements[shown], tried, rows)
+        .assign(misfit=("value", per_value))
+        .assign_attrs(parameter=parameter.name, unit=parameter.unit),
     )
 
 

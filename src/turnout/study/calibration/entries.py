@@ -1,0 +1,140 @@
+"""What a calibration writes down of its stages, its parameters, and what to look at."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from turnout.files.provenance import content_hash
+from turnout.study.calibration.covariance import Spread
+from turnout.study.calibration.fit import Fit
+from turnout.study.calibration.observed import Movement
+from turnout.study.calibration.parameter import Parameter
+from turnout.study.calibration.record import Fitted, StageLog
+from turnout.study.calibration.stage import Plan, Stage
+from turnout.study.calibration.sweep import Sweep
+
+# Residuals this much above their expected size say that the model misses something [-].
+LARGE_MISFIT = 1.5
+
+
+def data_hash(movements: Sequence[Movement]) -> str:
+    """Return the content hash of what was measured and compared."""
+    return content_hash(
+        [
+            [
+                item.name,
+                item.direction,
+                item.place,
+                item.size,
+                *(
+                    [signal.channel, signal.drive, np.nan_to_num(signal.values).tolist()]
+                    for signal in item.signals
+                ),
+            ]
+            for item in movements
+        ]
+    )
+
+
+def left_out(stage: Stage, chosen: Sequence[Movement]) -> list[str]:
+    """Say why a stage was left out."""
+    if chosen:
+        return [f"stage {stage.name} was left out: all its parameters are fixed"]
+    where = f" at {stage.movements.place}" if stage.movements.place else ""
+    return [
+        f"stage {stage.name} was left out: no movement with an object{where}; its parameters come "
+        "from the later stages alone"
+    ]
+
+
+def stage_log(
+    stage: Stage,
+    chosen: Sequence[Movement],
+    parameters: Sequence[Parameter],
+    values: Mapping[str, float],
+    final: Fit | None,
+    swept: Sweep | None,
+    made: int,
+) -> StageLog:
+    """Return what a stage did, for the record."""
+    fitted = final if "fit" in stage.method else None
+    return StageLog(
+        name=stage.name,
+        method=stage.method,
+        movements=tuple(item.name for item in chosen),
+        values={item.name: values[item.name] for item in parameters},
+        misfit=fitted.rms if fitted else min(swept.misfit) if swept else float("nan"),
+        evaluations=made,
+        iterations=fitted.iterations if fitted else 0,
+        message=fitted.message if fitted else "swept",
+        sweep={"value": swept.grid, "misfit": swept.misfit} if swept else {},
+    )
+
+
+def warnings_of(final: Fit, spread: Spread) -> list[str]:
+    """Say what to look at: an end before convergence, bounds, what the model misses."""
+    found = []
+    if not final.converged:
+        found.append(f"the last stage {final.message}")
+    for item, state in zip(final.parameters, spread.states, strict=True):
+        if state == "at its bound":
+            found.append(
+                f"{item.name} = {final.values[item.name]:.6g} lies at its bound: the data want "
+                "more; widen the bound, or look for what else is wrong"
+            )
+        elif state == "not identified":
+            found.append(
+                f"{item.name}: these movements do not tell it; fix it, or measure one that does"
+            )
+    for key, noise in final.misfit.comparison.noise.items():
+        measured = float(np.hypot(noise.white, noise.slow))
+        if noise.missed > LARGE_MISFIT * measured:
+            name = f"{key[0]} of drive {key[1]}" if key[1] else key[0]
+            found.append(
+                f"{name}: the model misses {noise.missed:.3g} N beside a noise of "
+                f"{measured:.2g} N; deviations allow for it"
+            )
+    return found
+
+
+def fitted_parameters(plan: Plan, final: Fit, spread: Spread) -> tuple[Fitted, ...]:
+    """Return every parameter of the plan as it came out of the last stage."""
+    places = {item.name: number for number, item in enumerate(final.parameters)}
+    found = []
+    for item in plan.parameters:
+        number = places.get(item.name)
+        value = final.values[item.name]
+        deviation, interval, state = float("nan"), (value, value), "fixed"
+        if number is not None:
+            deviation = spread.deviations[number]
+            interval = spread.intervals[number]
+            state = spread.states[number]
+        found.append(
+            Fitted(
+                name=item.name,
+                keys=item.keys,
+                unit=item.unit,
+                value=value,
+                deviation=deviation,
+                lower=item.lower,
+                upper=item.upper,
+                interval=interval,
+                start=item.start,
+                state=state,
+            )
+        )
+    return tuple(found)
+
+
+def noise_entries(final: Fit) -> dict[str, dict[str, float]]:
+    """Return the noise that a fit ended with, by channel in words."""
+    return {
+        (f"{channel} of drive {drive}" if drive else channel): {
+            "white": noise.white,
+            "slow": noise.slow,
+            "slow_length": noise.slow_length,
+            "missed": noise.missed,
+            "missed_length": noise.missed_length,
+        }
+        for (channel, drive), noise in final.misfit.comparison.noise.items()
+    }

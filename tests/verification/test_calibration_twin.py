@@ -1,0 +1,84 @@
+"""A twin with a finer mesh, measured with noise, is calibrated back from two far starts.
+
+Reference: the values that the twin was thrown with. Tolerance 1 %: friction and stiffness of field
+drives are not known better. One movement each way and one object keep it short; friction does not
+scatter, as so few movements could not average it.
+"""
+
+from pathlib import Path
+
+import pytest
+
+from turnout.cli.main import app
+from turnout.measurement.campaign import build_campaign
+from turnout.panel.load import load_panel
+from turnout.response.store import open_response, save_response
+from turnout.study.calibration.calibrate import calibrate
+from turnout.study.calibration.record import load_calibration
+from turnout.study.virtual_campaign import make_virtual_campaign
+from turnout.study.virtual_plan import Plan
+
+TRUE = {
+    "chair.friction_coefficient": 0.31,
+    "drive.1.stiffness": 900e3,
+    "drive.1.saturation_force": 5.5e3,
+    "drive.2.stiffness": 620e3,
+    "drive.2.saturation_force": 5.8e3,
+}
+STARTS = (
+    {},
+    {
+        "chair.friction_coefficient": 0.5,
+        "drive.1.stiffness": 400e3,
+        "drive.1.saturation_force": 7e3,
+        "drive.2.stiffness": 1200e3,
+    },
+)
+
+
+@pytest.fixture(scope="module")
+def twin(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the dataset of a small measured twin."""
+    folder = tmp_path_factory.mktemp("twin")
+    truth = load_panel("sb1").with_overrides({**TRUE, "discretisation.element_length": "0.05 m"})
+    plan = Plan(
+        places=("drive 1",),
+        sizes=(0.013,),
+        object_free=1,
+        friction_scatter=0.0,
+        formats=(".csv",),
+        seed=11,
+    )
+    make_virtual_campaign(truth, folder / "raw", plan=plan)
+    dataset = build_campaign(folder / "raw").dataset
+    assert dataset is not None
+    save_response(dataset, folder / "campaign.nc")
+    return folder / "campaign.nc"
+
+
+@pytest.mark.parametrize("start", STARTS, ids=["library", "far"])
+def test_the_truth_is_found_within_one_per_cent(twin: Path, start: dict[str, float]) -> None:
+    panel = load_panel("sb1").with_overrides(start)
+    outcome = calibrate(open_response(twin), panel, folder=twin.parent / ".turnout" / "throws")
+    found = outcome.calibration.values
+    assert {key: found[key] for key in TRUE} == pytest.approx(TRUE, rel=0.01)
+    assert all(item.state == "fitted" for item in outcome.calibration.parameters)
+    assert any("stage drive 2 was left out" in text for text in outcome.calibration.warnings)
+
+
+def test_the_command_takes_up_the_throws_and_its_file_applies(
+    twin: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    target, figures = tmp_path / "c.toml", tmp_path / "figures"
+    app(
+        ["calibrate", str(twin), "--panel", "sb1", "-o", str(target), "--workers", "1"]
+        + ["--figures", str(figures)],
+        standalone_mode=False,
+    )
+    shown = capsys.readouterr().out
+    assert "drive.1.stiffness" in shown
+    record = load_calibration(target)
+    assert all(stage.evaluations == 0 for stage in record.stages)
+    panel = record.apply(load_panel("sb1"))
+    assert panel.drive["1"].stiffness == pytest.approx(TRUE["drive.1.stiffness"], rel=0.01)
+    assert len(list(figures.glob("*.png"))) == 2
