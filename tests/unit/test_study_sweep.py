@@ -238,3 +238,38 @@ def test_the_card_says_what_how_and_where_from(study: Study, whole: Path) -> Non
     least = f"{float(open_sweep(whole)['chair.friction_coefficient'].min()):.6g}"
     assert f"| `chair.friction_coefficient` | 1 | {least} |" in text
     assert "| complete | 20 |" in text
+
+
+@pytest.mark.parametrize(
+    ("contact", "slips", "found"),
+    [
+        (np.nan, [(0.5, -9.0)], (False, True)),
+        (np.nan, [(2.5, 9.0)], (True, True)),
+        (2.2, [(2.5, 9.0)], (True, False)),
+        (2.8, [(2.5, 9.0)], (True, True)),
+        (2.2, [(2.5, -9.0)], (False, False)),
+    ],
+)
+def test_slips_with_and_without_an_object(
+    contact: float, slips: list[tuple[float, float]], found: tuple[bool, bool]
+) -> None:
+    """A drive at its limit against the movement still holds the force of the one before."""
+    panel = load_study("sleeper-6").panel
+    opening, closing = (movement.start for movement in panel.movement.values())
+    time = np.linspace(0.0, panel.schedule.end, 400)
+    force = np.zeros(time.size)
+    for when, value in slips:
+        at = opening + when if when < 1 else closing + when
+        force[np.searchsorted(time, at)] = value
+    later = contact if np.isnan(contact) else closing + contact
+    every = xr.Dataset(
+        {
+            "object_force": ("time", np.zeros(time.size)),
+            "drive_force": (("drive", "time"), force[np.newaxis]),
+            "drive_slipping": (("drive", "time"), (np.abs(force) >= 9.0)[np.newaxis]),
+            "contact_time": later,
+        },
+        {"time": time},
+    )
+    labels = sweep_row._object_labels(every, panel)
+    assert (bool(labels["slipped"].values), bool(labels["slipped_free"].values)) == found

@@ -177,18 +177,30 @@ def boiled_down(study: Study, panel: LoadedPanel, solved: Solved) -> tuple[Varia
 
 
 def _object_labels(every: xr.Dataset, panel: LoadedPanel) -> Variables:
-    """Return the largest and last force on the objects, and whether a drive slipped at the end."""
-    force = every["object_force"].to_numpy()
-    last = throws(panel)[-1] if panel.movement else None
-    slipping = every["drive_slipping"].to_numpy()
-    if last is not None:
-        sign = 1.0 if last.to == "closed" else -1.0
-        during = every["time"].to_numpy() >= last.start - 1e-9
-        slipping = (slipping & (sign * every["drive_force"].to_numpy() > 0))[:, during]
+    """Return the largest and last force on the objects, and whether drives slipped."""
+    force, time = every["object_force"].to_numpy(), every["time"].to_numpy()
+    sense, onset = np.zeros(time.size), 0.0
+    for movement in throws(panel):
+        onset = movement.start - 1e-9
+        sense[time >= onset] = 1.0 if movement.to == "closed" else -1.0
+    # At the onset of a movement a drive may still hold with the force of the one before.
+    working = sense * every["drive_force"].to_numpy() > 0
+    slipping = (every["drive_slipping"].to_numpy() & working).any(axis=0)
+    contact = float(every["contact_time"])
+    alone = time < (contact if np.isfinite(contact) else np.inf)
     values: dict[str, tuple[object, str, str]] = {
         "object_force_peak": (float(np.max(force, initial=0.0)), "N", "largest force on objects"),
         "object_force_end": (float(force[-1]), "N", "force on objects at the end"),
-        "slipped": (bool(slipping.any()), "1", "whether a drive slipped in the last movement"),
+        "slipped": (
+            bool(slipping[time >= onset].any()),
+            "1",
+            "whether a drive slipped in the last movement",
+        ),
+        "slipped_free": (
+            bool(slipping[alone].any()),
+            "1",
+            "whether a drive slipped before any object was touched",
+        ),
     }
     return {
         name: xr.Variable((), np.asarray(value), {"units": units, "long_name": text})
