@@ -24,7 +24,8 @@ def report_command(
         Path,
         typer.Argument(
             metavar="SOURCE",
-            help="A run or a campaign (.nc), the folder of a campaign, or a calibration (.toml).",
+            help="A run or a campaign (.nc), a calibration (.toml), "
+            "the folder of a campaign or of a sweep.",
         ),
     ],
     out: Annotated[
@@ -46,6 +47,8 @@ def report_command(
     folder = made_folder("--figures", figures) if figures is not None else None
     if source.suffix.lower() == ".toml" and not source.is_dir():
         page, files = _calibration_page(source, panel, drawn=folder is not None)
+    elif (source / "sweep.json").exists():
+        page, files = _sweep_page(source, drawn=folder is not None)
     elif source.is_dir():
         page, files = _folder_page(source, channels, drawn=folder is not None, quiet=quiet)
     else:
@@ -70,6 +73,23 @@ def _pictures(page: "Page") -> dict[str, bytes]:
         for picture in section.pictures
         for suffix, content in picture.files.items()
     }
+
+
+def _sweep_page(source: Path, *, drawn: bool) -> "tuple[Page, Mapping[str, bytes]]":
+    """Return the page of a sweep's folder, with what decides where the throws tell it."""
+    from turnout.errors import ResponseError
+    from turnout.report.sweep import sweep_figures, sweep_page
+    from turnout.study.sweep_effects import sweep_effects
+    from turnout.study.sweep_read import read_labels
+
+    labels = read_labels(source)
+    try:
+        # A sweep that does not say how it was drawn tells no shares.
+        decided = sweep_effects(labels) if "design" in labels.attrs else []
+    except ResponseError:  # nothing was varied, or no force was kept
+        decided = []
+    page = sweep_page(labels, decided=decided, suffixes=FORMS if drawn else FORMS[:1])
+    return page, sweep_figures(labels, suffixes=FORMS) if drawn else {}
 
 
 def _folder_page(

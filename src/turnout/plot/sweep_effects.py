@@ -107,7 +107,7 @@ def plot_effect(item: Decided, effect: Effect, *, ax: "Axes") -> "Axes":
         ax.set_xticks(x, [str(level) for level in effect.levels], rotation=90, fontsize=6)
         ax.errorbar(x, mean, half, fmt="o", color=COLOURS[0], markersize=3, linewidth=0.8)
     else:
-        text, scale, offset = _scale(effect)
+        text, scale, offset = effect_axis(effect)
         x = scale * np.array(effect.levels, dtype=np.float64) + offset
         ax.fill_between(x, mean - half, mean + half, color=COLOURS[0], alpha=0.25, linewidth=0)
         ax.plot(x, mean, marker="o", markersize=3, color=COLOURS[0], linewidth=1.2)
@@ -119,7 +119,7 @@ def plot_effect(item: Decided, effect: Effect, *, ax: "Axes") -> "Axes":
     return ax
 
 
-def _scale(effect: Effect) -> tuple[str, float, float]:
+def effect_axis(effect: Effect) -> tuple[str, float, float]:
     """Return the title of an input's axis, and what turns SI into what it shows."""
     if effect.name in AXIS_TITLES:
         return AXIS_TITLES[effect.name]
