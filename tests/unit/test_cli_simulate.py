@@ -8,11 +8,11 @@ from tests.unit.simulated import sb1_dataset, sb1_panel
 from typer.testing import CliRunner, Result
 
 from turnout.cli.main import app
-from turnout.cli.panel import all_in_order
 from turnout.errors import FileError
 from turnout.integrate.scheme import Scheme
 from turnout.panel.load import load_panel
 from turnout.response.store import open_response
+from turnout.study.panel_check import concern_lines
 
 # The panel of `sb1_panel`, as it is said on the command line.
 QUICK = [
@@ -164,11 +164,11 @@ def test_a_panel_in_order_has_no_warning() -> None:
     assert "no warnings" in result.stdout
 
 
-def test_what_has_no_limit_is_not_said_to_beall_in_order() -> None:
+def test_what_has_no_limit_is_not_said_to_be_all_in_order() -> None:
     """SB1 tells of no flangeway limit, whatever its flangeway is."""
-    told = all_in_order(load_panel("sb1"))
+    (told,) = concern_lines(load_panel("sb1"), [])
     assert "flangeway was not judged" in told
-    assert "flangeway was not" not in all_in_order(load_panel("sb2"))
+    assert "flangeway was not" not in concern_lines(load_panel("sb2"), [])[0]
 
 
 def test_without_a_throw_only_the_file_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ from turnout.cli.options import DEFAULT_PANEL, PanelArgument, SetOption, opened_
 from turnout.cli.outputs import FIGURES, check_outputs, write_told
 
 if TYPE_CHECKING:
-    from turnout.panel.load import LoadedPanel
+    pass
 
 BAD_INPUT = 2
 
@@ -85,25 +85,13 @@ def check_command(
     if not throw:
         return
     from turnout.cli.throwing import thrown_alone
-    from turnout.study.panel_check import panel_concerns
+    from turnout.study.panel_check import concern_lines, panel_concerns
 
     found = panel_concerns(panel, thrown_alone(panel))
-    for concern in found:
-        typer.echo(f"warning: {concern.text}")
-    if not found:
-        typer.echo(all_in_order(panel))
-    elif strict:
+    for line in concern_lines(panel, found):
+        typer.echo(line)
+    if found and strict:
         raise typer.Exit(BAD_INPUT)
-
-
-def all_in_order(panel: "LoadedPanel") -> str:
-    """Say what was looked at and found in order, and what the file gives no limit for."""
-    if panel.flangeway is not None:
-        return "no warnings: force margins, flangeway, chairs and flutter are in order"
-    return (
-        "no warnings: force margins, chairs and flutter are in order; "
-        "the flangeway was not judged, the file has no flangeway.limit"
-    )
 
 
 @app.command("sections")

@@ -117,6 +117,7 @@ def _run(
     )
     resolve_objects(panel, foreign)
 
+    from turnout.response.placed import check_placed
     from turnout.response.simulate import simulate
 
     with watched(f"simulating {panel.name}", quiet=quiet) as watch:
@@ -128,14 +129,7 @@ def _run(
             throw=False,
             report=watch.report,
         )
-    if dataset.attrs["complete"] and not dataset.get("object_placed", True):
-        from turnout.errors import FileError
-
-        message = (
-            "object: the gap never had room for it from the time it appears, so it was not placed; "
-            "take a smaller size, another place or another time"
-        )
-        raise FileError(message)
+    check_placed(dataset)
     return dataset, not dataset.attrs["complete"]
 
 

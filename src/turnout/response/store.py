@@ -34,6 +34,18 @@ def save_response(dataset: xr.Dataset, path: Path | str) -> None:
     FileError
         When the file cannot be written; nothing half-written stays behind.
     """
+    # In memory first: on a full disk the HDF5 library crashes instead of reporting it.
+    write_atomic(path, response_bytes(dataset))
+
+
+def response_bytes(dataset: xr.Dataset) -> bytes:
+    """Return the content of the netCDF-4 file that `save_response` writes.
+
+    Examples
+    --------
+    >>> response_bytes(xr.Dataset())[1:4]
+    b'HDF'
+    """
     stored = dataset.copy()
     stored.attrs = _encoded(dataset.attrs)
     encoding = {
@@ -41,9 +53,7 @@ def save_response(dataset: xr.Dataset, path: Path | str) -> None:
         for name, variable in stored.variables.items()
         if variable.ndim and variable.size and variable.dtype.kind in "fb"
     }
-    # In memory first: on a full disk the HDF5 library crashes instead of reporting it.
-    content = stored.to_netcdf(engine=ENGINE, encoding=encoding)
-    write_atomic(path, bytes(content))
+    return bytes(stored.to_netcdf(engine=ENGINE, encoding=encoding))
 
 
 def open_response(path: Path | str) -> xr.Dataset:

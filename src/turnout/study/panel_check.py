@@ -29,6 +29,25 @@ def panel_concerns(panel: Panel, dataset: xr.Dataset) -> list[Concern]:
     return [*concerns(dataset), *flutter_concerns(panel)]
 
 
+def concern_lines(panel: Panel, found: list[Concern]) -> list[str]:
+    """Return what to tell of a checked panel: a line a warning, or what was found in order.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> concern_lines(load_panel("uic60-760-1-15"), [])
+    ['no warnings: force margins, flangeway, chairs and flutter are in order']
+    """
+    if found:
+        return [f"warning: {concern.text}" for concern in found]
+    if panel.flangeway is not None:
+        return ["no warnings: force margins, flangeway, chairs and flutter are in order"]
+    return [
+        "no warnings: force margins, chairs and flutter are in order; "
+        "the flangeway was not judged, the file has no flangeway.limit"
+    ]
+
+
 def flutter_concerns(panel: Panel) -> list[Concern]:
     """Return whether the rails can flutter in motion, at their friction or at a quarter more.
 

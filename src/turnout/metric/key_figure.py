@@ -1,0 +1,95 @@
+"""The single numbers that a run is compared by."""
+
+from dataclasses import dataclass
+
+import xarray as xr
+
+from turnout.metric.movement import margins
+from turnout.metric.signal import at_end
+
+
+@dataclass(frozen=True, slots=True)
+class KeyFigure:
+    """One number.
+
+    Attributes
+    ----------
+    key : str
+        Short and stable, such as "end_force:1".
+    label : str
+        What it is.
+    value : float
+        In SI; NaN where there is none.
+    unit : str
+        SI unit.
+    """
+
+    key: str
+    label: str
+    value: float
+    unit: str
+
+
+def key_figures(dataset: xr.Dataset) -> list[KeyFigure]:
+    """Return the numbers of a run: forces and gaps at the end, margins, object, flangeway.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A run with at least one instant; channels that it lacks are left out.
+
+    Returns
+    -------
+    list of KeyFigure
+        Exactly as the dataset has them.
+
+    Examples
+    --------
+    >>> run = xr.Dataset({"object_force": ("time", [0.0, 3.0, 2.0])})
+    >>> [(item.key, item.value) for item in key_figures(run)]
+    [('object_end', 2.0), ('object_peak', 3.0)]
+    """
+    found = []
+    for name in dataset["drive"].values if "drive" in dataset.coords else []:
+        drive = dataset.sel(drive=name)
+        if "drive_force" in drive:
+            force = float(at_end(drive["drive_force"]))
+            found.append(KeyFigure(f"end_force:{name}", f"Drive {name}, end force", force, "N"))
+        if "end_gap" in drive:
+            gap = float(drive["end_gap"])
+            found.append(KeyFigure(f"end_gap:{name}", f"Drive {name}, raw end gap", gap, "m"))
+    if "force_margin" in dataset:
+        found += [
+            KeyFigure(
+                f"margin:{item.drive}:{item.direction}",
+                f"Drive {item.drive}, margin to slip {item.direction}",
+                item.force,
+                "N",
+            )
+            for item in margins(dataset)
+        ]
+    if "sensor_gap" in dataset:
+        for name in dataset["sensor"].values:
+            gap = float(at_end(dataset["sensor_gap"].sel(sensor=name)))
+            found.append(KeyFigure(f"sensor_gap:{name}", f"{name}, end gap", gap, "m"))
+    return found + _of_object(dataset) + _of_flangeway(dataset)
+
+
+def _of_object(dataset: xr.Dataset) -> list[KeyFigure]:
+    if "object_force" not in dataset or dataset.attrs.get("foreign_objects", "") == "[]":
+        return []
+    force = dataset["object_force"]
+    found = [
+        KeyFigure("object_end", "Object, end force", float(at_end(force)), "N"),
+        KeyFigure("object_peak", "Object, largest force", float(force.max()), "N"),
+    ]
+    if "contact_time" in dataset:
+        when = float(dataset["contact_time"])
+        found.append(KeyFigure("contact_time", "Object, first contact", when, "s"))
+    return found
+
+
+def _of_flangeway(dataset: xr.Dataset) -> list[KeyFigure]:
+    if "least_flangeway" not in dataset:
+        return []
+    return [KeyFigure("flangeway", "Least flangeway", float(dataset["least_flangeway"]), "m")]

@@ -1,0 +1,30 @@
+"""What to say of an object for which there was never room."""
+
+import xarray as xr
+
+from turnout.errors import FileError
+
+
+def check_placed(dataset: xr.Dataset) -> None:
+    """Refuse a whole run in which an object was never placed.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        From `simulate`.
+
+    Raises
+    ------
+    FileError
+        With what to change.
+
+    Examples
+    --------
+    >>> check_placed(xr.Dataset({"object_placed": True}, attrs={"complete": True}))
+    """
+    if dataset.attrs["complete"] and not dataset.get("object_placed", True):
+        message = (
+            "object: the gap never had room for it from the time it appears, so it was not placed; "
+            "take a smaller size, another place or another time"
+        )
+        raise FileError(message)
