@@ -3,8 +3,10 @@
 import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
+import urllib.request
 from functools import cache
 from pathlib import Path
 
@@ -31,7 +33,9 @@ def commands(page: str) -> list[str]:
     return [line.strip() for line in lines if line.strip().startswith(PROGRAM)]
 
 
-ALL_COMMANDS = sorted({line for page in PAGES for line in commands(page)})
+# The studio serves until Ctrl-C, so it has a test of its own.
+SERVING = f"{PROGRAM}studio"
+ALL_COMMANDS = sorted({line for page in PAGES for line in commands(page)} - {SERVING})
 
 
 def run(arguments: list[str], folder: Path) -> str:
@@ -68,6 +72,33 @@ def test_commands_run_and_write_what_they_name(command: str, folder: Path) -> No
     assert printed(command, folder)
     for name in re.findall(r"--(?:out|plot) (\S+)", command):
         assert (folder / name).stat().st_size > 1000
+
+
+def test_the_studio_serves_until_ctrl_c(folder: Path) -> None:
+    assert SERVING in commands("README.md")
+    line = [sys.executable, "-m", "turnout", "studio", "--panel", "sb2", "--no-browser"]
+    path = os.pathsep.join(map(os.path.abspath, sys.path))
+    with subprocess.Popen(
+        line,
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": path, "PYTHONUNBUFFERED": "1"},
+    ) as process:
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().removeprefix("studio: ").strip()
+            with urllib.request.build_opener(urllib.request.HTTPCookieProcessor()).open(
+                address, timeout=60
+            ) as page:
+                assert b"turnout studio" in page.read()
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=60)
+        finally:
+            process.kill()
+    assert process.returncode == 130
+    assert said == "turnout: the studio has ended\n"
 
 
 def test_the_output_that_the_readme_shows(folder: Path) -> None:

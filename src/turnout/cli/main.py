@@ -5,7 +5,17 @@ from typing import Annotated
 
 import typer
 
-from turnout.cli import calibrate, campaign, panel, recording, report, simulate, sweep, validate
+from turnout.cli import (
+    calibrate,
+    campaign,
+    panel,
+    recording,
+    report,
+    simulate,
+    studio,
+    sweep,
+    validate,
+)
 from turnout.errors import TurnoutError
 
 BAD_INPUT, INTERRUPTED = 2, 130
@@ -23,6 +33,7 @@ app.command("import")(recording.import_command)
 app.command("report")(report.report_command)
 app.command("calibrate")(calibrate.calibrate_command)
 app.command("validate")(validate.validate_command)
+app.command("studio")(studio.studio_command)
 app.add_typer(panel.app, name="panel")
 app.add_typer(campaign.app, name="campaign")
 app.add_typer(sweep.app, name="sweep")

@@ -1,0 +1,52 @@
+"""The command `turnout studio`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from turnout.cli.options import DEFAULT_PANEL, SetOption, opened_panel
+
+if TYPE_CHECKING:
+    from turnout.web.studio import Opened
+
+INTERRUPTED = 130
+
+
+def studio_command(
+    panel: Annotated[
+        str, typer.Option("--panel", metavar="PANEL", help="Library panel or panel file.")
+    ] = DEFAULT_PANEL,
+    settings: SetOption = [],  # noqa: B006 - typer copies it
+    campaign: Annotated[
+        Path | None,
+        typer.Option(
+            "--campaign", metavar="DIR", help="Measured campaign to lay over simulated throws."
+        ),
+    ] = None,
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="Default any that is free.")
+    ] = 0,
+    browser: Annotated[
+        bool, typer.Option(help="Open the page in the browser; its address is printed anyway.")
+    ] = True,
+) -> None:
+    """Open a page on this machine: move an object along the rail and see the throw at once."""
+    loaded = opened_panel(panel, settings)
+    opened = _opened(campaign) if campaign is not None else None
+    from turnout.web.serve import serve
+    from turnout.web.studio import Studio
+
+    try:
+        serve(Studio(loaded, opened), port=port, browser=browser, tell=typer.echo)
+    except KeyboardInterrupt:
+        typer.echo("turnout: the studio has ended", err=True)
+        raise typer.Exit(INTERRUPTED) from None
+
+
+def _opened(folder: Path) -> "Opened":
+    """Read a campaign as `turnout campaign build` does."""
+    from turnout.cli.campaign import built_campaign
+    from turnout.web.studio import Opened
+
+    return Opened(folder, built_campaign(folder, None, strict=False, quiet=False))

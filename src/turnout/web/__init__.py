@@ -1,0 +1,1 @@
+"""The local studio page: a server on this machine only, and the page that it serves."""

@@ -1,0 +1,114 @@
+"""The sliders of a panel: what they change, in which unit and between what bounds."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from turnout.panel.model import Panel
+from turnout.panel.motion import ordered_movements
+
+KILO, MILLI = 1e3, 1e-3
+MOST_FRICTION, MOST_SIZE, MOST_EXTRA = 0.6, 40.0, 0.6
+SHORTEST = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """One slider.
+
+    Attributes
+    ----------
+    key : str
+        Key of the panel, or "object.size", "object.x", "object.stiffness".
+    label : str
+        What it is.
+    unit : str
+        Unit of its numbers; empty for none.
+    value, least, most, step : float
+        In that unit.
+    """
+
+    key: str
+    label: str
+    unit: str
+    value: float
+    least: float
+    most: float
+    step: float
+
+
+def controls(panel: Panel) -> list[dict[str, Any]]:
+    """Return the sliders of a panel, as plain data.
+
+    Parameters
+    ----------
+    panel : Panel
+        Gives what they begin with.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> [item["key"] for item in controls(load_panel("uic60-760-1-15"))][3:6]
+    ['chair.friction_coefficient', 'drive.1.stiffness', 'drive.2.stiffness']
+    """
+    return [asdict(item) for item in (*_of_object(panel), *_of_values(panel), *_of_times(panel))]
+
+
+def _of_object(panel: Panel) -> list[Control]:
+    defaults = panel.object_defaults
+    rail = panel.rail[defaults.rail]
+    middle = panel.sleeper["6"].x if "6" in panel.sleeper else 0.5 * (rail.start + rail.end)
+    stiffness = defaults.stiffness / (KILO / MILLI)
+    return [
+        Control("object.size", "Size", "mm", 13.0, 1.0, MOST_SIZE, 0.5),
+        Control("object.x", "Place x", "m", middle, rail.start, _last_place(panel), 0.05),
+        Control("object.stiffness", "Stiffness", "kN/mm", stiffness, 1.0, 200.0, 1.0),
+    ]
+
+
+def _last_place(panel: Panel) -> float:
+    """Return where the last chair or drive is: behind it a rail no longer opens."""
+    rail = panel.object_defaults.rail
+    places = [item.x for item in panel.drive.values() if item.rail == rail]
+    places += [item.x for item in panel.chair.values() if item.rails is None or rail in item.rails]
+    return max(places)
+
+
+def _of_values(panel: Panel) -> list[Control]:
+    found = []
+    frictions = [chair.friction_coefficient for chair in panel.chair.values()]
+    if frictions:
+        most = max(MOST_FRICTION, *frictions)
+        key = "chair.friction_coefficient"
+        found.append(Control(key, "Chair friction", "", max(frictions), 0.0, most, 0.01))
+    for name, drive in panel.drive.items():
+        if drive.extension is not None:
+            continue
+        value = drive.stiffness / KILO
+        label = f"Drive {name} stiffness"
+        key, most = f"drive.{name}.stiffness", max(1500.0, 2 * value)
+        found.append(Control(key, label, "kN/m", value, 20.0, most, 5.0))
+    return found
+
+
+def _of_times(panel: Panel) -> list[Control]:
+    """Return the duration of each movement that could be longer, and delays in the last one."""
+    found = []
+    ordered = ordered_movements(panel)
+    until = [movement.start for _, movement in ordered][1:] + [panel.schedule.end]
+    for (name, movement), end in zip(ordered, until, strict=True):
+        extra = max(movement.extra_time.values(), default=0.0)
+        most = round(end - movement.start - max(extra, MOST_EXTRA), 2)
+        least = max(SHORTEST, 2 * movement.ramp)
+        if movement.shape == "table" or most < max(movement.duration, least):
+            continue
+        key, label = f"movement.{name}.duration", f"Time of '{name}'"
+        found.append(Control(key, label, "s", movement.duration, least, most, 0.05))
+    for name, movement in ordered[-1:]:
+        room = until[-1] - movement.start - movement.duration
+        if len(panel.drive) < 2 or room < MOST_EXTRA:
+            continue
+        for drive in panel.drive:
+            key, label = f"movement.{name}.extra_time.{drive}", f"Drive {drive} later by"
+            value = movement.extra_time.get(drive, 0.0)
+            found.append(Control(key, label, "s", value, 0.0, max(MOST_EXTRA, value), 0.05))
+    return found

@@ -1,0 +1,91 @@
+// Pinned throws beside the present one, and files of it. Every number is a text of the server.
+import { postForFile } from "./api.js";
+import { message } from "./live.js";
+import { on, state, tell } from "./state.js";
+
+function nameOf(asked) {
+  const { object, settings } = asked;
+  const parts = [object ? `${object.size} at ${object.at}` : "no object"];
+  parts.push(...Object.entries(settings).map(([key, value]) => `${key} = ${value}`));
+  return parts.join(", ");
+}
+
+function cell(tag, text, scope) {
+  const made = document.createElement(tag);
+  made.textContent = text;
+  if (scope) made.scope = scope;
+  return made;
+}
+
+function table() {
+  const box = document.getElementById("table");
+  if (!state.answer) return;
+  const columns = [{ name: `now: ${nameOf(state.asked)}`, answer: state.answer }, ...state.pins];
+  const head = document.createElement("tr");
+  head.append(cell("td", ""));
+  columns.forEach((column, number) => {
+    const title = cell("th", column.name, "col");
+    if (number) title.append(document.createElement("br"), ...tools(number - 1));
+    head.append(title);
+  });
+  const rows = [head];
+  for (const figure of state.answer.figures) {
+    const row = document.createElement("tr");
+    row.dataset.key = figure.key;
+    row.append(cell("th", figure.label, "row"));
+    for (const { answer } of columns) row.append(cell("td", answer.figures.find((item) => item.key === figure.key)?.text ?? "-"));
+    rows.push(row);
+  }
+  state.answer.lamps.forEach((lamp) => {
+    const row = document.createElement("tr");
+    row.append(cell("th", `${lamp.name}, at the end`, "row"));
+    for (const { answer } of columns) {
+      const own = answer.lamps.find((item) => item.kind === lamp.kind && item.name === lamp.name);
+      row.append(cell("td", own ? own.words[own.on.at(-1) ? 0 : 1] : "-"));
+    }
+    rows.push(row);
+  });
+  box.replaceChildren(...rows);
+}
+
+function tools(number) {
+  const pin = state.pins[number];
+  const label = document.createElement("label"), box = document.createElement("input"), away = document.createElement("button");
+  box.type = "checkbox";
+  box.checked = pin.shown;
+  box.addEventListener("change", () => { pin.shown = box.checked; tell("pins"); });
+  label.append(box, " draw it ");
+  away.type = "button";
+  away.textContent = "Unpin";
+  away.setAttribute("aria-label", `Unpin ${pin.name}`);
+  away.addEventListener("click", () => { state.pins.splice(number, 1); tell("pins"); });
+  return [label, away];
+}
+
+async function save() {
+  const kind = document.getElementById("download").value;
+  const behind = state.pins.find((pin) => pin.shown);
+  const body = { run: state.asked };
+  if (behind && ["png", "pdf", "svg"].includes(kind)) body.behind = behind.asked;
+  try {
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(await postForFile(`/api/file/${kind}`, body));
+    link.download = `${state.panel.name}.${kind}`;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  } catch (error) {
+    message(error.message);
+  }
+}
+
+export function startCompare() {
+  document.getElementById("save").addEventListener("click", () => state.answer && save());
+  document.getElementById("pin").addEventListener("click", () => {
+    if (!state.answer) return;
+    state.pins.unshift({ name: nameOf(state.asked), asked: state.asked, answer: state.answer, shown: true });
+    state.pins.splice(6);
+    tell("pins");
+  });
+  on("answer", table);
+  on("pins", table);
+}

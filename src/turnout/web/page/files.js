@@ -1,0 +1,143 @@
+// Panels, recordings and campaigns: sent to the server of this machine, judged there.
+import { get, post, send } from "./api.js";
+import { buildControls, setValue } from "./controls.js";
+import { message, settled } from "./live.js";
+import { drawPlan } from "./plan.js";
+import { on, state, tell } from "./state.js";
+import { openTab } from "./tabs.js";
+
+const byId = (id) => document.getElementById(id);
+let mapText = "";
+
+function notes(lines, open = true) {
+  byId("notes").textContent = lines.join("\n");
+  if (open) openTab("notes");
+}
+
+// A refusal is shown where everything that is wrong can be read, and leaves what was there.
+async function told(work) {
+  try {
+    message("");
+    await work();
+  } catch (error) {
+    message(error.message);
+  }
+}
+
+export async function showPanel(panel) {
+  state.panel = panel;
+  state.answer = null;
+  state.frame = Infinity;
+  state.pins = [];
+  state.overlay = null;
+  byId("movement").value = "";
+  byId("panel-note").textContent = `${panel.source === panel.name ? "library" : panel.source}, hash ${panel.hash}`;
+  const list = byId("panel");
+  if (![...list.options].some((item) => item.value === panel.mark || item.value === panel.name)) list.add(new Option(`${panel.name} (sent)`, panel.mark));
+  list.value = [...list.options].find((item) => item.value === panel.mark)?.value ?? panel.name;
+  buildControls();
+  tell("pins");
+  drawPlan();
+  await settled();
+}
+
+function listMovements(title, movements) {
+  if (!movements.length) return;
+  const group = document.createElement("optgroup");
+  group.label = title;
+  group.append(...movements.map((item) => {
+    const option = new Option(item.title, item.mark);
+    Object.assign(option.dataset, { size: item.size ?? "", place: item.place });
+    return option;
+  }));
+  byId("movement").append(group);
+}
+
+function campaign() {
+  const found = state.start.campaign;
+  if (!found) return;
+  listMovements(`${found.title}${found.synthetic ? " (synthetic)" : ""}`, found.movements);
+  byId("map").add(new Option("that of the campaign", "campaign"));
+  const link = (file) => {
+    const item = document.createElement("li"), anchor = document.createElement("a");
+    anchor.href = `/api/campaign/${file.split("/").map(encodeURIComponent).join("/")}`;
+    anchor.textContent = file;
+    item.append(anchor);
+    return item;
+  };
+  byId("campaign-files").replaceChildren(...found.files.map(link));
+  if (found.excluded.length) notes(["left out of the campaign:", ...found.excluded], false);
+}
+
+async function overlay() {
+  const mark = byId("movement").value;
+  byId("as-measured").disabled = !mark || !byId("movement").selectedOptions[0].dataset.size;
+  state.overlay = mark ? await post(`/api/measured/${mark}`, state.asked) : null;
+  tell("overlay");
+}
+
+function takeObject() {
+  const { size, place } = byId("movement").selectedOptions[0].dataset;
+  const at = state.panel.places.find((item) => item.name === place);
+  state.trapped = byId("trapped").checked = Number(size) > 0;
+  if (Number(size) > 0) setValue("object.size", 1000 * Number(size));
+  if (at) setValue("object.x", at.x);
+  tell("values");
+  settled();
+}
+
+async function sendRecording() {
+  const file = byId("recording").files[0];
+  if (!file) return;
+  const map = byId("map").value === "sent" ? mapText : byId("map").value;
+  const { lines, movements } = await send("/api/recording", file, { map });
+  notes(lines);
+  listMovements(file.name, movements);
+  if (!movements.length) return;
+  byId("movement").value = movements[movements.length - 1].mark;
+  await overlay();
+  openTab("curves");
+}
+
+async function sendMap() {
+  const file = byId("map-file").files[0];
+  if (!file) return;
+  mapText = await file.text();
+  if (![...byId("map").options].some((item) => item.value === "sent")) byId("map").add(new Option("the one sent", "sent"));
+  byId("map").value = "sent";
+  await sendRecording();
+}
+
+async function sendPanel() {
+  const file = byId("panel-file").files[0];
+  if (!file) return;
+  const panel = await send("/api/panel/send", file);
+  notes([`${file.name}: OK (${panel.name}, hash ${panel.hash})`]);
+  await showPanel(panel);
+}
+
+async function check() {
+  notes([`${state.panel.name}: throwing it to see what it should be warned of ...`]);
+  const { lines } = await post("/api/panel/concerns", { panel: state.panel.mark });
+  notes(lines);
+}
+
+export function startFiles() {
+  campaign();
+  const list = byId("panel");
+  list.replaceChildren(...state.start.library.map((name) => new Option(name, name)));
+  list.addEventListener("change", () => told(async () => {
+    const known = state.start.library.includes(list.value);
+    await showPanel(await post(known ? "/api/panel/open" : "/api/panel/again", known ? { name: list.value } : { panel: list.value }));
+  }));
+  byId("movement").addEventListener("change", () => told(overlay));
+  byId("as-measured").addEventListener("click", takeObject);
+  byId("recording").addEventListener("change", () => told(sendRecording));
+  byId("map").addEventListener("change", () => told(sendRecording));
+  byId("map-file").addEventListener("change", () => told(sendMap));
+  byId("panel-file").addEventListener("change", () => told(sendPanel));
+  byId("check").addEventListener("click", () => told(check));
+  on("answer", () => { if (state.overlay && !state.asked.preview) told(overlay); });
+}
+
+export const begin = async () => { state.start = await get("/api/start"); };

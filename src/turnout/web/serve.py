@@ -1,0 +1,95 @@
+"""Serve the studio on this machine until Ctrl-C."""
+
+import secrets
+import socket
+import threading
+import webbrowser
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import uvicorn
+
+from turnout.errors import FileError
+from turnout.web.app import studio_app
+from turnout.web.guard import LARGEST_UPLOAD, Guard
+from turnout.web.studio import Studio
+
+HOST = "127.0.0.1"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Served:
+    """A server that is ready to run.
+
+    Attributes
+    ----------
+    address : str
+        To be opened once.
+    server : uvicorn.Server
+        Runs with ``server.run(sockets=[listener])``.
+    listener : socket.socket
+        Bound to 127.0.0.1.
+    """
+
+    address: str
+    server: uvicorn.Server
+    listener: socket.socket
+
+
+def prepared(studio: Studio, *, port: int = 0, largest: int = LARGEST_UPLOAD) -> Served:
+    """Bind a port of this machine and set up the server.
+
+    Parameters
+    ----------
+    studio : Studio
+        What to serve.
+    port : int
+        0 for any that is free.
+    largest : int
+        Of an upload [bytes].
+
+    Raises
+    ------
+    FileError
+        When the port is taken.
+    """
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((HOST, port))
+        listener.listen()
+    except (OSError, OverflowError) as error:
+        listener.close()
+        reason = getattr(error, "strerror", None) or str(error)
+        message = f"--port {port}: cannot be used ({reason}); leave it out for any free one"
+        raise FileError(message) from None
+    port = listener.getsockname()[1]
+    token = secrets.token_urlsafe(24)
+    hosts = (f"{HOST}:{port}", f"localhost:{port}")
+    guard = Guard(studio_app(studio), hosts=hosts, token=token, largest=largest)
+    config = uvicorn.Config(
+        guard, log_level="warning", access_log=False, timeout_graceful_shutdown=2, ws="none"
+    )
+    return Served(f"http://{HOST}:{port}/?token={token}", uvicorn.Server(config), listener)
+
+
+def serve(studio: Studio, *, port: int, browser: bool, tell: Callable[[str], None]) -> None:
+    """Serve until Ctrl-C, which raises KeyboardInterrupt.
+
+    Parameters
+    ----------
+    studio : Studio
+        What to serve.
+    port : int
+        0 for any that is free.
+    browser : bool
+        Whether to open the page.
+    tell : callable
+        Takes lines for the screen.
+    """
+    served = prepared(studio, port=port)
+    tell(f"studio: {served.address}")
+    tell("opens once; this machine only; Ctrl-C ends it")
+    if browser:
+        threading.Thread(target=webbrowser.open, args=(served.address,), daemon=True).start()
+    served.server.run(sockets=[served.listener])

@@ -1,0 +1,138 @@
+"""A studio with a panel and a campaign, and Chromium to look at it."""
+
+import contextlib
+import shutil
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+import pytest
+from tests.unit.campaigns import copied
+from tests.unit.served import served
+from tests.unit.simulated import sb2_panel
+
+from turnout.measurement.campaign import build_campaign
+from turnout.web.studio import Opened
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+CHROMIUM = ("chromium", "chromium-browser")
+# WebGL in software, as machines for tests have no graphics.
+ARGUMENTS = [
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
+PATIENCE = 60_000
+
+
+@dataclass
+class Screen:
+    """A page of the studio, with all that it asked for and complained of."""
+
+    page: "Page"
+    host: str
+    asked: list[str] = field(default_factory=list)
+    complaints: list[str] = field(default_factory=list)
+
+    def figure(self, key: str) -> str:
+        """Return a number of the present throw from the table of comparisons."""
+        return self.page.locator(f"#table tr[data-key='{key}'] td").first.inner_text()
+
+    def wait(self, condition: str) -> None:
+        """Wait for an expression to hold; the page forbids what Playwright has for this."""
+        until = time.monotonic() + PATIENCE / 1000
+        while not self.page.evaluate(condition):
+            assert time.monotonic() < until, f"never came: {condition}"
+            self.page.wait_for_timeout(50)
+
+    def forget(self) -> None:
+        """Forget that a throw was computed; `settled` then waits for the next one."""
+        self.page.evaluate("document.getElementById('state').textContent = ''")
+
+    def settled(self) -> None:
+        """Wait until the throw is computed as by the command."""
+        self.wait("document.getElementById('state').textContent.startsWith('as turnout simulate')")
+
+    def set(self, key: str, value: float) -> None:
+        """Type a number beside a slider."""
+        box = self.page.locator(f"#control-{key.replace('.', '-')}-number")
+        self.forget()
+        box.fill(str(value))
+        box.press("Enter")
+        self.settled()
+
+
+def chromium() -> str | None:
+    """Return the program, None where there is none."""
+    return next((found for name in CHROMIUM if (found := shutil.which(name))), None)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator["Browser"]:
+    playwright = pytest.importorskip("playwright.sync_api", reason="no playwright: extra dev")
+    program = chromium()
+    if program is None:
+        pytest.skip("no Chromium: apt-get install chromium (as root)")
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=program, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="session")
+def studio_address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, str]]:
+    """Return the address and the cookie of a studio; the token is spent already."""
+    folder = copied(tmp_path_factory.mktemp("browser"))
+    with served(sb2_panel(), Opened(folder, build_campaign(folder))) as client:
+        client.enter()
+        yield f"http://127.0.0.1:{client.port}", client.cookie
+
+
+@contextlib.contextmanager
+def opened(
+    browser: "Browser", address: str, cookie: str, *, size: tuple[int, int] = (1280, 720)
+) -> Iterator[Screen]:
+    """Open the page and wait for its first throw; nothing may be asked of another host."""
+    name, _, value = cookie.partition("=")
+    context = browser.new_context(viewport={"width": size[0], "height": size[1]})
+    context.set_default_timeout(PATIENCE)
+    context.add_cookies([{"name": name, "value": value, "url": address}])
+    page = context.new_page()
+    screen = Screen(page, urlsplit(address).netloc)
+    page.on("request", lambda request: screen.asked.append(request.url))
+    page.on("pageerror", lambda error: screen.complaints.append(str(error)))
+    page.on(
+        "console",
+        lambda said: screen.complaints.append(said.text) if said.type == "error" else None,
+    )
+    page.goto(address)
+    page.wait_for_selector(".lamp")
+    screen.settled()
+    try:
+        yield screen
+    finally:
+        context.close()
+    foreign = [url for url in screen.asked if urlsplit(url).netloc not in (screen.host, "")]
+    assert not foreign, f"asked of other hosts: {foreign}"
+
+
+@pytest.fixture
+def screen(browser: "Browser", studio_address: tuple[str, str]) -> Iterator[Screen]:
+    """Return a page that must end without a complaint on its console."""
+    with opened(browser, *studio_address) as found:
+        yield found
+    assert not found.complaints, found.complaints
+
+
+@pytest.fixture(scope="session")
+def shots(pytestconfig: pytest.Config) -> Path:
+    """Return the folder that screenshots go to."""
+    folder = Path(pytestconfig.cache.mkdir("studio")) if pytestconfig.cache else Path("studio")
+    folder.mkdir(exist_ok=True)
+    return folder

@@ -1,0 +1,87 @@
+"""The last question wins; nobody waits for what no one wants any more."""
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable
+
+import pytest
+
+from turnout.web import worker
+from turnout.web.worker import Question, Superseded, Worker
+
+
+def run(coroutine_of: Callable[[Worker], object]) -> object:
+    async def inner() -> object:
+        desk = Worker()
+        try:
+            return await coroutine_of(desk)  # type: ignore[misc]
+        finally:
+            desk.close()
+
+    return asyncio.run(inner())
+
+
+def test_what_waits_is_dropped_for_the_newest() -> None:
+    worked: list[int] = []
+    hold = threading.Event()
+
+    def work(number: int) -> Callable[[Question], int]:
+        def inner(_question: Question) -> int:
+            worked.append(number)
+            hold.wait(5)
+            return number
+
+        return inner
+
+    async def ask(desk: Worker) -> object:
+        tasks = []
+        for number in range(5):
+            tasks.append(asyncio.create_task(desk.answer(work(number), kind="live")))
+            await asyncio.sleep(0.02)
+        hold.set()
+        return await asyncio.gather(*tasks, return_exceptions=True)
+
+    found = run(ask)
+    assert worked == [0, 4]
+    assert [type(item) for item in found] == [int, Superseded, Superseded, Superseded, int]  # type: ignore[attr-defined]
+
+
+def test_a_file_is_made_whatever_is_asked_after_it() -> None:
+    async def ask(desk: Worker) -> object:
+        kept = asyncio.create_task(desk.answer(lambda _: "file"))
+        live = asyncio.create_task(desk.answer(lambda _: "throw", kind="live"))
+        return await asyncio.gather(kept, live)
+
+    assert run(ask) == ["file", "throw"]
+
+
+def test_a_long_run_gives_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker, "PATIENCE", 0.05)
+
+    def endless(question: Question) -> None:
+        try:
+            for _ in range(1000):
+                time.sleep(0.01)
+                question.hear()
+        except KeyboardInterrupt:
+            raise Superseded from None
+
+    async def ask(desk: Worker) -> object:
+        slow = asyncio.create_task(desk.answer(endless, kind="live"))
+        await asyncio.sleep(0.02)
+        quick = asyncio.create_task(desk.answer(lambda _: "new", kind="live"))
+        return await asyncio.gather(slow, quick, return_exceptions=True)
+
+    began = time.monotonic()
+    slow, quick = run(ask)  # type: ignore[misc]
+    assert isinstance(slow, Superseded)
+    assert quick == "new"
+    assert time.monotonic() - began < 5
+
+
+def test_a_short_run_is_finished_although_something_newer_waits() -> None:
+    question = Question()
+    question.began = time.monotonic()
+    question.overtaken.set()
+    question.hear(1, 2)
