@@ -4,11 +4,13 @@ from pathlib import Path
 
 import pytest
 from tests.unit.simulated import sb2_dataset
+from tests.unit.sweeps import here, small_study
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.errors import FileError
 from turnout.response.store import save_response
+from turnout.study.sweep_run import run_sweep
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +30,17 @@ def test_a_report_and_its_figures_are_written(run_file: Path, tmp_path: Path) ->
     names = {path.name for path in figures.iterdir()}
     assert {f"throw{suffix}" for suffix in (".pdf", ".png", ".svg")} <= names
     assert len(names) == 15
+
+
+def test_the_folder_of_a_sweep_is_told_from_that_of_a_campaign(tmp_path: Path) -> None:
+    folder, out = tmp_path / "results", tmp_path / "sweep.html"
+    run_sweep(small_study(tmp_path, count=3), folder, pool=here)
+    done = CliRunner().invoke(app, ["report", str(folder), "-o", str(out)])
+    assert done.exit_code == 0, done.output
+    html = out.read_text(encoding="utf-8")
+    assert "<h1>Sweep tiny</h1>" in html
+    assert "chair.friction_coefficient" in html
+    assert "of 3 throws" in html
 
 
 @pytest.mark.parametrize(
