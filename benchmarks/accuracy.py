@@ -1,10 +1,10 @@
 """Global error of every channel against what it costs; writes a section and a figure.
 
-    python -m benchmarks.accuracy [FOLDER] [--again]
+    python -m benchmarks.accuracy [FOLDER] [--again] [--cases CASE ...]
 
 The reference is turnout's own with steps of 0.05 ms and all modes, cached in FOLDER (default
 build/accuracy), as is every run, so that an interrupted one goes on; `--again` repeats the runs
-(after a change of the solver) and keeps the references, which say by which solver they were made.
+(after a change of the solver) and keeps the references. `--cases` leaves out what is not named.
 """
 
 import argparse
@@ -131,13 +131,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.accuracy")
     parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "build" / "accuracy")
     parser.add_argument("--again", action="store_true")
+    parser.add_argument("--cases", nargs="+", choices=list(CASES), default=list(CASES))
     given = parser.parse_args()
     if given.again:
         shutil.rmtree(given.folder / "runs", ignore_errors=True)
     try:
         runs = [
             kept_run(case, name, scheme, given.folder)
-            for case in CASES
+            for case in given.cases
             for name, scheme in schemes()
         ]
     except KeyboardInterrupt:

@@ -29,10 +29,11 @@ OWN = "reference at twice the step"
 
 def draw(runs: Sequence[Run]) -> Figure:
     """Draw the worst rms of some channels over the processor time, a line a cut-off."""
-    drawing = Figure(figsize=(10.0, 8.2), layout="constrained")
-    grid = drawing.subplots(len(GROUPS), len(PICTURED), sharex="col", sharey="row")
+    pictured = [case for case in PICTURED if any(run.case == case for run in runs)]
+    drawing = Figure(figsize=(1.0 + 3.0 * len(pictured), 8.2), layout="constrained")
+    grid = drawing.subplots(len(GROUPS), len(pictured), sharex="col", sharey="row", squeeze=False)
     for row, (title, names) in zip(grid, GROUPS.items(), strict=True):
-        for ax, case in zip(row, PICTURED, strict=True):
+        for ax, case in zip(row, pictured, strict=True):
             _curves(ax, [r for r in runs if r.case == case and r.channels], names)
             if ax is row[0]:
                 ax.set_ylabel(f"{title}\nrms [% of peak]")
@@ -78,8 +79,9 @@ def _curves(ax: Axes, runs: Sequence[Run], names: Sequence[str]) -> None:
 
 
 def worst_rms(run: Run, names: Sequence[str]) -> float:
-    """Return the largest rms among some channels [% of peak]."""
-    return max(run.channels[name].rms for name in names if name in run.channels)
+    """Return the largest rms among some channels [% of peak]; NaN without any."""
+    found = [run.channels[name].rms for name in names if name in run.channels]
+    return max(found, default=float("nan"))
 
 
 def section(runs: Sequence[Run]) -> str:

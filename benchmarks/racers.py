@@ -53,16 +53,14 @@ CANDIDATES = tuple(
 """Of turnout's choices, those tried for the least that agrees, as rivals try their steps."""
 
 RACERS = {
-    "turnout-least": Racer("turnout, least that agrees", (0.0,), 15),
-    "turnout-quick": Racer("turnout, quick mode", (0.0,), 15),
-    "turnout-waveform": Racer("turnout, waveform mode", (0.0,), 15),
-    "banded-lateral": Racer(
-        "banded, compiled, lateral plane only as the vertical is at rest", STEPS, 9, "2.0 s"
-    ),
-    "banded": Racer("banded, compiled, all coordinates", STEPS, 9, "3.5 s"),
-    "exudyn-reduced": Racer("Exudyn on turnout's superelement", STEPS, 3),
-    "exudyn": Racer("Exudyn on sparse finite elements", STEPS, 3, "7.4 s"),
-    "opensees": Racer("OpenSeesPy, its own elements and materials", STEPS, 1, "23 s"),
+    "turnout-least": Racer("turnout, least", (0.0,), 15),
+    "turnout-quick": Racer("turnout, quick", (0.0,), 15),
+    "turnout-waveform": Racer("turnout, waveform", (0.0,), 15),
+    "banded-lateral": Racer("banded, lateral plane", STEPS, 9, "2.0 s"),
+    "banded": Racer("banded, all coordinates", STEPS, 9, "3.5 s"),
+    "exudyn-reduced": Racer("Exudyn, turnout's superelement", STEPS, 3),
+    "exudyn": Racer("Exudyn, finite elements", STEPS, 3, "7.4 s"),
+    "opensees": Racer("OpenSeesPy", STEPS, 1, "23 s"),
 }
 
 

@@ -30,7 +30,7 @@ from turnout.panel.motion import marker_offsets, marker_positions
 FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 DEFAULT = "uic60-760-1-15"
 CHAIRS = (4, 8, 16, 32, 64)
-DRIVES = (1, 2, 4, 8, 16)
+DRIVES = (1, 2, 3, 4, 6)
 CUTOFFS = (75.0, 150.0, 300.0, 600.0)
 SLOWER = (1.0, 2.0, 4.0, 8.0)
 REPEATS = 3

@@ -5,10 +5,12 @@ import json
 import numpy as np
 import pytest
 from benchmarks import banded, race, sb1, scaling
-from benchmarks.errors import contact_late, error, errors
+from benchmarks.accuracy_page import draw, section
+from benchmarks.errors import Error, Run, contact_late, error, errors
 from benchmarks.machine import figure, processor_seconds, told
 from benchmarks.page import with_section
 from benchmarks.racers import RACERS
+from benchmarks.schemes import MODES
 from tests.verification.runs import throw
 
 
@@ -98,7 +100,7 @@ def test_ratios_are_of_agreeing_runs():
     assert "| 800 ms (700 to 900) |" in table
     assert "| yes | 400 | 3.5 s |" in table
     assert "| **no** | 200 |  |" in table
-    assert "- banded, compiled, all coordinates, 1 ms: 400\n" in race.summary("A", lines)
+    assert "- banded, all coordinates, 1 ms: 400\n" in race.summary("A", lines)
 
 
 def test_what_is_measured_is_kept(tmp_path):
@@ -161,3 +163,40 @@ def test_figures_are_told_as_measured():
     calls = []
     assert len(processor_seconds(lambda: calls.append(1), count=3)) == 3
     assert len(calls) == 4
+
+
+def graded(case, mode, *, rms, end_allowed):
+    step = MODES[mode].step
+    found = {"drive_force": Error(rms, 1.0, 3.0, end_allowed), "gap": Error(0.1, 0.2, 1e-4, np.nan)}
+    return Run(case, mode, step, 100.0, "plain", 9, 0, 0.02, 0.5, 1e-3, found)
+
+
+def test_the_verdict_names_what_breaks_the_promise():
+    good = [graded("sb1", mode, rms=0.4, end_allowed=0.9) for mode in MODES]
+    text = section(good)
+    assert "in all cases: `drive_force`, `gap`. Outside in the cases named: none." in text
+    late_end = [*good, graded("sb2", "quick", rms=0.4, end_allowed=1.1)]
+    assert "Outside in the cases named: `drive_force` (sb2)." in section(late_end)
+    assert "**0.40 / 1.00 / 3**" in section(late_end)
+    rough = [*good, graded("sb2", "quick", rms=0.6, end_allowed=0.1)]
+    assert "Outside in the cases named: `drive_force` (sb2)." in section(rough)
+
+
+def test_the_figure_of_accuracy_holds_the_runs():
+    runs = [graded("sb2, object", mode, rms=0.4, end_allowed=0.9) for mode in MODES]
+    drawing = draw(runs)
+    assert len(drawing.axes) == 3  # one case pictured, three groups of channels
+    rings = [line for line in drawing.axes[0].lines if line.get_label() == "quick mode"]
+    assert (rings[0].get_xdata(), rings[0].get_ydata()) == ([20.0], [0.4])
+
+
+def test_the_figure_of_the_race_shows_agreeing_runs_only():
+    lines = [
+        ("turnout-least", measurement([0.002])),
+        ("banded", measurement([0.8])),
+        ("banded", measurement([0.4], step=2.0, agrees=False)),
+        ("opensees", measurement([9.0], agrees=False)),
+    ]
+    drawing = race.draw({"A": lines, "B": lines})
+    shown = drawing.axes[0].collections[0].get_offsets()[:, 0]
+    assert shown.tolist() == [0.002, 0.8]
