@@ -18,7 +18,8 @@ class Error:
     Attributes
     ----------
     rms, largest : float
-        Of the difference, in percent of the channel's peak in the reference.
+        Of the difference, in percent of the channel's peak in the reference, of energies in percent
+        of the scale of its books.
     end : float
         Largest difference at the end [unit of the channel].
     end_allowed : float
@@ -66,8 +67,16 @@ def channels(dataset: xr.Dataset) -> dict[str, NDArray[np.float64]]:
     return found
 
 
-def error(ours: NDArray[np.float64], theirs: NDArray[np.float64], *, unit: str) -> Error:
+def error(
+    ours: NDArray[np.float64],
+    theirs: NDArray[np.float64],
+    *,
+    unit: str,
+    scale: float | None = None,
+) -> Error:
     """Compare one channel, shapes (members, instants), at the same instants.
+
+    Differences are shares of `scale`, which is the channel's peak where none is given.
 
     Examples
     --------
@@ -79,7 +88,7 @@ def error(ours: NDArray[np.float64], theirs: NDArray[np.float64], *, unit: str) 
     if not kept.any():
         return Error(0.0, 0.0, 0.0, np.nan)
     ours, theirs = ours[kept], theirs[kept]
-    peak = np.abs(theirs).max()
+    peak = np.abs(theirs).max() if scale is None else scale
     off = np.abs(ours - theirs)
     end = off[:, -1]
     allowed = np.maximum(END_SHARE * np.abs(theirs[:, -1]), END_FORCE)
@@ -95,16 +104,21 @@ def error(ours: NDArray[np.float64], theirs: NDArray[np.float64], *, unit: str) 
 
 
 def errors(run: xr.Dataset, reference: xr.Dataset) -> dict[str, Error]:
-    """Compare every channel at the instants of the run, which the reference must have too."""
+    """Compare every channel at the instants of the run, which the reference must have too.
+
+    Energies are compared with the scale of the books, as one that hardly changes has no peak.
+    """
     every = np.searchsorted(reference["time"].to_numpy(), run["time"].to_numpy() - 1e-9)
     if not np.allclose(reference["time"].to_numpy()[every], run["time"].to_numpy(), atol=1e-9):
         message = "the reference has other instants than the run"
         raise ValueError(message)
     theirs, ours = channels(reference), channels(run)
-    return {
-        name: error(ours[name], theirs[name][:, every], unit=run[name].attrs.get("units", ""))
-        for name in theirs
-    }
+    found = {}
+    for name, values in theirs.items():
+        unit = str(run[name].attrs.get("units", ""))
+        scale = float(reference.attrs["energy_scale"]) if unit == "J" else None
+        found[name] = error(ours[name], values[:, every], unit=unit, scale=scale)
+    return found
 
 
 def contact_late(run: xr.Dataset, reference: xr.Dataset) -> float:

@@ -20,6 +20,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from benchmarks.kept import keep
+from benchmarks.log_axis import label_times
 from benchmarks.machine import ONE_THREAD, figure, load, machine, told
 from benchmarks.page import write_section
 from benchmarks.racers import RACERS
@@ -148,7 +149,7 @@ def draw(raced: dict[str, list[tuple[str, Found]]]) -> Figure:
             )  # fmt: skip
         ax.grid(alpha=0.3)
         ax.set_xscale("log")
-        ax.set_xlim(min(seconds) / 2, 10 * max(seconds))
+        label_times(ax, min(seconds) / 2, 10 * max(seconds))
         ax.set_xlabel("processor time [s]")
         ax.set_title(f"SB1, case {case}: cheapest run that agrees", fontsize=10)
         ax.spines[["top", "right"]].set_visible(False)

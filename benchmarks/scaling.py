@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from benchmarks.log_axis import plain_ticks
 from benchmarks.machine import figure, load, machine, processor_seconds
 from benchmarks.page import write_section
 from benchmarks.schemes import MODES
@@ -187,9 +188,8 @@ def draw(measured: dict[str, tuple[str, list[Point]]]) -> Figure:
         ax.set_xlabel(label)
         ax.set_ylabel("steps [ms]")
         ax.set_xticks(values, [figure(v) for v in values])
-        ticks = [t for k in range(-1, 6) for t in (10.0**k, 2 * 10.0**k, 5 * 10.0**k)]
-        low, high = 0.7 * min(steps), 1.4 * max(steps)
-        shown = [t for t in ticks if low <= t <= high]
+        low, high = 0.5 * min(steps), 2.0 * max(steps)
+        shown = plain_ticks(low, high)
         ax.set_yticks(shown, [figure(t) for t in shown])
         ax.minorticks_off()
         ax.set_ylim(low, high)
@@ -206,23 +206,24 @@ def section(measured: dict[str, tuple[str, list[Point]]], *, most: float) -> str
         f"Scheme: {MODES['waveform'].describe()}; medians of {REPEATS} runs, processor time. "
         "*Steps* is a run less *before steps*, which is condensation and equilibrium. Rows are"
         " the displacements that laws read, flips the changes of a law's segment. The exponent is"
-        " of the steps, fitted through all points of an axis.",
+        " of the steps, fitted through all points of an axis, and between the last two.",
         "",
         "![Time of the steps along four axes](figures/scaling.png)",
         "",
         "| axis | value | rows | modes | checks of the set | flips | before steps [ms] "
-        "| steps [ms] | exponent |",
-        "|---|---:|---:|---:|---:|---:|---:|---:|---:|",
+        "| steps [ms] | exponent | at the end |",
+        "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
     ]
     for label, points in measured.values():
         slope = exponent([p.value for p in points], [p.steps for p in points])
+        last = exponent([p.value for p in points[-2:]], [p.steps for p in points[-2:]])
         for point in points:
             first = point is points[0]
             lines.append(
                 f"| {label if first else ''} | {figure(point.value)} | {point.rows} "
                 f"| {point.modes} | {point.iterations} | {point.flips} "
                 f"| {figure(1e3 * point.start)} | {figure(1e3 * point.steps)} "
-                f"| {f'{slope:.2f}' if first else ''} |"
+                f"| {f'{slope:.2f} | {last:.2f}' if first else ' | '} |"
             )
     return "\n".join(lines) + "\n"
 

@@ -133,6 +133,7 @@ def test_an_error_is_of_the_worst_member():
     assert found.largest == pytest.approx(1.5)
     assert not found.within
     assert np.isnan(error(ours, theirs, unit="m").end_allowed)
+    assert error(ours, theirs, unit="J", scale=300.0).largest == pytest.approx(10.0)
 
 
 def test_errors_fall_with_the_step():
