@@ -145,7 +145,9 @@ def main() -> None:
         print(f"interrupted; {given.folder} holds what is done", file=sys.stderr)
         raise SystemExit(130) from None
     draw(runs).savefig(ROOT / "docs" / "figures" / "accuracy.png", dpi=130)
-    write_section("Accuracy against cost", section(runs))
+    missing = [case for case in CASES if case not in given.cases]
+    text = f"\nLeft out of this run: {'; '.join(missing)}.\n" if missing else ""
+    write_section("Accuracy against cost", section(runs) + text)
 
 
 if __name__ == "__main__":

@@ -40,9 +40,9 @@ def draw(runs: Sequence[Run]) -> Figure:
             _curves(ax, [r for r in runs if r.case == case and r.channels], names)
             if ax is row[0]:
                 ax.set_ylabel(f"{title}\nrms [% of peak]")
-            if row is grid[0]:
+            if ax.get_subplotspec().is_first_row():
                 ax.set_title(case, fontsize=10)
-            if row is grid[-1]:
+            if ax.get_subplotspec().is_last_row():
                 ax.set_xlabel("processor time [ms]")
     handles, labels = grid[0][0].get_legend_handles_labels()
     drawing.legend(

@@ -186,6 +186,8 @@ def test_the_verdict_names_what_breaks_the_promise():
 def test_the_figure_of_accuracy_holds_the_runs():
     runs = [graded("sb2, object", mode, rms=0.4, end_allowed=0.9) for mode in MODES]
     drawing = draw(runs)
+    assert drawing.axes[0].get_title() == "sb2, object"
+    assert drawing.axes[2].get_xlabel() == "processor time [ms]"
     assert len(drawing.axes) == 3  # one case pictured, three groups of channels
     rings = [line for line in drawing.axes[0].lines if line.get_label() == "quick mode"]
     assert (rings[0].get_xdata(), rings[0].get_ydata()) == ([20.0], [0.4])
