@@ -6,20 +6,21 @@ from typing import Annotated
 import typer
 
 from turnout.cli.outputs import check_outputs, write_told
+from turnout.cli.sweep_look import effects_command, map_command
+from turnout.cli.sweep_plan import StudyArgument, plan_command
 from turnout.cli.sweep_run import export_command, run_command
 
 app = typer.Typer(
-    help="Many throws from one study file: list, show, schema, run, export.",
+    help="Many throws from one study file: list, show, plan, run, map, effects, export, schema.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
 
+app.command("plan")(plan_command)
 app.command("run")(run_command)
+app.command("map")(map_command)
+app.command("effects")(effects_command)
 app.command("export")(export_command)
-
-StudyArgument = Annotated[
-    str, typer.Argument(metavar="STUDY", help="Library study, or path of a study file (.toml).")
-]
 
 
 @app.command("list")
