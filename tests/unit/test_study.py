@@ -1,5 +1,6 @@
 """Studies: scenarios by their number, in any order, with what they change and trap."""
 
+import json
 import pickle
 from pathlib import Path
 
@@ -70,3 +71,87 @@ def test_a_larger_random_study_begins_like_a_smaller_one() -> None:
 def test_every_library_study_loads() -> None:
     for name in study_names():
         assert load_study(name).count > 0
+
+
+def test_a_design_says_what_an_analysis_must_know() -> None:
+    design = study(DRAWN + "[sampling]\ncount = 3\n").design.described()
+    assert json.loads(json.dumps(design)) == {
+        "method": "random",
+        "draws": 3,
+        "states": 3,
+        "cells": 1,
+        "drawn": ["chair.friction_coefficient", "drive.2.stiffness"],
+        "axes": [],
+    }
+
+
+def test_the_file_of_the_documentation_is_a_study(pytestconfig: pytest.Config) -> None:
+    text = (pytestconfig.rootpath / "docs/how-to/sweep-study.md").read_text(encoding="utf-8")
+    first = text.split("```toml")[1].split("```")[0]
+    shown = study_from_file(parse_toml(first, source="documentation", folder=Path.cwd()))
+    assert shown.count == 13 * 4 * 200
+    assert [len(chain) for chain in shown.chains[:2]] == [4, 4]
+
+
+def test_temperature_multiplies_what_was_drawn_for_friction() -> None:
+    text = DRAWN + (
+        '[[variable]]\nkey = "temperature"\nvalues = ["20 degC", "-5 degC"]\n'
+        '[temperature_law]\nreference = "20 degC"\ncoefficient = "-0.01 1/K"\n'
+        "[sampling]\ncount = 2\n"
+    )
+    warm, cold = (study(text).scenario(index) for index in (2, 3))
+    assert warm.inputs["chair.friction_coefficient"] == cold.inputs["chair.friction_coefficient"]
+    key = "chair.friction_coefficient"
+    assert cold.overrides[key] == pytest.approx(1.25 * float(warm.overrides[key]))
+    assert warm.condition == cold.condition == "state 1"
+
+
+def test_a_factor_multiplies_what_a_field_has_drawn_for_each_chair() -> None:
+    text = (
+        '[[field]]\nkey = "chair.friction_coefficient"\ndistribution = "uniform"\n'
+        'minimum = 0.1\nmaximum = 0.3\ncorrelation_length = "2 m"\n'
+        '[[variable]]\nkey = "chair.friction_coefficient"\nfactor = true\nvalues = [1.0, 2.0]\n'
+        "[sampling]\ncount = 3\n"
+    )
+    made = study(text)
+    once, twice = made.scenario(4), made.scenario(5)
+    assert len(once.overrides) == len(made.panel.chair)
+    assert len(set(once.overrides.values())) == len(made.panel.chair)
+    for key, value in once.overrides.items():
+        assert twice.overrides[key] == pytest.approx(2.0 * float(value))
+    assert once.inputs["chair.friction_coefficient.mean"] == pytest.approx(
+        sum(float(value) for value in once.overrides.values()) / len(once.overrides)
+    )
+
+
+def test_an_absent_object_has_no_size_in_the_data() -> None:
+    text = (
+        '[[variable]]\nkey = "object.present"\nvalues = [true, false]\n'
+        '[[variable]]\nkey = "object.size"\nvalues = ["13 mm"]\n'
+        '[[variable]]\nkey = "object.x"\nvalues = ["3.6 m"]\n'
+    )
+    there, gone = study(text).scenarios()
+    assert there.foreign_objects == (ForeignObject(0.013, "x = 3.6 m"),)
+    assert (gone.foreign_objects, gone.inputs["object.size"]) == ((), 0.0)
+
+
+def test_cases_side_by_side_are_thrown_in_their_order() -> None:
+    text = (
+        '[[together]]\nkeys = ["object.at", "object.size"]\n'
+        'rows = [["sleeper 6", "13 mm"], ["drive 2", "5 mm"]]\n'
+    )
+    found = [item.foreign_objects[0] for item in study(text).scenarios()]
+    assert found == [ForeignObject(0.013, "sleeper 6"), ForeignObject(0.005, "drive 2")]
+
+
+def test_the_digest_changes_with_what_determines_results_and_with_nothing_else() -> None:
+    base = study(DRAWN + "[sampling]\ncount = 4\n").digest
+    assert study(DRAWN.replace("900 kN/m", "0.9 MN/m") + "[sampling]\ncount = 4\n").digest == base
+    for changed in (
+        DRAWN.replace("900", "901") + "[sampling]\ncount = 4\n",
+        DRAWN + "[sampling]\ncount = 5\n",
+        DRAWN + '[sampling]\ncount = 4\n[scheme]\nstep = "2 ms"\n',
+        DRAWN + '[sampling]\ncount = 4\n[output]\nrate = "50 Hz"\n',
+        DRAWN + '[sampling]\ncount = 4\n[set]\n"chair.damping" = "30 kN s/m"\n',
+    ):
+        assert study(changed).digest != base

@@ -45,8 +45,8 @@ def study_lines(study: Study) -> Iterator[str]:
     for number, field in enumerate(study.fields):
         low, high, share = ends_of(field.distribution)
         text = (
-            f"{low:.4g} ... {high:.4g} {field.distribution.kind}{share}, {len(field.members)} places, "
-            f"{field.correlation} over {field.correlation_length:g} m"
+            f"{low:.4g} ... {high:.4g} {field.distribution.kind}{share}, "
+            f"{len(field.members)} places, {field.correlation} over {field.correlation_length:g} m"
         )
         yield line("field" if number == 0 else "", f"{field.name:<{width}}{text}")
     if study.law is not None:

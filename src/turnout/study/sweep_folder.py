@@ -45,6 +45,8 @@ class Identity:
         Between kept instants [s].
     scheme : str
         In words.
+    design : str
+        How scenarios were drawn, as JSON; what an analysis of the results must know.
     """
 
     store_version: int
@@ -59,6 +61,7 @@ class Identity:
     batches: int
     interval: float
     scheme: str
+    design: str
 
 
 def identity_of(study: Study) -> Identity:
@@ -76,6 +79,7 @@ def identity_of(study: Study) -> Identity:
         batches=len(batches_of(study)),
         interval=study.output.interval,
         scheme=study.scheme.describe(),
+        design=json.dumps(study.design.described()),
     )
 
 
