@@ -44,8 +44,8 @@ def plan_command(
     typer.echo(line("time", f"{bound}{total} with {used} worker{'s' * (used > 1)}, {each} a throw"))
     if used > busy:
         typer.echo(line("", f"this machine has {busy} cores; more workers do not help"))
-    whole, free = found.size * loaded.count, shutil.disk_usage(Path.cwd()).free
-    text = f"{bound}{size_text(whole)}, {size_text(found.size)} a throw"
+    whole, free = found.disk(loaded), shutil.disk_usage(Path.cwd()).free
+    text = f"{bound}{size_text(whole)}, {size_text(whole / loaded.count)} a throw"
     typer.echo(line("disk", f"{text}; {size_text(free)} are free in this folder"))
     if whole > free:
         typer.echo(line("", "NOT ENOUGH: keep fewer channels, a lower rate, or take another disk"))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnout.study.study import Study
-from turnout.study.sweep_batch import batch_bytes, batch_dataset
+from turnout.study.sweep_batch import batch_bytes, batch_dataset, batches_of
 from turnout.study.sweep_row import COMPLETE, throw_scenario
 
 TRIALS = 3
@@ -25,6 +25,8 @@ class Forecast:
         Of one of them in the mean, with all that a scenario costs besides the solver [s].
     size : float
         Of what is stored of one, compressed [bytes].
+    head : float
+        Of a file with several of them, besides [bytes].
     faults : tuple of str
         Why trials did not come to an end; empty where all did.
     """
@@ -32,6 +34,7 @@ class Forecast:
     trials: int
     throw_time: float
     size: float
+    head: float
     faults: tuple[str, ...]
 
     def duration(self, throws: int, *, workers: int) -> float:
@@ -39,10 +42,15 @@ class Forecast:
 
         Examples
         --------
-        >>> Forecast(trials=3, throw_time=0.03, size=1e3, faults=()).duration(1000, workers=2)
+        >>> found = Forecast(trials=3, throw_time=0.03, size=1e3, head=0.0, faults=())
+        >>> found.duration(1000, workers=2)
         15.0
         """
         return throws * self.throw_time / workers
+
+    def disk(self, study: Study) -> float:
+        """Return what a whole study takes, with the heads of its files [bytes]."""
+        return study.count * self.size + len(batches_of(study)) * self.head
 
 
 def trial_scenarios(study: Study, count: int) -> list[int]:
@@ -87,10 +95,12 @@ def forecast(
     # The head of a file is there once, so it is the second and later throws that tell.
     whole, one = (len(batch_bytes(batch_dataset(study, part))) for part in (rows, rows[:1]))
     size = (whole - one) / (len(rows) - 1) if len(rows) > 1 else float(whole)
+    head = max(one - size, 0.0)
     faults = [f"{row.scenario.name}: {row.reason}" for row in rows if row.outcome != COMPLETE]
     return Forecast(
         trials=len(chosen),
         throw_time=spent / len(chosen),
         size=size,
+        head=head,
         faults=tuple(faults),
     )
