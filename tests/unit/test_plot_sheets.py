@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from tests.unit.simulated import sb2_dataset
+from tests.unit.simulated import sb1_dataset, sb2_dataset
 
 from turnout.errors import ResponseError
 from turnout.plot.draw import draw_sheet
@@ -58,6 +58,16 @@ def test_chairs_that_lift_off_are_counted() -> None:
     load = part["chair_normal_force"].isel(rail=0)
     np.testing.assert_allclose(largest.lines[0].y, load.max("time") / 1e3)
     np.testing.assert_allclose(lifted.lines[0].y, 100 * (load < 1).mean("time"))
+
+
+@pytest.mark.parametrize("count", [2, 150, 1500])
+def test_a_run_that_ended_early_is_drawn_as_far_as_it_came(count: int) -> None:
+    dataset = sb1_dataset().isel(time=slice(0, count))
+    end = float(dataset["time"][-1])
+    (row,) = gap_sheet(dataset).rows
+    assert row.lines[7].label == f"t = {end:.2f} s"
+    for sheet in (chair_sheet(dataset), shape_sheet(dataset)):
+        assert all(np.isfinite(line.y).all() for row in sheet.rows for line in row.lines)
 
 
 def test_energies_are_those_of_the_books() -> None:

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from turnout.metric.movement import movements
 from turnout.plot.sheet import Level, Line, Moment, Row, Sheet
 from turnout.plot.style import title_of
+from turnout.plot.throw import shown_movements
 
 KILO, MILLI = 1e-3, 1e3
 INSTANTS = 7
@@ -73,9 +73,7 @@ def gap_sheet(dataset: xr.Dataset, *, instants: int = INSTANTS) -> Sheet:
         One row; later instants are darker.
     """
     rail = _closed_rail(dataset)
-    spans = movements(dataset)
-    first = spans[-1].start if spans else float(dataset["time"][0])
-    last = spans[-1].end if spans else float(dataset["time"][-1])
+    first, last = _last_movement(dataset)
     times = [*np.linspace(first, last, instants), float(dataset["time"][-1])]
     lines = []
     for number, when in enumerate(times):
@@ -113,11 +111,9 @@ def chair_sheet(dataset: xr.Dataset) -> Sheet:
     Sheet
         Largest normal force, friction at the end, and the share of time without load, by chair.
     """
-    spans = movements(dataset)
-    within = (
-        (dataset["time"] >= spans[-1].start) & (dataset["time"] <= spans[-1].end) if spans else None
-    )
-    moved = dataset if within is None else dataset.isel(time=np.flatnonzero(within.values))
+    first, last = _last_movement(dataset)
+    within = (dataset["time"] >= first) & (dataset["time"] <= last)
+    moved = dataset.isel(time=np.flatnonzero(within.values))
     normal = moved["chair_normal_force"]
     lifted = 100 * (normal < LEAST_LOAD).mean("time")
     friction = dataset["chair_friction_force"].isel(time=-1)
@@ -152,12 +148,20 @@ def shade_of(share: float) -> str:
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 
+def _last_movement(dataset: xr.Dataset) -> tuple[float, float]:
+    """Return onset and end of the last movement that a run has come to, else of the run [s]."""
+    spans = shown_movements(dataset)
+    if not spans:
+        return float(dataset["time"][0]), float(dataset["time"][-1])
+    return spans[-1][1:]
+
+
 def _closed_rail(dataset: xr.Dataset) -> str:
     """Return the rail that should be closed at the end."""
     rails = [str(rail) for rail in dataset["rail"].values]
     own = str(dataset.attrs.get("instrumented_rail", rails[0]))
-    spans = movements(dataset)
-    if not spans or spans[-1].to == "closed":
+    spans = shown_movements(dataset)
+    if not spans or spans[-1][0].to == "closed":
         return own
     return next((rail for rail in rails if rail != own), own)
 
