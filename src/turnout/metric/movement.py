@@ -4,9 +4,8 @@ import json
 import math
 from dataclasses import dataclass
 
+import numpy as np
 import xarray as xr
-
-from turnout.metric.signal import first_time
 
 LEAST_SHARE = 0.1
 TIME_TOLERANCE = 1e-9
@@ -95,16 +94,17 @@ def slips(dataset: xr.Dataset) -> list[Slip]:
     """
     spans = movements(dataset)
     bounds = [span.start for span in spans[1:]] + [float("inf")]
+    periods = list(zip(spans, bounds, strict=True)) if spans else [(None, float("inf"))]
+    time = dataset["time"].values
+    flags = dataset["drive_slipping"].transpose("drive", "time").values.astype(bool)
     found = []
-    for drive in dataset["drive"].values:
-        flag = dataset["drive_slipping"].sel(drive=drive)
-        onset = flag & ~flag.shift(time=1, fill_value=False)
-        periods = list(zip(spans, bounds, strict=True)) if spans else [(None, float("inf"))]
+    for drive, flag in zip(dataset["drive"].values, flags, strict=True):
+        onsets = time[flag & ~np.concatenate(([False], flag[:-1]))] if time.size else time
         for number, (span, until) in enumerate(periods):
             after = span.start if span is not None and number else -float("inf")
-            when = float(first_time(onset, after=after))
-            if when < until:
-                found.append(Slip(str(drive), when, span))
+            within = onsets[(onsets >= after) & (onsets < until)]
+            if within.size:
+                found.append(Slip(str(drive), float(within[0]), span))
     return sorted(found, key=lambda slip: slip.time)
 
 

@@ -83,7 +83,7 @@ def resting_gap(panel: Panel, rail: str, x: npt.ArrayLike, *, closed: bool) -> F
         return None
     position = "closed" if closed == (record.closes == "+y") else "open"
     to = None if panel.schedule.starts == position else position
-    moved = np.array([displaced(panel, rail, float(place), to=to) for place in places])
+    moved = displaced(panel, rail, places, to=to)
     return np.maximum(gap - SIDE[record.closes] * moved, 0.0)
 
 

@@ -37,13 +37,13 @@ def largest_opening(panel: Panel, rail: str, x: float) -> float | None:
     if gap is None:
         return None
     side = 1.0 if record.closes == "+y" else -1.0
-    states = [displaced(panel, rail, x, to=None)]
-    states += [displaced(panel, rail, x, to=item.to) for _, item in ordered_movements(panel)]
+    to = [None, *(item.to for _, item in ordered_movements(panel))]
+    states = [float(displaced(panel, rail, [x], to=item)[0]) for item in to]
     return max(0.0, *(float(gap[0]) - side * state for state in states))
 
 
-def displaced(panel: Panel, rail: str, x: float, *, to: str | None) -> float:
-    """Estimate where a rail rests from its stress-free position [m], positive closing.
+def displaced(panel: Panel, rail: str, x: npt.ArrayLike, *, to: str | None) -> FloatArray:
+    """Estimate where a rail rests from its stress-free position, shape (n,) [m], positive closing.
 
     Parameters
     ----------
@@ -51,16 +51,17 @@ def displaced(panel: Panel, rail: str, x: float, *, to: str | None) -> float:
         The panel.
     rail : str
         Name of the rail; one without drives follows those of the rail that it is linked to.
-    x : float
-        Position [m].
+    x : array_like, shape (n,)
+        Positions [m].
     to : str or None
         Position of the instrumented rail, "open" or "closed"; None for the start.
     """
+    x = np.asarray(x, dtype=np.float64)
     drives = [drive for drive in panel.drive.values() if drive.rail == rail]
     if not drives and any(rail in link.rails for link in panel.link.values()):
         drives = list(panel.drive.values())
     if not drives:
-        return 0.0
+        return np.zeros(x.shape)
     starts = panel.schedule.starts
     places = {
         drive.x: start_offset(panel, rail, drive.stroke)
@@ -83,14 +84,12 @@ def _held_at(panel: Panel, rail: str, behind: float) -> float | None:
     return min(places, default=None)
 
 
-def _beam_shape(places: dict[float, float], held: float | None, x: float) -> float:
+def _beam_shape(places: dict[float, float], held: float | None, x: FloatArray) -> FloatArray:
     knots = sorted(places)
     values = [places[knot] for knot in knots]
     if held is None:
-        return float(np.interp(x, knots, values))
-    if x >= held:
-        return 0.0
+        return np.asarray(np.interp(x, knots, values), dtype=np.float64)
     spline = CubicSpline([*knots, held], [*values, 0.0], bc_type=("natural", "clamped"))
-    if x < knots[0]:
-        return values[0] + float(spline(knots[0], 1)) * (x - knots[0])
-    return float(spline(x))
+    before = values[0] + float(spline(knots[0], 1)) * (x - knots[0])
+    shape = np.where(x < knots[0], before, spline(np.clip(x, knots[0], held)))
+    return np.where(x >= held, 0.0, shape)
