@@ -12,7 +12,7 @@ from tests.unit.simulated import sb2_panel
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.errors import FileError, PanelError
+from turnout.errors import FileError, PanelError, TurnoutError
 from turnout.measurement.campaign import build_campaign
 from turnout.panel.load import library_text, load_panel
 from turnout.web.serve import prepared
@@ -218,3 +218,17 @@ def resident() -> float:
     with Path("/proc/self/status").open(encoding="utf-8") as file:
         line = next(line for line in file if line.startswith("VmRSS"))
     return int(line.split()[1]) / 1024
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--panel", "nope"), "no library panel is called 'nope'"),
+        (("--set", "drive.2.stifness=1 kN/m"), "nearest is 'drive.2.stiffness'"),
+        (("--campaign", "nowhere"), "nowhere"),
+    ],
+)
+def test_a_studio_that_cannot_open_says_why(arguments: tuple[str, str], words: str) -> None:
+    told = CliRunner().invoke(app, ["studio", "--no-browser", *arguments])
+    assert isinstance(told.exception, TurnoutError)
+    assert words in str(told.exception)

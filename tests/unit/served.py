@@ -9,12 +9,16 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
 
+import anyio
+
 from turnout.panel.load import LoadedPanel
 from turnout.web.guard import LARGEST_UPLOAD
 from turnout.web.serve import prepared
 from turnout.web.studio import Opened, Studio
 
 PATIENCE = 120.0
+# Imported late by the server otherwise, from a thread, which Python 3.11 may trip over in pytest.
+assert anyio.open_file
 
 
 @dataclass(frozen=True)

@@ -85,3 +85,23 @@ def test_a_short_run_is_finished_although_something_newer_waits() -> None:
     question.began = time.monotonic()
     question.overtaken.set()
     question.hear(1, 2)
+
+
+def test_leaving_stops_what_is_computed_and_drops_what_waits() -> None:
+    def endless(question: Question) -> None:
+        try:
+            for _ in range(1000):
+                time.sleep(0.01)
+                question.hear()
+        except KeyboardInterrupt:
+            raise Superseded from None
+
+    async def ask(desk: Worker) -> object:
+        tasks = [asyncio.create_task(desk.answer(endless)) for _ in range(3)]
+        await asyncio.sleep(0.05)
+        desk.close()
+        return await asyncio.gather(*tasks, return_exceptions=True)
+
+    began = time.monotonic()
+    assert [type(item) for item in run(ask)] == [Superseded] * 3  # type: ignore[attr-defined]
+    assert time.monotonic() - began < 5

@@ -39,17 +39,17 @@ _log = logging.getLogger("turnout")
 Endpoint = Callable[[Request], Awaitable[Response]]
 
 
-def studio_app(studio: Studio, worker: Worker | None = None) -> Starlette:
+def studio_app(studio: Studio, worker: Worker) -> Starlette:
     """Return the application that serves a studio, without the guard before it.
 
     Parameters
     ----------
     studio : Studio
         What it remembers.
-    worker : Worker, optional
+    worker : Worker
         Where throws are computed.
     """
-    desk = _Desk(studio, worker or Worker())
+    desk = _Desk(studio, worker)
 
     @asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:

@@ -6,6 +6,7 @@ import threading
 import webbrowser
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import FrameType
 
 import uvicorn
 
@@ -13,8 +14,22 @@ from turnout.errors import FileError
 from turnout.web.app import studio_app
 from turnout.web.guard import LARGEST_UPLOAD, Guard
 from turnout.web.studio import Studio
+from turnout.web.worker import Worker
 
 HOST = "127.0.0.1"
+
+
+class _Server(uvicorn.Server):
+    """A server that stops what is computed as soon as it is told to end."""
+
+    def __init__(self, config: uvicorn.Config, worker: Worker) -> None:
+        super().__init__(config)
+        self._worker = worker
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Hear Ctrl-C."""
+        self._worker.close()
+        super().handle_exit(sig, frame)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,11 +81,12 @@ def prepared(studio: Studio, *, port: int = 0, largest: int = LARGEST_UPLOAD) ->
     port = listener.getsockname()[1]
     token = secrets.token_urlsafe(24)
     hosts = (f"{HOST}:{port}", f"localhost:{port}")
-    guard = Guard(studio_app(studio), hosts=hosts, token=token, largest=largest)
+    worker = Worker()
+    guard = Guard(studio_app(studio, worker), hosts=hosts, token=token, largest=largest)
     config = uvicorn.Config(
         guard, log_level="warning", access_log=False, timeout_graceful_shutdown=2, ws="none"
     )
-    return Served(f"http://{HOST}:{port}/?token={token}", uvicorn.Server(config), listener)
+    return Served(f"http://{HOST}:{port}/?token={token}", _Server(config, worker), listener)
 
 
 def serve(studio: Studio, *, port: int, browser: bool, tell: Callable[[str], None]) -> None:

@@ -35,6 +35,11 @@ class Question:
         if self.overtaken.is_set() and time.monotonic() - self.began > PATIENCE:
             raise KeyboardInterrupt
 
+    def stop(self) -> None:
+        """Give way at once."""
+        self.began = -float("inf")
+        self.overtaken.set()
+
 
 class Worker:
     """The thread, and the newest question of each kind."""
@@ -42,6 +47,7 @@ class Worker:
     def __init__(self) -> None:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="turnout-studio")
         self._newest: dict[str, Question] = {}
+        self._open: set[Question] = set()
 
     async def answer(self, work: Callable[[Question], T], *, kind: str | None = None) -> T:
         """Compute an answer in the thread.
@@ -59,6 +65,7 @@ class Worker:
             When something newer of this kind came first.
         """
         question = Question()
+        self._open.add(question)
         if kind is not None:
             before = self._newest.get(kind)
             if before is not None:
@@ -69,14 +76,15 @@ class Worker:
                 self._thread, _worked, work, question
             )
         finally:
+            self._open.discard(question)
             if kind is not None and self._newest.get(kind) is question:
                 del self._newest[kind]
 
     def close(self) -> None:
-        """Stop what is computed, and let the thread end."""
-        for question in list(self._newest.values()):
-            question.overtaken.set()
-        self._thread.shutdown(wait=False, cancel_futures=True)
+        """Stop what is computed and drop what waits, so that nobody is kept from leaving."""
+        for question in list(self._open):
+            question.stop()
+        self._thread.shutdown(wait=False)
 
 
 def _worked(work: Callable[[Question], T], question: Question) -> T:

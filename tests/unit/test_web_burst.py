@@ -1,0 +1,72 @@
+"""A slider that moves without rest: 20 questions a second, of which the last is answered."""
+
+import threading
+import time
+
+import pytest
+from tests.faults.test_studio_faults import resident
+from tests.unit.served import Client, Reply, served
+from tests.unit.simulated import sb2_panel
+
+RATE = 20.0
+
+
+def question(mark: str, number: int, *, preview: bool) -> dict[str, object]:
+    """Return a throw that no other question asks for."""
+    size = f"{8 + 0.001 * number:.3f} mm"
+    return {
+        "panel": mark,
+        "object": {"size": size, "at": "sleeper 6"},
+        "settings": {},
+        "preview": preview,
+    }
+
+
+def burst(client: Client, mark: str, *, seconds: float) -> tuple[list[Reply], list[float]]:
+    """Ask so long; return the replies in the order of asking, and how long other pages took."""
+    count = round(RATE * seconds)
+    replies: list[Reply | None] = [None] * count
+    waits: list[float] = []
+
+    def ask(number: int) -> None:
+        last = number == count - 1
+        replies[number] = client.post("/api/run", question(mark, number, preview=not last))
+
+    threads = [threading.Thread(target=ask, args=(number,)) for number in range(count)]
+    began = time.monotonic()
+    for number, thread in enumerate(threads):
+        time.sleep(max(0.0, began + number / RATE - time.monotonic()))
+        thread.start()
+        if number % 10 == 5:
+            asked = time.monotonic()
+            assert client.ask("/page/main.js").status == 200
+            waits.append(time.monotonic() - asked)
+    for thread in threads:
+        thread.join()
+    return [reply for reply in replies if reply is not None], waits
+
+
+@pytest.mark.parametrize("seconds", [3.0, pytest.param(30.0, marks=pytest.mark.long)])
+def test_the_last_of_many_questions_is_answered(seconds: float) -> None:
+    with served(sb2_panel()) as client:
+        client.enter()
+        mark = client.ask("/api/start").json["panel"]["mark"]
+        warm, _ = burst(client, mark, seconds=2.0)
+        assert len(warm) == 40
+        before = resident()
+        replies, waits = burst(client, mark, seconds=seconds)
+        grown = resident() - before
+        late = client.ask("/api/start")
+    assert len(replies) == round(RATE * seconds)
+    assert all(reply.status == 200 for reply in replies)
+    kinds = ["superseded" not in reply.json for reply in replies]
+    assert kinds[-1], "the last question must be answered"
+    assert sum(kinds) >= 2, "a moving slider must see answers on its way"
+    last = replies[-1].json
+    assert last["objects"][0]["size"] == pytest.approx(
+        1e-3 * (8 + 0.001 * (len(replies) - 1)), rel=1e-9
+    )
+    assert "step 1 ms" in last["scheme"]
+    assert max(waits) < 5.0, "other pages wait for no throw"
+    assert late.status == 200
+    assert grown < 60.0, f"memory grew by {grown:.0f} MB"
