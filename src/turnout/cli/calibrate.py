@@ -47,6 +47,14 @@ def calibrate_command(
         Path | None,
         typer.Option("--figures", metavar="DIR", help="Draw what was swept, a figure a stage."),
     ] = None,
+    posterior: Annotated[
+        bool,
+        typer.Option("--posterior", help="Sample what the data leave possible, with profiles."),
+    ] = False,
+    advise: Annotated[
+        bool,
+        typer.Option("--advise", help="Say what is mistaken for what, and what to measure next."),
+    ] = False,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")] = False,
 ) -> None:
@@ -73,6 +81,8 @@ def calibrate_command(
             exclude=exclude,
             folder=kept_throws(source),
             workers=workers,
+            posterior=posterior,
+            advise=advise,
             report=None if quiet else _Teller().tell,
         )
     except KeyboardInterrupt:
@@ -124,10 +134,25 @@ def result_lines(calibration: "Calibration") -> list[str]:
                 f" ({100 * item.deviation / abs(item.value):.2g} %; 95 %: {low:.5g} ... {high:.5g})"
             )
         lines.append(f"{item.state:<12}{item.name} = {item.value:.5g}{unit}{sure}")
+    lines += _posterior_lines(calibration)
     for name, share in calibration.scatter.items():
         lines.append(f"{'scatter':<12}{name}: {100 * share:.1f} % from movement to movement")
     lines += [f"{'finding':<12}{text}" for text in calibration.findings]
     lines += [f"{'warning':<12}{text}" for text in calibration.warnings]
+    return lines
+
+
+def _posterior_lines(calibration: "Calibration") -> list[str]:
+    found = calibration.posterior
+    if not found:
+        return []
+    lines = [
+        f"{'posterior':<12}{found['method']}, {found['effective_samples']:.0f} effective samples; "
+        f"the emulator misses {found['emulator_points']} throws by {found['emulator_error']:.1g} "
+        "standard deviations"
+    ]
+    for name, (low, high) in zip(found["names"], found["interval_95"], strict=True):
+        lines.append(f"{'':<12}{name}: 95 %: {low:.5g} ... {high:.5g}")
     return lines
 
 

@@ -76,6 +76,8 @@ def _draw(
     for place, number in enumerate(shown):
         value = float(curves["value"].values[number])
         text = f"{value:g}" if unit == "1" else f"{value:g} {unit}"
+        if value >= 1e4:
+            text = f"{KILO * value:g} k{unit}"
         ax.plot(
             time,
             KILO * simulated[number],

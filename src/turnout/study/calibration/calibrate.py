@@ -9,10 +9,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.errors import PanelError
+from turnout.errors import PanelError, SolverError
 from turnout.files.provenance import provenance
 from turnout.integrate.scheme import Scheme
 from turnout.panel.load import LoadedPanel
+from turnout.study.calibration.advice import confusions, next_lines, next_movements
 from turnout.study.calibration.check import check_campaign
 from turnout.study.calibration.covariance import Spread, spread_of
 from turnout.study.calibration.entries import (
@@ -28,6 +29,7 @@ from turnout.study.calibration.fit import Fit, fit
 from turnout.study.calibration.misfit import Misfit
 from turnout.study.calibration.noise import measured_noise
 from turnout.study.calibration.observed import Movement, observe, selected
+from turnout.study.calibration.posterior import posterior_of
 from turnout.study.calibration.progress import State, Watch, planned_throws
 from turnout.study.calibration.record import Calibration, StageLog
 from turnout.study.calibration.stage import Plan, Stage, default_plan
@@ -72,6 +74,8 @@ def calibrate(
     workers: int = 1,
     scheme: Scheme | None = None,
     doubt: Doubt | None = None,
+    posterior: bool = False,
+    advise: bool = False,
     report: Callable[[State], None] | None = None,
 ) -> Outcome:
     """Calibrate a panel to a campaign, stage by stage.
@@ -94,6 +98,10 @@ def calibrate(
         Numerical choices.
     doubt : Doubt, optional
         Of onsets and zeros.
+    posterior : bool
+        Whether to sample what the data leave possible.
+    advise : bool
+        Whether to say what could be mistaken for what, and what to measure next.
     report : callable, optional
         Called after each throw.
 
@@ -118,13 +126,25 @@ def calibrate(
         scatter={p.name: p.scatter for p in plan.parameters if p.scatter > 0},
         doubt=doubt or Doubt(),
     )
-    watch = Watch(report, len(plan.stages), planned=planned_throws(plan, movements, panel))
+    planned = planned_throws(plan, movements, panel, posterior=posterior, advise=advise)
+    watch = Watch(report, len(plan.stages), planned=planned)
     with Evaluator(panel, folder=folder, workers=workers, scheme=scheme or Scheme()) as evaluator:
         evaluator.told = lambda: watch.tell(evaluator)
         run = _Run(plan, panel, movements, comparison, evaluator, watch)
         logs, sweeps, warnings, final = run.stages()
-    spread = spread_of(final)
-    warnings += warnings_of(final, spread)
+        spread = spread_of(final)
+        warnings += warnings_of(final, spread)
+        findings = list(spread.findings)
+        if advise:
+            watch.stage = "advice"
+            findings += [*confusions(final), *next_lines(next_movements(final, spread, panel))]
+        sampled: dict[str, object] = {}
+        if posterior:
+            watch.stage = "posterior"
+            try:
+                sampled = posterior_of(final, spread).record()
+            except SolverError as error:
+                warnings.append(str(error))
     calibration = Calibration(
         parameters=fitted_parameters(plan, final, spread),
         covariance=spread.covariance,
@@ -135,7 +155,7 @@ def calibrate(
         movements=tuple(item.name for item in final.misfit.movements),
         stages=tuple(logs),
         warnings=tuple(dict.fromkeys(warnings)),
-        findings=spread.findings,
+        findings=tuple(findings),
         noise=noise_entries(final),
         scatter=final.misfit.comparison.scatter,
         about={
@@ -144,6 +164,7 @@ def calibrate(
             "scheme": (scheme or Scheme()).describe(),
             "synthetic": str(dataset.attrs.get("synthetic", "")),
         },
+        posterior=sampled,
     )
     return Outcome(
         calibration=calibration,

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from turnout.panel.load import LoadedPanel
+from turnout.study.calibration.emulator import points_needed
 from turnout.study.calibration.evaluate import Evaluator
 from turnout.study.calibration.fit import ROUGH_STEPS
 from turnout.study.calibration.observed import Movement, selected
@@ -12,6 +13,8 @@ from turnout.study.calibration.stage import Plan
 
 # Steps that the last stage usually takes, each with its own sensitivities.
 LAST_STEPS = 6
+# Movements that advice usually looks at.
+CANDIDATES = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,13 +44,26 @@ class State:
     left: float
 
 
-def planned_throws(plan: Plan, movements: Sequence[Movement], panel: LoadedPanel) -> int:
-    """Return how many throws the stages usually take."""
+def planned_throws(
+    plan: Plan,
+    movements: Sequence[Movement],
+    panel: LoadedPanel,
+    *,
+    posterior: bool = False,
+    advise: bool = False,
+) -> int:
+    """Return how many throws a calibration usually takes, with what comes after the stages."""
     total = 0
     for number, stage in enumerate(plan.stages, 1):
         chosen = len(selected(movements, stage.movements, panel))
-        steps = LAST_STEPS if number == len(plan.stages) else ROUGH_STEPS // 2
-        total += chosen * (2 * len(stage.grid) + steps * (len(stage.parameters) + 2))
+        count = len(plan.named(stage.parameters))
+        last = number == len(plan.stages)
+        steps = LAST_STEPS if last else ROUGH_STEPS // 2
+        total += chosen * (2 * len(stage.grid) + steps * (count + 2))
+        if last and posterior:
+            total += chosen * points_needed(count)
+        if last and advise:
+            total += chosen + CANDIDATES * (count + 1)
     return total
 
 

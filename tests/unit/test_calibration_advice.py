@@ -1,0 +1,39 @@
+"""What is mistaken for what, told on movements that were made up."""
+
+import numpy as np
+from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
+
+from turnout.study.calibration.advice import Candidate, _confusion, _gain_column, next_lines
+from turnout.study.calibration.fit import fit
+
+
+def test_an_error_that_a_parameter_imitates_is_told_in_its_words() -> None:
+    found = fit(misfit([movement("m", rng=np.random.default_rng(1))]), PARAMETERS, TRUE)
+    # One per cent of friction, as an error that is not friction.
+    text = _confusion(found, "1 % more weight", -0.01 * found.jacobian[:, 0])
+    assert text == (
+        "1 % more weight would change mu by +1 %, and these movements would not show it "
+        "(0.0 standard deviations)"
+    )
+
+
+def test_an_error_that_nothing_imitates_is_seen() -> None:
+    found = fit(misfit([movement("m", rng=np.random.default_rng(1))]), PARAMETERS, TRUE)
+    wave = 10.0 * np.sin(np.arange(found.residuals.size))
+    assert "but the misfit would show it" in _confusion(found, "a wave", wave)
+
+
+def test_gauges_that_read_too_much_are_seen_where_a_slip_level_is_known() -> None:
+    rng = np.random.default_rng(1)
+    found = fit(misfit([movement(f"m{n}", rng=rng) for n in range(3)]), PARAMETERS, TRUE)
+    column = _gain_column(found, ("drive_force", "1"))
+    assert "but the misfit would show it" in _confusion(found, "1 % more", column)
+
+
+def test_the_best_come_first_and_few() -> None:
+    many = [
+        Candidate(text=f"m{n}", gain=1.0 - 0.1 * n, parameter="k", remaining=0.5) for n in range(5)
+    ]
+    lines = next_lines(many)
+    assert len(lines) == 3
+    assert lines[0].startswith("next: m0: leaves 50 % of the deviation of k")
