@@ -66,6 +66,7 @@ def confusions(found: Fit) -> list[str]:
     list of str
         A sentence each.
     """
+    found = _without_gains(found)
     columns = {f"{100 * SHARE:g} % more weight of the rails": _weight_column(found)}
     keys = list(
         dict.fromkeys((s.channel, s.drive) for view in found.frame.views for s, _ in view.parts)
@@ -74,6 +75,21 @@ def confusions(found: Fit) -> list[str]:
         name = f"the gauges of drive {key[1]}" if key[1] else "the load cell"
         columns[f"{100 * SHARE:g} % more sensitivity of {name}"] = _gain_column(found, key)
     return [_confusion(found, what, column) for what, column in columns.items()]
+
+
+def _without_gains(found: Fit) -> Fit:
+    """Return a fit seen as if no gain were in doubt, so that the doubt does not tell the gain."""
+    comparison = found.misfit.comparison
+    known = replace(comparison, doubt=replace(comparison.doubt, gain=0.0))
+    misfit = replace(found.misfit, comparison=known)
+    frame = framed(found.local, misfit)
+    return replace(
+        found,
+        misfit=misfit,
+        frame=frame,
+        residuals=misfit.residuals_of(found.local.here, frame),
+        jacobian=jacobian(found.local, frame, [item.name for item in found.parameters]),
+    )
 
 
 def _confusion(found: Fit, what: str, column: Floats) -> str:

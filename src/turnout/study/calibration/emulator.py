@@ -1,6 +1,5 @@
 """A quadratic stand-in for simulations near a fit, proved on throws that it has not seen."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -136,8 +135,16 @@ def _cloud(number: int, count: int, rng: np.random.Generator) -> Floats:
     return np.asarray(radius * raw / np.linalg.norm(raw, axis=1, keepdims=True))
 
 
-def _thrown(found: Fit, root: Floats, standard: Sequence[Floats] | Floats) -> Floats:
-    points = [values_at(found.parameters, found.point + root @ z) for z in standard]
+def _thrown(found: Fit, root: Floats, standard: Floats) -> Floats:
+    """Return the whitened residuals at standardised points.
+
+    A parameter that scatters keeps its own value in each movement, which tells it sharply; the
+    common one acts through the expected scatter alone, and that is linear.
+    """
     misfit = found.misfit
-    whole = [{**found.values, **point} for point in points]
-    return np.array([misfit.residuals_of(row, found.frame) for row in misfit.responses(whole)])
+    points = found.point + standard @ root.T
+    common = [misfit.comparison.scatter.get(item.name, 0.0) > 0 for item in found.parameters]
+    held = np.where(common, found.point, points)
+    whole = [{**found.values, **values_at(found.parameters, point)} for point in held]
+    rows = [misfit.residuals_of(row, found.frame) for row in misfit.responses(whole)]
+    return np.array(rows) + (points - held) @ found.jacobian.T
