@@ -229,9 +229,12 @@ def _onset(
         return min(_first_inrush(row, span, rate=rate, detection=detection) for row in rows)
     if span[0] == 0:
         return 0.0
-    pulls = [_first_pull(row, span, rate=rate) for row in rows]
+    found = [_first_pull(row, span, rate=rate) for row in rows]
+    pulls = [pull for pull, _ in found]
     # Drives that begin together tell the same moment: their mean scatters less than the first.
-    return float(np.mean([pull for pull in pulls if pull <= min(pulls) + 0.02 * rate]))
+    told = float(np.mean([pull for pull in pulls if pull <= min(pulls) + 0.02 * rate]))
+    # A force that grows slowly is followed back too far; some drive shows within 0.1 s.
+    return max(told, min(seen for _, seen in found) - 0.1 * rate)
 
 
 def _first_inrush(
@@ -245,8 +248,8 @@ def _first_inrush(
     return float(first + pairs[0]) if pairs.size else float(span[1])
 
 
-def _first_pull(row: Floats, span: tuple[int, int], *, rate: float) -> float:
-    """Return where a rod force leaves its rest.
+def _first_pull(row: Floats, span: tuple[int, int], *, rate: float) -> tuple[float, float]:
+    """Return where a rod force leaves its rest, and where that is first seen above the noise.
 
     A marker that starts softly pulls with the cube of time at first; the line through the cube
     roots of the force, from where it leaves the noise, is followed back to zero.
@@ -262,9 +265,10 @@ def _first_pull(row: Floats, span: tuple[int, int], *, rate: float) -> float:
     below = np.flatnonzero(rise < 1.5 * level)
     low = int(below[-1]) + 1 if below.size else 0
     if high - low < 2:
-        return float(span[1])
+        return float(span[1]), float(span[1])
     slope, zero = np.polyfit(np.arange(low, high), np.cbrt(rise[low:]), 1)
-    return float(start + max(0.0, -zero / slope)) if slope > 0.0 else float(span[1])
+    pull = float(start + max(0.0, -zero / slope)) if slope > 0.0 else float(span[1])
+    return pull, float(start + low)
 
 
 def _last(running: Flags, span: tuple[int, int], time: Floats) -> float:
