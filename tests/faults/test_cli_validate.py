@@ -87,3 +87,10 @@ def test_a_place_without_movements_is_refused_before_throwing(tmp_path: Path, pl
     assert "no closing movement with an object at 'sleeper 9'" in message(result)
     assert not (tmp_path / "report" / "validation.nc").exists()
     assert not (folder / ".turnout" / "throws").exists()
+
+
+def test_laws_of_a_drive_that_is_not_there_are_refused_before_throwing(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    result = validate(folder, "--calibration", saved(tmp_path), "--drive-laws", "3", "-q")
+    assert "drive '3': not in panel sb2" in message(result)
+    assert not (folder / ".turnout" / "throws").exists()

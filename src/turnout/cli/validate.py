@@ -41,6 +41,12 @@ def validate_command(
         str | None,
         typer.Option("--place", help="Whose movements are drawn; default the middle one."),
     ] = None,
+    laws: Annotated[
+        str | None,
+        typer.Option(
+            "--drive-laws", metavar="DRIVE", help="Also ask which law this drive follows."
+        ),
+    ] = None,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show only the verdict.")] = False,
 ) -> None:
@@ -57,6 +63,10 @@ def validate_command(
     dataset = dataset_of(source, None, quiet=quiet)
     if place is not None:
         _check_place(dataset, place)
+    if laws is not None:
+        from turnout.study.discrepancy.laws import drive_laws
+
+        drive_laws(loaded, laws)
     if known.panel_hash != loaded.hash:
         typer.echo(
             f"turnout: {calibration} is of another panel than {loaded.name} as it is here; "
@@ -73,6 +83,8 @@ def validate_command(
     if out is not None:
         _write(out, found, verdict, place=place)
     typer.echo(verdict.text)
+    if laws is not None:
+        _compare_laws(source, dataset, loaded, known, laws, workers=workers, quiet=quiet)
     if not verdict.accepted:
         raise typer.Exit(NOT_VALID)
 
@@ -118,6 +130,35 @@ def _validated(
             return validate(dataset, panel, known, evaluator=evaluator)
     except KeyboardInterrupt:
         _interrupted()
+
+
+def _compare_laws(
+    source: Path,
+    dataset: "xr.Dataset",
+    panel: "LoadedPanel",
+    known: "Calibration",
+    drive: str,
+    *,
+    workers: int,
+    quiet: bool,
+) -> None:
+    from turnout.cli.watch import watched
+    from turnout.study.calibration.evaluate import Evaluator
+    from turnout.study.discrepancy.compare import compare_laws
+    from turnout.study.discrepancy.lines import law_lines
+
+    try:
+        with (
+            watched(f"fitting laws of drive {drive}", quiet=quiet) as watch,
+            Evaluator(panel, folder=kept_throws(source), workers=workers) as evaluator,
+        ):
+            found = compare_laws(
+                dataset, panel, known, drive=drive, evaluator=evaluator, report=watch.report
+            )
+    except KeyboardInterrupt:
+        _interrupted()
+    for line in law_lines(found):
+        typer.echo(line)
 
 
 def _interrupted() -> NoReturn:

@@ -100,7 +100,7 @@ class Verdict:
         if not self.held_back:
             return (
                 "NOT VALIDATED: the fit has seen every movement, so this only tells that it fits; "
-                "calibrate on a part of the campaign"
+                "leave some out with `turnout calibrate --exclude MOVEMENT`"
             )
         return (
             f"VALID: all {len(self.channels)} channels of {self.judged} movements that the fit has "

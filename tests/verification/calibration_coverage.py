@@ -1,0 +1,120 @@
+"""The long job: do 95 % intervals of a calibration hold the truth in 90 to 98 % of campaigns?
+
+    python -m tests.verification.calibration_coverage run --count 400 --out DIR --workers 2
+    python -m tests.verification.calibration_coverage report DIR
+
+Each campaign has 8 closing movements of the panel sb1, its own true friction, stiffnesses and slip
+levels, its own noise, drift, hum and cross-talk, and friction that scatters by 2 % from throw to
+throw. The joint stage of the default calibration starts 5 % or so from the truth. A campaign is
+fixed by its index; a job that was stopped goes on. `report` writes into docs/calibration.md.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from tests.verification.resumable import Record, command_line, put_section
+from tests.verification.twin_campaigns import WINDOW, Twin, campaign, short_sb1
+
+from turnout.errors import TurnoutError
+from turnout.study.calibration.calibrate import calibrate
+from turnout.study.calibration.stage import Plan as Stages
+from turnout.study.calibration.stage import default_plan
+from turnout.study.virtual_plan import Plan
+
+SEED = 20251103
+CASES = (
+    ("none", 0.0),
+    ("none", 0.0),
+    ("drive 1", 0.013),
+    ("drive 1", 0.029),
+    ("sleeper 3", 0.021),
+    ("sleeper 7", 0.013),
+    ("sleeper 9", 0.024),
+    ("drive 2", 0.010),
+)
+# Standard deviation of the truth from the library, and of the start from the truth, as shares.
+TRUTH, START = 0.15, 0.05
+LEAST, MOST, GOAL = 0.90, 0.98, 0.95
+PAGE = Path(__file__).parents[2] / "docs" / "calibration.md"
+
+
+def result_of(index: int) -> Record:
+    """Make and calibrate one campaign; return truth, values and intervals."""
+    rng = np.random.default_rng([SEED, index])
+    panel = short_sb1()
+    plan = default_plan(panel)
+    truth = {p.name: p.start * float(np.exp(TRUTH * _drawn(rng))) for p in plan.parameters}
+    start = {name: value * float(np.exp(START * _drawn(rng))) for name, value in truth.items()}
+    twin = Twin(
+        panel=panel,
+        truth=truth,
+        plan=Plan(places=("drive 1",), window=WINDOW, seed=int(rng.integers(2**31))),
+        cases=CASES,
+    )
+    parameters = tuple(replace(p, start=start[p.name]) for p in plan.parameters)
+    joint = Stages(parameters=parameters, stages=plan.stages[-1:])
+    record: Record = {"index": index, "truth": truth}
+    try:
+        found = calibrate(campaign(twin), panel, plan=joint).calibration
+    except TurnoutError as error:
+        return record | {"failure": str(error)}
+    return record | {
+        "failure": "",
+        "values": found.values,
+        "deviations": {item.name: item.deviation for item in found.parameters},
+        "intervals": {item.name: list(item.interval) for item in found.parameters},
+        "states": {item.name: item.state for item in found.parameters},
+    }
+
+
+def _drawn(rng: np.random.Generator) -> float:
+    """Return a normal number, at most two standard deviations from zero."""
+    return float(np.clip(rng.standard_normal(), -2.0, 2.0))
+
+
+def coverage(records: list[Record]) -> dict[str, tuple[int, int, float]]:
+    """Return by parameter: intervals that hold the truth, intervals, and the spread of z.
+
+    The spread is the standard deviation of (value - truth) / standard deviation, 1 where the
+    stated doubt is right.
+    """
+    found: dict[str, tuple[int, int, float]] = {}
+    good = [record for record in records if not record["failure"]]
+    for name in good[0]["truth"] if good else ():
+        own = [record for record in good if record["states"][name] == "fitted"]
+        held = [r["intervals"][name][0] <= r["truth"][name] <= r["intervals"][name][1] for r in own]
+        z = [(r["values"][name] - r["truth"][name]) / r["deviations"][name] for r in own]
+        found[name] = (sum(held), len(own), float(np.std(z)) if z else float("nan"))
+    return found
+
+
+def section(records: list[Record]) -> list[str]:
+    """Return the part of the page that this job writes."""
+    failed = sum(bool(record["failure"]) for record in records)
+    lines = [
+        f"{len(records)} campaigns, seed {SEED}, {len(CASES)} movements each, {failed} of them "
+        "not calibrated. Panel `sb1`; written by "
+        "`python -m tests.verification.calibration_coverage report DIR`.",
+        "",
+        "| parameter | 95 % intervals that hold the truth | of | share (± 1 standard error) | "
+        "spread of the error in stated deviations |",
+        "|---|---|---|---|---|",
+    ]
+    for name, (held, count, spread) in coverage(records).items():
+        share = held / max(count, 1)
+        doubt = np.sqrt(share * (1.0 - share) / max(count, 1))
+        lines.append(
+            f"| `{name}` | {held} | {count} | {100 * share:.1f} ± {100 * doubt:.1f} % | "
+            f"{spread:.2f} |"
+        )
+    return lines
+
+
+def report(records: list[Record]) -> None:
+    """Write the table into its page."""
+    put_section(PAGE, name="coverage", heading="Do the intervals hold?", lines=section(records))
+
+
+if __name__ == "__main__":
+    command_line(result_of, report, count=400)
