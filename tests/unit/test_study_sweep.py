@@ -15,6 +15,7 @@ from turnout.errors import FileError
 from turnout.integrate.outcome import Code, Outcome
 from turnout.integrate.scheme import Scheme
 from turnout.metric.features import FEATURES, features
+from turnout.metric.movement import Span
 from turnout.response.simulate import Solved, simulate, solve
 from turnout.study import sweep_folder, sweep_row
 from turnout.study.study import Study, load_study
@@ -262,14 +263,12 @@ def test_slips_with_and_without_an_object(
         at = opening + when if when < 1 else closing + when
         force[np.searchsorted(time, at)] = value
     later = contact if np.isnan(contact) else closing + contact
-    every = xr.Dataset(
-        {
-            "object_force": ("time", np.zeros(time.size)),
-            "drive_force": (("drive", "time"), force[np.newaxis]),
-            "drive_slipping": (("drive", "time"), (np.abs(force) >= 9.0)[np.newaxis]),
-            "contact_time": later,
-        },
-        {"time": time},
-    )
-    labels = sweep_row._object_labels(every, panel)
-    assert (bool(labels["slipped"].values), bool(labels["slipped_free"].values)) == found
+    every = {
+        "object_force": (("time",), np.zeros(time.size)),
+        "drive_force": (("drive", "time"), force[np.newaxis]),
+        "drive_slipping": (("drive", "time"), (np.abs(force) >= 9.0)[np.newaxis]),
+        "contact_time": ((), np.array(later)),
+    }
+    spans = [Span("a", "open", opening, opening + 2.0), Span("b", "closed", closing, closing + 2.0)]
+    labels = sweep_row.object_labels(time, every, spans=spans)
+    assert (bool(labels["slipped"][1]), bool(labels["slipped_free"][1])) == found

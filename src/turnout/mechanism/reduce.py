@@ -23,7 +23,7 @@ from turnout.reduction.report import ReductionReport, reduction_report
 from turnout.section.properties import SectionProperties
 
 Floats = NDArray[np.float64]
-MOST_RAILS = 24
+MOST_RAILS = 48
 """So many reduced rails are kept in memory, the latest used."""
 
 _rails: OrderedDict[str, ReducedRail] = OrderedDict()

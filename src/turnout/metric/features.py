@@ -4,7 +4,7 @@ All look at the *effort* of a drive: its force in the direction of the movement.
 simulation or a measurement has, and are NaN where something they need was not kept or measured.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.errors import ResponseError
-from turnout.metric.movement import TIME_TOLERANCE, movements
+from turnout.metric.movement import TIME_TOLERANCE, Span, movements
 from turnout.metric.signal import FILTER_WINDOW, filtered_values
 
 Floats = NDArray[np.float64]
@@ -96,28 +96,64 @@ def features(dataset: xr.Dataset) -> xr.Dataset:
     if not spans:
         message = "features: the dataset names no movement; build a campaign of it first"
         raise ResponseError(message)
-    time = dataset["time"].to_numpy()
-    bounds = [span.start for span in spans[1:]] + [np.inf]
+    values = run_features(
+        dataset["time"].to_numpy(),
+        dataset["drive_force"].to_numpy(),
+        spans=spans,
+        limits=_limits(dataset),
+        travel=_rows(dataset, "drive_displacement"),
+        current=_rows(dataset, "drive_current"),
+    )
     drives = dataset["drive"].to_numpy()
-    values = np.full((len(FEATURES), drives.size, len(DIRECTIONS)), np.nan)
-    channels = {name: _rows(dataset, name) for name in ("drive_displacement", "drive_current")}
-    force = dataset["drive_force"].to_numpy()
-    limits = _limits(dataset)
+    coordinates = {"drive": drives, "direction": np.array(DIRECTIONS)}
+    return _labelled(values, ("drive", "direction"), coordinates)
+
+
+def run_features(
+    time: Floats,
+    force: Floats,
+    *,
+    spans: Sequence[Span],
+    limits: Floats,
+    travel: Floats | None = None,
+    current: Floats | None = None,
+) -> Floats:
+    """Return the features of a run from bare arrays.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n_times,)
+        [s]
+    force : ndarray, shape (n_drives, n_times)
+        Positive closing [N].
+    spans : sequence of Span
+        Its movements.
+    limits : ndarray, shape (n_drives,)
+        Force at which each drive slips [N].
+    travel, current : ndarray, shape (n_drives, n_times), optional
+        Of the markers, positive closing [m], and of the motors [A].
+
+    Returns
+    -------
+    ndarray, shape (n_features, n_drives, 2)
+        In the order of `FEATURES` and `DIRECTIONS`.
+    """
+    bounds = [span.start for span in spans[1:]] + [np.inf]
+    values = np.full((len(FEATURES), force.shape[0], len(DIRECTIONS)), np.nan)
     for span, until in zip(spans, bounds, strict=True):
         sign, column = (1.0, 1) if span.to == "closed" else (-1.0, 0)
         first, last = np.searchsorted(time, [span.start - TIME_TOLERANCE, until - TIME_TOLERANCE])
         part = slice(int(first), int(last))
-        for row in range(drives.size):
+        for row in range(force.shape[0]):
             values[:, row, column] = movement_features(
                 time[part] - span.start,
                 sign * force[row, part],
-                travel=_part(channels["drive_displacement"], row, part, sign=sign),
-                current=_part(channels["drive_current"], row, part),
+                travel=None if travel is None else sign * travel[row, part],
+                current=None if current is None else current[row, part],
                 limit=limits[row],
                 length=span.end - span.start,
             )
-    coordinates = {"drive": drives, "direction": np.array(DIRECTIONS)}
-    return _labelled(values, ("drive", "direction"), coordinates)
+    return values
 
 
 def movement_features(
@@ -243,7 +279,3 @@ def _limits(dataset: xr.Dataset) -> Floats:
 def _rows(dataset: xr.Dataset, name: str) -> Floats | None:
     """Return a channel with drive and time last; None where it is not there."""
     return dataset[name].transpose(..., "drive", "time").to_numpy() if name in dataset else None
-
-
-def _part(rows: Floats | None, row: int, part: slice, *, sign: float = 1.0) -> Floats | None:
-    return None if rows is None else sign * rows[row, part]

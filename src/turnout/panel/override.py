@@ -158,7 +158,7 @@ def apply_overrides(
         Value by leaf key, broad keys first.
     """
     tree = _copy(document.tree)
-    shared, origins = set(document.shared), dict(document.origins)
+    shared, given = set(document.shared), dict[str, object]()
     problems: list[Problem] = []
     leaves: list[tuple[int, str, object]] = []
     for key, value in overrides.items():
@@ -175,11 +175,15 @@ def apply_overrides(
         applied[key] = value
         for target in targets:
             _set(tree, target)
-            _restate(target.place, value, origins)
+            place = ".".join(target.place)
+            for below in [name for name in given if name.startswith(f"{place}.")]:
+                del given[below]
+            given[place] = value
             if _breadth(tuple(key.split("."))) == 0 and len(targets) > 1:
                 shared.add(target.place[:3])
             else:
                 shared.discard(target.place[:3])
+    origins = _restated(document.origins, given)
     changed = replace(document, tree=tree, shared=frozenset(shared), origins=origins)
     return changed, problems, applied
 
@@ -264,11 +268,19 @@ def _set(tree: dict[str, Any], target: _Target) -> None:
     table[target.place[-1]] = target.value
 
 
-def _restate(place: Path, value: object, origins: dict[str, Origin]) -> None:
-    key = ".".join(place)
-    for stale in [name for name in origins if name == key or name.startswith(f"{key}.")]:
-        del origins[stale]
-    origins[key] = Origin("override", show_value(value))
+def _restated(origins: Mapping[str, Origin], given: Mapping[str, object]) -> dict[str, Origin]:
+    """Return the origins of values after those of some keys, and all below them, were given."""
+    kept = {name: origin for name, origin in origins.items() if not _given(name, given)}
+    return kept | {key: Origin("override", show_value(value)) for key, value in given.items()}
+
+
+def _given(name: str, given: Mapping[str, object]) -> bool:
+    """Tell whether a key or one above it is among those given."""
+    while name:
+        if name in given:
+            return True
+        name = name.rpartition(".")[0]
+    return False
 
 
 def _copy(tree: Any) -> Any:

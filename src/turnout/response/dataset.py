@@ -82,7 +82,27 @@ def response_dataset(
     xarray.Dataset
         Labelled and checked; ``attrs`` are left to `describe_run`.
     """
-    save = save or Save()
+    channels, coords = response_channels(panel, mechanism, history, save=save or Save())
+    return check_schema(label(xr.Dataset(channels, coords)))
+
+
+def response_channels(
+    panel: Panel, mechanism: Mechanism, history: History, *, save: Save
+) -> tuple[dict[str, Variable], dict[str, Variable]]:
+    """Return what `response_dataset` holds as bare arrays, for those who make datasets of many.
+
+    Parameters
+    ----------
+    panel, mechanism, history
+        As for `response_dataset`.
+    save : Save
+        What to keep; nothing else is computed, but for what costs nothing.
+
+    Returns
+    -------
+    channels, coordinates : dict of str to (dims, ndarray)
+        By the names of the schema, in SI.
+    """
     channels = drive_signals(panel, mechanism, history)
     for names, signals in _FORCES.items():
         if save.keeps(*names):
@@ -99,8 +119,7 @@ def response_dataset(
     kept = {name: value for name, value in channels.items() if save.keeps(name)}
     used = {dim for dims, _ in kept.values() for dim in dims} | {"time"}
     named = coordinates(panel, mechanism, time=history.time, x=x)
-    coords = {name: value for name, value in named.items() if set(value[0]) <= used}
-    return check_schema(label(xr.Dataset(kept, coords)))
+    return kept, {name: value for name, value in named.items() if set(value[0]) <= used}
 
 
 def _shapes(panel: Panel, motion: Motion, x: Floats, save: Save) -> dict[str, Variable]:

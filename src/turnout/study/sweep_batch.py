@@ -17,8 +17,18 @@ import numpy as np
 import xarray as xr
 
 from turnout.files.atomic import write_atomic
+from turnout.metric.features import FEATURES
+from turnout.response.signals import Variable
+from turnout.schema.channels import known_channel
 from turnout.study.study import Study
-from turnout.study.sweep_row import COMPLETE, Row, labels_of, skipped, throw_scenario
+from turnout.study.sweep_row import (
+    COMPLETE,
+    LABELS,
+    Row,
+    labels_of,
+    skipped,
+    throw_scenario,
+)
 
 SMALLEST_BATCH, LARGEST_BATCH, MOST_BATCHES = 8, 64, 256
 """Scenarios in a batch, and how many batches there are before they grow."""
@@ -89,21 +99,44 @@ def batch_dataset(study: Study, rows: Sequence[Row]) -> xr.Dataset:
     inputs = [name for name, variable in variables.items() if "input" in variable.attrs]
     known = [row for row in rows if row.outcome == COMPLETE]
     named: dict[str, xr.Variable] = {}
-    varying: dict[str, xr.Variable] = {}
+    varying: dict[str, Variable] = {}
     for row in known:
-        for name, variable in row.coordinates.items():
-            (named if variable.dims == (name,) else varying).setdefault(name, variable)
+        for name, (dims, values) in row.coordinates.items():
+            if dims == (name,):
+                named.setdefault(name, xr.Variable(dims, values, attributes_of(name)))
+            else:
+                varying.setdefault(name, (dims, values))
         varying |= {name: v for name, v in row.variables.items() if name not in varying}
     for name, like in varying.items():
         found = [(row.variables | row.coordinates).get(name) for row in rows]
-        variables[name] = _together(found, like)
+        variables[name] = _together(name, found, like)
     sizes = {dim: n for v in variables.values() for dim, n in zip(v.dims, v.shape, strict=True)}
     if "time" in sizes:
         time = np.arange(sizes["time"]) * study.output.interval
-        named["time"] = xr.Variable("time", time, {"units": "s", "long_name": "time"})
+        named["time"] = xr.Variable("time", time, attributes_of("time"))
     coordinates = {name for row in known for name in row.coordinates if name in variables}
     given = {"scenario", "name", "condition", "split", *inputs, *coordinates}
     return xr.Dataset({**variables, **named}).set_coords(sorted(given))
+
+
+def attributes_of(name: str) -> dict[str, str]:
+    """Return unit, meaning and sign of a stored variable.
+
+    Examples
+    --------
+    >>> attributes_of("slipped")["long_name"]
+    'whether a drive slipped in the last movement'
+    """
+    if name in FEATURES:
+        return {"units": FEATURES[name].units, "long_name": FEATURES[name].long_name}
+    if name in LABELS:
+        units, text = LABELS[name]
+        return {"units": units, "long_name": text}
+    channel = known_channel(name)
+    if channel is None:
+        raise KeyError(name)
+    found = {"units": channel.units, "long_name": channel.long_name}
+    return found | ({"positive": channel.positive} if channel.positive else {})
 
 
 def _described(study: Study, rows: Sequence[Row]) -> dict[str, xr.Variable]:
@@ -149,23 +182,24 @@ def split_of(condition: str, seed: int) -> str:
     return next(name for name, bound in SPLITS.items() if share < bound)
 
 
-def _together(found: Sequence[xr.Variable | None], like: xr.Variable) -> xr.Variable:
+def _together(name: str, found: Sequence[Variable | None], like: Variable) -> xr.Variable:
     """Return the variables of scenarios stacked, the shorter ones filled up along time."""
-    shape = [0] * like.ndim
+    shape = [0] * len(like[0])
     for variable in found:
         if variable is not None:
-            shape = [max(n, m) for n, m in zip(shape, variable.shape, strict=True)]
-    logical = like.dtype.kind == "b"
-    dtype, empty = (np.dtype(np.int8), UNKNOWN) if logical else (like.dtype, np.nan)
+            shape = [max(n, m) for n, m in zip(shape, variable[1].shape, strict=True)]
+    kind = like[1].dtype
+    logical = kind.kind == "b"
+    dtype, empty = (np.dtype(np.int8), UNKNOWN) if logical else (kind, np.nan)
     values = np.full((len(found), *shape), empty, dtype=dtype)
     for number, variable in enumerate(found):
         if variable is not None:
-            place: tuple[int | slice, ...] = (number, *(slice(n) for n in variable.shape))
-            values[place] = variable.values
-    attributes = dict(like.attrs)
+            place: tuple[int | slice, ...] = (number, *(slice(n) for n in variable[1].shape))
+            values[place] = variable[1]
+    attributes = attributes_of(name)
     if logical:
         attributes |= {"values": "1 true, 0 false, -1 not known as the scenario is not complete"}
-    return xr.Variable(("scenario", *like.dims), values, attributes)
+    return xr.Variable(("scenario", *like[0]), values, attributes)
 
 
 def batch_bytes(dataset: xr.Dataset) -> bytes:

@@ -5,11 +5,10 @@ study. What is not asked for is never computed.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.errors import FileError, PanelError, TurnoutError
@@ -17,16 +16,19 @@ from turnout.integrate.outcome import Code
 from turnout.integrate.run import History
 from turnout.integrate.scheme import Scheme
 from turnout.mechanism.threads import one_blas_thread
-from turnout.metric.features import FEATURES, features
+from turnout.metric.features import FEATURES, run_features
+from turnout.metric.movement import Span
 from turnout.panel.load import LoadedPanel
-from turnout.response.dataset import movement_records, response_dataset
+from turnout.response.dataset import response_channels
 from turnout.response.route import throws
 from turnout.response.save import Save
+from turnout.response.signals import Variable
 from turnout.response.simulate import Solved, solve
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
 
-Variables = dict[str, xr.Variable]
+Floats = NDArray[np.float64]
+Variables = dict[str, Variable]
 
 OUTCOMES = ("complete", "failed", "invalid", "skipped")
 """How a scenario ended: to its end; not even with a finer step; not possible; left out by the
@@ -35,6 +37,16 @@ COMPLETE, FAILED, INVALID, SKIPPED = OUTCOMES
 
 FORCES = ("drive_force", "drive_displacement", "drive_slipping", "object_force", "force_margin")
 CONTACTS = ("object_placed", "object_touched", "contact_time")
+LABELS = {
+    "object_force_peak": ("N", "largest force on foreign objects"),
+    "object_force_end": ("N", "force on foreign objects at the end"),
+    "slipped": ("1", "whether a drive slipped in the last movement"),
+    "slipped_free": ("1", "whether a drive slipped before any object was touched"),
+    "end_locked": ("1", "lock rule met at the end"),
+    "end_in_control": ("1", "sensor gap below its limit at the end"),
+}
+"""Unit and meaning of the labels that only a sweep has."""
+
 GAPS = ("end_gap", "locked", "in_control", "least_flangeway", "least_flangeway_x")
 
 
@@ -52,9 +64,9 @@ class Row:
         Why it is not complete, else empty.
     attempts : int
         Throws that were made.
-    variables : dict of str to xarray.Variable
+    variables : dict of str to (dims, ndarray)
         Histories, labels and features; empty unless complete.
-    coordinates : dict of str to xarray.Variable
+    coordinates : dict of str to (dims, ndarray)
         Of these.
     solver_time : float
         Of the throw that counted [s].
@@ -71,7 +83,7 @@ class Row:
     @property
     def slipped(self) -> bool:
         """Whether a drive slipped in the last movement."""
-        return bool(self.variables["slipped"].values)
+        return bool(self.variables["slipped"][1])
 
 
 def throw_scenario(study: Study, scenario: Scenario) -> Row:
@@ -144,67 +156,79 @@ def boiled_down(study: Study, panel: LoadedPanel, solved: Solved) -> tuple[Varia
     solved : Solved
         The throw.
     """
-    history = solved.history
+    history, channels = solved.history, study.output.channels
     kept, ends = _kept_instants(study, panel, history)
+    union = np.union1d(kept, ends)
     with one_blas_thread():
-        every = response_dataset(
+        every, named = response_channels(
             panel, solved.mechanism, history, save=Save(fields=(*FORCES, *CONTACTS))
         )
-        fields = tuple(dict.fromkeys((*study.output.channels, *GAPS)))
-        union = np.union1d(kept, ends)
-        some = response_dataset(
-            panel, solved.mechanism, at_instants(history, union), save=Save(fields=fields)
+        some, more = response_channels(
+            panel,
+            solved.mechanism,
+            at_instants(history, union),
+            save=Save(fields=tuple(dict.fromkeys((*channels, *GAPS)))),
         )
-    coarse = some.isel(time=np.searchsorted(union, kept))
-    histories = {name: coarse[name].variable for name in study.output.channels if name in coarse}
-    variables = {name: _small(variable) for name, variable in histories.items()}
-    variables |= {name: every[name].variable for name in (*CONTACTS, "force_margin")}
-    variables |= {name: some[name].variable for name in ("end_gap", *GAPS[3:]) if name in some}
+    places = np.searchsorted(union, kept)
+    variables = {
+        name: (some[name][0], _small(some[name][1][..., places]))
+        for name in channels
+        if name in some
+    }
+    variables |= {name: every[name] for name in (*CONTACTS, "force_margin")}
+    variables |= {name: some[name] for name in ("end_gap", *GAPS[3:]) if name in some}
     for name in ("locked", "in_control"):
         if name in some:
-            variables[f"end_{name}"] = some[name].isel(time=-1).variable
-    found = features(every.assign_attrs(movements=movement_records(panel)))
-    variables |= {name: found[name].variable for name in FEATURES}
-    variables |= _object_labels(every, panel)
-    needed = {dim for variable in variables.values() for dim in variable.dims}
+            dims, values = some[name]
+            variables[f"end_{name}"] = (dims[:-1], np.asarray(values[..., -1]))
+    spans = [Span(throw.name, throw.to, throw.start, throw.end) for throw in throws(panel)]
+    found = run_features(
+        history.time,
+        _floats(every["drive_force"]),
+        spans=spans,
+        limits=_floats(named["saturation_force"]),
+        travel=_floats(every["drive_displacement"]),
+    )
+    variables |= {
+        name: (("drive", "direction"), row) for name, row in zip(FEATURES, found, strict=True)
+    }
+    variables |= object_labels(history.time, every, spans=spans)
+    needed = {dim for dims, _ in variables.values() for dim in dims}
     coordinates = {
-        str(name): variable
-        for dataset in (coarse, every)
-        for name, variable in dataset.coords.variables.items()
-        if set(variable.dims) <= needed and name != "time"
+        name: value
+        for name, value in (more | named).items()
+        if set(value[0]) <= needed and name != "time"
     }
     return variables, coordinates
 
 
-def _object_labels(every: xr.Dataset, panel: LoadedPanel) -> Variables:
-    """Return the largest and last force on the objects, and whether drives slipped."""
-    force, time = every["object_force"].to_numpy(), every["time"].to_numpy()
+def object_labels(time: Floats, every: Variables, *, spans: Sequence[Span]) -> Variables:
+    """Return the largest and last force on the objects, and whether drives slipped.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n_times,)
+        [s]
+    every : dict
+        `object_force`, `drive_force`, `drive_slipping` and `contact_time` as bare arrays.
+    spans : sequence of Span
+        The movements.
+    """
+    force = _floats(every["object_force"])
     sense, onset = np.zeros(time.size), 0.0
-    for movement in throws(panel):
-        onset = movement.start - 1e-9
-        sense[time >= onset] = 1.0 if movement.to == "closed" else -1.0
+    for span in spans:
+        onset = span.start - 1e-9
+        sense[time >= onset] = 1.0 if span.to == "closed" else -1.0
     # At the onset of a movement a drive may still hold with the force of the one before.
-    working = sense * every["drive_force"].to_numpy() > 0
-    slipping = (every["drive_slipping"].to_numpy() & working).any(axis=0)
-    contact = float(every["contact_time"])
+    working = sense * _floats(every["drive_force"]) > 0
+    slipping = np.any(every["drive_slipping"][1].astype(np.bool_) & working, axis=0)
+    contact = float(_floats(every["contact_time"]))
     alone = time < (contact if np.isfinite(contact) else np.inf)
-    values: dict[str, tuple[object, str, str]] = {
-        "object_force_peak": (float(np.max(force, initial=0.0)), "N", "largest force on objects"),
-        "object_force_end": (float(force[-1]), "N", "force on objects at the end"),
-        "slipped": (
-            bool(slipping[time >= onset].any()),
-            "1",
-            "whether a drive slipped in the last movement",
-        ),
-        "slipped_free": (
-            bool(slipping[alone].any()),
-            "1",
-            "whether a drive slipped before any object was touched",
-        ),
-    }
     return {
-        name: xr.Variable((), np.asarray(value), {"units": units, "long_name": text})
-        for name, (value, units, text) in values.items()
+        "object_force_peak": ((), np.asarray(np.max(force, initial=0.0))),
+        "object_force_end": ((), np.asarray(force[-1])),
+        "slipped": ((), np.asarray(slipping[time >= onset].any())),
+        "slipped_free": ((), np.asarray(slipping[alone].any())),
     }
 
 
@@ -243,11 +267,13 @@ def _kept_instants(
     return np.arange(0, count, stride), np.array(sorted({*ends, count - 1} - {count}))
 
 
-def _small(variable: xr.Variable) -> xr.Variable:
+def _small(values: NDArray[np.generic]) -> NDArray[np.generic]:
     """Return numbers in single precision; logical values stay."""
-    if variable.dtype.kind != "f":
-        return variable
-    return variable.astype(np.float32)
+    return values.astype(np.float32) if values.dtype.kind == "f" else values
+
+
+def _floats(variable: Variable) -> Floats:
+    return np.asarray(variable[1], dtype=np.float64)
 
 
 def labels_of(row: Row) -> Mapping[str, object]:

@@ -1,0 +1,304 @@
+"""Measure sweeps; write docs/performance-sweep.md.
+
+    python -m benchmarks.sweep FOLDER [--full 2000] [--small 20000] [--store 64] [--workers 2]
+
+Sweeps are made in FOLDER, or gone on with there, so that a run that was ended goes on. What was
+measured is kept in FOLDER/measured.json and written on the page. The ideal rate is that of solvers
+that do nothing else: workers over the mean time in which these very throws were solved (mechanism
+built, equilibrium, integration), while the same number of workers ran.
+"""
+
+import argparse
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from turnout.response.simulate import compile_kernels
+from turnout.study.study import Study, load_study
+from turnout.study.sweep_batch import batch_bytes, batch_dataset, throw_batch
+from turnout.study.sweep_folder import JOURNAL
+from turnout.study.sweep_read import open_sweep, read_labels
+from turnout.study.sweep_run import State, run_sweep
+
+DOCS = Path(__file__).parents[1] / "docs"
+FULL = """
+schema_version = 1
+name = "full panel"
+description = "Benchmark: the default panel, friction and an object of any size at any place."
+panel = "uic60-760-1-15"
+seed = 1
+
+[[variable]]
+key = "chair.friction_coefficient"
+distribution = "uniform"
+minimum = 0.1
+maximum = 0.4
+
+[[variable]]
+key = "drive.2.stiffness"
+distribution = "uniform"
+minimum = "400 kN/m"
+maximum = "900 kN/m"
+
+[[variable]]
+key = "object.at"
+distribution = "choice"
+values = ["every sleeper"]
+
+[[variable]]
+key = "object.size"
+distribution = "uniform"
+minimum = "0 mm"
+maximum = "30 mm"
+
+[sampling]
+count = {count}
+"""
+SMALL = """
+schema_version = 1
+name = "small"
+description = "Benchmark: one rail, cut short."
+panel = "sb1"
+seed = 1
+
+[set]
+"schedule.end" = "0.6 s"
+"movement.throw.start" = "0.05 s"
+"movement.throw.duration" = "0.2 s"
+"movement.return.start" = "0.3 s"
+"movement.return.duration" = "0.2 s"
+"movement.return.extra_time" = {{ "2" = "0 s" }}
+
+[[variable]]
+key = "chair.friction_coefficient"
+distribution = "uniform"
+minimum = 0.1
+maximum = 0.4
+
+[sampling]
+count = {count}
+"""
+# The wanted share of the ideal rate, and scenarios within an hour on so many cores.
+SHARE, HOUR, CORES = 0.9, 100_000, 2
+
+
+def study_in(folder: Path, text: str, *, name: str, count: int) -> Study:
+    """Write a study file and load it."""
+    path = folder / f"{name}-{count}.toml"
+    path.write_text(text.format(count=count), encoding="utf-8")
+    return load_study(path)
+
+
+def timed_run(study: Study, folder: Path, *, workers: int) -> dict[str, Any]:
+    """Throw what is missing; return rates of this call, and sizes of the whole."""
+    began = time.perf_counter()
+    finished = run_sweep(study, folder, workers=workers, report=Told())
+    wall = time.perf_counter() - began
+    solver = sum(batch.solver_time for batch in finished.batches)
+    busy = sum(batch.wall_time for batch in finished.batches)
+    count = read_labels(folder).sizes["scenario"]
+    size = sum(path.stat().st_size for path in (folder / "batches").iterdir())
+    return {
+        "thrown": finished.thrown,
+        "wall": wall,
+        "solver": solver,
+        "busy": busy,
+        "workers": workers,
+        "stored": count,
+        "bytes": size / count,
+        "log": (folder / JOURNAL).stat().st_size,
+        "load": os.getloadavg()[0],
+    }
+
+
+class Told:
+    """Says how far a sweep is, every ten seconds."""
+
+    def __init__(self) -> None:
+        self._next = 0.0
+
+    def __call__(self, state: State) -> None:
+        """Print one line."""
+        if time.monotonic() < self._next and state.done < state.total:
+            return
+        self._next = time.monotonic() + 10.0
+        print(f"{state.done} of {state.total}, {state.rate:.2f} a second", flush=True)
+
+
+def memory_of(pid: int) -> float:
+    """Return the memory that a process holds [MB]."""
+    for line in Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1]) / 1e3
+    return float("nan")
+
+
+def memory_curve(study: Study, folder: Path, *, workers: int) -> list[tuple[int, float, float]]:
+    """Return batches written, memory of the run and of its largest worker [MB], as it runs."""
+    command = [sys.executable, "-m", "benchmarks.sweep", str(folder.parent), "--only", study.name]
+    process = subprocess.Popen([*command, str(study.count), "--workers", str(workers)])
+    curve: list[tuple[int, float, float]] = []
+    while process.poll() is None:
+        time.sleep(5.0)
+        done = sum(1 for _ in (folder / "batches").glob("[0-9]*.nc")) if folder.exists() else 0
+        try:
+            task = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+            children = [int(pid) for pid in task.read_text(encoding="utf-8").split()]
+            largest = max((memory_of(pid) for pid in children), default=0.0)
+            curve.append((done, memory_of(process.pid), largest))
+        except OSError:  # a process ended between two looks
+            continue
+    if process.returncode:
+        message = f"the sweep for the memory curve ended with {process.returncode}"
+        raise RuntimeError(message)
+    return curve
+
+
+def sizes(study: Study, *, count: int) -> dict[str, float]:
+    """Return bytes a scenario at 100 Hz, at 1 kHz, and without histories."""
+    found = {}
+    for name, output in (
+        ("100 Hz", study.output),
+        ("1 kHz", replace(study.output, rate=1000.0)),
+        ("labels and features alone", replace(study.output, channels=())),
+    ):
+        chosen = replace(study, output=output)
+        rows = throw_batch(chosen, [[index] for index in range(count)])
+        found[name] = len(batch_bytes(batch_dataset(chosen, rows))) / count
+    return found
+
+
+def reading(folder: Path) -> dict[str, float]:
+    """Return the seconds that looking at a sweep takes."""
+    began = time.perf_counter()
+    sweep = open_sweep(folder)
+    opened = time.perf_counter()
+    sweep["drive_force"].isel(scenario=-1).load()
+    one = time.perf_counter()
+    sweep["peak_force"].load()
+    feature = time.perf_counter()
+    read_labels(folder)
+    labels = time.perf_counter()
+    return {
+        "open": opened - began,
+        "one scenario": one - opened,
+        "one feature of all": feature - one,
+        "all labels and features": labels - feature,
+    }
+
+
+def page(kept: dict[str, Any]) -> str:
+    """Return the page."""
+    full, small = kept["full"], kept["small"]
+    alone = full["solver"] / full["thrown"]
+    ideal, rate = full["workers"] / alone, full["thrown"] / full["wall"]
+    steady = full["thrown"] / full["busy"] * full["workers"]
+    hours = HOUR / (steady / full["workers"] * CORES) / 3600.0
+    verdict = "meets" if rate >= SHARE * ideal else "MISSES"
+    curve = "\n".join(f"| {n} | {run:.0f} | {worker:.0f} |" for n, run, worker in thinned(small))
+    store = "\n".join(f"| {name} | {size / 1e3:.1f} |" for name, size in kept["sizes"].items())
+    look = "\n".join(f"| {name} | {seconds:.3f} |" for name, seconds in kept["reading"].items())
+    return f"""# Performance of sweeps
+
+Written by `python -m benchmarks.sweep` on {platform.machine()} with {os.cpu_count()} cores, Python
+{platform.python_version()}; load {full["load"]:.1f} at the end of the full-panel sweep. A
+load above the number of workers means that others used the machine, which makes times longer but
+hardly changes their ratio.
+
+## Rate
+
+{full["thrown"]} throws of the default panel in {full["workers"]} processes, each with its own
+friction, drive stiffness, object size and place.
+
+| what | value |
+|---|---|
+| solved in, mean a throw | {1e3 * alone:.0f} ms |
+| ideal rate: {full["workers"]} solvers that do nothing else | {ideal:.2f} a second |
+| rate of the whole run, with start, writing and card | {rate:.2f} a second |
+| share of the ideal | {100 * rate / ideal:.1f} % ({verdict} the aim of {100 * SHARE:.0f} %) |
+| share while all workers are busy | {100 * steady / ideal:.1f} % |
+| spent beside solving, a throw | {1e3 * (full["busy"] - full["solver"]) / full["thrown"]:.1f} ms |
+| {HOUR} throws on {CORES} cores, predicted | {hours:.1f} h |
+
+## Memory
+
+{small["stored"]} small throws (`sb1`, cut short) in {small["workers"]} processes.
+
+| batches written | run [MB] | largest worker [MB] |
+|---|---|---|
+{curve}
+
+## Disk
+
+| kept of a throw of the default panel | kB |
+|---|---|
+{store}
+
+## Reading
+
+The sweep of {small["stored"]} small throws.
+
+| what | seconds |
+|---|---|
+{look}
+"""
+
+
+def thinned(small: dict[str, Any]) -> list[list[float]]:
+    """Return about ten points of the curve of memory, the last one among them."""
+    curve: list[list[float]] = [point for point in small["curve"] if point[0]]
+    every = max(1, len(curve) // 10)
+    return [*curve[:-1:every], curve[-1]] if curve else []
+
+
+def main() -> None:
+    """Measure what was asked for, keep it, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--full", type=int, default=2000)
+    parser.add_argument("--small", type=int, default=20000)
+    parser.add_argument("--store", type=int, default=64)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--only", nargs=2, metavar=("NAME", "COUNT"))
+    chosen = parser.parse_args()
+    folder: Path = chosen.folder
+    folder.mkdir(parents=True, exist_ok=True)
+    if chosen.only:
+        small = study_in(folder, SMALL, name="small", count=int(chosen.only[1]))
+        result = timed_run(small, folder / "small", workers=chosen.workers)
+        (folder / "small.json").write_text(json.dumps(result), encoding="utf-8")
+        return
+    compile_kernels()
+    kept_file = folder / "measured.json"
+    kept = json.loads(kept_file.read_text(encoding="utf-8")) if kept_file.exists() else {}
+
+    def keep(name: str, value: Any) -> None:
+        kept[name] = value
+        kept_file.write_text(json.dumps(kept, indent=1), encoding="utf-8")
+
+    full = study_in(folder, FULL, name="full", count=chosen.full)
+    result = timed_run(full, folder / "full", workers=chosen.workers)
+    if result["thrown"]:
+        keep("full", result)
+    if "sizes" not in kept:
+        keep("sizes", sizes(full, count=chosen.store))
+    small = study_in(folder, SMALL, name="small", count=chosen.small)
+    if kept.get("small", {}).get("stored") != chosen.small:
+        curve = memory_curve(small, folder / "small", workers=chosen.workers)
+        result = json.loads((folder / "small.json").read_text(encoding="utf-8"))
+        keep("small", result | {"curve": curve})
+    keep("reading", reading(folder / "small"))
+    (DOCS / "performance-sweep.md").write_text(page(kept), encoding="utf-8")
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3
+    print(f"written; the largest process took {peak:.0f} MB")
+
+
+if __name__ == "__main__":
+    main()
