@@ -1,5 +1,6 @@
 """One rail from its structure to a superelement with the points where laws act."""
 
+import pickle
 from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import fields, replace
@@ -73,6 +74,8 @@ def _parts(data: RailData) -> Iterator[object]:
             yield from (getattr(value, part.name) for part in fields(value))
         elif isinstance(value, RailMatrices):
             yield value.digest
+        elif isinstance(value, tuple):  # hundreds of points, whose text takes ten times as long
+            yield pickle.dumps(value)
         else:
             yield value
 
