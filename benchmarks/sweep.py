@@ -208,9 +208,10 @@ def page(kept: dict[str, Any]) -> str:
     return f"""# Performance of sweeps
 
 Written by `python -m benchmarks.sweep` on {platform.machine()} with {os.cpu_count()} cores, Python
-{platform.python_version()}; load {full["load"]:.1f} at the end of the full-panel sweep. A
-load above the number of workers means that others used the machine, which makes times longer but
-hardly changes their ratio.
+{platform.python_version()}; load {full["load"]:.1f} at the end of the full-panel sweep. A load above
+{full["workers"]} means that others used the machine: then times and the prediction are too long by about
+load over cores, while the share of the ideal hardly changes. The start of the workers, some
+seconds of a quiet machine, weighs the more the fewer throws there are.
 
 ## Rate
 
@@ -253,7 +254,9 @@ The sweep of {small["stored"]} small throws.
 
 def thinned(small: dict[str, Any]) -> list[list[float]]:
     """Return about ten points of the curve of memory, the last one among them."""
-    curve: list[list[float]] = [point for point in small["curve"] if point[0]]
+    # Before the first batch workers start, after the last one they have ended.
+    last = max((point[0] for point in small["curve"]), default=0)
+    curve: list[list[float]] = [point for point in small["curve"] if 0 < point[0] < last]
     every = max(1, len(curve) // 10)
     return [*curve[:-1:every], curve[-1]] if curve else []
 
