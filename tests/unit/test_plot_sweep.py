@@ -74,6 +74,7 @@ def test_the_map_has_place_by_size_and_the_largest_drive() -> None:
     expected = [[0.0, 1000.0, 2000.0, np.nan], [4000.0, 5000.0, np.nan, 7000.0]]
     np.testing.assert_array_equal(cells["peak_force"].values, expected)
     assert cells["throws"].values.tolist() == [[1, 1, 1, 0], [1, 1, 0, 1]]
+    assert cells.attrs["skipped"] == 1
 
 
 def test_a_cell_of_several_throws_shows_the_worst_end_and_the_middle_force() -> None:

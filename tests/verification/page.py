@@ -41,6 +41,7 @@ from the functions that the tests call, on the thinned copies of the independent
 | changing normal force, lift-off | independent fine-step program | `test_brute_force*.py` |
 | whole panels | independent programs: SB1, SB2 | `test_benchmarks.py` |
 | the paper | facts a to f | `test_paper_facts.py` |
+| the paper | its campaign as a sweep: facts b, c, d | `test_sweep_campaign.py` (long) |
 | books of energy | closed to rounding on every run | `test_benchmarks.py` and others |
 | bits | the same whatever the workers | `test_robustness_determinism.py` |
 

@@ -83,7 +83,8 @@ def sweep_map(
     xarray.Dataset
         By (y, x): the medians of `peak_force` and `end_gap` of the drive with most [N], [m] and of
         `object_force_peak` [N], NaN where nothing was thrown; `state`, the worst of the cell, and
-        `throws` that came to an end.
+        `throws` that came to an end. ``attrs["skipped"]`` counts what a
+        rule left out.
 
     Raises
     ------
@@ -120,7 +121,7 @@ def sweep_map(
             "throws": (("y", "x"), throws),
         },
         {"x": ("x", across, labels[x].attrs), "y": ("y", along, labels[y].attrs)},
-        {**labels.attrs, "x_input": x, "y_input": y},
+        {**labels.attrs, "x_input": x, "y_input": y, "skipped": int((state == NOT_THROWN).sum())},
     )
 
 

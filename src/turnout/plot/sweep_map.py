@@ -166,14 +166,14 @@ def _ticks(cells: xr.Dataset, name: str) -> list[str]:
     if values.dtype.kind not in "fiu":
         return [str(value) for value in values]
     _, factor, offset = AXIS_TITLES.get(str(cells.attrs[f"{name}_input"]), ("", 1.0, 0.0))
-    return [f"{factor * value + offset:.4g}" for value in values]
+    return [f"{factor * value + offset:.3g}" for value in values]
 
 
 def _title(cells: xr.Dataset) -> str:
     name = str(cells.attrs.get("name") or cells.attrs.get("study") or "sweep")
-    thrown, rest = int(cells["throws"].sum()), int((cells["state"] == NOT_THROWN).sum())
+    thrown, rest = int(cells["throws"].sum()), int(cells.attrs["skipped"])
     text = f"{name}: {thrown} throws"
-    return text + (f", {rest} cells left out once a drive had slipped" if rest else "")
+    return text + (f", {rest} left out once a drive had slipped" if rest else "")
 
 
 def _legend(cells: xr.Dataset) -> list[Any]:
