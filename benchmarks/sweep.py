@@ -207,11 +207,11 @@ def page(kept: dict[str, Any]) -> str:
     look = "\n".join(f"| {name} | {seconds:.3f} |" for name, seconds in kept["reading"].items())
     return f"""# Performance of sweeps
 
-Written by `python -m benchmarks.sweep` on {platform.machine()} with {os.cpu_count()} cores, Python
-{platform.python_version()}; load {full["load"]:.1f} at the end of the full-panel sweep. A load above
-{full["workers"]} means that others used the machine: then times and the prediction are too long by about
-load over cores, while the share of the ideal hardly changes. The start of the workers, some
-seconds of a quiet machine, weighs the more the fewer throws there are.
+Written by `python -m benchmarks.sweep` on {platform.machine()} with {os.cpu_count()} cores and
+Python {platform.python_version()}; load {full["load"]:.1f} at the end of the full-panel sweep. A
+load above {full["workers"]} means that others used the machine: then times and the prediction are
+too long by about load over cores, while the share of the ideal hardly changes. The start of the
+workers, some seconds of a quiet machine, weighs the more the fewer throws there are.
 
 ## Rate
 
