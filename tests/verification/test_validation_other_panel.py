@@ -1,0 +1,76 @@
+"""A calibration of another switch than the measured one is refused, one of the right one is not.
+
+Reference: campaigns of panel sb1 whose truth is known. The other switch is free for two bays, 1.2 m,
+more: two chairs more, two fastenings fewer. Both are calibrated as sb1, on half of the movements.
+Limits of the verdict: band of 95 % covers at least 80 %, error at most three repeat spreads.
+"""
+
+from pathlib import Path
+
+from tests.verification.twin_campaigns import WINDOW, Twin, campaign, short_sb1
+
+from turnout.panel.load import LoadedPanel, load_panel
+from turnout.study.calibration.calibrate import calibrate
+from turnout.study.calibration.evaluate import Evaluator
+from turnout.study.calibration.stage import Plan as Stages
+from turnout.study.calibration.stage import default_plan
+from turnout.study.validation.validate import validate
+from turnout.study.validation.verdict import Verdict, judge
+from turnout.study.virtual_plan import Plan
+
+LIBRARY = Path(__file__).parents[2] / "src" / "turnout" / "panel" / "library" / "sb1.toml"
+CASES = (
+    ("none", 0.0),
+    ("none", 0.0),
+    ("none", 0.0),
+    ("drive 1", 0.021),
+    ("drive 2", 0.010),
+    ("sleeper 4", 0.021),
+    ("sleeper 7", 0.013),
+    ("sleeper 9", 0.018),
+)
+HELD_BACK = (2, 5, 6, 7)
+
+
+def longer(folder: Path) -> LoadedPanel:
+    """Return sb1 with a free length of two bays more."""
+    text = LIBRARY.read_text(encoding="utf-8")
+    head, chairs, rest = text.partition('[chair]  # source: benchmark SB1\nx = { start = "0.3 m"')
+    assert chairs
+    rest = rest.replace("count = 16", "count = 18", 1)
+    fastenings = '[fastening]  # source: benchmark SB1\nx = { start = "9.7 m"'
+    assert fastenings in rest
+    before, _, after = rest.partition(fastenings)
+    after = after.replace("count = 8", "count = 6", 1)
+    path = folder / "longer.toml"
+    path.write_text(
+        head + chairs + before + fastenings.replace("9.7", "10.9") + after, encoding="utf-8"
+    )
+    return load_panel(path).with_overrides(dict(short_sb1().overrides))
+
+
+def verdict_on(truth: LoadedPanel) -> Verdict:
+    panel = short_sb1()
+    dataset = campaign(
+        Twin(panel=truth, plan=Plan(places=("drive 1",), window=WINDOW, seed=8), cases=CASES)
+    )
+    names = [str(name) for name in dataset["movement"].values]
+    plan = default_plan(panel)
+    joint = Stages(parameters=plan.parameters, stages=plan.stages[-1:])
+    held_back = [names[number] for number in HELD_BACK]
+    found = calibrate(dataset, panel, plan=joint, exclude=held_back).calibration
+    with Evaluator(panel) as evaluator:
+        return judge(validate(dataset, panel, found, evaluator=evaluator))
+
+
+def test_the_measured_switch_is_accepted() -> None:
+    verdict = verdict_on(short_sb1())
+    assert verdict.judged == len(HELD_BACK)
+    assert verdict.accepted, verdict.text
+
+
+def test_a_switch_with_a_longer_free_length_is_refused(tmp_path: Path) -> None:
+    verdict = verdict_on(longer(tmp_path))
+    assert verdict.held_back
+    assert not verdict.accepted, verdict.text
+    assert max(item.spreads for item in verdict.channels) > 3.0
