@@ -1,6 +1,6 @@
 """A calibration of another switch than the measured one is refused, one of the right one is not.
 
-Reference: campaigns of panel sb1 whose truth is known. The other switch is free for two bays, 1.2 m,
+Reference: campaigns of sb1 whose truth is known. The other switch is free for two bays, 1.2 m,
 more: two chairs more, two fastenings fewer. Both are calibrated as sb1, on half of the movements.
 Limits of the verdict: band of 95 % covers at least 80 %, error at most three repeat spreads.
 """
