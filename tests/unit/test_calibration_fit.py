@@ -221,3 +221,13 @@ def test_what_the_model_misses_is_told_from_noise() -> None:
     assert size == pytest.approx(10.0 / np.sqrt(2.0), rel=0.1)
     assert 0.08 < length < 0.3
     assert missed_by_model([rng.standard_normal(300)], Noise(white=1.0))[0] == 0.0
+
+
+def test_an_onset_that_forces_told_far_too_early_is_found() -> None:
+    rng = np.random.default_rng(8)
+    lates = (0.0, 0.03, 0.145)
+    measured = [movement(f"m{n}", rng=rng, late=late) for n, late in enumerate(lates)]
+    found = fit(misfit(measured), PARAMETERS, TRUE)
+    estimated = [view.estimates["onset"][0] for view in found.frame.views]
+    np.testing.assert_allclose(estimated, lates, atol=1e-3)
+    assert found.values["k"] == pytest.approx(TRUE["k"], rel=2e-3)

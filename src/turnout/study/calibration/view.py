@@ -19,8 +19,8 @@ from turnout.study.calibration.predict import compared, predicted
 
 Floats = NDArray[np.float64]
 ONSET_STEP = 2e-3
-MOST_SHIFT = 0.1
-ONSET_TURNS = 5
+MOST_SHIFT = 0.4
+ONSET_TURNS = 12
 Key = tuple[str, str]
 
 
@@ -39,7 +39,7 @@ class Doubt:
     """
 
     clocked_onset: float = 0.005
-    onset: float = 0.02
+    onset: float = 0.05
     zero: float = 20.0
     gain: float = 1e-3
 
