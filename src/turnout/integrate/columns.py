@@ -1,39 +1,82 @@
-r"""Solved columns of the condensed system and their rank-one updates.
+r"""Solved columns of the implicit step and their rank-one updates.
 
-With the deviations :math:`\lambda = D g + b` the rows are
+The implicit step asks for
 
-.. math:: g = \Phi q + R\lambda + r \;\Rightarrow\; g = T q + c + P\,b_{in},\quad
-          T = B^{-1}\Phi,\; c = B^{-1}(R b + r),\; P = B^{-1}R,\; B = I - R D.
+.. math:: A q = p + \Phi^T\lambda,\quad A = \iota I + \nu C + \Lambda,\qquad
+          e = \Phi q + R\lambda + r,\qquad \lambda = D g + b
 
-Kept are the columns of `T`, the column `c`, and :math:`P e_r` of the *active* rows, those with a
-deviation. Each is continued by the modal force :math:`\Phi^T\lambda` that goes with it. A law that
-changes its segment changes one row of `D` and `b` by :math:`d^T` and :math:`\delta`, and with
-Sherman-Morrison every column becomes
+with modes and residual flexibility of a block at its ends `e`. Without deviations
+:math:`q_0 = A^{-1}p` and :math:`e_0 = \Phi q_0 + r`; a unit force on an end moves the ends by a row
+of the *compliance* :math:`S = R + \Phi A^{-1}\Phi^T`, which depends on the step's length alone.
+With the deviations of the block's own rows
 
-.. math:: x \leftarrow x + P e_r\,\frac{d^T x\;(+\,\delta\text{ for } c)}{1 - d^T P e_r},
+.. math:: e = (I + P D)\,e_0 + P\,b, \qquad P = (I - S D)^{-1} S,
 
-and so does the modal matrix of the implicit step by a rank-one term. Nothing is factorised.
-Columns are float64 rows of `State.columns`; slot `s` of an active row is column
-``n_modes + 1 + s``.
+and kept are the columns :math:`P e_r` of the *active* ends, those with a deviation. A law that
+changes its segment changes one row of `D` by :math:`d^T`, and by Sherman-Morrison every column of
+the block becomes
+
+.. math:: x \leftarrow x + P e_r\,\frac{d^T x}{1 - d^T P e_r}.
+
+A change of `b` alone costs nothing, and nothing is factorised. Rows that join two blocks (links,
+stops against a rail that bends, objects) are solved last: with :math:`H` from the columns of their
+ends, :math:`(I - D H)\,\lambda = D g + b` is a small dense system, factorised when a column of it
+has changed.
+
+Columns are rows of `State.columns`; the slots of a block begin where its ends do.
 """
 
 import numpy as np
 
 from turnout.integrate.system import (
-    COUNT_ACTIVE,
     COUNT_FLIPS,
+    COUNT_JOINING,
     COUNT_REBUILDS,
     COUNT_RECENT,
+    COUPLED,
+    LEVEL,
     Floats,
     State,
     System,
 )
-from turnout.law.compiled import compiled
+from turnout.integrate.vector import add, copy, dot
+from turnout.law.compiled import compiled, compiled_with_memory
 from turnout.law.kernel import STICK
 from turnout.law.table import LawTable
 
 # After so many flips columns are made anew after the step, whatever they look like.
 REBUILD_AFTER = 500
+
+
+@compiled_with_memory
+def make_level(system: System, state: State, level: int, inertia: float, viscosity: float) -> None:
+    """Invert ``inertia I + viscosity C + Lambda`` block by block, and what follows from it.
+
+    Once for each length of a step. Where the matrix is singular everything is NaN.
+    """
+    if state.made[level]:
+        return
+    state.made[level] = 1
+    for block in range(system.end_start.size - 1):
+        first, last = system.mode_start[block], system.mode_start[block + 1]
+        n = last - first
+        matrix = viscosity * system.damping[first:last, :n]
+        for i in range(n):
+            matrix[i, i] += inertia + system.eigenvalues[first + i]
+        try:
+            inverse = np.linalg.inv(matrix)
+        except Exception:  # the only kind a kernel can name; a body that floats, or NaN before it
+            inverse = np.full_like(matrix, np.nan)
+        state.inverse[level, first:last, :n] = inverse
+        start, stop = system.end_start[block], system.end_start[block + 1]
+        for end in range(start, stop):
+            response = state.response[level, end, :n]
+            for i in range(n):
+                response[i] = dot(inverse[i], system.end_modes[end])
+            compliance = state.compliance[level, end, : stop - start]
+            copy(system.flexibility[end, : stop - start], compliance)
+            for other in range(stop - start):
+                compliance[other] += dot(response, system.end_modes[start + other])
 
 
 @compiled
@@ -65,163 +108,160 @@ def row_target(system: System, table: LawTable, state: State, row: int, entries:
 
 
 @compiled
-def activate(system: System, state: State, row: int) -> int:
-    """Give a row a solved column; return its slot."""
-    n_modes = system.eigenvalues.size
-    count: int = state.counters[COUNT_ACTIVE]
-    column = state.columns[n_modes + 1 + count]
-    base = system.base[row]
-    column[:] = base
-    for slot in range(count):
-        active_row = state.row_of_slot[slot]
+def activate(system: System, state: State, end: int, row: int) -> int:
+    """Give an end a solved column; return its slot."""
+    block = system.block_of_end[end]
+    start = system.end_start[block]
+    width = system.end_start[block + 1] - start
+    slot: int = start + state.slots[block]
+    column = state.columns[slot, :width]
+    base = state.compliance[state.counters[LEVEL], end, :width]
+    copy(base, column)
+    for other in range(start, slot):
+        other_row = state.row_of_slot[other]
+        if system.row_ends[other_row, 1] >= 0:
+            continue
         weight = 0.0
-        for k in range(system.pattern_start[active_row], system.pattern_start[active_row + 1]):
-            weight += state.entries[k] * base[system.pattern_list[k]]
+        for k in range(system.pattern_start[other_row], system.pattern_start[other_row + 1]):
+            weight += state.entries[k] * base[system.pattern_at[k]]
         if weight != 0.0:
-            other = state.columns[n_modes + 1 + slot]
-            for i in range(column.size):
-                column[i] += weight * other[i]
-    state.row_of_slot[count] = row
-    state.slot_of_row[row] = count
-    state.counters[COUNT_ACTIVE] = count + 1
-    return count
+            add(weight, state.columns[other], column)
+    state.end_of_slot[slot] = end
+    state.row_of_slot[slot] = row
+    state.slot_of_end[end] = slot
+    state.slots[block] += 1
+    return slot
 
 
 @compiled
-def deactivate(system: System, state: State, row: int) -> None:
-    """Drop the column of a row whose deviation has vanished."""
-    n_modes = system.eigenvalues.size
-    slot = state.slot_of_row[row]
-    last = state.counters[COUNT_ACTIVE] - 1
+def deactivate(system: System, state: State, end: int) -> None:
+    """Drop the column of an end whose deviation has vanished."""
+    block = system.block_of_end[end]
+    slot = state.slot_of_end[end]
+    state.slots[block] -= 1
+    last = system.end_start[block] + state.slots[block]
     if slot != last:
-        moved = state.row_of_slot[last]
-        state.columns[n_modes + 1 + slot] = state.columns[n_modes + 1 + last]
-        state.row_of_slot[slot] = moved
-        state.slot_of_row[moved] = slot
+        moved = state.end_of_slot[last]
+        copy(state.columns[last], state.columns[slot])
+        state.end_of_slot[slot] = moved
+        state.row_of_slot[slot] = state.row_of_slot[last]
+        state.slot_of_end[moved] = slot
+    state.end_of_slot[last] = -1
     state.row_of_slot[last] = -1
-    state.slot_of_row[row] = -1
-    state.counters[COUNT_ACTIVE] = last
+    state.slot_of_end[end] = -1
 
 
 @compiled
 def update_row(system: System, table: LawTable, state: State, row: int, scratch: Floats) -> None:
-    """Bring one row to the present state of its laws: a rank-one update of all columns.
+    """Bring one row to the present state of its laws.
 
-    `scratch` has room for the row's entries and, behind them, for one weight a mode and two modal
-    vectors.
+    `scratch` has room for the row's entries.
     """
-    n_modes = system.eigenvalues.size
     start, stop = system.pattern_start[row], system.pattern_start[row + 1]
-    width = stop - start
-    entries = scratch[:width]
+    entries = scratch[: stop - start]
     shift = row_target(system, table, state, row, entries)
-    changed = shift != state.shift[row]
     vanished = shift == 0.0 and system.pinned[row] == 0
-    for k in range(width):
+    changed = False
+    for k in range(stop - start):
         if entries[k] != 0.0:
             vanished = False
         if entries[k] != state.entries[start + k]:
             changed = True
-    if not changed:
+    if not changed and shift == state.shift[row]:
         return
-    slot = state.slot_of_row[row]
-    if slot < 0:
-        slot = activate(system, state, row)
-    pivot = state.columns[n_modes + 1 + slot]
+    state.shift[row] = shift
+    state.counters[COUNT_FLIPS] += 1
+    state.counters[COUNT_RECENT] += 1
+    if system.row_ends[row, 1] >= 0:
+        state.entries[start] = entries[0]
+        _join_or_part(system, state, row, not vanished)
+        return
+    end = system.row_ends[row, 0]
+    if state.slot_of_end[end] < 0:
+        activate(system, state, end, row)
+    if changed:
+        _update_columns(system, state, row, entries)
+    if vanished:
+        deactivate(system, state, end)
+
+
+@compiled
+def _update_columns(system: System, state: State, row: int, entries: Floats) -> None:
+    """Change the deviation entries of a row to new ones, and all columns of its block with it."""
+    end = system.row_ends[row, 0]
+    block = system.block_of_end[end]
+    first = system.end_start[block]
+    width = system.end_start[block + 1] - first
+    slot = state.slot_of_end[end]
+    pivot = state.columns[slot, :width]
+    start = system.pattern_start[row]
+    count = system.pattern_start[row + 1] - start
     denominator = 1.0
-    for k in range(width):
+    for k in range(count):
         delta = entries[k] - state.entries[start + k]
         state.entries[start + k] = entries[k]
         entries[k] = delta
-        denominator -= delta * pivot[system.pattern_list[start + k]]
-    shift_delta = shift - state.shift[row]
-    state.shift[row] = shift
-    alpha = scratch[width : width + n_modes]
-    for j in range(n_modes + 1 + state.counters[COUNT_ACTIVE]):
-        if j == n_modes + 1 + slot:
+        denominator -= delta * pivot[system.pattern_at[start + k]]
+    for other in range(first, first + state.slots[block]):
+        if other == slot:
             continue
-        column = state.columns[j]
-        weight = shift_delta if j == n_modes else 0.0
-        for k in range(width):
-            weight += entries[k] * column[system.pattern_list[start + k]]
-        weight /= denominator
-        if j < n_modes:
-            alpha[j] = weight
-        for i in range(column.size):
-            column[i] += weight * pivot[i]
-    modal_force = pivot[system.row_load.size :]
-    modal = _update_inverse(state, alpha, modal_force, scratch[width + n_modes :])
-    for i in range(pivot.size):
+        column = state.columns[other, :width]
+        weight = 0.0
+        for k in range(count):
+            weight += entries[k] * column[system.pattern_at[start + k]]
+        add(weight / denominator, pivot, column)
+    for i in range(width):
         pivot[i] /= denominator
-    state.counters[COUNT_FLIPS] += 1
-    state.counters[COUNT_RECENT] += 1
     state.drift[0] *= max(abs(denominator), 1.0 / abs(denominator))
-    state.drift[0] *= max(abs(modal), 1.0 / abs(modal))
-    if vanished:
-        deactivate(system, state, row)
+    state.counters[COUPLED] = 0
 
 
 @compiled
-def _update_inverse(state: State, alpha: Floats, force: Floats, scratch: Floats) -> float:
-    """Subtract ``force alpha^T`` from the modal matrix by its inverse; return the divisor."""
-    n_modes = alpha.size
-    left = scratch[:n_modes]
-    right = scratch[n_modes : 2 * n_modes]
-    right[:] = 0.0
-    denominator = 1.0
-    for i in range(n_modes):
-        total = 0.0
-        row = state.inverse[i]
-        for j in range(n_modes):
-            total += row[j] * force[j]
-            right[j] += alpha[i] * row[j]
-        left[i] = total
-        denominator -= alpha[i] * total
-    for i in range(n_modes):
-        weight = left[i] / denominator
-        row = state.inverse[i]
-        for j in range(n_modes):
-            row[j] += weight * right[j]
-    return denominator
+def _join_or_part(system: System, state: State, row: int, joins: bool) -> None:
+    """Keep the columns of both ends of a row that joins blocks while it has a deviation."""
+    state.counters[COUPLED] = 0
+    for side in range(2):
+        end = system.row_ends[row, side]
+        active = state.slot_of_end[end] >= 0
+        if joins and not active:
+            activate(system, state, end, row)
+        if active and not joins:
+            deactivate(system, state, end)
+    count = state.counters[COUNT_JOINING]
+    at = 0
+    while at < count and state.joining[at] != row:
+        at += 1
+    if joins and at == count:
+        state.joining[count] = row
+        state.counters[COUNT_JOINING] = count + 1
+    if not joins and at < count:
+        state.joining[at] = state.joining[count - 1]
+        state.joining[count - 1] = -1
+        state.counters[COUNT_JOINING] = count - 1
 
 
 @compiled
-def refresh_inverse(system: System, state: State, inertia: float, viscosity: float) -> None:
-    """Invert ``inertia I + viscosity C + Lambda - Phi^T D T``, the matrix of the implicit step."""
-    n_rows, n_modes = system.row_load.size, system.eigenvalues.size
-    matrix = np.empty((n_modes, n_modes))
-    for i in range(n_modes):
-        for j in range(n_modes):
-            matrix[i, j] = viscosity * system.damping[i, j] - state.columns[j, n_rows + i]
-        matrix[i, i] += inertia + system.eigenvalues[i]
-    try:
-        state.inverse[:, :] = np.linalg.inv(matrix)
-    except Exception:  # the only kind a kernel can name; a body that floats, or NaN before it
-        state.inverse[:, :] = np.nan
+def rebuild(system: System, table: LawTable, state: State, level: int, scratch: Floats) -> None:
+    """Make every column anew for the step of a level; removes the drift of many updates.
 
-
-@compiled
-def rebuild(
-    system: System, table: LawTable, state: State, inertia: float, viscosity: float, scratch: Floats
-) -> None:
-    """Make every column anew from the base system; removes the drift of many updates."""
-    n_rows, n_modes = system.row_load.size, system.eigenvalues.size
+    The level must have been made.
+    """
+    state.counters[LEVEL] = level
     state.drift[0] = 1.0
     state.entries[:] = 0.0
     state.shift[:] = 0.0
-    state.slot_of_row[:] = -1
+    state.slot_of_end[:] = -1
+    state.end_of_slot[:] = -1
     state.row_of_slot[:] = -1
-    state.counters[COUNT_ACTIVE] = 0
-    state.columns[: n_modes + 1] = 0.0
-    for j in range(n_modes):
-        for i in range(n_rows):
-            state.columns[j, i] = system.base[i, n_rows + j]
-    state.columns[n_modes, :n_rows] = system.row_load
-    state.inverse[:, :] = 0.0
-    for row in range(n_rows):
-        if system.pinned[row]:
-            activate(system, state, row)
+    state.slots[:] = 0
+    state.joining[:] = -1
+    state.counters[COUNT_JOINING] = 0
+    state.counters[COUPLED] = 0
+    for row in range(system.row_ends.shape[0]):
+        if system.pinned[row] and system.row_ends[row, 1] < 0:
+            activate(system, state, system.row_ends[row, 0], row)
+        elif system.pinned[row]:
+            _join_or_part(system, state, row, joins=True)
         update_row(system, table, state, row, scratch)
-    refresh_inverse(system, state, inertia, viscosity)
     state.counters[COUNT_RECENT] = 0
     state.counters[COUNT_REBUILDS] += 1

@@ -13,8 +13,10 @@ the change of potential where a law changes its segment within a step.
 
 import numpy as np
 
-from turnout.integrate.solve import Work, friction_limit, mark_law, row_forces
+from turnout.integrate.solve import law_arguments, mark_law, row_forces
 from turnout.integrate.system import Floats, State, System, set_segment
+from turnout.integrate.vector import add, dot
+from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
 from turnout.law.kernel import STICK, law_argument, law_energy, law_force, segment_for
 from turnout.law.table import LawTable
@@ -54,68 +56,79 @@ def closing_error(stored: Floats, ledger: Floats, *, folded: float = 0.0) -> flo
 @compiled
 def account_modal(system: System, state: State, work: Work) -> None:
     """Book damping and the scheme's own loss between the saved and the present state."""
-    n_modes = state.q.size
-    for i in range(n_modes):
-        dq = state.q[i] - work.q[i]
-        mean_velocity = 0.5 * (state.v[i] + work.v[i])
-        mean_acceleration = 0.5 * (state.acceleration[i] + work.acceleration[i])
-        state.ledger[ALGORITHMIC] += mean_acceleration * dq - mean_velocity * (
-            state.v[i] - work.v[i]
-        )
-        force = 0.0
-        for j in range(n_modes):
-            force += system.damping[i, j] * 0.5 * (state.v[j] + work.v[j])
-        state.ledger[DAMPING] += force * dq
+    algorithmic, damping = 0.0, 0.0
+    q, v, acceleration = state.q, state.v, state.acceleration
+    old_q, old_v, old_acceleration, mean = work.q, work.v, work.acceleration, work.found_q
+    for i in range(q.size):
+        mean[i] = 0.5 * (v[i] + old_v[i])
+        change = 0.5 * (acceleration[i] + old_acceleration[i]) * (q[i] - old_q[i])
+        algorithmic += change - mean[i] * (v[i] - old_v[i])
+    for block in range(system.mode_start.size - 1):
+        first, last = system.mode_start[block], system.mode_start[block + 1]
+        velocity = mean[first:last]
+        for i in range(first, last):
+            damping += dot(velocity, system.damping[i]) * (q[i] - old_q[i])
+    state.ledger[ALGORITHMIC] += algorithmic
+    state.ledger[DAMPING] += damping
 
 
 @compiled
-def account_laws(table: LawTable, state: State, old_inputs: Floats, time: float) -> None:
+def account_laws(
+    system: System, table: LawTable, state: State, work: Work, old_inputs: Floats, time: float
+) -> None:
     """Book marker work and segment losses; bring law forces, energies and arguments up to date."""
-    for law in range(table.row.size):
-        at = state.g[table.row[law]]
-        if table.input_index[law] >= 0:
-            at -= state.inputs[table.input_index[law]]
+    for k in range(system.input_law.size):
+        law = system.input_law[k]
+        index = table.input_index[law]
+        at = state.g[table.row[law]] - state.inputs[index]
         force = state.slope[law] * at + state.constant[law]
-        old_force = state.law_force[law]
-        e = at - table.offset[law]
-        if force == 0.0 and old_force == 0.0:
-            state.law_argument[law] = e
-            continue
-        energy = 0.0
-        if state.present[law]:
-            energy = law_energy(table, law, state.segment[law], e)
-        mean = 0.5 * (force + old_force)
-        if table.input_index[law] >= 0:
-            index = table.input_index[law]
-            state.ledger[MARKERS] -= mean * (state.inputs[index] - old_inputs[index])
-        state.ledger[SEGMENTS] += mean * (e - state.law_argument[law]) - (
-            energy - state.law_energy[law]
-        )
-        state.law_force[law] = force
-        state.law_energy[law] = energy
-        state.law_argument[law] = e
-        if abs(force) > state.law_peak[law]:
-            state.law_peak[law] = abs(force)
-        if force != 0.0 and not state.law_first[law] <= time:
-            state.law_first[law] = time
+        mean = 0.5 * (force + state.law_force[law])
+        state.ledger[MARKERS] -= mean * (state.inputs[index] - old_inputs[index])
+    at, offset = work.argument, table.offset
+    law_arguments(system, table, state, at)
+    slope, constant = state.slope, state.constant
+    intercept, potential = state.intercept, state.potential
+    forces, energies, arguments = state.law_force, state.law_energy, state.law_argument
+    lost = 0.0
+    for law in range(at.size):
+        force = slope[law] * at[law] + constant[law]
+        e = at[law] - offset[law]
+        energy = (0.5 * slope[law] * e + intercept[law]) * e + potential[law]
+        lost += 0.5 * (force + forces[law]) * (e - arguments[law]) - (energy - energies[law])
+        forces[law] = force
+        energies[law] = energy
+        arguments[law] = e
+    state.ledger[SEGMENTS] += lost
+    peak, first = state.law_peak, state.law_first
+    for law in range(at.size):
+        size = abs(forces[law])
+        peak[law] = max(peak[law], size)
+        first[law] = min(first[law], time if size > 0.0 else np.inf)
 
 
 @compiled
 def account_friction(table: LawTable, state: State) -> None:
     """Book friction work; move the anchors of slipping feet so that force and spring agree."""
-    for friction in range(table.friction_row.size):
-        row = table.friction_row[friction]
-        stiffness = table.stick_stiffness[friction]
-        branch = state.friction[friction]
+    g, forces, anchors, normals = state.g, state.friction_force, state.anchor, table.friction_normal
+    branches, slope, constant, normal_row = state.friction, state.slope, state.constant, table.row
+    friction_row, stiffnesses = table.friction_row, table.stick_stiffness
+    coefficient = table.friction_coefficient
+    work = 0.0
+    for friction in range(forces.size):
+        at, stiffness = g[friction_row[friction]], stiffnesses[friction]
+        branch = branches[friction]
         if branch == STICK:
-            state.friction_force[friction] = stiffness * (state.g[row] - state.anchor[friction])
+            forces[friction] = stiffness * (at - anchors[friction])
             continue
-        force = branch * friction_limit(table, state, friction)
-        anchor = state.g[row] - force / stiffness
-        mean = 0.5 * (force + state.friction_force[friction])
-        state.ledger[FRICTION] += mean * (anchor - state.anchor[friction])
-        state.friction_force[friction] = force
-        state.anchor[friction] = anchor
+        # The limit follows the normal law on its segment, as the solution does: a contact that ends
+        # within the overlooked gap pulls by a trace, and a cut at zero would leave the books open.
+        normal = normals[friction]
+        resistance = slope[normal] * g[normal_row[normal]] + constant[normal]
+        force = branch * coefficient[friction] * resistance
+        anchor = at - force / stiffness
+        work += 0.5 * (force + forces[friction]) * (anchor - anchors[friction])
+        forces[friction], anchors[friction] = force, anchor
+    state.ledger[FRICTION] += work
 
 
 @compiled
@@ -125,7 +138,8 @@ def switch_laws(system: System, table: LawTable, state: State, work: Work, time:
     A law that waits for room (a foreign object) does not appear while it would press at once.
     """
     count = 0
-    for law in range(table.row.size):
+    for k in range(system.timed_law.size):
+        law = system.timed_law[k]
         present = 1 if table.appears[law] <= time + 1e-9 <= table.disappears[law] + 2e-9 else 0
         if present == state.present[law]:
             continue
@@ -156,22 +170,27 @@ def stored_energy(
     ``lambda R lambda + 2 lambda r``, less what the base segments of the laws hold. Gravity and
     strain leave out the same constant.
     """
-    n_rows, n_modes = system.row_load.size, system.eigenvalues.size
-    force = work.row[:n_rows]
+    force = work.row[: state.g.size]
     row_forces(system, table, state, force)
     kinetic, strain, gravity = 0.0, 0.0, 0.0
-    for i in range(n_modes):
+    for i in range(state.q.size):
         kinetic += 0.5 * state.v[i] ** 2
         strain += 0.5 * system.eigenvalues[i] * state.q[i] ** 2
         gravity -= system.load[i] * state.q[i]
-    for i in range(n_rows):
-        if force[i] == 0.0:
+    modal = work.found_q
+    modal[:] = 0.0
+    for row in range(force.size):
+        if force[row] == 0.0:
             continue
-        modal = 0.0
-        for j in range(n_modes):
-            modal += system.base[i, n_rows + j] * state.q[j]
-        strain += 0.5 * force[i] * (state.g[i] - modal + system.row_load[i])
-        gravity -= force[i] * system.row_load[i]
+        for side in range(2):
+            end = system.row_ends[row, side]
+            if end >= 0:
+                strain += 0.5 * force[row] * (state.ends[end] + system.end_load[end])
+                gravity -= force[row] * system.end_load[end]
+                block = system.block_of_end[end]
+                modes = modal[system.mode_start[block] : system.mode_start[block + 1]]
+                add(force[row], system.end_modes[end], modes)
+    strain -= 0.5 * dot(modal, state.q)
     contact = 0.0
     for law in range(table.row.size):
         contact += state.law_energy[law]

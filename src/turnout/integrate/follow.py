@@ -7,20 +7,25 @@ is changed, and the walk goes on. Nothing is guessed, so nothing can cycle but w
 turns back, which ends in an outcome.
 """
 
-import numpy as np
-
+from turnout.integrate.solution import (
+    add_responses,
+    deviation_forces,
+    solve_free,
+    solve_modes,
+    solve_set,
+)
 from turnout.integrate.solve import (
     CONVERGED,
     NOT_CONVERGED,
     STOPPED,
     Tolerances,
-    Work,
     mark_law,
     mark_row,
-    solve_set,
     update_marked,
 )
 from turnout.integrate.system import Floats, State, System, set_segment
+from turnout.integrate.vector import copy
+from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
 from turnout.law.kernel import SLIP_BACKWARD, SLIP_FORWARD, STICK
 from turnout.law.table import LawTable
@@ -30,25 +35,16 @@ EVENTS, EVENTS_AT_ONE_PLACE = 2000, 400
 
 
 @compiled
-def start_of_path(
-    system: System, table: LawTable, state: State, inertia: float, viscosity: float
-) -> Floats:
-    """Return the right side for which the present state solves the step."""
-    n_rows, n_modes = system.row_load.size, system.eigenvalues.size
-    side = np.empty(n_modes)
-    for i in range(n_modes):
-        total = (inertia + system.eigenvalues[i]) * state.q[i] - state.columns[n_modes, n_rows + i]
-        for j in range(n_modes):
-            stiffness = viscosity * system.damping[i, j] - state.columns[j, n_rows + i]
-            total += stiffness * state.q[j]
-        side[i] = total
-    for k in range(system.input_law.size):
-        law = system.input_law[k]
-        weight = state.slope[law] * state.inputs[table.input_index[law]]
-        column = state.columns[n_modes + 1 + state.slot_of_row[table.row[law]]]
-        for i in range(n_modes):
-            side[i] -= weight * column[n_rows + i]
-    return side
+def _start_of_path(system: System, table: LawTable, state: State, work: Work) -> None:
+    """Write to ``work.origin`` the shift for which the present state solves the step."""
+    deviation_forces(system, table, state, work)
+    copy(state.q, work.origin)
+    for row in range(work.force.size):
+        work.force[row] = -work.force[row]
+    add_responses(system, state, work)
+    copy(state.q, work.found_q)
+    copy(work.origin, state.q)
+    copy(work.found_q, work.origin)
 
 
 @compiled
@@ -57,15 +53,16 @@ def _place(
     table: LawTable,
     state: State,
     work: Work,
-    sides: tuple[Floats, Floats],
     inputs: tuple[Floats, Floats],
     share: float,
 ) -> None:
     """Solve for the present contact set at a share of the path."""
     for i in range(work.right_side.size):
-        work.right_side[i] = sides[0][i] + share * (sides[1][i] - sides[0][i])
+        work.right_side[i] = share * work.aim[i]
+        work.shifted[i] = work.origin[i] + share * (work.aim_shifted[i] - work.origin[i])
     for k in range(state.inputs.size):
         state.inputs[k] = inputs[0][k] + share * (inputs[1][k] - inputs[0][k])
+    solve_free(system, state, work)
     solve_set(system, table, state, work)
 
 
@@ -127,28 +124,28 @@ def follow_path(
     state: State,
     work: Work,
     tolerances: Tolerances,
-    sides: tuple[Floats, Floats],
     inputs: tuple[Floats, Floats],
 ) -> int:
     """Walk from the present state to the end of the path; return CONVERGED or what prevented it.
 
     Parameters
     ----------
-    sides : tuple of two ndarray, shape (n_modes,)
-        Right side at the start, from `start_of_path`, and at the end.
     inputs : tuple of two ndarray, shape (n_inputs,)
         Marker positions at the start and at the end [m].
     """
     n_laws = table.row.size
+    copy(work.right_side, work.aim)
+    copy(work.shifted, work.aim_shifted)
+    _start_of_path(system, table, state, work)
     share, stalled = 0.0, 0
     for _ in range(EVENTS):
         if work.stop[0]:
             return STOPPED
         if stalled >= EVENTS_AT_ONE_PLACE:
             break
-        _place(system, table, state, work, sides, inputs, 1.0)
-        work.g[:] = state.g
-        _place(system, table, state, work, sides, inputs, share)
+        _place(system, table, state, work, inputs, 1.0)
+        copy(state.g, work.g)
+        _place(system, table, state, work, inputs, share)
         end = (work.g, inputs[1])
         nearest, which, to = 1.0, -1, 0
         for law in range(n_laws):
@@ -160,7 +157,8 @@ def follow_path(
             if way < nearest:
                 nearest, which, to = way, n_laws + friction, branch
         if which < 0:
-            _place(system, table, state, work, sides, inputs, 1.0)
+            _place(system, table, state, work, inputs, 1.0)
+            solve_modes(system, table, state, work)
             return CONVERGED
         stalled = stalled + 1 if nearest * (1.0 - share) < 1e-12 else 0
         share += nearest * (1.0 - share)
@@ -170,6 +168,6 @@ def follow_path(
         else:
             state.friction[which - n_laws] = to
             count = mark_row(work, 0, table.friction_row[which - n_laws])
-        work.unsettled[:] = work.dirty
+        copy(work.dirty, work.unsettled)
         update_marked(system, table, state, work, count)
     return NOT_CONVERGED

@@ -6,7 +6,7 @@ Kernels change `State` in place and return an outcome code; they never raise and
 from typing import NamedTuple
 
 from turnout.integrate.accuracy import DRIFTS, correct, equilibrium_residual, is_inaccurate
-from turnout.integrate.columns import REBUILD_AFTER, rebuild, refresh_inverse
+from turnout.integrate.columns import REBUILD_AFTER, make_level, rebuild
 from turnout.integrate.energy import (
     account_friction,
     account_laws,
@@ -14,18 +14,19 @@ from turnout.integrate.energy import (
     stored_energy,
     switch_laws,
 )
-from turnout.integrate.follow import follow_path, start_of_path
+from turnout.integrate.follow import follow_path
 from turnout.integrate.solve import (
     CONVERGED,
     NOT_CONVERGED,
     STOPPED,
     Tolerances,
-    Work,
     restore_set,
     settle,
     update_marked,
 )
-from turnout.integrate.system import COUNT_HALVED, COUNT_RECENT, Floats, State, System
+from turnout.integrate.system import COUNT_HALVED, COUNT_RECENT, LEVEL, Floats, State, System
+from turnout.integrate.vector import copy
+from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
 from turnout.law.table import LawTable
 
@@ -66,47 +67,54 @@ def coefficients(stepping: Stepping, h: float) -> tuple[float, float]:
 
 
 @compiled
+def change_level(
+    system: System, table: LawTable, state: State, work: Work, stepping: Stepping, level: int
+) -> None:
+    """Make the columns of a step that is halved so many times."""
+    inertia, viscosity = coefficients(stepping, stepping.step / (1 << level))
+    make_level(system, state, level, inertia, viscosity)
+    rebuild(system, table, state, level, work.row)
+
+
+@compiled
 def _predict(system: System, state: State, work: Work, stepping: Stepping, h: float) -> None:
     """Save the state and write the right side of the implicit step."""
     inertia, viscosity = coefficients(stepping, h)
     share = 1.0 / (1.0 - stepping.alpha_m)
-    n_modes = state.q.size
-    for i in range(n_modes):
-        work.q[i] = state.q[i]
-        work.v[i] = state.v[i]
-        work.a[i] = state.a[i]
-        work.acceleration[i] = state.acceleration[i]
-        known = share * (stepping.alpha_f * state.acceleration[i] - stepping.alpha_m * state.a[i])
-        work.predicted[i] = (
-            state.q[i]
-            + h * state.v[i]
-            + h * h * ((0.5 - stepping.beta) * state.a[i] + stepping.beta * known)
-        )
-        work.velocity[i] = state.v[i] + h * (
-            (1.0 - stepping.gamma) * state.a[i] + stepping.gamma * known
-        )
-    for i in range(n_modes):
-        total = inertia * work.predicted[i] + system.load[i]
-        row = system.damping[i]
-        for j in range(n_modes):
-            total += row[j] * (viscosity * work.predicted[j] - work.velocity[j])
-        work.right_side[i] = total
+    old, older = share * stepping.alpha_f, -share * stepping.alpha_m
+    beta, gamma = stepping.beta, stepping.gamma
+    q, v, a, acceleration = state.q, state.v, state.a, state.acceleration
+    copy(q, work.q)
+    copy(v, work.v)
+    copy(a, work.a)
+    copy(acceleration, work.acceleration)
+    predicted, velocity = work.predicted, work.velocity
+    for i in range(q.size):
+        known = old * acceleration[i] + older * a[i]
+        predicted[i] = q[i] + h * v[i] + h * h * ((0.5 - beta) * a[i] + beta * known)
+        velocity[i] = v[i] + h * ((1.0 - gamma) * a[i] + gamma * known)
+    shifted, right_side, eigenvalues = work.shifted, work.right_side, system.eigenvalues
+    load = system.load
+    for i in range(q.size):
+        back = velocity[i] / viscosity
+        shifted[i] = predicted[i] - back
+        right_side[i] = inertia * back + load[i] - eigenvalues[i] * shifted[i]
 
 
 @compiled
-def _correct(state: State, work: Work, stepping: Stepping, h: float) -> None:
+def _complete(state: State, work: Work, stepping: Stepping, h: float) -> None:
     """Complete velocity and accelerations from the solved coordinates."""
     inertia, viscosity = coefficients(stepping, h)
     share = 1.0 / (1.0 - stepping.alpha_m)
-    for i in range(state.q.size):
-        change = state.q[i] - work.predicted[i]
-        state.v[i] = work.velocity[i] + viscosity * change
-        state.acceleration[i] = inertia * change
-        state.a[i] = share * (
-            (1.0 - stepping.alpha_f) * state.acceleration[i]
-            + stepping.alpha_f * work.acceleration[i]
-            - stepping.alpha_m * work.a[i]
-        )
+    new, old, older = 1.0 - stepping.alpha_f, stepping.alpha_f, stepping.alpha_m
+    q, v, a, acceleration = state.q, state.v, state.a, state.acceleration
+    predicted, velocity = work.predicted, work.velocity
+    old_a, old_acceleration = work.a, work.acceleration
+    for i in range(q.size):
+        change = q[i] - predicted[i]
+        v[i] = velocity[i] + viscosity * change
+        acceleration[i] = inertia * change
+        a[i] = share * (new * acceleration[i] + old * old_acceleration[i] - older * old_a[i])
 
 
 @compiled
@@ -126,36 +134,37 @@ def _try_step(
     A `last` attempt follows the path where the contact set does not settle.
     """
     _predict(system, state, work, stepping, h)
-    work.g_start[:] = state.g
-    work.old_segment[:] = state.segment
-    work.old_friction[:] = state.friction
+    copy(state.g, work.g_start)
+    copy(state.ends, work.ends_start)
+    copy(state.segment, work.old_segment)
+    copy(state.friction, work.old_friction)
     code = settle(system, table, state, work, tolerances)
     inertia, viscosity = coefficients(stepping, h)
     if code == NOT_CONVERGED and last:
-        state.q[:] = work.q
-        state.inputs[:] = inputs[0]
+        copy(work.q, state.q)
+        copy(work.g_start, state.g)
+        copy(inputs[0], state.inputs)
         restore_set(system, table, state, work)
-        rebuild(system, table, state, inertia, viscosity, work.row)
-        aim = work.right_side.copy()
-        start = start_of_path(system, table, state, inertia, viscosity)
-        code = follow_path(system, table, state, work, tolerances, (start, aim), inputs)
+        rebuild(system, table, state, stepping.halvings, work.row)
+        code = follow_path(system, table, state, work, tolerances, inputs)
     if code == CONVERGED and (
         is_inaccurate(system, table, state, work, inertia, viscosity)
         or state.counters[COUNT_RECENT] >= REBUILD_AFTER
     ):
         if state.counters[COUNT_RECENT] > 0:
             # the set is found; its solution is taken from columns without a history
-            rebuild(system, table, state, inertia, viscosity, work.row)
+            rebuild(system, table, state, state.counters[LEVEL], work.row)
             code = settle(system, table, state, work, tolerances)
             state.drift[0] = DRIFTS
         if code == CONVERGED and is_inaccurate(system, table, state, work, inertia, viscosity):
             correct(system, state, work)
             state.drift[0] = DRIFTS
     if code == CONVERGED:
-        _correct(state, work, stepping, h)
+        _complete(state, work, stepping, h)
         return code
-    state.q[:] = work.q
-    state.g[:] = work.g_start
+    copy(work.q, state.q)
+    copy(work.g_start, state.g)
+    copy(work.ends_start, state.ends)
     restore_set(system, table, state, work)
     return code
 
@@ -175,34 +184,33 @@ def _advance(
     old, new = inputs
     marks = 1 << stepping.halvings
     position, level = 0, 0
-    begin = state.inputs.copy()
+    begin, end = work.inputs, work.inputs_end
     while position < marks:
         size = marks >> level
         h = stepping.step * size / marks
         share = (position + size) / marks
-        begin[:] = state.inputs
+        copy(state.inputs, begin)
         for k in range(new.size):
             state.inputs[k] = old[k] + share * (new[k] - old[k])
         last = stepping.follow_path and level == stepping.halvings
-        pair = (begin, state.inputs.copy())
+        copy(state.inputs, end)
+        pair = (begin, end)
         code = _try_step(system, table, state, work, tolerances, stepping, h, pair, last)
         if code != CONVERGED:
-            state.inputs[:] = begin
+            copy(begin, state.inputs)
             level += 1
             if level > stepping.halvings or code == STOPPED:
                 return code
             state.counters[COUNT_HALVED] += 1
-            inertia, viscosity = coefficients(stepping, stepping.step / (1 << level))
-            rebuild(system, table, state, inertia, viscosity, work.row)
+            change_level(system, table, state, work, stepping, level)
             continue
         work.unsettled[:] = 0
         account_modal(system, state, work)
-        account_laws(table, state, begin, time + share * stepping.step)
+        account_laws(system, table, state, work, begin, time + share * stepping.step)
         account_friction(table, state)
         position += size
     if level > 0:
-        inertia, viscosity = coefficients(stepping, stepping.step)
-        refresh_inverse(system, state, inertia, viscosity)
+        change_level(system, table, state, work, stepping, 0)
     return CONVERGED
 
 
@@ -211,12 +219,12 @@ def store(
     system: System, table: LawTable, state: State, work: Work, record: Record, at: int
 ) -> None:
     """Store the present instant."""
-    record.q[at] = state.q
-    record.g[at] = state.g
-    record.friction[at] = state.friction_force
-    record.law[at] = state.law_force
+    copy(state.q, record.q[at])
+    copy(state.g, record.g[at])
+    copy(state.friction_force, record.friction[at])
+    copy(state.law_force, record.law[at])
     stored_energy(system, table, state, work, record.stored[at])
-    record.ledger[at] = state.ledger
+    copy(state.ledger, record.ledger[at])
 
 
 @compiled
@@ -239,7 +247,7 @@ def march(
     inputs : ndarray, shape (n_steps + 1, n_inputs)
         Marker positions at the ends of the steps [m].
     first, last : int
-        Indices into `inputs`; the state is that of instant `first`, its modal inverse that of the
+        Indices into `inputs`; the state is that of instant `first`, its columns those of the
         nominal step. Where a march is cut into several does not change a bit of the result.
     """
     for n in range(first, last):

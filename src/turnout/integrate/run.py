@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.errors import SolverError
+from turnout.errors import MechanicsError, SolverError
 from turnout.integrate.accuracy import equilibrium_residual
-from turnout.integrate.columns import rebuild
+from turnout.integrate.columns import make_level, rebuild
 from turnout.integrate.energy import account_friction, account_laws, closing_error
 from turnout.integrate.equilibrium import resting_segments
 from turnout.integrate.interrupt import heard, one_thread
-from turnout.integrate.march import Record, Stepping, coefficients, march, store
+from turnout.integrate.march import Record, Stepping, change_level, march, store
 from turnout.integrate.outcome import Code, Outcome
 from turnout.integrate.scheme import AlphaCoefficients, Scheme
-from turnout.integrate.solve import Tolerances, Work, equilibrium, new_work
+from turnout.integrate.solve import Tolerances, equilibrium
 from turnout.integrate.system import (
     COUNT_FLIPS,
     COUNT_HALVED,
@@ -28,9 +28,12 @@ from turnout.integrate.system import (
     fresh_state,
     set_segment,
 )
+from turnout.integrate.work import Work, new_work
 from turnout.law.kernel import SLIP_FORWARD, STICK
+from turnout.law.shared import shared
 from turnout.law.table import LawTable
-from turnout.mechanism.condense import ModalModel, condense
+from turnout.mechanism.blocks import without_joining_bases
+from turnout.mechanism.condense import BlockModel, ModalModel, condense_blocks, joined_model
 from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.threads import one_blas_thread
 
@@ -38,7 +41,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 # Progress is told after so many seconds, and at the first after so many steps.
-BREATH, FIRST_CHUNK = 0.1, 20
+BREATH, FIRST_CHUNK = 0.1, 1000
 # Books of energy that are further open than this share of their scale are not to be trusted.
 CLOSES = 1e-5
 # A history may take so much memory [bytes].
@@ -68,6 +71,8 @@ class History:
         (nan: never) [s], and its largest force [N]; from every step.
     model : ModalModel
         The condensed system, for the recovery of shapes.
+    laws : LawTable
+        The laws as integrated: those that join rails are not part of the linear system.
     outcome : Outcome
         How the run ended.
     iterations, flips, halved : int
@@ -86,6 +91,7 @@ class History:
     law_first: Floats
     law_peak: Floats
     model: ModalModel
+    laws: LawTable
     outcome: Outcome
     iterations: int
     flips: int
@@ -130,6 +136,7 @@ class _Run:
 
     system: System
     laws: LawTable
+    table: LawTable
     state: State
     work: Work
     tolerances: Tolerances
@@ -156,18 +163,18 @@ def _integrate(
             f"{n_stored:.3g} instants, too many to hold; end sooner or store less often"
         )
         raise SolverError(msg)
-    model = condense(mechanism, cutoff_frequency=scheme.cutoff_frequency)
+    laws, parts = _condensed(mechanism, scheme)
     times = scheme.step * np.arange((n_stored - 1) * scheme.stride + 1, dtype=np.float64)
-    run = _prepare(mechanism, model, scheme, np.ascontiguousarray(inputs(times).T), n_stored)
+    run = _prepare(parts, laws, scheme, np.ascontiguousarray(inputs(times).T), n_stored)
     _march(run, 0, 0)  # compiles, if need be, while Ctrl-C ends the program at once
     with one_thread() as thread:
         code, done = _start(run, mechanism, thread), 0
         if code == Code.COMPLETE:
-            store(run.system, run.laws, run.state, run.work, run.record, 0)
+            store(run.system, run.table, run.state, run.work, run.record, 0)
             code, done = _march_in_chunks(run, report, thread)
     if code == Code.COMPLETE and not _books_close(run):
         code = Code.INACCURATE
-    residual = equilibrium_residual(run.system, run.laws, run.state, run.work)
+    residual = equilibrium_residual(run.system, run.table, run.state, run.work)
     outcome = Outcome(
         code=code,
         time=done * scheme.step,
@@ -176,7 +183,7 @@ def _integrate(
         contacts=_unsettled(mechanism, run.work),
     )
     kept = 0 if code == Code.NO_EQUILIBRIUM else done // scheme.stride + 1
-    return _history(run, scheme, model, outcome, kept)
+    return _history(run, scheme, joined_model(parts, mechanism), outcome, kept)
 
 
 def _history(run: _Run, scheme: Scheme, model: ModalModel, outcome: Outcome, kept: int) -> History:
@@ -191,9 +198,10 @@ def _history(run: _Run, scheme: Scheme, model: ModalModel, outcome: Outcome, kep
         stored=record.stored[:kept],
         ledger=record.ledger[:kept],
         law_placed=state.law_placed,
-        law_first=state.law_first,
+        law_first=np.where(np.isinf(state.law_first), np.nan, state.law_first),
         law_peak=state.law_peak,
         model=model,
+        laws=run.laws,
         outcome=outcome,
         iterations=int(state.counters[COUNT_ITERATIONS]),
         flips=int(state.counters[COUNT_FLIPS]),
@@ -201,17 +209,32 @@ def _history(run: _Run, scheme: Scheme, model: ModalModel, outcome: Outcome, kep
     )
 
 
+def _condensed(mechanism: Mechanism, scheme: Scheme) -> tuple[LawTable, tuple[BlockModel, ...]]:
+    """Condense the rails apart from each other; in one piece if one is held by another only."""
+    laws = without_joining_bases(mechanism, mechanism.laws)
+    try:
+        return laws, condense_blocks(mechanism, laws, cutoff_frequency=scheme.cutoff_frequency)
+    except MechanicsError:
+        laws = mechanism.laws
+        return laws, condense_blocks(mechanism, laws, cutoff_frequency=scheme.cutoff_frequency)
+
+
 def _prepare(
-    mechanism: Mechanism, model: ModalModel, scheme: Scheme, positions: Floats, n_stored: int
+    parts: tuple[BlockModel, ...],
+    laws: LawTable,
+    scheme: Scheme,
+    positions: Floats,
+    n_stored: int,
 ) -> _Run:
-    laws = mechanism.laws
-    system = condensed_system(model, laws)
-    state = fresh_state(system, laws, n_inputs=positions.shape[1])
+    system, table = condensed_system(parts, laws), shared(laws)
+    # one level a halving, and one without inertia
+    state = fresh_state(system, table, n_inputs=positions.shape[1], levels=scheme.halvings + 2)
     state.inputs[:] = positions[0]
     alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
     return _Run(
         system=system,
         laws=laws,
+        table=table,
         state=state,
         work=new_work(system, laws),
         tolerances=Tolerances(scheme.gap_tolerance, scheme.force_tolerance, scheme.iterations),
@@ -226,47 +249,50 @@ def _prepare(
             scheme.stride,
         ),
         positions=positions,
-        record=Record(
-            q=np.empty((n_stored, system.eigenvalues.size)),
-            g=np.empty((n_stored, system.row_load.size)),
-            friction=np.empty((n_stored, laws.friction_row.size)),
-            law=np.empty((n_stored, laws.row.size)),
-            stored=np.empty((n_stored, 4)),
-            ledger=np.empty((n_stored, 6)),
-            residual=np.zeros(1),
+        record=shared(
+            Record(
+                q=np.empty((n_stored, system.eigenvalues.size)),
+                g=np.empty((n_stored, system.row_ends.shape[0])),
+                friction=np.empty((n_stored, laws.friction_row.size)),
+                law=np.empty((n_stored, laws.row.size)),
+                stored=np.empty((n_stored, 4)),
+                ledger=np.empty((n_stored, 6)),
+                residual=np.zeros(1),
+            )
         ),
     )
 
 
 def _start(run: _Run, mechanism: Mechanism, thread: Executor) -> Code:
     """Find the static equilibrium without friction, then anchor the feet where they stand."""
-    system, laws, state, work = run.system, run.laws, run.state, run.work
-    slippery = laws._replace(friction_coefficient=np.zeros_like(laws.friction_coefficient))
+    system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
+    slippery = shared(laws._replace(friction_coefficient=np.zeros_like(laws.friction_coefficient)))
     state.present[:] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9) & (laws.waits == 0)
     state.law_placed[state.present == 1] = 0.0
     for law in range(laws.row.size):
-        set_segment(laws, state, law, state.segment[law])
+        set_segment(table, state, law, state.segment[law])
     state.friction[:] = SLIP_FORWARD
     if not _rests(run, slippery, thread):
         segments = resting_segments(mechanism, inputs=state.inputs, present=state.present)
         for law, segment in enumerate(segments):
-            set_segment(laws, state, law, segment)
+            set_segment(table, state, law, segment)
         if not _rests(run, slippery, thread):
             return Code.NO_EQUILIBRIUM
     state.friction[:] = STICK
     state.anchor[:] = state.g[laws.friction_row]
-    account_laws(laws, state, state.inputs, 0.0)
-    account_friction(laws, state)
+    account_laws(system, table, state, work, state.inputs, 0.0)
+    account_friction(table, state)
     state.ledger[:] = 0.0
-    inertia, viscosity = coefficients(run.stepping, run.stepping.step)
-    rebuild(system, laws, state, inertia, viscosity, work.row)
+    change_level(system, table, state, work, run.stepping, 0)
     return Code.COMPLETE
 
 
 def _rests(run: _Run, laws: LawTable, thread: Executor) -> bool:
     """Iterate the contact set of the static equilibrium from the present one."""
     patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
-    rebuild(run.system, laws, run.state, 1.0, 0.0, run.work.row)
+    static = run.state.made.size - 1
+    make_level(run.system, run.state, static, 0.0, 0.0)
+    rebuild(run.system, laws, run.state, static, run.work.row)
     given = (run.system, laws, run.state, run.work, patient)
     code = heard(thread, run.work.stop, equilibrium, *given)
     if code == Code.INTERRUPTED:
@@ -277,7 +303,7 @@ def _rests(run: _Run, laws: LawTable, thread: Executor) -> bool:
 def _march(run: _Run, first: int, last: int) -> tuple[int, int]:
     return march(
         run.system,
-        run.laws,
+        run.table,
         run.state,
         run.work,
         run.tolerances,

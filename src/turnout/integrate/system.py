@@ -1,11 +1,14 @@
 """The condensed system and the state of a run, as arrays for the kernels.
 
-Rows are the places where laws act. The linear system (beams, linear supports, and the base segment
-of every law) is solved once; a law away from its base segment adds a *deviation*
-``lambda = D g + b`` on its row. ``D`` has few entries a row: the row itself and, for friction, the
-rows of the normal laws. See `turnout.integrate.columns` for what is done with it.
+Laws act on *rows*. The mechanism is split into blocks (rails that only laws join), and a row has an
+*end* in each block that it reaches into: one, or two if it joins two of them. Ends are numbered
+block by block. The linear system (beams, linear supports, and the base segment of the laws) is
+solved once; a law away from its base segment adds a *deviation* ``lambda = D g + b`` on its row.
+``D`` has few entries a row: the row itself and, for friction, the rows of the normal laws. See
+`turnout.integrate.columns` for what is done with it.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +16,9 @@ from numpy.typing import NDArray
 
 from turnout.errors import MechanicsError
 from turnout.law.compiled import compiled
+from turnout.law.shared import shared
 from turnout.law.table import LawTable
-from turnout.mechanism.condense import ModalModel, base_stiffness
+from turnout.mechanism.condense import BlockModel, base_stiffness
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -23,17 +27,29 @@ Ints = NDArray[np.int64]
 class System(NamedTuple):
     """What does not change during a run.
 
-    ``base`` holds, row by row, the residual flexibility followed by the modes at the row. The
-    pairs ``..._start`` / ``..._list`` are ragged lists in compressed form.
+    Block `b` has the ends ``end_start[b]`` to ``end_start[b + 1]`` and likewise modes. Arrays with
+    two indices hold, for each end or mode, the entries of its own block only, from the left:
+    damping, the modes at the ends (both ways round) and the residual flexibility between ends. The
+    pairs ``..._start`` / ``..._list`` are ragged lists in compressed form. ``pattern_at`` is the
+    pattern as places in its block; -1 in ``row_ends`` stands for no second end. ``timed_law``
+    lists the laws that do not act all the time.
     """
 
     eigenvalues: Floats
-    damping: Floats
     load: Floats
-    row_load: Floats
-    base: Floats
+    damping: Floats
+    end_load: Floats
+    end_modes: Floats
+    mode_ends: Floats
+    flexibility: Floats
+    end_start: Ints
+    mode_start: Ints
+    block_of_end: Ints
+    row_ends: Ints
+    joining_rows: Ints
     pattern_start: Ints
     pattern_list: Ints
+    pattern_at: Ints
     row_law_start: Ints
     row_law_list: Ints
     row_friction_start: Ints
@@ -43,16 +59,21 @@ class System(NamedTuple):
     base_slope: Floats
     pinned: Ints
     input_law: Ints
+    timed_law: Ints
 
 
 class State(NamedTuple):
     """What a run changes, in place, and nothing else does.
 
     On its present segment a law resists with ``slope * (g - input) + constant`` for ``g - input``
-    between ``lower`` and ``upper``; `set_segment` keeps these five together. ``columns`` holds
-    solved columns of length rows + modes: the modes, the constant, then one for each active row.
-    ``counters``: active rows, flips since the last rebuild, flips in all, iterations in all, steps
-    halved, rebuilds. ``drift`` is the growth of rounding since it was last measured.
+    between ``lower`` and ``upper`` and, at its argument e, stores the energy
+    ``(slope * e / 2 + intercept) * e + potential``; `set_segment` keeps these together.
+    ``entries`` and ``shift`` are the deviations of the rows; ``columns``, with its slots, and the coupling of the
+    blocks are those of `turnout.integrate.columns`, for the step of ``level``; what depends on the
+    length of the step alone (``inverse``, ``response``, ``compliance``) is kept level by level.
+    ``counters``: active rows that join blocks, flips since the last rebuild, flips in all,
+    iterations in all, steps halved, rebuilds, the level, whether the coupling is up to date.
+    ``drift`` is the growth of rounding since it was last measured.
     """
 
     segment: Ints
@@ -61,6 +82,8 @@ class State(NamedTuple):
     constant: Floats
     lower: Floats
     upper: Floats
+    intercept: Floats
+    potential: Floats
     friction: Ints
     anchor: Floats
     friction_force: Floats
@@ -69,14 +92,23 @@ class State(NamedTuple):
     law_argument: Floats
     entries: Floats
     shift: Floats
-    slot_of_row: Ints
+    slot_of_end: Ints
+    end_of_slot: Ints
     row_of_slot: Ints
+    slots: Ints
     columns: Floats
+    joining: Ints
+    coupling: Floats
+    exchange: Ints
+    made: Ints
     inverse: Floats
+    response: Floats
+    compliance: Floats
     q: Floats
     v: Floats
     a: Floats
     acceleration: Floats
+    ends: Floats
     g: Floats
     inputs: Floats
     ledger: Floats
@@ -94,35 +126,107 @@ def set_segment(table: LawTable, state: State, law: int, segment: int) -> None:
     if state.present[law] == 0:
         state.slope[law] = 0.0
         state.constant[law] = 0.0
+        state.intercept[law] = 0.0
+        state.potential[law] = 0.0
         state.lower[law] = -np.inf
         state.upper[law] = np.inf
         return
     at = table.segment_start[law] + segment
     state.slope[law] = table.slope[at]
     state.constant[law] = table.intercept[at] - table.slope[at] * table.offset[law]
+    state.intercept[law] = table.intercept[at]
+    state.potential[law] = table.potential[at]
     state.lower[law] = table.segment_lower[at] + table.offset[law]
     state.upper[law] = table.segment_upper[at] + table.offset[law]
 
 
-COUNT_ACTIVE, COUNT_RECENT, COUNT_FLIPS, COUNT_ITERATIONS, COUNT_HALVED, COUNT_REBUILDS = range(6)
+(
+    COUNT_JOINING,
+    COUNT_RECENT,
+    COUNT_FLIPS,
+    COUNT_ITERATIONS,
+    COUNT_HALVED,
+    COUNT_REBUILDS,
+    LEVEL,
+    COUPLED,
+) = range(8)
 
 
-def condensed_system(model: ModalModel, table: LawTable) -> System:
-    """Arrange a modal model and its laws for the kernels.
+def condensed_system(parts: Sequence[BlockModel], table: LawTable) -> System:
+    """Arrange modal models and their laws for the kernels.
 
     Parameters
     ----------
-    model : ModalModel
-        Of the linear system with the base segments of the laws.
+    parts : sequence of BlockModel
+        Of the linear system with the base segments of the laws; every row has an end or two.
     table : LawTable
         The laws.
 
     Returns
     -------
     System
+
+    Raises
+    ------
+    MechanicsError
+        If the normal law of a friction is driven or can pull.
     """
-    n_rows = model.row_modes.shape[0]
-    n_laws, n_frictions = table.row.size, table.friction_row.size
+    _check_normals(table)
+    n_rows = 1 + max((int(part.block.rows.max(initial=-1)) for part in parts), default=-1)
+    models = [part.model for part in parts]
+    end_start = np.cumsum([0, *(part.block.rows.size for part in parts)])
+    mode_start = np.cumsum([0, *(model.eigenvalues.size for model in models)])
+    row_ends = np.full((n_rows, 2), -1, dtype=np.int64)
+    for part, first in zip(parts, end_start[:-1], strict=True):
+        for end, row in enumerate(part.block.rows, start=int(first)):
+            row_ends[row, int(row_ends[row, 0] >= 0)] = end
+    pattern: list[list[int]] = [[r] for r in range(n_rows)]
+    for row, normal in zip(table.friction_row, table.row[table.friction_normal], strict=True):
+        if normal not in pattern[row]:
+            pattern[row].append(int(normal))
+    pattern_start, pattern_list = _ragged(pattern)
+    block_of_end = np.repeat(np.arange(len(models)), np.diff(end_start))
+    first_ends = row_ends[pattern_list, 0]
+    row_law = _ragged(_inverted(table.row, n_rows))
+    row_friction = _ragged(_inverted(table.friction_row, n_rows))
+    normal_friction = _ragged(_inverted(table.friction_normal, table.row.size))
+    pinned = np.zeros(n_rows, dtype=np.int64)
+    driven = np.flatnonzero(table.input_index >= 0)
+    pinned[table.row[driven]] = 1
+    return shared(
+        System(
+            eigenvalues=np.concatenate([model.eigenvalues for model in models]),
+            load=np.concatenate([model.load for model in models]),
+            damping=_stacked([model.damping for model in models]),
+            end_load=np.concatenate([model.row_load for model in models]),
+            end_modes=_stacked([model.row_modes for model in models]),
+            mode_ends=_stacked([model.row_modes.T for model in models]),
+            flexibility=_stacked([model.flexibility for model in models]),
+            end_start=end_start,
+            mode_start=mode_start,
+            block_of_end=block_of_end,
+            row_ends=row_ends,
+            joining_rows=np.flatnonzero(row_ends[:, 1] >= 0),
+            pattern_start=pattern_start,
+            pattern_list=pattern_list,
+            pattern_at=first_ends - end_start[block_of_end[first_ends]],
+            row_law_start=row_law[0],
+            row_law_list=row_law[1],
+            row_friction_start=row_friction[0],
+            row_friction_list=row_friction[1],
+            normal_friction_start=normal_friction[0],
+            normal_friction_list=normal_friction[1],
+            base_slope=base_stiffness(table),
+            pinned=pinned,
+            input_law=driven.astype(np.int64),
+            timed_law=np.flatnonzero(
+                np.isfinite(table.appears) | np.isfinite(table.disappears) | (table.waits == 1)
+            ),
+        )
+    )
+
+
+def _check_normals(table: LawTable) -> None:
     normals = table.friction_normal
     if np.any(table.input_index[normals] >= 0):
         msg = "the normal law of a friction row cannot be driven by a marker"
@@ -131,43 +235,20 @@ def condensed_system(model: ModalModel, table: LawTable) -> System:
     if np.any(table.slope[lowest] != 0) or np.any(table.intercept[lowest] != 0):
         msg = "the normal law of a friction row must be a contact, which never pulls"
         raise MechanicsError(msg)
-    pattern: list[list[int]] = [[r] for r in range(n_rows)]
-    for friction in range(n_frictions):
-        columns = pattern[table.friction_row[friction]]
-        normal_row = int(table.row[normals[friction]])
-        if normal_row not in columns:
-            columns.append(normal_row)
-    pattern_start, pattern_list = _ragged(pattern)
-    row_law = _ragged(_inverted(table.row, n_rows))
-    row_friction = _ragged(_inverted(table.friction_row, n_rows))
-    normal_friction = _ragged(_inverted(normals, n_laws))
-    pinned = np.zeros(n_rows, dtype=np.int64)
-    driven = np.flatnonzero(table.input_index >= 0)
-    pinned[table.row[driven]] = 1
-    return System(
-        eigenvalues=model.eigenvalues,
-        damping=np.ascontiguousarray(model.damping),
-        load=model.load,
-        row_load=model.row_load,
-        base=np.ascontiguousarray(np.hstack((model.flexibility, model.row_modes))),
-        pattern_start=pattern_start,
-        pattern_list=pattern_list,
-        row_law_start=row_law[0],
-        row_law_list=row_law[1],
-        row_friction_start=row_friction[0],
-        row_friction_list=row_friction[1],
-        normal_friction_start=normal_friction[0],
-        normal_friction_list=normal_friction[1],
-        base_slope=base_stiffness(table),
-        pinned=pinned,
-        input_law=driven.astype(np.int64),
-    )
 
 
-def fresh_state(system: System, table: LawTable, *, n_inputs: int) -> State:
-    """Return a state at rest with every law on its base segment (or where its argument is 0)."""
-    n_rows, n_modes = system.row_load.size, system.eigenvalues.size
-    n_laws, n_frictions = table.row.size, table.friction_row.size
+def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) -> State:
+    """Return a state at rest with every law on its base segment (or where its argument is 0).
+
+    Parameters
+    ----------
+    levels : int
+        How many lengths of a step there are.
+    """
+    n_modes, n_ends = system.eigenvalues.size, system.end_load.size
+    widest_modes, widest_ends = system.end_modes.shape[1], system.flexibility.shape[1]
+    n_rows, n_laws, n_frictions = system.row_ends.shape[0], table.row.size, table.friction_row.size
+    n_joining = int(np.sum(system.row_ends[:, 1] >= 0))
     segment = np.zeros(n_laws, dtype=np.int64)
     for law in range(n_laws):
         if table.base_segment[law] >= 0:
@@ -175,41 +256,62 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int) -> State:
         else:
             first, last = table.segment_start[law], table.segment_start[law + 1]
             segment[law] = np.searchsorted(table.segment_upper[first : last - 1], 0.0)
-    state = State(
-        segment=segment,
-        present=np.ones(n_laws, dtype=np.int64),
-        slope=np.zeros(n_laws),
-        constant=np.zeros(n_laws),
-        lower=np.zeros(n_laws),
-        upper=np.zeros(n_laws),
-        friction=np.zeros(n_frictions, dtype=np.int64),
-        anchor=np.zeros(n_frictions),
-        friction_force=np.zeros(n_frictions),
-        law_force=np.zeros(n_laws),
-        law_energy=np.zeros(n_laws),
-        law_argument=np.zeros(n_laws),
-        entries=np.zeros(system.pattern_list.size),
-        shift=np.zeros(n_rows),
-        slot_of_row=np.full(n_rows, -1, dtype=np.int64),
-        row_of_slot=np.full(n_rows, -1, dtype=np.int64),
-        columns=np.zeros((n_modes + 1 + n_rows, n_rows + n_modes)),
-        inverse=np.zeros((n_modes, n_modes)),
-        q=np.zeros(n_modes),
-        v=np.zeros(n_modes),
-        a=np.zeros(n_modes),
-        acceleration=np.zeros(n_modes),
-        g=np.zeros(n_rows),
-        inputs=np.zeros(n_inputs),
-        ledger=np.zeros(6),
-        counters=np.zeros(6, dtype=np.int64),
-        drift=np.ones(1),
-        law_placed=np.full(n_laws, np.nan),
-        law_first=np.full(n_laws, np.nan),
-        law_peak=np.zeros(n_laws),
+    modal, of_laws, of_frictions = np.zeros(n_modes), np.zeros(n_laws), np.zeros(n_frictions)
+    state = shared(
+        State(
+            segment=segment,
+            present=np.ones(n_laws, dtype=np.int64),
+            slope=of_laws.copy(),
+            constant=of_laws.copy(),
+            lower=of_laws.copy(),
+            upper=of_laws.copy(),
+            intercept=of_laws.copy(),
+            potential=of_laws.copy(),
+            friction=np.zeros(n_frictions, dtype=np.int64),
+            anchor=of_frictions.copy(),
+            friction_force=of_frictions.copy(),
+            law_force=of_laws.copy(),
+            law_energy=of_laws.copy(),
+            law_argument=of_laws.copy(),
+            entries=np.zeros(system.pattern_list.size),
+            shift=np.zeros(n_rows),
+            slot_of_end=np.full(n_ends, -1, dtype=np.int64),
+            end_of_slot=np.full(n_ends, -1, dtype=np.int64),
+            row_of_slot=np.full(n_ends, -1, dtype=np.int64),
+            slots=np.zeros(system.end_start.size - 1, dtype=np.int64),
+            columns=np.zeros((n_ends, widest_ends)),
+            joining=np.full(n_joining, -1, dtype=np.int64),
+            coupling=np.zeros((n_joining, n_joining)),
+            exchange=np.zeros(n_joining, dtype=np.int64),
+            made=np.zeros(levels, dtype=np.int64),
+            inverse=np.zeros((levels, n_modes, widest_modes)),
+            response=np.zeros((levels, n_ends, widest_modes)),
+            compliance=np.zeros((levels, n_ends, widest_ends)),
+            q=modal.copy(),
+            v=modal.copy(),
+            a=modal.copy(),
+            acceleration=modal.copy(),
+            ends=np.zeros(n_ends),
+            g=np.zeros(n_rows),
+            inputs=np.zeros(n_inputs),
+            ledger=np.zeros(6),
+            counters=np.zeros(8, dtype=np.int64),
+            drift=np.ones(1),
+            law_placed=np.full(n_laws, np.nan),
+            law_first=np.full(n_laws, np.inf),
+            law_peak=np.zeros(n_laws),
+        )
     )
     for law in range(n_laws):
         set_segment(table, state, law, segment[law])
     return state
+
+
+def _stacked(blocks: Sequence[Floats]) -> Floats:
+    """Stack matrices, each filled up with zeros on the right."""
+    widest = max(block.shape[1] for block in blocks)
+    padded = [np.pad(block, ((0, 0), (0, widest - block.shape[1]))) for block in blocks]
+    return np.ascontiguousarray(np.concatenate(padded))
 
 
 def _inverted(targets: Ints, count: int) -> list[list[int]]:

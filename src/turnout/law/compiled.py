@@ -73,9 +73,19 @@ _FLOATING = {"reassoc", "contract", "arcp", "nsz"}
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
     """Compile a kernel to machine code on its first call and keep it in the cache.
 
-    The plain function stays reachable as `.py_func`. Kernels let other threads of Python run.
+    The plain function stays reachable as `.py_func`. Kernels let other threads of Python run. They
+    may not make arrays: nothing then needs to be counted when records of arrays are handed on.
     """
+    return _compiled(function, memory=False)
+
+
+def compiled_with_memory(function: Callable[P, T]) -> Callable[P, T]:
+    """Compile a kernel that makes arrays of its own; for rare calls."""
+    return _compiled(function, memory=True)
+
+
+def _compiled(function: Callable[P, T], *, memory: bool) -> Callable[P, T]:
     kernel: Callable[P, T] = _numba.njit(
-        cache=True, fastmath=_FLOATING, error_model="numpy", nogil=True
+        cache=True, fastmath=_FLOATING, error_model="numpy", nogil=True, _nrt=memory
     )(function)
     return kernel

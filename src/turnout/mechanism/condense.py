@@ -12,6 +12,7 @@ the local flexibility that contacts feel. `R` is a sum over the omitted modes an
 semi-definite, free of the cancellation of "static minus modal" flexibility.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ from scipy.linalg import eigh
 
 from turnout.errors import MechanicsError
 from turnout.law.table import LawTable
+from turnout.mechanism.blocks import Block, split_blocks
 from turnout.mechanism.mechanism import Mechanism
 
 Floats = NDArray[np.float64]
@@ -127,6 +129,67 @@ def modal_model(
         residual_load=residual_load,
         row_load=rows @ residual_load,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class BlockModel:
+    """A block of a mechanism and its modal model, whose rows are the block's ends."""
+
+    block: Block
+    model: ModalModel
+
+
+def condense_blocks(
+    mechanism: Mechanism, laws: LawTable, *, cutoff_frequency: float
+) -> tuple[BlockModel, ...]:
+    """Return the modes and residual flexibility of each block with its base segments closed.
+
+    Raises
+    ------
+    MechanicsError
+        If a block is not held.
+    """
+    stiffness = linear_stiffness(mechanism.stiffness, mechanism.rows, laws)
+    found = []
+    for block in split_blocks(mechanism, laws):
+        square = np.ix_(block.coordinates, block.coordinates)
+        model = modal_model(
+            stiffness[square],
+            mechanism.mass[square],
+            damping=mechanism.damping[square],
+            rows=mechanism.rows[np.ix_(block.rows, block.coordinates)],
+            load=mechanism.load[block.coordinates],
+            cutoff_frequency=cutoff_frequency,
+        )
+        found.append(BlockModel(block, model))
+    return tuple(found)
+
+
+def joined_model(parts: Sequence[BlockModel], mechanism: Mechanism) -> ModalModel:
+    """Return the modal model of the whole mechanism, its modes in the order of the blocks."""
+    n, n_rows = mechanism.stiffness.shape[0], mechanism.rows.shape[0]
+    modes = np.cumsum([0, *(part.model.eigenvalues.size for part in parts)])
+    whole = ModalModel(
+        eigenvalues=np.concatenate([part.model.eigenvalues for part in parts]),
+        damping=np.zeros((modes[-1], modes[-1])),
+        modes=np.zeros((n, modes[-1])),
+        row_modes=np.zeros((n_rows, modes[-1])),
+        flexibility=np.zeros((n_rows, n_rows)),
+        residual_shapes=np.zeros((n, n_rows)),
+        load=np.concatenate([part.model.load for part in parts]),
+        residual_load=np.zeros(n),
+        row_load=np.zeros(n_rows),
+    )
+    for part, first, last in zip(parts, modes[:-1], modes[1:], strict=True):
+        rows, at, model = part.block.rows, part.block.coordinates, part.model
+        whole.damping[first:last, first:last] = model.damping
+        whole.modes[at, first:last] = model.modes
+        whole.row_modes[rows, first:last] = model.row_modes
+        whole.flexibility[np.ix_(rows, rows)] += model.flexibility
+        whole.residual_shapes[np.ix_(at, rows)] = model.residual_shapes
+        whole.residual_load[at] = model.residual_load
+        whole.row_load[rows] += model.row_load
+    return whole
 
 
 def condense(mechanism: Mechanism, *, cutoff_frequency: float) -> ModalModel:

@@ -67,7 +67,7 @@ def row_forces(mechanism: Mechanism, history: History) -> Floats:
     ndarray, shape (n_times, n_rows)
         [N]
     """
-    laws = mechanism.laws
+    laws = history.laws
     n_rows = mechanism.rows.shape[0]
     slope = np.zeros(n_rows)
     np.add.at(slope, laws.row, base_stiffness(laws))

@@ -1,0 +1,73 @@
+"""The two inner loops of the kernels, on vectors that lie next to each other in memory.
+
+A loop over ``array[first + j]`` stays slow, since an index could be negative; views do not.
+"""
+
+from turnout.integrate.system import Floats
+from turnout.law.compiled import compiled
+
+
+@compiled
+def dot(a: Floats, b: Floats) -> float:
+    """Return the product of two vectors; the second may be longer.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> dot(np.array([1.0, 2.0]), np.array([3.0, 4.0, 5.0]))
+    11.0
+    """
+    total = 0.0
+    for i in range(a.size):
+        total += a[i] * b[i]
+    return total
+
+
+@compiled
+def add(weight: float, a: Floats, total: Floats) -> None:
+    """Add a multiple of a vector to another; the added one may be longer.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> total = np.ones(2)
+    >>> add(2.0, np.array([1.0, 3.0, 5.0]), total)
+    >>> total.tolist()
+    [3.0, 7.0]
+    """
+    for i in range(total.size):
+        total[i] += weight * a[i]
+
+
+@compiled
+def add_rows(weights: Floats, rows: Floats, total: Floats) -> None:
+    """Add a weighted sum of the rows of a matrix, which may be wider, to a vector.
+
+    Four rows at a time, so that the sum is read and written a quarter as often.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> total = np.zeros(2)
+    >>> add_rows(np.arange(1.0, 6.0), np.arange(15.0).reshape(5, 3), total)
+    >>> total.tolist()
+    [120.0, 135.0]
+    """
+    n, width = weights.size, total.size
+    r = 0
+    while r + 4 <= n:
+        a, b, c, d = weights[r], weights[r + 1], weights[r + 2], weights[r + 3]
+        first, second, third, fourth = rows[r], rows[r + 1], rows[r + 2], rows[r + 3]
+        for i in range(width):
+            total[i] += (a * first[i] + b * second[i]) + (c * third[i] + d * fourth[i])
+        r += 4
+    while r < n:
+        add(weights[r], rows[r], total)
+        r += 1
+
+
+@compiled
+def copy(a: Floats, to: Floats) -> None:
+    """Write a vector, which may be longer, to another."""
+    for i in range(to.size):
+        to[i] = a[i]

@@ -1,0 +1,105 @@
+"""Scratch arrays of the kernels."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from turnout.integrate.system import Floats, Ints, System
+from turnout.law.shared import shared
+from turnout.law.table import LawTable
+
+
+class Work(NamedTuple):
+    """Scratch arrays of the kernels; their content means nothing between calls.
+
+    Except `unsettled`, which flags the rows that still changed when a step was given up, and
+    `stop`, which another thread sets to end the work between two solutions. `q` to `acceleration`,
+    `ends_start`, `g_start` and the two of the contact set are the state at the start of a step.
+    """
+
+    row: Floats
+    predicted: Floats
+    velocity: Floats
+    shifted: Floats
+    right_side: Floats
+    free_q: Floats
+    free_ends: Floats
+    force: Floats
+    slot_force: Floats
+    joining: Floats
+    dirty: Ints
+    dirty_list: Ints
+    unsettled: Ints
+    old_segment: Ints
+    old_friction: Ints
+    q: Floats
+    v: Floats
+    a: Floats
+    acceleration: Floats
+    ends_start: Floats
+    g: Floats
+    g_start: Floats
+    argument: Floats
+    aim: Floats
+    aim_shifted: Floats
+    origin: Floats
+    end_error: Floats
+    modal_error: Floats
+    found_ends: Floats
+    found_q: Floats
+    inputs: Floats
+    inputs_end: Floats
+    stop: Ints
+
+
+def new_work(system: System, table: LawTable) -> Work:
+    """Return scratch arrays that fit a system."""
+    n_rows, n_ends = system.row_ends.shape[0], system.end_load.size
+    n_inputs = int(table.input_index.max(initial=-1)) + 1
+
+    def modal() -> Floats:
+        return np.zeros(system.eigenvalues.size)
+
+    def of_ends() -> Floats:
+        return np.zeros(n_ends)
+
+    def flags() -> Ints:
+        return np.zeros(n_rows, dtype=np.int64)
+
+    return shared(
+        Work(
+            row=np.zeros(max(n_rows, int(np.max(np.diff(system.pattern_start), initial=1)))),
+            predicted=modal(),
+            velocity=modal(),
+            shifted=modal(),
+            right_side=modal(),
+            free_q=modal(),
+            free_ends=of_ends(),
+            force=np.zeros(n_rows),
+            slot_force=of_ends(),
+            joining=np.zeros(n_rows),
+            dirty=flags(),
+            dirty_list=flags(),
+            unsettled=flags(),
+            old_segment=np.zeros(table.row.size, dtype=np.int64),
+            old_friction=np.zeros(table.friction_row.size, dtype=np.int64),
+            q=modal(),
+            v=modal(),
+            a=modal(),
+            acceleration=modal(),
+            ends_start=of_ends(),
+            g=np.zeros(n_rows),
+            g_start=np.zeros(n_rows),
+            argument=np.zeros(table.row.size),
+            aim=modal(),
+            aim_shifted=modal(),
+            origin=modal(),
+            end_error=of_ends(),
+            modal_error=modal(),
+            found_ends=of_ends(),
+            found_q=modal(),
+            inputs=np.zeros(n_inputs),
+            inputs_end=np.zeros(n_inputs),
+            stop=np.zeros(1, dtype=np.int64),
+        )
+    )
