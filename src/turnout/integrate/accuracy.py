@@ -13,9 +13,15 @@ in the step that the books of energy would notice, `LARGEST_LEAK`.
 """
 
 from turnout.integrate.energy import MARKERS
-from turnout.integrate.solution import add_free, add_pull, add_responses, deviation_forces, spread
+from turnout.integrate.solution import (
+    add_solved,
+    deviation_forces,
+    exchange_forces,
+    modal_forces,
+    set_rows,
+)
 from turnout.integrate.solve import row_forces
-from turnout.integrate.system import Floats, State, System
+from turnout.integrate.system import COUNT_JOINING, Floats, State, System
 from turnout.integrate.vector import add, copy, dot
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
@@ -74,20 +80,51 @@ def _modal_errors(
 def correct(system: System, state: State, work: Work) -> None:
     """Take the errors that `is_inaccurate` has found off the solution, with the same columns."""
     copy(state.ends, work.found_ends)
-    copy(state.g, work.g)
     copy(state.q, work.found_q)
-    copy(work.modal_error, work.right_side)
-    copy(work.end_error, work.free_ends)
     work.free_q[:] = 0.0
-    work.force[:] = 0.0
-    add_free(system, state, work)
-    spread(system, state, work)
-    add_pull(system, state, work)
+    add_solved(system, state, work.modal_error, work.free_q)
+    for block in range(system.end_start.size - 1):
+        first, last = system.end_start[block], system.end_start[block + 1]
+        start, stop = system.mode_start[block], system.mode_start[block + 1]
+        for end in range(first, last):
+            change = dot(work.free_q[start:stop], system.end_modes[end])
+            work.end_error[end] += change
+    _spread(system, state, work)
+    set_rows(system, state)
+    for block in range(system.end_start.size - 1):
+        first = system.end_start[block]
+        for slot in range(first, first + state.slots[block]):
+            row = state.row_of_slot[slot]
+            force = 0.0
+            for k in range(system.pattern_start[row], system.pattern_start[row + 1]):
+                force += state.entries[k] * state.g[system.pattern_list[k]]
+            work.slot_force[slot] = force
+    modal_forces(system, state, work.slot_force, work.modal_error)
     copy(work.free_q, state.q)
-    add_responses(system, state, work)
+    add_solved(system, state, work.modal_error, state.q)
+    add(1.0, work.modal_error, state.modal_force)
     add(1.0, work.found_ends, state.ends)
-    add(1.0, work.g, state.g)
     add(1.0, work.found_q, state.q)
+    set_rows(system, state)
+
+
+@compiled
+def _spread(system: System, state: State, work: Work) -> None:
+    """Write to the ends what the deviations make of ``work.end_error``, a free displacement."""
+    copy(work.end_error, state.ends)
+    for block in range(system.end_start.size - 1):
+        first, last = system.end_start[block], system.end_start[block + 1]
+        free, ends = work.end_error[first:last], state.ends[first:last]
+        for slot in range(first, first + state.slots[block]):
+            row = state.row_of_slot[slot]
+            if system.row_ends[row, 1] >= 0:
+                continue
+            force = 0.0
+            for k in range(system.pattern_start[row], system.pattern_start[row + 1]):
+                force += state.entries[k] * free[system.pattern_at[k]]
+            add(force, state.columns[slot], ends)
+    if state.counters[COUNT_JOINING]:
+        exchange_forces(system, state, work, 0.0)
 
 
 @compiled
@@ -105,8 +142,12 @@ def is_inaccurate(
         return False
     state.drift[0] = 1.0
     deviation_forces(system, table, state, work)
-    _to_ends(system, work.force, work.slot_force)
-    force = work.slot_force
+    force = work.end_force
+    force[:] = 0.0
+    for block in range(system.end_start.size - 1):
+        first = system.end_start[block]
+        for slot in range(first, first + state.slots[block]):
+            force[state.end_of_slot[slot]] = work.slot_force[slot]
     error = _end_errors(system, state, force, work.end_error)
     leak = _modal_errors(system, state, work, force, inertia, viscosity)
     allowed = LARGEST_LEAK * (1.0 + abs(float(state.ledger[MARKERS])))
@@ -121,8 +162,8 @@ def equilibrium_residual(system: System, table: LawTable, state: State, work: Wo
     """
     rows = work.row[: state.g.size]
     row_forces(system, table, state, rows)
-    _to_ends(system, rows, work.slot_force)
-    return _end_errors(system, state, work.slot_force, work.end_error)
+    _to_ends(system, rows, work.end_force)
+    return _end_errors(system, state, work.end_force, work.end_error)
 
 
 @compiled

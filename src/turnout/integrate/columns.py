@@ -2,28 +2,29 @@ r"""Solved columns of the implicit step and their rank-one updates.
 
 The implicit step asks for
 
-.. math:: A q = p + \Phi^T\lambda,\quad A = \iota I + \nu C + \Lambda,\qquad
+.. math:: A q = A u + s + \Phi^T\lambda,\quad A = \iota I + \nu C + \Lambda,\qquad
           e = \Phi q + R\lambda + r,\qquad \lambda = D g + b
 
 with modes and residual flexibility of a block at its ends `e`. Without deviations
-:math:`q_0 = A^{-1}p` and :math:`e_0 = \Phi q_0 + r`; a unit force on an end moves the ends by a row
-of the *compliance* :math:`S = R + \Phi A^{-1}\Phi^T`, which depends on the step's length alone.
+:math:`q_0 = u + A^{-1}s` and :math:`e_0 = \Phi q_0 + r`; a unit force on an end moves the ends by a
+row of the *compliance* :math:`S = R + \Phi A^{-1}\Phi^T`, which depends on the step's length alone.
 With the deviations of the block's own rows
 
-.. math:: e = (I + P D)\,e_0 + P\,b, \qquad P = (I - S D)^{-1} S,
+.. math:: e = X q_0 + c, \quad X = (I + P D)\,\Phi,\quad c = (I + P D)\,r + P\,b,
+          \qquad P = (I - S D)^{-1} S,
 
-and kept are the columns :math:`P e_r` of the *active* ends, those with a deviation. A law that
-changes its segment changes one row of `D` by :math:`d^T`, and by Sherman-Morrison every column of
-the block becomes
+and kept are the columns of `X` (one a mode), `c`, and :math:`P e_r` of the *active* ends, those
+with a deviation. A law that changes its segment changes one row of `D` by :math:`d^T` and its entry
+of `b` by :math:`\beta`, and by Sherman-Morrison every column of the block becomes
 
-.. math:: x \leftarrow x + P e_r\,\frac{d^T x}{1 - d^T P e_r}.
+.. math:: x \leftarrow x + P e_r\,\frac{d^T x}{1 - d^T P e_r}
 
-A change of `b` alone costs nothing, and nothing is factorised. Rows that join two blocks (links,
+(for `c` with :math:`d^T c + \beta`). Nothing is factorised. Rows that join two blocks (links,
 stops against a rail that bends, objects) are solved last: with :math:`H` from the columns of their
 ends, :math:`(I - D H)\,\lambda = D g + b` is a small dense system, factorised when a column of it
 has changed.
 
-Columns are rows of `State.columns`; the slots of a block begin where its ends do.
+Columns of active ends are rows of `State.columns`; the slots of a block begin where its ends do.
 """
 
 import numpy as np
@@ -36,10 +37,11 @@ from turnout.integrate.system import (
     COUPLED,
     LEVEL,
     Floats,
+    Ints,
     State,
     System,
 )
-from turnout.integrate.vector import add, copy, dot
+from turnout.integrate.vector import add, copy
 from turnout.law.compiled import compiled, compiled_with_memory
 from turnout.law.kernel import STICK
 from turnout.law.table import LawTable
@@ -69,14 +71,10 @@ def make_level(system: System, state: State, level: int, inertia: float, viscosi
             inverse = np.full_like(matrix, np.nan)
         state.inverse[level, first:last, :n] = inverse
         start, stop = system.end_start[block], system.end_start[block + 1]
-        for end in range(start, stop):
-            response = state.response[level, end, :n]
-            for i in range(n):
-                response[i] = dot(inverse[i], system.end_modes[end])
-            compliance = state.compliance[level, end, : stop - start]
-            copy(system.flexibility[end, : stop - start], compliance)
-            for other in range(stop - start):
-                compliance[other] += dot(response, system.end_modes[start + other])
+        modes = system.end_modes[start:stop, :n].copy()
+        state.compliance[level, start:stop, : stop - start] = (
+            system.flexibility[start:stop, : stop - start] + (modes @ inverse) @ modes.T.copy()
+        )
 
 
 @compiled
@@ -169,6 +167,7 @@ def update_row(system: System, table: LawTable, state: State, row: int, scratch:
             changed = True
     if not changed and shift == state.shift[row]:
         return
+    gained = shift - state.shift[row]
     state.shift[row] = shift
     state.counters[COUNT_FLIPS] += 1
     state.counters[COUNT_RECENT] += 1
@@ -179,15 +178,26 @@ def update_row(system: System, table: LawTable, state: State, row: int, scratch:
     end = system.row_ends[row, 0]
     if state.slot_of_end[end] < 0:
         activate(system, state, end, row)
-    if changed:
-        _update_columns(system, state, row, entries)
+    _update_columns(system, state, row, entries, gained)
     if vanished:
         deactivate(system, state, end)
 
 
 @compiled
-def _update_columns(system: System, state: State, row: int, entries: Floats) -> None:
-    """Change the deviation entries of a row to new ones, and all columns of its block with it."""
+def _weight(change: Floats, at: Ints, column: Floats) -> float:
+    """Return what changed entries of a row make of a column."""
+    total = 0.0
+    for k in range(change.size):
+        total += change[k] * column[at[k]]
+    return total
+
+
+@compiled
+def _update_columns(system: System, state: State, row: int, entries: Floats, gained: float) -> None:
+    """Change the deviation of a row to new entries, with so much more of a constant force [N].
+
+    All columns of its block change with it.
+    """
     end = system.row_ends[row, 0]
     block = system.block_of_end[end]
     first = system.end_start[block]
@@ -202,14 +212,20 @@ def _update_columns(system: System, state: State, row: int, entries: Floats) -> 
         state.entries[start + k] = entries[k]
         entries[k] = delta
         denominator -= delta * pivot[system.pattern_at[start + k]]
+    at, change = system.pattern_at[start : start + count], entries[:count]
+    constant = state.constant_column[first : first + width]
+    add((gained + _weight(change, at, constant)) / denominator, pivot, constant)
+    if denominator == 1.0 and not np.any(change):
+        return
+    columns = state.columns
     for other in range(first, first + state.slots[block]):
-        if other == slot:
-            continue
-        column = state.columns[other, :width]
-        weight = 0.0
-        for k in range(count):
-            weight += entries[k] * column[system.pattern_at[start + k]]
-        add(weight / denominator, pivot, column)
+        if other != slot:
+            column = columns[other, :width]
+            add(_weight(change, at, column) / denominator, pivot, column)
+    columns = state.mode_columns
+    for mode in range(system.mode_start[block], system.mode_start[block + 1]):
+        column = columns[mode, :width]
+        add(_weight(change, at, column) / denominator, pivot, column)
     for i in range(width):
         pivot[i] /= denominator
     state.drift[0] *= max(abs(denominator), 1.0 / abs(denominator))
@@ -257,6 +273,13 @@ def rebuild(system: System, table: LawTable, state: State, level: int, scratch: 
     state.joining[:] = -1
     state.counters[COUNT_JOINING] = 0
     state.counters[COUPLED] = 0
+    copy(system.end_load, state.constant_column)
+    for block in range(system.end_start.size - 1):
+        first, last = system.end_start[block], system.end_start[block + 1]
+        start = system.mode_start[block]
+        for mode in range(start, system.mode_start[block + 1]):
+            for end in range(first, last):
+                state.mode_columns[mode, end - first] = system.end_modes[end, mode - start]
     for row in range(system.row_ends.shape[0]):
         if system.pinned[row] and system.row_ends[row, 1] < 0:
             activate(system, state, system.row_ends[row, 0], row)

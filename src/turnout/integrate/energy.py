@@ -13,9 +13,10 @@ the change of potential where a law changes its segment within a step.
 
 import numpy as np
 
-from turnout.integrate.solve import law_arguments, mark_law, row_forces
+from turnout.integrate.solution import deviation_forces
+from turnout.integrate.solve import law_arguments, mark_law
 from turnout.integrate.system import Floats, State, System, set_segment
-from turnout.integrate.vector import add, dot
+from turnout.integrate.vector import dot
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
 from turnout.law.kernel import STICK, law_argument, law_energy, law_force, segment_for
@@ -163,41 +164,45 @@ def switch_laws(system: System, table: LawTable, state: State, work: Work, time:
 @compiled
 def stored_energy(
     system: System, table: LawTable, state: State, work: Work, stored: Floats
-) -> None:
+) -> float:
     """Write kinetic, strain, law (contact, bushing, stick) and gravity energy of the state [J].
 
     Strain is that of beams and linear supports: half of ``q Lambda q`` plus the residual part
     ``lambda R lambda + 2 lambda r``, less what the base segments of the laws hold. Gravity and
-    strain leave out the same constant.
+    strain leave out the same constant. Returns the energy of the linear system with the base
+    segments of all laws.
     """
-    force = work.row[: state.g.size]
-    row_forces(system, table, state, force)
-    kinetic, strain, gravity = 0.0, 0.0, 0.0
-    for i in range(state.q.size):
-        kinetic += 0.5 * state.v[i] ** 2
-        strain += 0.5 * system.eigenvalues[i] * state.q[i] ** 2
-        gravity -= system.load[i] * state.q[i]
-    modal = work.found_q
-    modal[:] = 0.0
-    for row in range(force.size):
-        if force[row] == 0.0:
-            continue
-        for side in range(2):
-            end = system.row_ends[row, side]
-            if end >= 0:
-                strain += 0.5 * force[row] * (state.ends[end] + system.end_load[end])
-                gravity -= force[row] * system.end_load[end]
-                block = system.block_of_end[end]
-                modes = modal[system.mode_start[block] : system.mode_start[block + 1]]
-                add(force[row], system.end_modes[end], modes)
-    strain -= 0.5 * dot(modal, state.q)
+    deviation_forces(system, table, state, work)
+    q, v, eigenvalues, load, forces = (
+        state.q,
+        state.v,
+        system.eigenvalues,
+        system.load,
+        state.modal_force,
+    )
+    kinetic, folded, strain, gravity = 0.0, 0.0, 0.0, 0.0
+    for i in range(q.size):
+        kinetic += 0.5 * v[i] ** 2
+        folded += 0.5 * eigenvalues[i] * q[i] ** 2
+        strain -= 0.5 * forces[i] * q[i]
+        gravity -= load[i] * q[i]
+    ends, end_load, end_of_slot = state.ends, system.end_load, state.end_of_slot
+    for block in range(system.end_start.size - 1):
+        first = system.end_start[block]
+        for slot in range(first, first + state.slots[block]):
+            end = end_of_slot[slot]
+            strain += 0.5 * work.slot_force[slot] * (ends[end] + end_load[end])
+            gravity -= work.slot_force[slot] * end_load[end]
     contact = 0.0
-    for law in range(table.row.size):
-        contact += state.law_energy[law]
-        strain -= 0.5 * system.base_slope[law] * state.g[table.row[law]] ** 2
-    for friction in range(table.friction_row.size):
-        contact += 0.5 * state.friction_force[friction] ** 2 / table.stick_stiffness[friction]
+    g, row, base_slope, energies = state.g, table.row, system.base_slope, state.law_energy
+    for law in range(energies.size):
+        contact += energies[law]
+        strain -= 0.5 * base_slope[law] * g[row[law]] ** 2
+    frictions, stiffness = state.friction_force, table.stick_stiffness
+    for friction in range(frictions.size):
+        contact += 0.5 * frictions[friction] ** 2 / stiffness[friction]
     stored[KINETIC] = kinetic
-    stored[STRAIN] = strain
+    stored[STRAIN] = folded + strain
     stored[CONTACT] = contact
     stored[GRAVITY] = gravity
+    return folded

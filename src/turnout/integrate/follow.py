@@ -8,8 +8,9 @@ turns back, which ends in an outcome.
 """
 
 from turnout.integrate.solution import (
-    add_responses,
+    add_solved,
     deviation_forces,
+    modal_forces,
     solve_free,
     solve_modes,
     solve_set,
@@ -38,13 +39,11 @@ EVENTS, EVENTS_AT_ONE_PLACE = 2000, 400
 def _start_of_path(system: System, table: LawTable, state: State, work: Work) -> None:
     """Write to ``work.origin`` the shift for which the present state solves the step."""
     deviation_forces(system, table, state, work)
+    modal_forces(system, state, work.slot_force, work.found_q)
+    for i in range(state.q.size):
+        work.found_q[i] = -work.found_q[i]
     copy(state.q, work.origin)
-    for row in range(work.force.size):
-        work.force[row] = -work.force[row]
-    add_responses(system, state, work)
-    copy(state.q, work.found_q)
-    copy(work.origin, state.q)
-    copy(work.found_q, work.origin)
+    add_solved(system, state, work.found_q, work.origin)
 
 
 @compiled

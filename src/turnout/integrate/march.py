@@ -57,6 +57,7 @@ class Record(NamedTuple):
     stored: Floats
     ledger: Floats
     residual: Floats
+    folded: Floats
 
 
 @compiled
@@ -223,7 +224,8 @@ def store(
     copy(state.g, record.g[at])
     copy(state.friction_force, record.friction[at])
     copy(state.law_force, record.law[at])
-    stored_energy(system, table, state, work, record.stored[at])
+    folded = stored_energy(system, table, state, work, record.stored[at])
+    record.folded[0] = max(record.folded[0], folded)
     copy(state.ledger, record.ledger[at])
 
 

@@ -258,6 +258,7 @@ def _prepare(
                 stored=np.empty((n_stored, 4)),
                 ledger=np.empty((n_stored, 6)),
                 residual=np.zeros(1),
+                folded=np.zeros(1),
             )
         ),
     )
@@ -339,8 +340,8 @@ def _march_in_chunks(
 
 def _books_close(run: _Run) -> bool:
     record = run.record
-    folded = 0.5 * float(np.max(record.q**2 @ run.system.eigenvalues))
-    return closing_error(record.stored, record.ledger, folded=folded) < CLOSES
+    error = closing_error(record.stored, record.ledger, folded=float(record.folded[0]))
+    return error < CLOSES
 
 
 def _unsettled(mechanism: Mechanism, work: Work) -> tuple[str, ...]:

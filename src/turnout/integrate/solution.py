@@ -5,69 +5,60 @@ need not be multiplied: :math:`A^{-1}p = u + A^{-1}s`.
 """
 
 from turnout.integrate.coupling import couple, solve_coupling
-from turnout.integrate.system import COUNT_JOINING, COUPLED, LEVEL, State, System
-from turnout.integrate.vector import add, add_rows, copy
+from turnout.integrate.system import COUNT_JOINING, COUPLED, LEVEL, Floats, State, System
+from turnout.integrate.vector import add, add_chosen, add_rows, copy
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
 from turnout.law.table import LawTable
 
 
 @compiled
-def solve_free(system: System, state: State, work: Work) -> None:
-    """Solve the step from ``work.shifted`` (u) and ``work.right_side`` (s) without deviations."""
-    copy(system.end_load, work.free_ends)
-    copy(work.shifted, work.free_q)
-    add_free(system, state, work)
+def add_solved(system: System, state: State, side: Floats, q: Floats) -> None:
+    """Add to modal coordinates what a right side does without any deviation."""
+    inverses = state.inverse[state.counters[LEVEL]]
+    mode_start, diagonal = system.mode_start, system.diagonal
+    for block in range(mode_start.size - 1):
+        first, last = mode_start[block], mode_start[block + 1]
+        if diagonal[block]:
+            for i in range(first, last):
+                q[i] += inverses[i, i - first] * side[i]
+        else:
+            add_rows(side[first:last], inverses[first:last], q[first:last])
 
 
 @compiled
-def add_free(system: System, state: State, work: Work) -> None:
-    """Add to ``work.free_q`` what ``work.right_side`` does, and to ``work.free_ends`` all of it."""
-    inverses = state.inverse[state.counters[LEVEL]]
-    mode_start, end_start, mode_ends = system.mode_start, system.end_start, system.mode_ends
-    all_q, all_ends, right_side = work.free_q, work.free_ends, work.right_side
-    for block in range(end_start.size - 1):
-        first, last = mode_start[block], mode_start[block + 1]
-        free = all_q[first:last]
-        add_rows(right_side[first:last], inverses[first:last], free)
-        ends = all_ends[end_start[block] : end_start[block + 1]]
-        add_rows(free, mode_ends[first:last], ends)
+def solve_free(system: System, state: State, work: Work) -> None:
+    """Solve the step from ``work.shifted`` (u) and ``work.right_side`` (s) without deviations."""
+    copy(work.shifted, work.free_q)
+    add_solved(system, state, work.right_side, work.free_q)
 
 
 @compiled
 def solve_set(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Correct the free solution for the present contact set; writes the ends and the rows."""
-    _push(system, table, state, work)
-    spread(system, state, work)
+    """Find ends and rows for the present contact set from the free solution."""
+    end_start, mode_start = system.end_start, system.mode_start
+    free_q, all_ends, columns = work.free_q, state.ends, state.mode_columns
+    copy(state.constant_column, all_ends)
+    for block in range(end_start.size - 1):
+        first, last = mode_start[block], mode_start[block + 1]
+        ends = all_ends[end_start[block] : end_start[block + 1]]
+        add_rows(free_q[first:last], columns[first:last], ends)
+    for k in range(system.input_law.size):
+        law = system.input_law[k]
+        row = table.row[law]
+        push = state.slope[law] * state.inputs[table.input_index[law]]
+        work.push[row] = push
+        if system.row_ends[row, 1] < 0:
+            _move_block(system, state, system.row_ends[row, 0], push)
+    if state.counters[COUNT_JOINING]:
+        exchange_forces(system, state, work, 1.0)
+    set_rows(system, state)
 
 
 @compiled
-def spread(system: System, state: State, work: Work) -> None:
-    """Let free ends and the forces ``work.force`` on the rows meet the deviations of the set."""
-    copy(work.free_ends, state.ends)
-    end_start, slots, row_of_slot, row_ends = (
-        system.end_start,
-        state.slots,
-        state.row_of_slot,
-        system.row_ends,
-    )
-    pattern_start, pattern_at, entries = system.pattern_start, system.pattern_at, state.entries
-    row_force, slot_force, columns = work.force, work.slot_force, state.columns
-    for block in range(end_start.size - 1):
-        first, last = end_start[block], end_start[block + 1]
-        free, stop = work.free_ends[first:last], first + slots[block]
-        for slot in range(first, stop):
-            row = row_of_slot[slot]
-            force = 0.0
-            if row_ends[row, 1] < 0:
-                force = row_force[row]
-                for k in range(pattern_start[row], pattern_start[row + 1]):
-                    force += entries[k] * free[pattern_at[k]]
-            slot_force[slot] = force
-        add_rows(slot_force[first:stop], columns[first:stop], state.ends[first:last])
-    if state.counters[COUNT_JOINING]:
-        _exchange_forces(system, state, work)
-    ends, g = state.ends, state.g
+def set_rows(system: System, state: State) -> None:
+    """Take the displacements of the rows from those of their ends."""
+    ends, g, row_ends = state.ends, state.g, system.row_ends
     for row in range(g.size):
         g[row] = ends[row_ends[row, 0]]
     for i in range(system.joining_rows.size):
@@ -76,17 +67,19 @@ def spread(system: System, state: State, work: Work) -> None:
 
 
 @compiled
-def _push(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Write the force on each row that does not depend on its displacement [N]."""
-    copy(state.shift, work.force)
-    for k in range(system.input_law.size):
-        law = system.input_law[k]
-        work.force[table.row[law]] += state.slope[law] * state.inputs[table.input_index[law]]
+def _move_block(system: System, state: State, end: int, force: float) -> None:
+    """Move the ends of a block by a force on one of them, which is active."""
+    block = system.block_of_end[end]
+    first, last = system.end_start[block], system.end_start[block + 1]
+    add(force, state.columns[state.slot_of_end[end]], state.ends[first:last])
 
 
 @compiled
-def _exchange_forces(system: System, state: State, work: Work) -> None:
-    """Let the blocks feel what joins them: find the joining forces, and move the ends."""
+def exchange_forces(system: System, state: State, work: Work, constant: float) -> None:
+    """Let the blocks feel what joins them: find the joining forces, and move the ends.
+
+    `constant` is the share of the forces that do not depend on displacements: 1, or 0 for a change.
+    """
     count = state.counters[COUNT_JOINING]
     if not state.counters[COUPLED]:
         couple(system, state)
@@ -94,58 +87,54 @@ def _exchange_forces(system: System, state: State, work: Work) -> None:
     for i in range(count):
         row = state.joining[i]
         apart = state.ends[system.row_ends[row, 0]] + state.ends[system.row_ends[row, 1]]
-        force[i] = work.force[row] + state.entries[system.pattern_start[row]] * apart
+        entry = state.entries[system.pattern_start[row]]
+        force[i] = constant * (state.shift[row] + work.push[row]) + entry * apart
     solve_coupling(state.coupling, state.exchange, force)
     for i in range(count):
         for side in range(2):
-            end = system.row_ends[state.joining[i], side]
-            block = system.block_of_end[end]
-            first, last = system.end_start[block], system.end_start[block + 1]
-            add(force[i], state.columns[state.slot_of_end[end]], state.ends[first:last])
+            _move_block(system, state, system.row_ends[state.joining[i], side], force[i])
 
 
 @compiled
 def deviation_forces(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Write the deviation force of every row at its present displacement to ``work.force`` [N]."""
-    _push(system, table, state, work)
-    add_pull(system, state, work)
-
-
-@compiled
-def add_pull(system: System, state: State, work: Work) -> None:
-    """Add to ``work.force`` what the displacements of the rows make of the deviations [N]."""
-    row_of_slot, slot_of_end, row_ends = state.row_of_slot, state.slot_of_end, system.row_ends
+    """Write the deviation force of every active end to ``work.slot_force`` [N]."""
+    row_of_slot, slot_force, shift, push = (
+        state.row_of_slot,
+        work.slot_force,
+        state.shift,
+        work.push,
+    )
     pattern_start, pattern_list, entries = system.pattern_start, system.pattern_list, state.entries
-    g, row_force = state.g, work.force
+    g = state.g
+    for k in range(system.input_law.size):
+        law = system.input_law[k]
+        push[table.row[law]] = state.slope[law] * state.inputs[table.input_index[law]]
     for block in range(system.end_start.size - 1):
         first = system.end_start[block]
         for slot in range(first, first + state.slots[block]):
             row = row_of_slot[slot]
-            if slot_of_end[row_ends[row, 0]] != slot:
-                continue  # the second end of a row
-            force = 0.0
+            force = shift[row] + push[row]
             for k in range(pattern_start[row], pattern_start[row + 1]):
                 force += entries[k] * g[pattern_list[k]]
-            row_force[row] += force
+            slot_force[slot] = force
+
+
+@compiled
+def modal_forces(system: System, state: State, slot_force: Floats, force: Floats) -> None:
+    """Write what forces on the active ends are for the modes."""
+    force[:] = 0.0
+    end_start, slots, mode_start = system.end_start, state.slots, system.mode_start
+    end_of_slot, end_modes = state.end_of_slot, system.end_modes
+    for block in range(end_start.size - 1):
+        start, stop = end_start[block], end_start[block] + slots[block]
+        of_block = force[mode_start[block] : mode_start[block + 1]]
+        add_chosen(slot_force[start:stop], end_modes, end_of_slot[start:stop], of_block)
 
 
 @compiled
 def solve_modes(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Complete a solution by its modal coordinates and its deviation forces."""
-    copy(work.free_q, state.q)
+    """Complete a solution by its modal coordinates and modal forces."""
     deviation_forces(system, table, state, work)
-    add_responses(system, state, work)
-
-
-@compiled
-def add_responses(system: System, state: State, work: Work) -> None:
-    """Add to the modal coordinates what the row forces ``work.force`` do to them."""
-    responses = state.response[state.counters[LEVEL]]
-    end_start, slots, mode_start = system.end_start, state.slots, system.mode_start
-    end_of_slot, row_of_slot, row_force = state.end_of_slot, state.row_of_slot, work.force
-    all_q = state.q
-    for block in range(end_start.size - 1):
-        q = all_q[mode_start[block] : mode_start[block + 1]]
-        start = end_start[block]
-        for slot in range(start, start + slots[block]):
-            add(row_force[row_of_slot[slot]], responses[end_of_slot[slot]], q)
+    modal_forces(system, state, work.slot_force, state.modal_force)
+    copy(work.free_q, state.q)
+    add_solved(system, state, state.modal_force, state.q)

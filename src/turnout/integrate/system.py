@@ -40,10 +40,10 @@ class System(NamedTuple):
     damping: Floats
     end_load: Floats
     end_modes: Floats
-    mode_ends: Floats
     flexibility: Floats
     end_start: Ints
     mode_start: Ints
+    diagonal: Ints
     block_of_end: Ints
     row_ends: Ints
     joining_rows: Ints
@@ -68,9 +68,10 @@ class State(NamedTuple):
     On its present segment a law resists with ``slope * (g - input) + constant`` for ``g - input``
     between ``lower`` and ``upper`` and, at its argument e, stores the energy
     ``(slope * e / 2 + intercept) * e + potential``; `set_segment` keeps these together.
-    ``entries`` and ``shift`` are the deviations of the rows; ``columns``, with its slots, and the coupling of the
-    blocks are those of `turnout.integrate.columns`, for the step of ``level``; what depends on the
-    length of the step alone (``inverse``, ``response``, ``compliance``) is kept level by level.
+    ``entries`` and ``shift`` are the deviations of the rows; the columns, with their slots, and the
+    coupling of the blocks are those of `turnout.integrate.columns`, for the step of ``level``; what
+    depends on the length of the step alone (``inverse``, ``compliance``) is kept level by level.
+    ``modal_force`` is that of the deviations in the last solution.
     ``counters``: active rows that join blocks, flips since the last rebuild, flips in all,
     iterations in all, steps halved, rebuilds, the level, whether the coupling is up to date.
     ``drift`` is the growth of rounding since it was last measured.
@@ -101,13 +102,15 @@ class State(NamedTuple):
     coupling: Floats
     exchange: Ints
     made: Ints
+    mode_columns: Floats
+    constant_column: Floats
     inverse: Floats
-    response: Floats
     compliance: Floats
     q: Floats
     v: Floats
     a: Floats
     acceleration: Floats
+    modal_force: Floats
     ends: Floats
     g: Floats
     inputs: Floats
@@ -200,10 +203,10 @@ def condensed_system(parts: Sequence[BlockModel], table: LawTable) -> System:
             damping=_stacked([model.damping for model in models]),
             end_load=np.concatenate([model.row_load for model in models]),
             end_modes=_stacked([model.row_modes for model in models]),
-            mode_ends=_stacked([model.row_modes.T for model in models]),
             flexibility=_stacked([model.flexibility for model in models]),
             end_start=end_start,
             mode_start=mode_start,
+            diagonal=np.array([_is_diagonal(model.damping) for model in models], dtype=np.int64),
             block_of_end=block_of_end,
             row_ends=row_ends,
             joining_rows=np.flatnonzero(row_ends[:, 1] >= 0),
@@ -284,13 +287,15 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             coupling=np.zeros((n_joining, n_joining)),
             exchange=np.zeros(n_joining, dtype=np.int64),
             made=np.zeros(levels, dtype=np.int64),
+            mode_columns=np.zeros((n_modes, widest_ends)),
+            constant_column=np.zeros(n_ends),
             inverse=np.zeros((levels, n_modes, widest_modes)),
-            response=np.zeros((levels, n_ends, widest_modes)),
             compliance=np.zeros((levels, n_ends, widest_ends)),
             q=modal.copy(),
             v=modal.copy(),
             a=modal.copy(),
             acceleration=modal.copy(),
+            modal_force=modal.copy(),
             ends=np.zeros(n_ends),
             g=np.zeros(n_rows),
             inputs=np.zeros(n_inputs),
@@ -312,6 +317,12 @@ def _stacked(blocks: Sequence[Floats]) -> Floats:
     widest = max(block.shape[1] for block in blocks)
     padded = [np.pad(block, ((0, 0), (0, widest - block.shape[1]))) for block in blocks]
     return np.ascontiguousarray(np.concatenate(padded))
+
+
+def _is_diagonal(damping: Floats) -> bool:
+    """Tell whether modes are damped each by itself, but for rounding."""
+    of_modes = np.diagonal(damping)
+    return bool(np.all(np.abs(damping - np.diag(of_modes)) <= 1e-13 * of_modes.max(initial=0.0)))
 
 
 def _inverted(targets: Ints, count: int) -> list[list[int]]:

@@ -12,9 +12,10 @@ from turnout.law.table import LawTable
 class Work(NamedTuple):
     """Scratch arrays of the kernels; their content means nothing between calls.
 
-    Except `unsettled`, which flags the rows that still changed when a step was given up, and
-    `stop`, which another thread sets to end the work between two solutions. `q` to `acceleration`,
-    `ends_start`, `g_start` and the two of the contact set are the state at the start of a step.
+    Except `push`, which is zero on rows without an input, `unsettled`, which flags the rows that
+    still changed when a step was given up, and `stop`, which another thread sets to end the work
+    between two solutions. `q` to `acceleration`, `ends_start`, `g_start` and the two of the contact
+    set are the state at the start of a step.
     """
 
     row: Floats
@@ -23,8 +24,8 @@ class Work(NamedTuple):
     shifted: Floats
     right_side: Floats
     free_q: Floats
-    free_ends: Floats
-    force: Floats
+    push: Floats
+    end_force: Floats
     slot_force: Floats
     joining: Floats
     dirty: Ints
@@ -74,8 +75,8 @@ def new_work(system: System, table: LawTable) -> Work:
             shifted=modal(),
             right_side=modal(),
             free_q=modal(),
-            free_ends=of_ends(),
-            force=np.zeros(n_rows),
+            push=np.zeros(n_rows),
+            end_force=of_ends(),
             slot_force=of_ends(),
             joining=np.zeros(n_rows),
             dirty=flags(),
