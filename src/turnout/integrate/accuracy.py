@@ -17,7 +17,7 @@ from turnout.integrate.solution import (
     add_solved,
     deviation_forces,
     exchange_forces,
-    modal_forces,
+    set_modes,
     set_rows,
 )
 from turnout.integrate.solve import row_forces
@@ -39,14 +39,14 @@ LARGEST_LEAK = 1e-10
 def _end_errors(system: System, state: State, force: Floats, error: Floats) -> float:
     """Write how far the blocks under end forces are from the ends [m]; return the largest."""
     worst = 0.0
-    for end in range(system.end_load.size):
-        block = system.block_of_end[end]
-        total = system.end_load[end] - state.ends[end]
-        modes, ends = system.mode_start[block], system.end_start[block]
-        total += dot(state.q[modes : system.mode_start[block + 1]], system.end_modes[end])
-        total += dot(force[ends : system.end_start[block + 1]], system.flexibility[end])
-        error[end] = total
-        worst = max(worst, abs(total))
+    for block in range(system.end_start.size - 1):
+        first, last = system.end_start[block], system.end_stop[block]
+        q = state.q[system.mode_start[block] : system.mode_start[block + 1]]
+        for end in range(first, last):
+            total = system.end_load[end] - state.ends[end]
+            total += dot(q, system.end_modes[end]) + dot(force[first:last], system.flexibility[end])
+            error[end] = total
+            worst = max(worst, abs(total))
     return worst
 
 
@@ -68,7 +68,7 @@ def _modal_errors(
             mode = first + i
             error[i] = work.right_side[mode] + (inertia + system.eigenvalues[mode]) * away[mode]
             error[i] += viscosity * dot(away[first:last], system.damping[mode])
-        for end in range(system.end_start[block], system.end_start[block + 1]):
+        for end in range(system.end_start[block], system.end_stop[block]):
             if force[end] != 0.0:
                 add(force[end], system.end_modes[end], error)
     for mode in range(away.size):
@@ -84,27 +84,17 @@ def correct(system: System, state: State, work: Work) -> None:
     work.free_q[:] = 0.0
     add_solved(system, state, work.modal_error, work.free_q)
     for block in range(system.end_start.size - 1):
-        first, last = system.end_start[block], system.end_start[block + 1]
         start, stop = system.mode_start[block], system.mode_start[block + 1]
-        for end in range(first, last):
-            change = dot(work.free_q[start:stop], system.end_modes[end])
-            work.end_error[end] += change
+        for end in range(system.end_start[block], system.end_stop[block]):
+            work.end_error[end] += dot(work.free_q[start:stop], system.end_modes[end])
     _spread(system, state, work)
-    set_rows(system, state)
-    for block in range(system.end_start.size - 1):
-        first = system.end_start[block]
-        for slot in range(first, first + state.slots[block]):
-            row = state.row_of_slot[slot]
-            force = 0.0
-            for k in range(system.pattern_start[row], system.pattern_start[row + 1]):
-                force += state.entries[k] * state.g[system.pattern_list[k]]
-            work.slot_force[slot] = force
-    modal_forces(system, state, work.slot_force, work.modal_error)
-    copy(work.free_q, state.q)
-    add_solved(system, state, work.modal_error, state.q)
-    add(1.0, work.modal_error, state.modal_force)
-    add(1.0, work.found_ends, state.ends)
+    set_modes(system, state, work.free_q)
     add(1.0, work.found_q, state.q)
+    add(1.0, work.found_ends, state.ends)
+    for block in range(system.end_start.size - 1):
+        first = system.end_stop[block] - system.mode_start[block]
+        for mode in range(system.mode_start[block], system.mode_start[block + 1]):
+            state.ends[first + mode] += work.free_q[mode]
     set_rows(system, state)
 
 

@@ -24,7 +24,9 @@ stops against a rail that bends, objects) are solved last: with :math:`H` from t
 ends, :math:`(I - D H)\,\lambda = D g + b` is a small dense system, factorised when a column of it
 has changed.
 
-Columns of active ends are rows of `State.columns`; the slots of a block begin where its ends do.
+Every column also holds what its forces do to the modes, :math:`A^{-1}\Phi^T\lambda`, so that
+:math:`q - q_0` comes with the ends. Columns of active ends are rows of `State.columns`; the slots
+of a block begin where its ends do.
 """
 
 import numpy as np
@@ -70,11 +72,13 @@ def make_level(system: System, state: State, level: int, inertia: float, viscosi
         except Exception:  # the only kind a kernel can name; a body that floats, or NaN before it
             inverse = np.full_like(matrix, np.nan)
         state.inverse[level, first:last, :n] = inverse
-        start, stop = system.end_start[block], system.end_start[block + 1]
+        start, stop = system.end_start[block], system.end_stop[block]
+        width = stop - start
         modes = system.end_modes[start:stop, :n].copy()
-        state.compliance[level, start:stop, : stop - start] = (
-            system.flexibility[start:stop, : stop - start] + (modes @ inverse) @ modes.T.copy()
-        )
+        response = modes @ np.ascontiguousarray(inverse)
+        compliance = system.flexibility[start:stop, :width] + response @ modes.T.copy()
+        state.compliance[level, start:stop, :width] = compliance
+        state.compliance[level, start:stop, width : width + n] = response
 
 
 @compiled
@@ -278,7 +282,7 @@ def rebuild(system: System, table: LawTable, state: State, level: int, scratch: 
         first, last = system.end_start[block], system.end_start[block + 1]
         start = system.mode_start[block]
         for mode in range(start, system.mode_start[block + 1]):
-            for end in range(first, last):
+            for end in range(first, last):  # nothing yet at the ends that stand for modes
                 state.mode_columns[mode, end - first] = system.end_modes[end, mode - start]
     for row in range(system.row_ends.shape[0]):
         if system.pinned[row] and system.row_ends[row, 1] < 0:

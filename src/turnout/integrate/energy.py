@@ -13,10 +13,10 @@ the change of potential where a law changes its segment within a step.
 
 import numpy as np
 
-from turnout.integrate.solution import deviation_forces
-from turnout.integrate.solve import law_arguments, mark_law
+from turnout.integrate.solution import deviation_forces, modal_forces
+from turnout.integrate.solve import friction_trials, law_arguments, mark_law
 from turnout.integrate.system import Floats, State, System, set_segment
-from turnout.integrate.vector import dot
+from turnout.integrate.vector import add, copy, dot
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
 from turnout.law.kernel import STICK, law_argument, law_energy, law_force, segment_for
@@ -108,28 +108,24 @@ def account_laws(
 
 
 @compiled
-def account_friction(table: LawTable, state: State) -> None:
-    """Book friction work; move the anchors of slipping feet so that force and spring agree."""
-    g, forces, anchors, normals = state.g, state.friction_force, state.anchor, table.friction_normal
-    branches, slope, constant, normal_row = state.friction, state.slope, state.constant, table.row
-    friction_row, stiffnesses = table.friction_row, table.stick_stiffness
-    coefficient = table.friction_coefficient
-    work = 0.0
-    for friction in range(forces.size):
-        at, stiffness = g[friction_row[friction]], stiffnesses[friction]
+def account_friction(table: LawTable, state: State, work: Work) -> None:
+    """Book friction work; move the anchors of slipping feet so that force and spring agree.
+
+    A cut of the limit at zero, where a contact pulls by a trace, would leave the books open.
+    """
+    friction_trials(table, state, work.trial, work.limit)
+    trial, limit, branches = work.trial, work.limit, state.friction
+    forces, stiffness = state.friction_force, table.stick_stiffness
+    lost = 0.0
+    for friction in range(trial.size):
         branch = branches[friction]
-        if branch == STICK:
-            forces[friction] = stiffness * (at - anchors[friction])
-            continue
-        # The limit follows the normal law on its segment, as the solution does: a contact that ends
-        # within the overlooked gap pulls by a trace, and a cut at zero would leave the books open.
-        normal = normals[friction]
-        resistance = slope[normal] * g[normal_row[normal]] + constant[normal]
-        force = branch * coefficient[friction] * resistance
-        anchor = at - force / stiffness
-        work += 0.5 * (force + forces[friction]) * (anchor - anchors[friction])
-        forces[friction], anchors[friction] = force, anchor
-    state.ledger[FRICTION] += work
+        force = trial[friction] if branch == STICK else branch * limit[friction]
+        trial[friction] = (trial[friction] - force) / stiffness[friction]
+        limit[friction] = force
+        lost += 0.5 * (force + forces[friction]) * trial[friction]
+    state.ledger[FRICTION] += lost
+    copy(limit, forces)
+    add(1.0, trial, state.anchor)
 
 
 @compiled
@@ -173,13 +169,9 @@ def stored_energy(
     segments of all laws.
     """
     deviation_forces(system, table, state, work)
-    q, v, eigenvalues, load, forces = (
-        state.q,
-        state.v,
-        system.eigenvalues,
-        system.load,
-        state.modal_force,
-    )
+    modal_forces(system, state, work.slot_force, work.found_q)
+    q, v, eigenvalues, load = state.q, state.v, system.eigenvalues, system.load
+    forces = work.found_q
     kinetic, folded, strain, gravity = 0.0, 0.0, 0.0, 0.0
     for i in range(q.size):
         kinetic += 0.5 * v[i] ** 2

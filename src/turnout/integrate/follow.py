@@ -11,8 +11,8 @@ from turnout.integrate.solution import (
     add_solved,
     deviation_forces,
     modal_forces,
+    set_modes,
     solve_free,
-    solve_modes,
     solve_set,
 )
 from turnout.integrate.solve import (
@@ -157,7 +157,7 @@ def follow_path(
                 nearest, which, to = way, n_laws + friction, branch
         if which < 0:
             _place(system, table, state, work, inputs, 1.0)
-            solve_modes(system, table, state, work)
+            set_modes(system, state, work.free_q)
             return CONVERGED
         stalled = stalled + 1 if nearest * (1.0 - share) < 1e-12 else 0
         share += nearest * (1.0 - share)

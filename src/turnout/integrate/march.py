@@ -208,10 +208,8 @@ def _advance(
         work.unsettled[:] = 0
         account_modal(system, state, work)
         account_laws(system, table, state, work, begin, time + share * stepping.step)
-        account_friction(table, state)
+        account_friction(table, state, work)
         position += size
-    if level > 0:
-        change_level(system, table, state, work, stepping, 0)
     return CONVERGED
 
 
@@ -254,6 +252,8 @@ def march(
     """
     for n in range(first, last):
         time = n * stepping.step
+        if state.counters[LEVEL] != 0:
+            change_level(system, table, state, work, stepping, 0)
         count = switch_laws(system, table, state, work, time + stepping.step)
         update_marked(system, table, state, work, count)
         pair = (inputs[n], inputs[n + 1])

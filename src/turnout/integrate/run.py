@@ -14,7 +14,7 @@ from turnout.integrate.columns import make_level, rebuild
 from turnout.integrate.energy import account_friction, account_laws, closing_error
 from turnout.integrate.equilibrium import resting_segments
 from turnout.integrate.interrupt import heard, one_thread
-from turnout.integrate.march import Record, Stepping, change_level, march, store
+from turnout.integrate.march import Record, Stepping, march, store
 from turnout.integrate.outcome import Code, Outcome
 from turnout.integrate.scheme import AlphaCoefficients, Scheme
 from turnout.integrate.solve import Tolerances, equilibrium
@@ -282,9 +282,8 @@ def _start(run: _Run, mechanism: Mechanism, thread: Executor) -> Code:
     state.friction[:] = STICK
     state.anchor[:] = state.g[laws.friction_row]
     account_laws(system, table, state, work, state.inputs, 0.0)
-    account_friction(table, state)
+    account_friction(table, state, work)
     state.ledger[:] = 0.0
-    change_level(system, table, state, work, run.stepping, 0)
     return Code.COMPLETE
 
 

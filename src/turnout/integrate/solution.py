@@ -6,7 +6,7 @@ need not be multiplied: :math:`A^{-1}p = u + A^{-1}s`.
 
 from turnout.integrate.coupling import couple, solve_coupling
 from turnout.integrate.system import COUNT_JOINING, COUPLED, LEVEL, Floats, State, System
-from turnout.integrate.vector import add, add_chosen, add_rows, copy
+from turnout.integrate.vector import add, add_rows, copy
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
 from turnout.law.table import LawTable
@@ -123,18 +123,18 @@ def deviation_forces(system: System, table: LawTable, state: State, work: Work) 
 def modal_forces(system: System, state: State, slot_force: Floats, force: Floats) -> None:
     """Write what forces on the active ends are for the modes."""
     force[:] = 0.0
-    end_start, slots, mode_start = system.end_start, state.slots, system.mode_start
-    end_of_slot, end_modes = state.end_of_slot, system.end_modes
-    for block in range(end_start.size - 1):
-        start, stop = end_start[block], end_start[block] + slots[block]
-        of_block = force[mode_start[block] : mode_start[block + 1]]
-        add_chosen(slot_force[start:stop], end_modes, end_of_slot[start:stop], of_block)
+    for block in range(system.end_start.size - 1):
+        of_block = force[system.mode_start[block] : system.mode_start[block + 1]]
+        first = system.end_start[block]
+        for slot in range(first, first + state.slots[block]):
+            add(slot_force[slot], system.end_modes[state.end_of_slot[slot]], of_block)
 
 
 @compiled
-def solve_modes(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Complete a solution by its modal coordinates and modal forces."""
-    deviation_forces(system, table, state, work)
-    modal_forces(system, state, work.slot_force, state.modal_force)
-    copy(work.free_q, state.q)
-    add_solved(system, state, state.modal_force, state.q)
+def set_modes(system: System, state: State, free_q: Floats) -> None:
+    """Take the modal coordinates from the solution."""
+    ends, q, mode_start, end_stop = state.ends, state.q, system.mode_start, system.end_stop
+    for block in range(end_stop.size):
+        first = end_stop[block] - mode_start[block]
+        for mode in range(mode_start[block], mode_start[block + 1]):
+            q[mode] = free_q[mode] + ends[first + mode]

@@ -9,7 +9,7 @@ converged step satisfies every law.
 from typing import NamedTuple
 
 from turnout.integrate.columns import update_row
-from turnout.integrate.solution import solve_free, solve_modes, solve_set
+from turnout.integrate.solution import set_modes, solve_free, solve_set
 from turnout.integrate.system import COUNT_ITERATIONS, Floats, State, System, set_segment
 from turnout.integrate.vector import copy
 from turnout.integrate.work import Work
@@ -104,23 +104,43 @@ def check_segments(
 
 
 @compiled
+def friction_trials(table: LawTable, state: State, trial: Floats, limit: Floats) -> None:
+    """Write the elastic force of every friction and the limit from its normal law [N].
+
+    The limit follows the normal law on its segment, as the solution does: a contact that ends
+    within the overlooked gap pulls by a trace.
+    """
+    g, friction_row, normals = state.g, table.friction_row, table.friction_normal
+    anchor, normal_row, slope, constant = state.anchor, table.row, state.slope, state.constant
+    coefficient, stiffness = table.friction_coefficient, table.stick_stiffness
+    for friction in range(trial.size):
+        normal = normals[friction]
+        resistance = slope[normal] * g[normal_row[normal]] + constant[normal]
+        limit[friction] = coefficient[friction] * resistance
+        trial[friction] = stiffness[friction] * (g[friction_row[friction]] - anchor[friction])
+
+
+@compiled
 def check_frictions(
     table: LawTable, state: State, work: Work, count: int, force: float, one_at_a_time: bool
 ) -> int:
     """Move friction laws between stick and slip; return how many rows are marked in all."""
-    g, friction_row, normals = state.g, table.friction_row, table.friction_normal
-    branches, anchor, normal_row = state.friction, state.anchor, table.row
-    slope, constant = state.slope, state.constant
-    coefficient, stiffness = table.friction_coefficient, table.stick_stiffness
-    for friction in range(friction_row.size):
-        normal = normals[friction]
-        resistance = slope[normal] * g[normal_row[normal]] + constant[normal]
-        limit = coefficient[friction] * max(resistance, 0.0)
-        trial = stiffness[friction] * (g[friction_row[friction]] - anchor[friction])
-        branch = friction_state(trial, limit, branches[friction], force)
+    friction_trials(table, state, work.trial, work.limit)
+    trial, limit, branches = work.trial, work.limit, state.friction
+    contradicted = 0
+    for friction in range(trial.size):
+        branch, most = branches[friction], max(limit[friction], 0.0)
+        sticks = abs(trial[friction]) <= most + force
+        slips = (most <= 0.0) | (branch * trial[friction] >= most - force)
+        contradicted += (not sticks) if branch == STICK else (not slips)
+    if contradicted == 0:
+        return count
+    for friction in range(trial.size):
+        most = max(limit[friction], 0.0)
+        branch = friction_state(trial[friction], most, branches[friction], force)
         if branch != branches[friction]:
             branches[friction] = branch
-            count = mark_row(work, count, friction_row[friction])
+            count = mark_row(work, count, table.friction_row[friction])
             if one_at_a_time:
                 return count
     return count
@@ -162,7 +182,7 @@ def settle(
         one_at_a_time = 2 * iteration > tolerances.iterations
         count = check_laws(system, table, state, work, tolerances, one_at_a_time)
         if count == 0:
-            solve_modes(system, table, state, work)
+            set_modes(system, state, work.free_q)
             return CONVERGED
         if iteration == tolerances.iterations - 1:
             copy(work.dirty, work.unsettled)

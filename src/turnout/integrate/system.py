@@ -18,7 +18,7 @@ from turnout.errors import MechanicsError
 from turnout.law.compiled import compiled
 from turnout.law.shared import shared
 from turnout.law.table import LawTable
-from turnout.mechanism.condense import BlockModel, base_stiffness
+from turnout.mechanism.condense import BlockModel, ModalModel, base_stiffness
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -27,9 +27,11 @@ Ints = NDArray[np.int64]
 class System(NamedTuple):
     """What does not change during a run.
 
-    Block `b` has the ends ``end_start[b]`` to ``end_start[b + 1]`` and likewise modes. Arrays with
-    two indices hold, for each end or mode, the entries of its own block only, from the left:
-    damping, the modes at the ends (both ways round) and the residual flexibility between ends. The
+    Block `b` has the ends ``end_start[b]`` to ``end_stop[b]``; the numbers from there to
+    ``end_start[b + 1]`` stand for its modes, so that one column tells what a force does to both.
+    Modes by themselves are numbered from ``mode_start[b]``. Arrays with two indices hold, for each
+    end or mode, the entries of its own block only, from the left: damping, the modes at the ends
+    and the residual flexibility between ends. ``diagonal`` blocks damp each mode by itself. The
     pairs ``..._start`` / ``..._list`` are ragged lists in compressed form. ``pattern_at`` is the
     pattern as places in its block; -1 in ``row_ends`` stands for no second end. ``timed_law``
     lists the laws that do not act all the time.
@@ -42,6 +44,7 @@ class System(NamedTuple):
     end_modes: Floats
     flexibility: Floats
     end_start: Ints
+    end_stop: Ints
     mode_start: Ints
     diagonal: Ints
     block_of_end: Ints
@@ -71,7 +74,7 @@ class State(NamedTuple):
     ``entries`` and ``shift`` are the deviations of the rows; the columns, with their slots, and the
     coupling of the blocks are those of `turnout.integrate.columns`, for the step of ``level``; what
     depends on the length of the step alone (``inverse``, ``compliance``) is kept level by level.
-    ``modal_force`` is that of the deviations in the last solution.
+    ``ends`` hold the solution: the ends, and what the deviations did to the modes.
     ``counters``: active rows that join blocks, flips since the last rebuild, flips in all,
     iterations in all, steps halved, rebuilds, the level, whether the coupling is up to date.
     ``drift`` is the growth of rounding since it was last measured.
@@ -110,7 +113,6 @@ class State(NamedTuple):
     v: Floats
     a: Floats
     acceleration: Floats
-    modal_force: Floats
     ends: Floats
     g: Floats
     inputs: Floats
@@ -177,8 +179,9 @@ def condensed_system(parts: Sequence[BlockModel], table: LawTable) -> System:
     _check_normals(table)
     n_rows = 1 + max((int(part.block.rows.max(initial=-1)) for part in parts), default=-1)
     models = [part.model for part in parts]
-    end_start = np.cumsum([0, *(part.block.rows.size for part in parts)])
     mode_start = np.cumsum([0, *(model.eigenvalues.size for model in models)])
+    end_stop = np.cumsum([part.block.rows.size for part in parts]) + mode_start[:-1]
+    end_start = np.concatenate(([0], end_stop + np.diff(mode_start)))
     row_ends = np.full((n_rows, 2), -1, dtype=np.int64)
     for part, first in zip(parts, end_start[:-1], strict=True):
         for end, row in enumerate(part.block.rows, start=int(first)):
@@ -201,10 +204,11 @@ def condensed_system(parts: Sequence[BlockModel], table: LawTable) -> System:
             eigenvalues=np.concatenate([model.eigenvalues for model in models]),
             load=np.concatenate([model.load for model in models]),
             damping=_stacked([model.damping for model in models]),
-            end_load=np.concatenate([model.row_load for model in models]),
-            end_modes=_stacked([model.row_modes for model in models]),
-            flexibility=_stacked([model.flexibility for model in models]),
+            end_load=np.concatenate([_with_modes(model.row_load, model) for model in models]),
+            end_modes=_stacked([_with_modes(model.row_modes, model) for model in models]),
+            flexibility=_stacked([_with_modes(model.flexibility, model) for model in models]),
             end_start=end_start,
+            end_stop=end_stop,
             mode_start=mode_start,
             diagonal=np.array([_is_diagonal(model.damping) for model in models], dtype=np.int64),
             block_of_end=block_of_end,
@@ -249,7 +253,8 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
         How many lengths of a step there are.
     """
     n_modes, n_ends = system.eigenvalues.size, system.end_load.size
-    widest_modes, widest_ends = system.end_modes.shape[1], system.flexibility.shape[1]
+    widest_modes = system.end_modes.shape[1]
+    widest_ends = int(np.max(np.diff(system.end_start), initial=0))
     n_rows, n_laws, n_frictions = system.row_ends.shape[0], table.row.size, table.friction_row.size
     n_joining = int(np.sum(system.row_ends[:, 1] >= 0))
     segment = np.zeros(n_laws, dtype=np.int64)
@@ -295,7 +300,6 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             v=modal.copy(),
             a=modal.copy(),
             acceleration=modal.copy(),
-            modal_force=modal.copy(),
             ends=np.zeros(n_ends),
             g=np.zeros(n_rows),
             inputs=np.zeros(n_inputs),
@@ -317,6 +321,12 @@ def _stacked(blocks: Sequence[Floats]) -> Floats:
     widest = max(block.shape[1] for block in blocks)
     padded = [np.pad(block, ((0, 0), (0, widest - block.shape[1]))) for block in blocks]
     return np.ascontiguousarray(np.concatenate(padded))
+
+
+def _with_modes(of_ends: Floats, model: ModalModel) -> Floats:
+    """Append a row of zeros for each mode of a block."""
+    below = [(0, model.eigenvalues.size)] + [(0, 0)] * (of_ends.ndim - 1)
+    return np.pad(of_ends, below)
 
 
 def _is_diagonal(damping: Floats) -> bool:

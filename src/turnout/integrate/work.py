@@ -41,6 +41,8 @@ class Work(NamedTuple):
     g: Floats
     g_start: Floats
     argument: Floats
+    trial: Floats
+    limit: Floats
     aim: Floats
     aim_shifted: Floats
     origin: Floats
@@ -92,6 +94,8 @@ def new_work(system: System, table: LawTable) -> Work:
             g=np.zeros(n_rows),
             g_start=np.zeros(n_rows),
             argument=np.zeros(table.row.size),
+            trial=np.zeros(table.friction_row.size),
+            limit=np.zeros(table.friction_row.size),
             aim=modal(),
             aim_shifted=modal(),
             origin=modal(),
