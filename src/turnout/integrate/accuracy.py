@@ -5,7 +5,7 @@ the inverse, whichever is larger: a stiff stop that closes leaves small differen
 numbers, one that opens makes them large again. `State.drift` keeps the product since the columns
 were last measured; when it has grown by `DRIFTS`, the solution is put into the equations
 
-.. math:: e = \Phi q + R\lambda + r, \qquad A (q - u) = s + \Phi^T\lambda
+.. math:: e = \Phi q + R\lambda + r, \qquad A q = p + \Phi^T\lambda
 
 with the deviations :math:`\lambda` from the laws' own numbers. Columns must be made anew if the
 ends are off by more than `LARGEST_ERROR`, or if what is left over in the modal equations does work
@@ -14,7 +14,6 @@ in the step that the books of energy would notice, `LARGEST_LEAK`.
 
 from turnout.integrate.energy import MARKERS
 from turnout.integrate.solution import (
-    add_solved,
     deviation_forces,
     exchange_forces,
     set_modes,
@@ -22,7 +21,7 @@ from turnout.integrate.solution import (
 )
 from turnout.integrate.solve import row_forces
 from turnout.integrate.system import COUNT_JOINING, Floats, State, System
-from turnout.integrate.vector import add, copy, dot
+from turnout.integrate.vector import add, add_rows, copy, dot
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
 from turnout.law.table import LawTable
@@ -58,20 +57,19 @@ def _modal_errors(
 
     Returns the work that it does in the step [J].
     """
-    away, leak = work.found_q, 0.0
-    for mode in range(away.size):
-        away[mode] = work.shifted[mode] - state.q[mode]
+    leak = 0.0
     for block in range(system.end_start.size - 1):
         first, last = system.mode_start[block], system.mode_start[block + 1]
-        error = work.modal_error[first:last]
+        q, error = state.q[first:last], work.modal_error[first:last]
         for i in range(last - first):
             mode = first + i
-            error[i] = work.right_side[mode] + (inertia + system.eigenvalues[mode]) * away[mode]
-            error[i] += viscosity * dot(away[first:last], system.damping[mode])
+            total = (inertia + system.eigenvalues[mode]) * q[i]
+            total += viscosity * dot(q, system.damping[mode])
+            error[i] = work.right_side[mode] - total
         for end in range(system.end_start[block], system.end_stop[block]):
             if force[end] != 0.0:
                 add(force[end], system.end_modes[end], error)
-    for mode in range(away.size):
+    for mode in range(state.q.size):
         leak += abs(work.modal_error[mode] * (state.q[mode] - work.q[mode]))
     return leak
 
@@ -80,27 +78,21 @@ def _modal_errors(
 def correct(system: System, state: State, work: Work) -> None:
     """Take the errors that `is_inaccurate` has found off the solution, with the same columns."""
     copy(state.ends, work.found_ends)
-    copy(state.q, work.found_q)
-    work.free_q[:] = 0.0
-    add_solved(system, state, work.modal_error, work.free_q)
-    for block in range(system.end_start.size - 1):
-        start, stop = system.mode_start[block], system.mode_start[block + 1]
-        for end in range(system.end_start[block], system.end_stop[block]):
-            work.end_error[end] += dot(work.free_q[start:stop], system.end_modes[end])
     _spread(system, state, work)
-    set_modes(system, state, work.free_q)
-    add(1.0, work.found_q, state.q)
-    add(1.0, work.found_ends, state.ends)
     for block in range(system.end_start.size - 1):
-        first = system.end_stop[block] - system.mode_start[block]
-        for mode in range(system.mode_start[block], system.mode_start[block + 1]):
-            state.ends[first + mode] += work.free_q[mode]
+        first, last = system.mode_start[block], system.mode_start[block + 1]
+        ends = state.ends[system.end_start[block] : system.end_start[block + 1]]
+        add_rows(work.modal_error[first:last], state.mode_columns[first:last], ends)
+    if state.counters[COUNT_JOINING]:
+        exchange_forces(system, state, work, 0.0)
+    add(1.0, work.found_ends, state.ends)
+    set_modes(system, state)
     set_rows(system, state)
 
 
 @compiled
 def _spread(system: System, state: State, work: Work) -> None:
-    """Write to the ends what the deviations make of ``work.end_error``, a free displacement."""
+    """Write to the ends what blocks by themselves make of ``work.end_error``, a free motion."""
     copy(work.end_error, state.ends)
     for block in range(system.end_start.size - 1):
         first, last = system.end_start[block], system.end_start[block + 1]
@@ -113,8 +105,6 @@ def _spread(system: System, state: State, work: Work) -> None:
             for k in range(system.pattern_start[row], system.pattern_start[row + 1]):
                 force += state.entries[k] * free[system.pattern_at[k]]
             add(force, state.columns[slot], ends)
-    if state.counters[COUNT_JOINING]:
-        exchange_forces(system, state, work, 0.0)
 
 
 @compiled

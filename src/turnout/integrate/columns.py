@@ -2,20 +2,24 @@ r"""Solved columns of the implicit step and their rank-one updates.
 
 The implicit step asks for
 
-.. math:: A q = A u + s + \Phi^T\lambda,\quad A = \iota I + \nu C + \Lambda,\qquad
+.. math:: A q = p + \Phi^T\lambda,\quad A = \iota I + \nu C + \Lambda,\qquad
           e = \Phi q + R\lambda + r,\qquad \lambda = D g + b
 
-with modes and residual flexibility of a block at its ends `e`. Without deviations
-:math:`q_0 = u + A^{-1}s` and :math:`e_0 = \Phi q_0 + r`; a unit force on an end moves the ends by a
-row of the *compliance* :math:`S = R + \Phi A^{-1}\Phi^T`, which depends on the step's length alone.
-With the deviations of the block's own rows
+with modes and residual flexibility of a block at its ends `e`. Modes count as ends, on which `p` is
+the force. Without deviations a unit force on an end or a mode moves ends and modes by a row of the
+*compliance*
 
-.. math:: e = X q_0 + c, \quad X = (I + P D)\,\Phi,\quad c = (I + P D)\,r + P\,b,
-          \qquad P = (I - S D)^{-1} S,
+.. math:: S = \begin{pmatrix} R + \Phi A^{-1}\Phi^T & \Phi A^{-1} \\ A^{-1}\Phi^T & A^{-1}
+              \end{pmatrix},
 
-and kept are the columns of `X` (one a mode), `c`, and :math:`P e_r` of the *active* ends, those
-with a deviation. A law that changes its segment changes one row of `D` by :math:`d^T` and its entry
-of `b` by :math:`\beta`, and by Sherman-Morrison every column of the block becomes
+which depends on the step's length alone. With the deviations of the block's own rows
+
+.. math:: \begin{pmatrix} e \\ q \end{pmatrix} = \sum_j p_j\, P e_j + c, \qquad
+          c = (I + P D)\,r + P\,b, \qquad P = (I - S D)^{-1} S,
+
+and kept are `c` and the columns :math:`P e_j` of all modes and of the *active* ends, those with a
+deviation. A law that changes its segment changes one row of `D` by :math:`d^T` and its entry of `b`
+by :math:`\beta`, and by Sherman-Morrison every column of the block becomes
 
 .. math:: x \leftarrow x + P e_r\,\frac{d^T x}{1 - d^T P e_r}
 
@@ -24,9 +28,7 @@ stops against a rail that bends, objects) are solved last: with :math:`H` from t
 ends, :math:`(I - D H)\,\lambda = D g + b` is a small dense system, factorised when a column of it
 has changed.
 
-Every column also holds what its forces do to the modes, :math:`A^{-1}\Phi^T\lambda`, so that
-:math:`q - q_0` comes with the ends. Columns of active ends are rows of `State.columns`; the slots
-of a block begin where its ends do.
+Columns of active ends are rows of `State.columns`; the slots of a block begin where its ends do.
 """
 
 import numpy as np
@@ -71,7 +73,6 @@ def make_level(system: System, state: State, level: int, inertia: float, viscosi
             inverse = np.linalg.inv(matrix)
         except Exception:  # the only kind a kernel can name; a body that floats, or NaN before it
             inverse = np.full_like(matrix, np.nan)
-        state.inverse[level, first:last, :n] = inverse
         start, stop = system.end_start[block], system.end_stop[block]
         width = stop - start
         modes = system.end_modes[start:stop, :n].copy()
@@ -79,6 +80,8 @@ def make_level(system: System, state: State, level: int, inertia: float, viscosi
         compliance = system.flexibility[start:stop, :width] + response @ modes.T.copy()
         state.compliance[level, start:stop, :width] = compliance
         state.compliance[level, start:stop, width : width + n] = response
+        state.compliance[level, stop : stop + n, :width] = response.T
+        state.compliance[level, stop : stop + n, width : width + n] = inverse
 
 
 @compiled
@@ -279,11 +282,9 @@ def rebuild(system: System, table: LawTable, state: State, level: int, scratch: 
     state.counters[COUPLED] = 0
     copy(system.end_load, state.constant_column)
     for block in range(system.end_start.size - 1):
-        first, last = system.end_start[block], system.end_start[block + 1]
-        start = system.mode_start[block]
+        stop, start = system.end_stop[block], system.mode_start[block]
         for mode in range(start, system.mode_start[block + 1]):
-            for end in range(first, last):  # nothing yet at the ends that stand for modes
-                state.mode_columns[mode, end - first] = system.end_modes[end, mode - start]
+            copy(state.compliance[level, stop + mode - start], state.mode_columns[mode])
     for row in range(system.row_ends.shape[0]):
         if system.pinned[row] and system.row_ends[row, 1] < 0:
             activate(system, state, system.row_ends[row, 0], row)

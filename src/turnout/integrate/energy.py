@@ -13,8 +13,8 @@ the change of potential where a law changes its segment within a step.
 
 import numpy as np
 
-from turnout.integrate.solution import deviation_forces, modal_forces
-from turnout.integrate.solve import friction_trials, law_arguments, mark_law
+from turnout.integrate.solution import deviation_forces
+from turnout.integrate.solve import mark_law
 from turnout.integrate.system import Floats, State, System, set_segment
 from turnout.integrate.vector import add, copy, dot
 from turnout.integrate.work import Work
@@ -55,20 +55,17 @@ def closing_error(stored: Floats, ledger: Floats, *, folded: float = 0.0) -> flo
 
 
 @compiled
-def account_modal(system: System, state: State, work: Work) -> None:
+def account_modal(state: State, work: Work) -> None:
     """Book damping and the scheme's own loss between the saved and the present state."""
     algorithmic, damping = 0.0, 0.0
-    q, v, acceleration = state.q, state.v, state.acceleration
-    old_q, old_v, old_acceleration, mean = work.q, work.v, work.acceleration, work.found_q
+    q, v, acceleration, force = state.q, state.v, state.acceleration, state.damped[1]
+    old_q, old_v, old_acceleration = work.q, work.v, work.acceleration
+    old_force = work.damped[1]
     for i in range(q.size):
-        mean[i] = 0.5 * (v[i] + old_v[i])
-        change = 0.5 * (acceleration[i] + old_acceleration[i]) * (q[i] - old_q[i])
-        algorithmic += change - mean[i] * (v[i] - old_v[i])
-    for block in range(system.mode_start.size - 1):
-        first, last = system.mode_start[block], system.mode_start[block + 1]
-        velocity = mean[first:last]
-        for i in range(first, last):
-            damping += dot(velocity, system.damping[i]) * (q[i] - old_q[i])
+        change = q[i] - old_q[i]
+        damping += 0.5 * (force[i] + old_force[i]) * change
+        algorithmic += 0.5 * (acceleration[i] + old_acceleration[i]) * change
+        algorithmic -= 0.5 * (v[i] + old_v[i]) * (v[i] - old_v[i])
     state.ledger[ALGORITHMIC] += algorithmic
     state.ledger[DAMPING] += damping
 
@@ -77,7 +74,10 @@ def account_modal(system: System, state: State, work: Work) -> None:
 def account_laws(
     system: System, table: LawTable, state: State, work: Work, old_inputs: Floats, time: float
 ) -> None:
-    """Book marker work and segment losses; bring law forces, energies and arguments up to date."""
+    """Book marker work and segment losses; bring law forces, energies and arguments up to date.
+
+    ``work.argument`` is that of the solution.
+    """
     for k in range(system.input_law.size):
         law = system.input_law[k]
         index = table.input_index[law]
@@ -86,7 +86,6 @@ def account_laws(
         mean = 0.5 * (force + state.law_force[law])
         state.ledger[MARKERS] -= mean * (state.inputs[index] - old_inputs[index])
     at, offset = work.argument, table.offset
-    law_arguments(system, table, state, at)
     slope, constant = state.slope, state.constant
     intercept, potential = state.intercept, state.potential
     forces, energies, arguments = state.law_force, state.law_energy, state.law_argument
@@ -111,9 +110,9 @@ def account_laws(
 def account_friction(table: LawTable, state: State, work: Work) -> None:
     """Book friction work; move the anchors of slipping feet so that force and spring agree.
 
-    A cut of the limit at zero, where a contact pulls by a trace, would leave the books open.
+    ``work.trial`` and ``work.limit`` are those of the solution, and are used up. A cut of the
+    limit at zero, where a contact pulls by a trace, would leave the books open.
     """
-    friction_trials(table, state, work.trial, work.limit)
     trial, limit, branches = work.trial, work.limit, state.friction
     forces, stiffness = state.friction_force, table.stick_stiffness
     lost = 0.0
@@ -169,22 +168,26 @@ def stored_energy(
     segments of all laws.
     """
     deviation_forces(system, table, state, work)
-    modal_forces(system, state, work.slot_force, work.found_q)
     q, v, eigenvalues, load = state.q, state.v, system.eigenvalues, system.load
-    forces = work.found_q
     kinetic, folded, strain, gravity = 0.0, 0.0, 0.0, 0.0
     for i in range(q.size):
         kinetic += 0.5 * v[i] ** 2
         folded += 0.5 * eigenvalues[i] * q[i] ** 2
-        strain -= 0.5 * forces[i] * q[i]
         gravity -= load[i] * q[i]
-    ends, end_load, end_of_slot = state.ends, system.end_load, state.end_of_slot
+    ends, end_load, end_modes, forces = (
+        state.ends,
+        system.end_load,
+        system.end_modes,
+        work.slot_force,
+    )
     for block in range(system.end_start.size - 1):
         first = system.end_start[block]
+        q_block = q[system.mode_start[block] : system.mode_start[block + 1]]
         for slot in range(first, first + state.slots[block]):
-            end = end_of_slot[slot]
-            strain += 0.5 * work.slot_force[slot] * (ends[end] + end_load[end])
-            gravity -= work.slot_force[slot] * end_load[end]
+            end = state.end_of_slot[slot]
+            static = ends[end] - dot(q_block, end_modes[end])
+            strain += 0.5 * forces[slot] * (static + end_load[end])
+            gravity -= forces[slot] * end_load[end]
     contact = 0.0
     g, row, base_slope, energies = state.g, table.row, system.base_slope, state.law_energy
     for law in range(energies.size):

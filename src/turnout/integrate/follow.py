@@ -7,14 +7,7 @@ is changed, and the walk goes on. Nothing is guessed, so nothing can cycle but w
 turns back, which ends in an outcome.
 """
 
-from turnout.integrate.solution import (
-    add_solved,
-    deviation_forces,
-    modal_forces,
-    set_modes,
-    solve_free,
-    solve_set,
-)
+from turnout.integrate.solution import deviation_forces, set_modes, solve_set
 from turnout.integrate.solve import (
     CONVERGED,
     NOT_CONVERGED,
@@ -25,7 +18,7 @@ from turnout.integrate.solve import (
     update_marked,
 )
 from turnout.integrate.system import Floats, State, System, set_segment
-from turnout.integrate.vector import copy
+from turnout.integrate.vector import add, copy, dot
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
 from turnout.law.kernel import SLIP_BACKWARD, SLIP_FORWARD, STICK
@@ -36,14 +29,21 @@ EVENTS, EVENTS_AT_ONE_PLACE = 2000, 400
 
 
 @compiled
-def _start_of_path(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Write to ``work.origin`` the shift for which the present state solves the step."""
+def _start_of_path(
+    system: System, table: LawTable, state: State, work: Work, inertia: float, viscosity: float
+) -> None:
+    """Write to ``work.origin`` the right side for which the present state solves the step."""
     deviation_forces(system, table, state, work)
-    modal_forces(system, state, work.slot_force, work.found_q)
-    for i in range(state.q.size):
-        work.found_q[i] = -work.found_q[i]
-    copy(state.q, work.origin)
-    add_solved(system, state, work.found_q, work.origin)
+    for block in range(system.mode_start.size - 1):
+        first, last = system.mode_start[block], system.mode_start[block + 1]
+        q, side = state.q[first:last], work.origin[first:last]
+        for i in range(last - first):
+            mode = first + i
+            side[i] = (inertia + system.eigenvalues[mode]) * q[i]
+            side[i] += viscosity * dot(q, system.damping[mode])
+        start = system.end_start[block]
+        for slot in range(start, start + state.slots[block]):
+            add(-work.slot_force[slot], system.end_modes[state.end_of_slot[slot]], side)
 
 
 @compiled
@@ -57,11 +57,9 @@ def _place(
 ) -> None:
     """Solve for the present contact set at a share of the path."""
     for i in range(work.right_side.size):
-        work.right_side[i] = share * work.aim[i]
-        work.shifted[i] = work.origin[i] + share * (work.aim_shifted[i] - work.origin[i])
+        work.right_side[i] = work.origin[i] + share * (work.aim[i] - work.origin[i])
     for k in range(state.inputs.size):
         state.inputs[k] = inputs[0][k] + share * (inputs[1][k] - inputs[0][k])
-    solve_free(system, state, work)
     solve_set(system, table, state, work)
 
 
@@ -124,6 +122,8 @@ def follow_path(
     work: Work,
     tolerances: Tolerances,
     inputs: tuple[Floats, Floats],
+    inertia: float,
+    viscosity: float,
 ) -> int:
     """Walk from the present state to the end of the path; return CONVERGED or what prevented it.
 
@@ -131,11 +131,12 @@ def follow_path(
     ----------
     inputs : tuple of two ndarray, shape (n_inputs,)
         Marker positions at the start and at the end [m].
+    inertia, viscosity : float
+        What multiplies identity and damping in the matrix of the step.
     """
     n_laws = table.row.size
     copy(work.right_side, work.aim)
-    copy(work.shifted, work.aim_shifted)
-    _start_of_path(system, table, state, work)
+    _start_of_path(system, table, state, work, inertia, viscosity)
     share, stalled = 0.0, 0
     for _ in range(EVENTS):
         if work.stop[0]:
@@ -157,7 +158,7 @@ def follow_path(
                 nearest, which, to = way, n_laws + friction, branch
         if which < 0:
             _place(system, table, state, work, inputs, 1.0)
-            set_modes(system, state, work.free_q)
+            set_modes(system, state)
             return CONVERGED
         stalled = stalled + 1 if nearest * (1.0 - share) < 1e-12 else 0
         share += nearest * (1.0 - share)

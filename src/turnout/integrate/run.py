@@ -14,10 +14,10 @@ from turnout.integrate.columns import make_level, rebuild
 from turnout.integrate.energy import account_friction, account_laws, closing_error
 from turnout.integrate.equilibrium import resting_segments
 from turnout.integrate.interrupt import heard, one_thread
-from turnout.integrate.march import Record, Stepping, march, store
+from turnout.integrate.march import Record, Stepping, damp_coordinates, march, store
 from turnout.integrate.outcome import Code, Outcome
 from turnout.integrate.scheme import AlphaCoefficients, Scheme
-from turnout.integrate.solve import Tolerances, equilibrium
+from turnout.integrate.solve import Tolerances, equilibrium, friction_trials, law_arguments
 from turnout.integrate.system import (
     COUNT_FLIPS,
     COUNT_HALVED,
@@ -281,9 +281,12 @@ def _start(run: _Run, mechanism: Mechanism, thread: Executor) -> Code:
             return Code.NO_EQUILIBRIUM
     state.friction[:] = STICK
     state.anchor[:] = state.g[laws.friction_row]
+    law_arguments(system, table, state, work.argument)
+    friction_trials(table, state, work.trial, work.limit)
     account_laws(system, table, state, work, state.inputs, 0.0)
     account_friction(table, state, work)
     state.ledger[:] = 0.0
+    damp_coordinates(system, state)
     return Code.COMPLETE
 
 

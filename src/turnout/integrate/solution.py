@@ -1,11 +1,7 @@
-r"""The solution of one implicit step for a given contact set; see `turnout.integrate.columns`.
-
-The right side of a step is given as two vectors, :math:`p = A u + s`, so that the damping matrix
-need not be multiplied: :math:`A^{-1}p = u + A^{-1}s`.
-"""
+"""The solution of one implicit step for a given contact set; see `turnout.integrate.columns`."""
 
 from turnout.integrate.coupling import couple, solve_coupling
-from turnout.integrate.system import COUNT_JOINING, COUPLED, LEVEL, Floats, State, System
+from turnout.integrate.system import COUNT_JOINING, COUPLED, State, System
 from turnout.integrate.vector import add, add_rows, copy
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
@@ -13,36 +9,15 @@ from turnout.law.table import LawTable
 
 
 @compiled
-def add_solved(system: System, state: State, side: Floats, q: Floats) -> None:
-    """Add to modal coordinates what a right side does without any deviation."""
-    inverses = state.inverse[state.counters[LEVEL]]
-    mode_start, diagonal = system.mode_start, system.diagonal
-    for block in range(mode_start.size - 1):
-        first, last = mode_start[block], mode_start[block + 1]
-        if diagonal[block]:
-            for i in range(first, last):
-                q[i] += inverses[i, i - first] * side[i]
-        else:
-            add_rows(side[first:last], inverses[first:last], q[first:last])
-
-
-@compiled
-def solve_free(system: System, state: State, work: Work) -> None:
-    """Solve the step from ``work.shifted`` (u) and ``work.right_side`` (s) without deviations."""
-    copy(work.shifted, work.free_q)
-    add_solved(system, state, work.right_side, work.free_q)
-
-
-@compiled
 def solve_set(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Find ends and rows for the present contact set from the free solution."""
+    """Find ends, modes and rows for the present contact set from ``work.right_side``."""
     end_start, mode_start = system.end_start, system.mode_start
-    free_q, all_ends, columns = work.free_q, state.ends, state.mode_columns
+    force, all_ends, columns = work.right_side, state.ends, state.mode_columns
     copy(state.constant_column, all_ends)
     for block in range(end_start.size - 1):
         first, last = mode_start[block], mode_start[block + 1]
         ends = all_ends[end_start[block] : end_start[block + 1]]
-        add_rows(free_q[first:last], columns[first:last], ends)
+        add_rows(force[first:last], columns[first:last], ends)
     for k in range(system.input_law.size):
         law = system.input_law[k]
         row = table.row[law]
@@ -120,21 +95,9 @@ def deviation_forces(system: System, table: LawTable, state: State, work: Work) 
 
 
 @compiled
-def modal_forces(system: System, state: State, slot_force: Floats, force: Floats) -> None:
-    """Write what forces on the active ends are for the modes."""
-    force[:] = 0.0
-    for block in range(system.end_start.size - 1):
-        of_block = force[system.mode_start[block] : system.mode_start[block + 1]]
-        first = system.end_start[block]
-        for slot in range(first, first + state.slots[block]):
-            add(slot_force[slot], system.end_modes[state.end_of_slot[slot]], of_block)
-
-
-@compiled
-def set_modes(system: System, state: State, free_q: Floats) -> None:
+def set_modes(system: System, state: State) -> None:
     """Take the modal coordinates from the solution."""
     ends, q, mode_start, end_stop = state.ends, state.q, system.mode_start, system.end_stop
     for block in range(end_stop.size):
-        first = end_stop[block] - mode_start[block]
-        for mode in range(mode_start[block], mode_start[block + 1]):
-            q[mode] = free_q[mode] + ends[first + mode]
+        first, last = mode_start[block], mode_start[block + 1]
+        copy(ends[end_stop[block] : system.end_start[block + 1]], q[first:last])

@@ -9,7 +9,7 @@ converged step satisfies every law.
 from typing import NamedTuple
 
 from turnout.integrate.columns import update_row
-from turnout.integrate.solution import set_modes, solve_free, solve_set
+from turnout.integrate.solution import set_modes, solve_set
 from turnout.integrate.system import COUNT_ITERATIONS, Floats, State, System, set_segment
 from turnout.integrate.vector import copy
 from turnout.integrate.work import Work
@@ -171,7 +171,6 @@ def settle(
     After half of the iterations laws change one at a time, which breaks cycles in which several
     laws undo each other.
     """
-    solve_free(system, state, work)
     for iteration in range(tolerances.iterations):
         solve_set(system, table, state, work)
         state.counters[COUNT_ITERATIONS] += 1
@@ -182,7 +181,7 @@ def settle(
         one_at_a_time = 2 * iteration > tolerances.iterations
         count = check_laws(system, table, state, work, tolerances, one_at_a_time)
         if count == 0:
-            set_modes(system, state, work.free_q)
+            set_modes(system, state)
             return CONVERGED
         if iteration == tolerances.iterations - 1:
             copy(work.dirty, work.unsettled)

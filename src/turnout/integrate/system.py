@@ -73,8 +73,9 @@ class State(NamedTuple):
     ``(slope * e / 2 + intercept) * e + potential``; `set_segment` keeps these together.
     ``entries`` and ``shift`` are the deviations of the rows; the columns, with their slots, and the
     coupling of the blocks are those of `turnout.integrate.columns`, for the step of ``level``; what
-    depends on the length of the step alone (``inverse``, ``compliance``) is kept level by level.
-    ``ends`` hold the solution: the ends, and what the deviations did to the modes.
+    depends on the length of the step alone (``compliance``) is kept level by level. ``ends`` hold
+    the solution, with modes at the ends that stand for them. ``damped`` is the damping matrix times
+    `q`, `v`, `a` and `acceleration`.
     ``counters``: active rows that join blocks, flips since the last rebuild, flips in all,
     iterations in all, steps halved, rebuilds, the level, whether the coupling is up to date.
     ``drift`` is the growth of rounding since it was last measured.
@@ -107,12 +108,12 @@ class State(NamedTuple):
     made: Ints
     mode_columns: Floats
     constant_column: Floats
-    inverse: Floats
     compliance: Floats
     q: Floats
     v: Floats
     a: Floats
     acceleration: Floats
+    damped: Floats
     ends: Floats
     g: Floats
     inputs: Floats
@@ -253,7 +254,6 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
         How many lengths of a step there are.
     """
     n_modes, n_ends = system.eigenvalues.size, system.end_load.size
-    widest_modes = system.end_modes.shape[1]
     widest_ends = int(np.max(np.diff(system.end_start), initial=0))
     n_rows, n_laws, n_frictions = system.row_ends.shape[0], table.row.size, table.friction_row.size
     n_joining = int(np.sum(system.row_ends[:, 1] >= 0))
@@ -294,12 +294,12 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             made=np.zeros(levels, dtype=np.int64),
             mode_columns=np.zeros((n_modes, widest_ends)),
             constant_column=np.zeros(n_ends),
-            inverse=np.zeros((levels, n_modes, widest_modes)),
             compliance=np.zeros((levels, n_ends, widest_ends)),
             q=modal.copy(),
             v=modal.copy(),
             a=modal.copy(),
             acceleration=modal.copy(),
+            damped=np.zeros((4, n_modes)),
             ends=np.zeros(n_ends),
             g=np.zeros(n_rows),
             inputs=np.zeros(n_inputs),

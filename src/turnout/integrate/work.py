@@ -14,16 +14,16 @@ class Work(NamedTuple):
 
     Except `push`, which is zero on rows without an input, `unsettled`, which flags the rows that
     still changed when a step was given up, and `stop`, which another thread sets to end the work
-    between two solutions. `q` to `acceleration`, `ends_start`, `g_start` and the two of the contact
+    between two solutions. `q` to `damped`, `ends_start`, `g_start` and the two of the contact
     set are the state at the start of a step.
     """
 
     row: Floats
     predicted: Floats
     velocity: Floats
-    shifted: Floats
+    damped_predicted: Floats
+    damped_velocity: Floats
     right_side: Floats
-    free_q: Floats
     push: Floats
     end_force: Floats
     slot_force: Floats
@@ -37,6 +37,7 @@ class Work(NamedTuple):
     v: Floats
     a: Floats
     acceleration: Floats
+    damped: Floats
     ends_start: Floats
     g: Floats
     g_start: Floats
@@ -44,12 +45,11 @@ class Work(NamedTuple):
     trial: Floats
     limit: Floats
     aim: Floats
-    aim_shifted: Floats
     origin: Floats
     end_error: Floats
     modal_error: Floats
     found_ends: Floats
-    found_q: Floats
+    mean_velocity: Floats
     inputs: Floats
     inputs_end: Floats
     stop: Ints
@@ -74,9 +74,9 @@ def new_work(system: System, table: LawTable) -> Work:
             row=np.zeros(max(n_rows, int(np.max(np.diff(system.pattern_start), initial=1)))),
             predicted=modal(),
             velocity=modal(),
-            shifted=modal(),
+            damped_predicted=modal(),
+            damped_velocity=modal(),
             right_side=modal(),
-            free_q=modal(),
             push=np.zeros(n_rows),
             end_force=of_ends(),
             slot_force=of_ends(),
@@ -90,6 +90,7 @@ def new_work(system: System, table: LawTable) -> Work:
             v=modal(),
             a=modal(),
             acceleration=modal(),
+            damped=np.zeros((4, system.eigenvalues.size)),
             ends_start=of_ends(),
             g=np.zeros(n_rows),
             g_start=np.zeros(n_rows),
@@ -97,12 +98,11 @@ def new_work(system: System, table: LawTable) -> Work:
             trial=np.zeros(table.friction_row.size),
             limit=np.zeros(table.friction_row.size),
             aim=modal(),
-            aim_shifted=modal(),
             origin=modal(),
             end_error=of_ends(),
             modal_error=modal(),
             found_ends=of_ends(),
-            found_q=modal(),
+            mean_velocity=modal(),
             inputs=np.zeros(n_inputs),
             inputs_end=np.zeros(n_inputs),
             stop=np.zeros(1, dtype=np.int64),
