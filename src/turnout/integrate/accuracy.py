@@ -20,7 +20,8 @@ from turnout.integrate.solution import (
     set_rows,
 )
 from turnout.integrate.solve import row_forces
-from turnout.integrate.system import COUNT_JOINING, Floats, State, System
+from turnout.integrate.state import COUNT_JOINING, State
+from turnout.integrate.system import Floats, System
 from turnout.integrate.vector import add, add_rows, copy, dot
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled

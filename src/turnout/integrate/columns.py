@@ -33,18 +33,16 @@ Columns of active ends are rows of `State.columns`; the slots of a block begin w
 
 import numpy as np
 
-from turnout.integrate.system import (
+from turnout.integrate.state import (
     COUNT_FLIPS,
     COUNT_JOINING,
     COUNT_REBUILDS,
     COUNT_RECENT,
     COUPLED,
     LEVEL,
-    Floats,
-    Ints,
     State,
-    System,
 )
+from turnout.integrate.system import Floats, Ints, System
 from turnout.integrate.vector import add, copy
 from turnout.law.compiled import compiled, compiled_with_memory
 from turnout.law.kernel import STICK

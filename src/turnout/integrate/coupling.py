@@ -9,7 +9,8 @@ where :math:`g_0` are the joining displacements without the joining forces. The 
 by rows with partial pivoting, and kept until a column of an end changes.
 """
 
-from turnout.integrate.system import COUNT_JOINING, COUPLED, Floats, Ints, State, System
+from turnout.integrate.state import COUNT_JOINING, COUPLED, State
+from turnout.integrate.system import Floats, Ints, System
 from turnout.law.compiled import compiled
 
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from turnout.integrate.solution import deviation_forces
 from turnout.integrate.solve import mark_law
-from turnout.integrate.system import Floats, State, System, set_segment
+from turnout.integrate.state import State, set_segment
+from turnout.integrate.system import Floats, System
 from turnout.integrate.vector import add, copy, dot
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled

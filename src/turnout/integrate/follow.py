@@ -17,7 +17,8 @@ from turnout.integrate.solve import (
     mark_row,
     update_marked,
 )
-from turnout.integrate.system import Floats, State, System, set_segment
+from turnout.integrate.state import State, set_segment
+from turnout.integrate.system import Floats, System
 from turnout.integrate.vector import add, copy, dot
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled

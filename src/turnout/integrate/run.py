@@ -14,20 +14,20 @@ from turnout.integrate.columns import make_level, rebuild
 from turnout.integrate.energy import account_friction, account_laws, closing_error
 from turnout.integrate.equilibrium import resting_segments
 from turnout.integrate.interrupt import heard, one_thread
-from turnout.integrate.march import Record, Stepping, damp_coordinates, march, store
+from turnout.integrate.march import Record, march, store
 from turnout.integrate.outcome import Code, Outcome
 from turnout.integrate.scheme import AlphaCoefficients, Scheme
 from turnout.integrate.solve import Tolerances, equilibrium, friction_trials, law_arguments
-from turnout.integrate.system import (
+from turnout.integrate.state import (
     COUNT_FLIPS,
     COUNT_HALVED,
     COUNT_ITERATIONS,
     State,
-    System,
-    condensed_system,
     fresh_state,
     set_segment,
 )
+from turnout.integrate.step import Stepping, damp_coordinates
+from turnout.integrate.system import System, condensed_system
 from turnout.integrate.work import Work, new_work
 from turnout.law.kernel import SLIP_FORWARD, STICK
 from turnout.law.shared import shared

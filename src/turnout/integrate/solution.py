@@ -1,7 +1,8 @@
 """The solution of one implicit step for a given contact set; see `turnout.integrate.columns`."""
 
 from turnout.integrate.coupling import couple, solve_coupling
-from turnout.integrate.system import COUNT_JOINING, COUPLED, State, System
+from turnout.integrate.state import COUNT_JOINING, COUPLED, State
+from turnout.integrate.system import System
 from turnout.integrate.vector import add, add_rows, copy
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled

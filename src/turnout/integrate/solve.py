@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 from turnout.integrate.columns import update_row
 from turnout.integrate.solution import set_modes, solve_set
-from turnout.integrate.system import COUNT_ITERATIONS, Floats, State, System, set_segment
+from turnout.integrate.state import COUNT_ITERATIONS, State, set_segment
+from turnout.integrate.system import Floats, System
 from turnout.integrate.vector import copy
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled

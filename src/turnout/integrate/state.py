@@ -1,0 +1,174 @@
+"""The state of a run, as arrays that kernels change in place."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from turnout.integrate.system import Floats, Ints, System
+from turnout.law.compiled import compiled
+from turnout.law.shared import shared
+from turnout.law.table import LawTable
+
+
+class State(NamedTuple):
+    """What a run changes, in place, and nothing else does.
+
+    On its present segment a law resists with ``slope * (g - input) + constant`` for ``g - input``
+    between ``lower`` and ``upper`` and, at its argument e, stores the energy
+    ``(slope * e / 2 + intercept) * e + potential``; `set_segment` keeps these together.
+    ``entries`` and ``shift`` are the deviations of the rows; the columns, with their slots, and the
+    coupling of the blocks are those of `turnout.integrate.columns`, for the step of ``level``; what
+    depends on the length of the step alone (``compliance``) is kept level by level. ``ends`` hold
+    the solution, with modes at the ends that stand for them. ``damped`` is the damping matrix times
+    `q`, `v`, `a` and `acceleration`.
+    ``counters``: active rows that join blocks, flips since the last rebuild, flips in all,
+    iterations in all, steps halved, rebuilds, the level, whether the coupling is up to date.
+    ``drift`` is the growth of rounding since it was last measured.
+    """
+
+    segment: Ints
+    present: Ints
+    slope: Floats
+    constant: Floats
+    lower: Floats
+    upper: Floats
+    intercept: Floats
+    potential: Floats
+    friction: Ints
+    anchor: Floats
+    friction_force: Floats
+    law_force: Floats
+    law_energy: Floats
+    law_argument: Floats
+    entries: Floats
+    shift: Floats
+    slot_of_end: Ints
+    end_of_slot: Ints
+    row_of_slot: Ints
+    slots: Ints
+    columns: Floats
+    joining: Ints
+    coupling: Floats
+    exchange: Ints
+    made: Ints
+    mode_columns: Floats
+    constant_column: Floats
+    compliance: Floats
+    q: Floats
+    v: Floats
+    a: Floats
+    acceleration: Floats
+    damped: Floats
+    ends: Floats
+    g: Floats
+    inputs: Floats
+    ledger: Floats
+    counters: Ints
+    drift: Floats
+    law_placed: Floats
+    law_first: Floats
+    law_peak: Floats
+
+
+@compiled
+def set_segment(table: LawTable, state: State, law: int, segment: int) -> None:
+    """Put a law on a segment; an absent law keeps the segment but has no force and no bounds."""
+    state.segment[law] = segment
+    if state.present[law] == 0:
+        state.slope[law] = 0.0
+        state.constant[law] = 0.0
+        state.intercept[law] = 0.0
+        state.potential[law] = 0.0
+        state.lower[law] = -np.inf
+        state.upper[law] = np.inf
+        return
+    at = table.segment_start[law] + segment
+    state.slope[law] = table.slope[at]
+    state.constant[law] = table.intercept[at] - table.slope[at] * table.offset[law]
+    state.intercept[law] = table.intercept[at]
+    state.potential[law] = table.potential[at]
+    state.lower[law] = table.segment_lower[at] + table.offset[law]
+    state.upper[law] = table.segment_upper[at] + table.offset[law]
+
+
+(
+    COUNT_JOINING,
+    COUNT_RECENT,
+    COUNT_FLIPS,
+    COUNT_ITERATIONS,
+    COUNT_HALVED,
+    COUNT_REBUILDS,
+    LEVEL,
+    COUPLED,
+) = range(8)
+
+
+def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) -> State:
+    """Return a state at rest with every law on its base segment (or where its argument is 0).
+
+    Parameters
+    ----------
+    levels : int
+        How many lengths of a step there are.
+    """
+    n_modes, n_ends = system.eigenvalues.size, system.end_load.size
+    widest_ends = int(np.max(np.diff(system.end_start), initial=0))
+    n_rows, n_laws, n_frictions = system.row_ends.shape[0], table.row.size, table.friction_row.size
+    n_joining = int(np.sum(system.row_ends[:, 1] >= 0))
+    segment = np.zeros(n_laws, dtype=np.int64)
+    for law in range(n_laws):
+        if table.base_segment[law] >= 0:
+            segment[law] = table.base_segment[law]
+        else:
+            first, last = table.segment_start[law], table.segment_start[law + 1]
+            segment[law] = np.searchsorted(table.segment_upper[first : last - 1], 0.0)
+    modal, of_laws, of_frictions = np.zeros(n_modes), np.zeros(n_laws), np.zeros(n_frictions)
+    state = shared(
+        State(
+            segment=segment,
+            present=np.ones(n_laws, dtype=np.int64),
+            slope=of_laws.copy(),
+            constant=of_laws.copy(),
+            lower=of_laws.copy(),
+            upper=of_laws.copy(),
+            intercept=of_laws.copy(),
+            potential=of_laws.copy(),
+            friction=np.zeros(n_frictions, dtype=np.int64),
+            anchor=of_frictions.copy(),
+            friction_force=of_frictions.copy(),
+            law_force=of_laws.copy(),
+            law_energy=of_laws.copy(),
+            law_argument=of_laws.copy(),
+            entries=np.zeros(system.pattern_list.size),
+            shift=np.zeros(n_rows),
+            slot_of_end=np.full(n_ends, -1, dtype=np.int64),
+            end_of_slot=np.full(n_ends, -1, dtype=np.int64),
+            row_of_slot=np.full(n_ends, -1, dtype=np.int64),
+            slots=np.zeros(system.end_start.size - 1, dtype=np.int64),
+            columns=np.zeros((n_ends, widest_ends)),
+            joining=np.full(n_joining, -1, dtype=np.int64),
+            coupling=np.zeros((n_joining, n_joining)),
+            exchange=np.zeros(n_joining, dtype=np.int64),
+            made=np.zeros(levels, dtype=np.int64),
+            mode_columns=np.zeros((n_modes, widest_ends)),
+            constant_column=np.zeros(n_ends),
+            compliance=np.zeros((levels, n_ends, widest_ends)),
+            q=modal.copy(),
+            v=modal.copy(),
+            a=modal.copy(),
+            acceleration=modal.copy(),
+            damped=np.zeros((4, n_modes)),
+            ends=np.zeros(n_ends),
+            g=np.zeros(n_rows),
+            inputs=np.zeros(n_inputs),
+            ledger=np.zeros(6),
+            counters=np.zeros(8, dtype=np.int64),
+            drift=np.ones(1),
+            law_placed=np.full(n_laws, np.nan),
+            law_first=np.full(n_laws, np.inf),
+            law_peak=np.zeros(n_laws),
+        )
+    )
+    for law in range(n_laws):
+        set_segment(table, state, law, segment[law])
+    return state
