@@ -1,7 +1,8 @@
 """Rank-one updated columns equal a dense solution from scratch after any series of flips.
 
-The dense reference forms the deviations D and b law by law from the table, B = I - R D, and solves
-for T, c and P. Tolerance 1e-9 of the largest entry: up to 400 updates of 64-bit numbers.
+The dense reference forms the deviations D and b law by law from the table and solves
+(I - S D) g = g0 + S b over all rows of both blocks at once. Tolerance 1e-9 of the largest entry: up
+to 400 updates of 64-bit numbers.
 """
 
 from typing import NamedTuple
@@ -10,28 +11,31 @@ import numpy as np
 import pytest
 
 from turnout.errors import MechanicsError
-from turnout.integrate.columns import activate, deactivate, rebuild, refresh_inverse, update_row
-from turnout.integrate.solve import new_work
-from turnout.integrate.system import (
-    COUNT_ACTIVE,
+from turnout.integrate.columns import activate, deactivate, make_level, rebuild, update_row
+from turnout.integrate.solution import set_modes, solve_set
+from turnout.integrate.state import (
     COUNT_FLIPS,
+    COUNT_JOINING,
     COUNT_REBUILDS,
     COUNT_RECENT,
     State,
-    System,
-    condensed_system,
     fresh_state,
     set_segment,
 )
+from turnout.integrate.system import System, condensed_system
+from turnout.integrate.work import Work, new_work
 from turnout.law.kernel import STICK
+from turnout.law.shared import shared
 from turnout.law.table import LawTable, LawTableBuilder
-from turnout.mechanism.condense import linear_stiffness, modal_model
+from turnout.mechanism.blocks import Block
+from turnout.mechanism.condense import BlockModel, linear_stiffness, modal_model
 
 INERTIA, VISCOSITY = 3e4, 900.0
 TOLERANCE = 1e-9
 N_DOF = 16
 CONTACTS, FRICTION_ROWS, DRIVEN = range(6), range(6, 9), (9, 10)
-IDLE_ROW = 11
+IDLE_ROW, N_ROWS, OWN_ROWS, JOINING = 11, 16, 12, (13, 14, 15)
+"""The first rows are those of the first block, the last three reach into both."""
 
 
 class Setup(NamedTuple):
@@ -39,6 +43,7 @@ class Setup(NamedTuple):
     table: LawTable
     state: State
     scratch: np.ndarray
+    work: Work
 
 
 def laws() -> LawTable:
@@ -61,38 +66,57 @@ def laws() -> LawTable:
                 row, normal=normal, friction_coefficient=0.2 + 0.1 * k, stick_stiffness=8e5
             )
     builder.add_friction(1, normal=1, friction_coefficient=0.3, stick_stiffness=1e6)
+    builder.add_contact(12, stiffness=7e5, clearance=1e-3, base_closed=True)
+    for row in JOINING:
+        builder.add_contact(row, stiffness=5e5, clearance=1e-3)
+    builder.add_piecewise(
+        JOINING[0], breakpoints=np.zeros(0), slopes=np.array([2e5]), input_index=1
+    )
     return builder.table()
 
 
 def setup(cutoff_modes: int, seed: int) -> Setup:
     rng = np.random.default_rng(seed)
-    a, b, c = rng.normal(size=(3, N_DOF, N_DOF))
-    rows = rng.normal(size=(12, N_DOF))
     table = laws()
-    stiffness = linear_stiffness(2e5 * (a @ a.T + 4 * np.eye(N_DOF)), rows, table)
-    mass = b @ b.T + 5 * np.eye(N_DOF)
-    frequencies = np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real)) / (
-        2 * np.pi
-    )
-    model = modal_model(
-        stiffness,
-        mass,
-        damping=20 * c @ c.T,
-        rows=rows,
-        load=rng.normal(size=N_DOF) * 1e3,
-        cutoff_frequency=1.0001 * frequencies[cutoff_modes - 1],
-    )
-    assert model.eigenvalues.size == cutoff_modes
-    system = condensed_system(model, table)
-    state = fresh_state(system, table, n_inputs=len(DRIVEN))
-    scratch = new_work(system, table).row
-    rebuild(system, table, state, INERTIA, VISCOSITY, scratch)
-    return Setup(system, table, state, scratch)
+    parts = []
+    for block, rows in enumerate((np.r_[:OWN_ROWS, JOINING], np.r_[12, JOINING])):
+        a, b, c = rng.normal(size=(3, N_DOF, N_DOF))
+        here = np.zeros((N_ROWS, N_DOF))
+        here[rows] = rng.normal(size=(rows.size, N_DOF))
+        stiffness = linear_stiffness(2e5 * (a @ a.T + 4 * np.eye(N_DOF)), here, table)
+        mass = b @ b.T + 5 * np.eye(N_DOF)
+        squares = np.sort(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real)
+        model = modal_model(
+            stiffness,
+            mass,
+            damping=20 * c @ c.T if block == 0 else 3.0 * mass,
+            rows=here[rows],
+            load=rng.normal(size=N_DOF) * 1e3,
+            cutoff_frequency=1.0001 * np.sqrt(squares[cutoff_modes - 1]) / (2 * np.pi),
+        )
+        assert model.eigenvalues.size == cutoff_modes
+        parts.append(BlockModel(Block(np.arange(N_DOF) + block * N_DOF, rows), model))
+    system = condensed_system(parts, table)
+    table = shared(table)
+    assert system.diagonal.tolist() == [0, 1]
+    state = fresh_state(system, table, n_inputs=len(DRIVEN), levels=2)
+    work = new_work(system, table)
+    make_level(system, state, 0, INERTIA, VISCOSITY)
+    rebuild(system, table, state, 0, work.row)
+    return Setup(system, table, state, work.row, work)
+
+
+def ends_of_rows(system: System) -> np.ndarray:
+    """Return the matrix that takes ends to rows."""
+    rows = np.zeros((N_ROWS, system.end_load.size))
+    for row, ends in enumerate(system.row_ends):
+        rows[row, ends[ends >= 0]] = 1.0
+    return rows
 
 
 def flip(made: Setup, rng: np.random.Generator) -> None:
     """Change one law or friction at random and bring the rows that hang on it up to date."""
-    _, table, state, _ = made
+    _, table, state, *_ = made
     if rng.random() < 0.5:
         law = int(rng.integers(table.row.size))
         count = table.segment_start[law + 1] - table.segment_start[law]
@@ -111,8 +135,8 @@ def flip(made: Setup, rng: np.random.Generator) -> None:
 
 def deviations(made: Setup) -> tuple[np.ndarray, np.ndarray]:
     """Form D and b from the meaning of the table, not from the kernels."""
-    system, table, state, _ = made
-    n = system.row_load.size
+    system, table, state, *_ = made
+    n = N_ROWS
     matrix, constant = np.zeros((n, n)), np.zeros(n)
 
     def line(law: int) -> tuple[float, float]:
@@ -142,57 +166,77 @@ def deviations(made: Setup) -> tuple[np.ndarray, np.ndarray]:
     return matrix, constant
 
 
-def check_against_dense(made: Setup) -> None:
-    system, _, state, _ = made
-    n, m = system.row_load.size, system.eigenvalues.size
-    flexibility, modes = system.base[:, :n], system.base[:, n:]
+def dense_solution(made: Setup) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows and modal coordinates of the step from the whole system in one piece."""
+    system, table, state, _, work = made
     matrix, constant = deviations(made)
-    whole = np.eye(n) - flexibility @ matrix
-    t = np.linalg.solve(whole, modes)
-    c = np.linalg.solve(whole, flexibility @ constant + system.row_load)
-    p = np.linalg.solve(whole, flexibility)
-    active = state.row_of_slot[: state.counters[COUNT_ACTIVE]]
-    expected = np.zeros((m + 1 + active.size, n + m))
-    expected[:m, :n], expected[:m, n:] = t.T, (modes.T @ matrix @ t).T
-    expected[m, :n], expected[m, n:] = c, modes.T @ (matrix @ c + constant)
-    response = modes.T @ (np.eye(n) + matrix @ p)
-    expected[m + 1 :, :n], expected[m + 1 :, n:] = p[:, active].T, response[:, active].T
-    got = state.columns[: expected.shape[0]]
-    for block in (slice(None, n), slice(n, None)):
-        for part in (slice(None, m), slice(m, m + 1), slice(m + 1, None)):
-            want = expected[part, block]
-            scale = np.abs(want).max(initial=0.0)
-            np.testing.assert_allclose(got[part, block], want, rtol=0, atol=TOLERANCE * scale)
-    modal = (
-        INERTIA * np.eye(m)
-        + VISCOSITY * system.damping
-        + np.diag(system.eigenvalues)
-        - modes.T @ matrix @ t
-    )
-    inverse = np.linalg.inv(modal)
-    np.testing.assert_allclose(state.inverse, inverse, rtol=0, atol=TOLERANCE * abs(inverse).max())
+    for law in system.input_law:
+        constant[table.row[law]] += state.slope[law] * state.inputs[table.input_index[law]]
+    rows = ends_of_rows(system)
+    n, m = system.end_load.size, system.eigenvalues.size
+    modes, flexibility, dynamic = np.zeros((n, m)), np.zeros((n, n)), np.zeros((m, m))
+    for block in range(2):
+        ends = slice(system.end_start[block], system.end_stop[block])
+        mine = slice(system.mode_start[block], system.mode_start[block + 1])
+        width, count = ends.stop - ends.start, mine.stop - mine.start
+        modes[ends, mine] = system.end_modes[ends, :count]
+        flexibility[ends, ends] = system.flexibility[ends, :width]
+        dynamic[mine, mine] = VISCOSITY * system.damping[mine, :count]
+    dynamic += np.diag(INERTIA + system.eigenvalues)
+    inverse = np.linalg.inv(dynamic)
+    compliance = rows @ (flexibility + modes @ inverse @ modes.T) @ rows.T
+    free = rows @ (modes @ inverse @ work.right_side + system.end_load)
+    g = np.linalg.solve(np.eye(N_ROWS) - compliance @ matrix, free + compliance @ constant)
+    force = matrix @ g + constant
+    return g, inverse @ (work.right_side + modes.T @ (rows.T @ force))
+
+
+def check_against_dense(made: Setup) -> None:
+    system, table, state, _, work = made
+    work.right_side[:] = np.linspace(-500.0, 900.0, work.right_side.size)
+    state.inputs[:] = [2e-3, -1e-3]
+    solve_set(system, table, state, work)
+    set_modes(system, state)
+    g, q = dense_solution(made)
+    np.testing.assert_allclose(state.g, g, rtol=0, atol=TOLERANCE * np.abs(g).max())
+    np.testing.assert_allclose(state.q, q, rtol=0, atol=TOLERANCE * np.abs(q).max())
+
+
+def active_rows(made: Setup) -> list[int]:
+    """Return the row of every slot in use, joining rows twice."""
+    _, _, state, *_ = made
+    rows = []
+    for block, first in enumerate(made.system.end_start[:-1]):
+        used = state.row_of_slot[first : first + state.slots[block]]
+        assert np.all(used >= 0)
+        rows += used.tolist()
+    assert len(rows) == int(np.sum(state.row_of_slot >= 0))
+    return rows
 
 
 def check_bookkeeping(made: Setup) -> None:
-    system, _, state, _ = made
+    system, _, state, *_ = made
     matrix, constant = deviations(made)
-    count = state.counters[COUNT_ACTIVE]
-    active = state.row_of_slot[:count]
-    assert np.all(state.row_of_slot[count:] == -1)
-    assert len(set(active.tolist())) == count
-    for row in range(system.row_load.size):
-        slot = state.slot_of_row[row]
-        assert (slot >= 0) == (row in active)
-        assert slot < 0 or active[slot] == row
+    rows = active_rows(made)
+    joining = state.joining[: state.counters[COUNT_JOINING]].tolist()
+    assert len(set(joining)) == len(joining)
+    for row in range(N_ROWS):
+        ends = system.row_ends[row][system.row_ends[row] >= 0]
+        assert rows.count(row) in (0, ends.size)
+        for end in ends:
+            slot = state.slot_of_end[end]
+            assert (slot >= 0) == (row in rows)
+            assert slot < 0 or state.end_of_slot[slot] == end
+        assert (row in joining) == (row in rows and ends.size == 2)
         pattern = slice(system.pattern_start[row], system.pattern_start[row + 1])
         np.testing.assert_allclose(
             state.entries[pattern], matrix[row, system.pattern_list[pattern]], rtol=1e-15, atol=1e-9
         )
         assert state.shift[row] == pytest.approx(constant[row], rel=1e-12, abs=1e-9)
         if np.any(state.entries[pattern] != 0.0) or state.shift[row] != 0.0:
-            assert slot >= 0
+            assert row in rows
         elif not system.pinned[row]:
-            assert slot < 0
+            assert row not in rows
 
 
 @pytest.mark.parametrize("cutoff_modes", [2, 7, N_DOF])
@@ -205,7 +249,7 @@ def test_columns_equal_a_dense_solution_after_random_flips(cutoff_modes: int) ->
         for _ in range(50):
             flip(made, rng)
             check_bookkeeping(made)
-            seen.add(int(made.state.counters[COUNT_ACTIVE]))
+            seen.add(len(active_rows(made)))
         check_against_dense(made)
     assert len(seen) > 3, "rows were hardly ever activated or dropped"
 
@@ -215,14 +259,14 @@ def test_rebuild_gives_the_same_columns_and_removes_drift() -> None:
     rng = np.random.default_rng(8)
     for _ in range(60):
         flip(made, rng)
-    active = made.state.counters[COUNT_ACTIVE]
+    active = sorted(active_rows(made))
     made.state.columns[:] *= 1.001  # a drift far beyond rounding
-    made.state.inverse[:] *= 0.999
+    made.state.mode_columns[:] *= 0.999
     before = made.state.counters[COUNT_REBUILDS]
-    rebuild(made.system, made.table, made.state, INERTIA, VISCOSITY, made.scratch)
+    rebuild(made.system, made.table, made.state, 0, made.scratch)
     assert made.state.counters[COUNT_REBUILDS] == before + 1
     assert made.state.counters[COUNT_RECENT] == 0
-    assert made.state.counters[COUNT_ACTIVE] == active
+    assert sorted(active_rows(made)) == active
     check_against_dense(made)
     check_bookkeeping(made)
 
@@ -230,7 +274,7 @@ def test_rebuild_gives_the_same_columns_and_removes_drift() -> None:
 def test_a_row_without_a_change_costs_nothing() -> None:
     made = setup(7, seed=2)
     before = made.state.columns.copy(), made.state.counters.copy()
-    for row in range(made.system.row_load.size):
+    for row in range(N_ROWS):
         update_row(*made[:3], row, made.scratch)
     np.testing.assert_array_equal(made.state.columns, before[0])
     assert made.state.counters[COUNT_FLIPS] == before[1][COUNT_FLIPS]
@@ -238,20 +282,19 @@ def test_a_row_without_a_change_costs_nothing() -> None:
 
 def test_a_column_dropped_from_the_middle_leaves_the_others_as_they_are() -> None:
     made = setup(7, seed=3)
-    state, n_modes = made.state, made.system.eigenvalues.size
-    assert state.slot_of_row[IDLE_ROW] == -1
-    slot = activate(made.system, state, IDLE_ROW)
+    system, state = made.system, made.state
+    idle = system.row_ends[IDLE_ROW, 0]
+    assert state.slot_of_end[idle] == -1
+    slot = activate(system, state, idle, IDLE_ROW)
     assert state.row_of_slot[slot] == IDLE_ROW
     check_against_dense(made)
-    rows = state.row_of_slot[: state.counters[COUNT_ACTIVE]].tolist()
-    columns = {row: state.columns[n_modes + 1 + state.slot_of_row[row]].copy() for row in rows}
-    deactivate(made.system, state, rows[1])
-    rows.remove(rows[1])
-    assert sorted(state.row_of_slot[: state.counters[COUNT_ACTIVE]].tolist()) == sorted(rows)
-    for row in rows:
-        np.testing.assert_array_equal(
-            state.columns[n_modes + 1 + state.slot_of_row[row]], columns[row]
-        )
+    ends = state.end_of_slot[: state.slots[0]].tolist()
+    columns = {end: state.columns[state.slot_of_end[end]].copy() for end in ends}
+    deactivate(system, state, ends[1])
+    ends.remove(ends[1])
+    assert sorted(state.end_of_slot[: state.slots[0]].tolist()) == sorted(ends)
+    for end in ends:
+        np.testing.assert_array_equal(state.columns[state.slot_of_end[end]], columns[end])
 
 
 def test_kernels_equal_their_plain_functions() -> None:
@@ -266,12 +309,10 @@ def test_kernels_equal_their_plain_functions() -> None:
             kernel = set_segment if made is compiled else set_segment.py_func
             kernel(made.table, made.state, law, int((made.state.segment[law] + 1) % count))
             made.state.friction[friction] = branch
-            for row in range(made.system.row_load.size):
+            for row in range(N_ROWS):
                 update = update_row if made is compiled else update_row.py_func
                 update(*made[:3], row, made.scratch)
-    for made, refresh in ((compiled, refresh_inverse), (plain, refresh_inverse.py_func)):
-        refresh(made.system, made.state, INERTIA, VISCOSITY)
-    for name in ("columns", "inverse", "entries", "shift"):
+    for name in ("columns", "mode_columns", "constant_column", "entries", "shift"):
         want = getattr(compiled.state, name)
         np.testing.assert_allclose(
             getattr(plain.state, name), want, rtol=0, atol=1e-11 * np.abs(want).max()
@@ -296,4 +337,4 @@ def test_a_driven_normal_law_is_refused() -> None:
         cutoff_frequency=1e3,
     )
     with pytest.raises(MechanicsError, match="cannot be driven by a marker"):
-        condensed_system(model, table)
+        condensed_system([BlockModel(Block(np.arange(2), np.arange(2)), model)], table)

@@ -10,9 +10,11 @@ from tests.unit.test_integrate_columns import setup
 
 from turnout.integrate.follow import follow_path
 from turnout.integrate.interrupt import heard, one_thread
-from turnout.integrate.march import Record, Stepping, march
+from turnout.integrate.march import Record, march
 from turnout.integrate.outcome import Code
-from turnout.integrate.solve import Tolerances, new_work, settle
+from turnout.integrate.solve import Tolerances, settle
+from turnout.integrate.step import Stepping
+from turnout.law.shared import shared
 
 TOLERANCES = Tolerances(1e-11, 1e-6, 40)
 
@@ -47,11 +49,11 @@ def test_ctrl_c_reaches_a_kernel_at_work() -> None:
 
 
 def test_a_step_ends_where_it_is_and_the_state_is_that_of_the_last_instant() -> None:
-    system, table, state, _ = setup(7, seed=5)
-    work = new_work(system, table)
+    system, table, state, _, work = setup(7, seed=5)
     stepping = Stepping(1e-3, 0.0, 1 / 3, 4 / 9, 5 / 6, 6, True, 1)
     markers = np.array([[0.0, 0.0], [5e-3, 1e-3], [9e-3, 2e-3]])
-    record = Record(*(np.zeros((3, 40)) for _ in range(6)), residual=np.zeros(1))
+    shapes = [(3, 40)] * 6 + [1, 1]
+    record = shared(Record(*(np.zeros(shape) for shape in shapes)))
     q, inputs = state.q.copy(), state.inputs.copy()
     work.stop[0] = 1
     given = (system, table, state, work, TOLERANCES, stepping, markers, 0, 2, record)
@@ -61,10 +63,9 @@ def test_a_step_ends_where_it_is_and_the_state_is_that_of_the_last_instant() -> 
 
 
 def test_the_walk_along_the_path_listens_too() -> None:
-    system, table, state, _ = setup(7, seed=5)
-    work = new_work(system, table)
+    system, table, state, _, work = setup(7, seed=5)
     work.stop[0] = 1
-    sides = (np.zeros(7), np.ones(7))
     inputs = (np.zeros(2), np.ones(2))
-    assert follow_path(system, table, state, work, TOLERANCES, sides, inputs) == Code.INTERRUPTED
+    given = (system, table, state, work, TOLERANCES, inputs, 3e4, 900.0)
+    assert follow_path(*given) == Code.INTERRUPTED
     assert settle(system, table, state, work, TOLERANCES) == Code.INTERRUPTED

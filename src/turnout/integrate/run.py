@@ -8,32 +8,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.errors import MechanicsError, SolverError
+from turnout.errors import SolverError
 from turnout.integrate.accuracy import equilibrium_residual
-from turnout.integrate.columns import make_level, rebuild
-from turnout.integrate.energy import account_friction, account_laws, closing_error
-from turnout.integrate.equilibrium import resting_segments
+from turnout.integrate.energy import closing_error
 from turnout.integrate.interrupt import heard, one_thread
-from turnout.integrate.march import Record, march, store
+from turnout.integrate.march import march, store
 from turnout.integrate.outcome import Code, Outcome
-from turnout.integrate.scheme import AlphaCoefficients, Scheme
-from turnout.integrate.solve import Tolerances, equilibrium, friction_trials, law_arguments
+from turnout.integrate.prepare import Run, condensed, prepare, start
+from turnout.integrate.scheme import Scheme
 from turnout.integrate.state import (
     COUNT_FLIPS,
     COUNT_HALVED,
     COUNT_ITERATIONS,
-    State,
-    fresh_state,
-    set_segment,
 )
-from turnout.integrate.step import Stepping, damp_coordinates
-from turnout.integrate.system import System, condensed_system
-from turnout.integrate.work import Work, new_work
-from turnout.law.kernel import SLIP_FORWARD, STICK
-from turnout.law.shared import shared
+from turnout.integrate.work import Work
 from turnout.law.table import LawTable
-from turnout.mechanism.blocks import without_joining_bases
-from turnout.mechanism.condense import BlockModel, ModalModel, condense_blocks, joined_model
+from turnout.mechanism.condense import ModalModel, joined_model
 from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.threads import one_blas_thread
 
@@ -130,21 +120,6 @@ def integrate(
         return _integrate(mechanism, scheme, inputs, end, report)
 
 
-@dataclass(frozen=True, slots=True)
-class _Run:
-    """What the kernels of one run work on."""
-
-    system: System
-    laws: LawTable
-    table: LawTable
-    state: State
-    work: Work
-    tolerances: Tolerances
-    stepping: Stepping
-    positions: Floats
-    record: Record
-
-
 def _integrate(
     mechanism: Mechanism,
     scheme: Scheme,
@@ -163,12 +138,12 @@ def _integrate(
             f"{n_stored:.3g} instants, too many to hold; end sooner or store less often"
         )
         raise SolverError(msg)
-    laws, parts = _condensed(mechanism, scheme)
+    laws, parts = condensed(mechanism, scheme)
     times = scheme.step * np.arange((n_stored - 1) * scheme.stride + 1, dtype=np.float64)
-    run = _prepare(parts, laws, scheme, np.ascontiguousarray(inputs(times).T), n_stored)
+    run = prepare(parts, laws, scheme, np.ascontiguousarray(inputs(times).T), n_stored)
     _march(run, 0, 0)  # compiles, if need be, while Ctrl-C ends the program at once
     with one_thread() as thread:
-        code, done = _start(run, mechanism, thread), 0
+        code, done = start(run, mechanism, thread), 0
         if code == Code.COMPLETE:
             store(run.system, run.table, run.state, run.work, run.record, 0)
             code, done = _march_in_chunks(run, report, thread)
@@ -186,7 +161,7 @@ def _integrate(
     return _history(run, scheme, joined_model(parts, mechanism), outcome, kept)
 
 
-def _history(run: _Run, scheme: Scheme, model: ModalModel, outcome: Outcome, kept: int) -> History:
+def _history(run: Run, scheme: Scheme, model: ModalModel, outcome: Outcome, kept: int) -> History:
     record, state = run.record, run.state
     return History(
         time=scheme.output_interval * np.arange(kept, dtype=np.float64),
@@ -209,101 +184,7 @@ def _history(run: _Run, scheme: Scheme, model: ModalModel, outcome: Outcome, kep
     )
 
 
-def _condensed(mechanism: Mechanism, scheme: Scheme) -> tuple[LawTable, tuple[BlockModel, ...]]:
-    """Condense the rails apart from each other; in one piece if one is held by another only."""
-    laws = without_joining_bases(mechanism, mechanism.laws)
-    try:
-        return laws, condense_blocks(mechanism, laws, cutoff_frequency=scheme.cutoff_frequency)
-    except MechanicsError:
-        laws = mechanism.laws
-        return laws, condense_blocks(mechanism, laws, cutoff_frequency=scheme.cutoff_frequency)
-
-
-def _prepare(
-    parts: tuple[BlockModel, ...],
-    laws: LawTable,
-    scheme: Scheme,
-    positions: Floats,
-    n_stored: int,
-) -> _Run:
-    system, table = condensed_system(parts, laws), shared(laws)
-    # one level a halving, and one without inertia
-    state = fresh_state(system, table, n_inputs=positions.shape[1], levels=scheme.halvings + 2)
-    state.inputs[:] = positions[0]
-    alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
-    return _Run(
-        system=system,
-        laws=laws,
-        table=table,
-        state=state,
-        work=new_work(system, laws),
-        tolerances=Tolerances(scheme.gap_tolerance, scheme.force_tolerance, scheme.iterations),
-        stepping=Stepping(
-            scheme.step,
-            alpha.alpha_m,
-            alpha.alpha_f,
-            alpha.beta,
-            alpha.gamma,
-            scheme.halvings,
-            scheme.follow_path,
-            scheme.stride,
-        ),
-        positions=positions,
-        record=shared(
-            Record(
-                q=np.empty((n_stored, system.eigenvalues.size)),
-                g=np.empty((n_stored, system.row_ends.shape[0])),
-                friction=np.empty((n_stored, laws.friction_row.size)),
-                law=np.empty((n_stored, laws.row.size)),
-                stored=np.empty((n_stored, 4)),
-                ledger=np.empty((n_stored, 6)),
-                residual=np.zeros(1),
-                folded=np.zeros(1),
-            )
-        ),
-    )
-
-
-def _start(run: _Run, mechanism: Mechanism, thread: Executor) -> Code:
-    """Find the static equilibrium without friction, then anchor the feet where they stand."""
-    system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
-    slippery = shared(laws._replace(friction_coefficient=np.zeros_like(laws.friction_coefficient)))
-    state.present[:] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9) & (laws.waits == 0)
-    state.law_placed[state.present == 1] = 0.0
-    for law in range(laws.row.size):
-        set_segment(table, state, law, state.segment[law])
-    state.friction[:] = SLIP_FORWARD
-    if not _rests(run, slippery, thread):
-        segments = resting_segments(mechanism, inputs=state.inputs, present=state.present)
-        for law, segment in enumerate(segments):
-            set_segment(table, state, law, segment)
-        if not _rests(run, slippery, thread):
-            return Code.NO_EQUILIBRIUM
-    state.friction[:] = STICK
-    state.anchor[:] = state.g[laws.friction_row]
-    law_arguments(system, table, state, work.argument)
-    friction_trials(table, state, work.trial, work.limit)
-    account_laws(system, table, state, work, state.inputs, 0.0)
-    account_friction(table, state, work)
-    state.ledger[:] = 0.0
-    damp_coordinates(system, state)
-    return Code.COMPLETE
-
-
-def _rests(run: _Run, laws: LawTable, thread: Executor) -> bool:
-    """Iterate the contact set of the static equilibrium from the present one."""
-    patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
-    static = run.state.made.size - 1
-    make_level(run.system, run.state, static, 0.0, 0.0)
-    rebuild(run.system, laws, run.state, static, run.work.row)
-    given = (run.system, laws, run.state, run.work, patient)
-    code = heard(thread, run.work.stop, equilibrium, *given)
-    if code == Code.INTERRUPTED:
-        raise KeyboardInterrupt
-    return code == Code.COMPLETE
-
-
-def _march(run: _Run, first: int, last: int) -> tuple[int, int]:
+def _march(run: Run, first: int, last: int) -> tuple[int, int]:
     return march(
         run.system,
         run.table,
@@ -319,7 +200,7 @@ def _march(run: _Run, first: int, last: int) -> tuple[int, int]:
 
 
 def _march_in_chunks(
-    run: _Run, report: Callable[[int, int], None] | None, thread: Executor
+    run: Run, report: Callable[[int, int], None] | None, thread: Executor
 ) -> tuple[Code, int]:
     """March, and tell of the progress now and then."""
     n_steps = run.positions.shape[0] - 1
@@ -340,7 +221,7 @@ def _march_in_chunks(
     return Code.COMPLETE, done
 
 
-def _books_close(run: _Run) -> bool:
+def _books_close(run: Run) -> bool:
     record = run.record
     error = closing_error(record.stored, record.ledger, folded=float(record.folded[0]))
     return error < CLOSES

@@ -6,6 +6,7 @@ import numpy as np
 
 from turnout.integrate.system import Floats, Ints, System
 from turnout.law.compiled import compiled
+from turnout.law.kernel import segment_for
 from turnout.law.shared import shared
 from turnout.law.table import LawTable
 
@@ -103,6 +104,23 @@ def set_segment(table: LawTable, state: State, law: int, segment: int) -> None:
 ) = range(8)
 
 
+@compiled
+def set_home_segments(table: LawTable, state: State) -> None:
+    """Put every law on its base segment, or on the one that holds the argument zero."""
+    for law in range(table.row.size):
+        home = table.base_segment[law]
+        if home < 0:
+            home = segment_for(table, law, 0.0, 0, 0.0)
+        set_segment(table, state, law, home)
+
+
+@compiled
+def set_segments(table: LawTable, state: State, segments: Ints) -> None:
+    """Put every law on a segment."""
+    for law in range(table.row.size):
+        set_segment(table, state, law, segments[law])
+
+
 def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) -> State:
     """Return a state at rest with every law on its base segment (or where its argument is 0).
 
@@ -115,17 +133,10 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
     widest_ends = int(np.max(np.diff(system.end_start), initial=0))
     n_rows, n_laws, n_frictions = system.row_ends.shape[0], table.row.size, table.friction_row.size
     n_joining = int(np.sum(system.row_ends[:, 1] >= 0))
-    segment = np.zeros(n_laws, dtype=np.int64)
-    for law in range(n_laws):
-        if table.base_segment[law] >= 0:
-            segment[law] = table.base_segment[law]
-        else:
-            first, last = table.segment_start[law], table.segment_start[law + 1]
-            segment[law] = np.searchsorted(table.segment_upper[first : last - 1], 0.0)
     modal, of_laws, of_frictions = np.zeros(n_modes), np.zeros(n_laws), np.zeros(n_frictions)
     state = shared(
         State(
-            segment=segment,
+            segment=np.zeros(n_laws, dtype=np.int64),
             present=np.ones(n_laws, dtype=np.int64),
             slope=of_laws.copy(),
             constant=of_laws.copy(),
@@ -169,6 +180,5 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             law_peak=np.zeros(n_laws),
         )
     )
-    for law in range(n_laws):
-        set_segment(table, state, law, segment[law])
+    set_home_segments(table, state)
     return state

@@ -3,7 +3,7 @@
 A loop over ``array[first + j]`` stays slow, since an index could be negative; views do not.
 """
 
-from turnout.integrate.system import Floats
+from turnout.integrate.system import Floats, Ints
 from turnout.law.compiled import compiled
 
 
@@ -67,7 +67,7 @@ def add_rows(weights: Floats, rows: Floats, total: Floats) -> None:
 
 
 @compiled
-def copy(a: Floats, to: Floats) -> None:
+def copy(a: Floats | Ints, to: Floats | Ints) -> None:
     """Write a vector, which may be longer, to another."""
     for i in range(to.size):
         to[i] = a[i]

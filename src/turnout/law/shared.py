@@ -125,7 +125,7 @@ def _address_of(_kind: _SharedType, record: Any, compiler: Any) -> NativeValue:
 class _SharedAttribute(AttributeTemplate):
     key = _SharedType
 
-    def generic_resolve(self, kind: _SharedType, name: str) -> types.Array | None:
+    def generic_resolve(self, kind: Any, name: str) -> Any:  # type: ignore[override]
         found = kind.array_at(name)
         return None if found is None else found[0]
 

@@ -34,7 +34,9 @@ _told: set[str] = set()
 _log = logging.getLogger("turnout")
 
 
-def remembered(kind: str, parts: Sequence[object], compute: Callable[[], Arrays]) -> Arrays:
+def remembered(
+    kind: str, parts: Sequence[object], compute: Callable[[], Arrays], *, on_disk: bool = True
+) -> Arrays:
     """Return arrays from memory, from a file, or computed and then kept in both.
 
     Parameters
@@ -45,6 +47,8 @@ def remembered(kind: str, parts: Sequence[object], compute: Callable[[], Arrays]
         All that they depend on: arrays, numbers, texts, tuples of these.
     compute : callable
         Makes them.
+    on_disk : bool
+        Whether they are kept as a file too; not worth it for what takes milliseconds.
 
     Returns
     -------
@@ -64,13 +68,14 @@ def remembered(kind: str, parts: Sequence[object], compute: Callable[[], Arrays]
         counts[f"{kind} from memory"] += 1
         _memory.move_to_end(key)
         return found
-    found = _read(key)
+    found = _read(key) if on_disk else None
     if found is not None:
         counts[f"{kind} from file"] += 1
     else:
         found = compute()
         counts[f"{kind} computed"] += 1
-        _write(key, found)
+        if on_disk:
+            _write(key, found)
     for array in found.values():
         array.flags.writeable = False
     _memory[key] = found

@@ -13,7 +13,7 @@ semi-definite, free of the cancellation of "static minus modal" flexibility.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from scipy.linalg import eigh
 from turnout.errors import MechanicsError
 from turnout.law.table import LawTable
 from turnout.mechanism.blocks import Block, split_blocks
+from turnout.mechanism.cache import remembered
 from turnout.mechanism.mechanism import Mechanism
 
 Floats = NDArray[np.float64]
@@ -131,6 +132,32 @@ def modal_model(
     )
 
 
+def _remembered_model(
+    stiffness: Floats,
+    mass: Floats,
+    *,
+    damping: Floats,
+    rows: Floats,
+    load: Floats,
+    cutoff_frequency: float,
+) -> ModalModel:
+    """Return `modal_model`, once for throws that differ in friction, objects or motion only."""
+
+    def compute() -> dict[str, Floats]:
+        model = modal_model(
+            stiffness,
+            mass,
+            damping=damping,
+            rows=rows,
+            load=load,
+            cutoff_frequency=cutoff_frequency,
+        )
+        return {item.name: getattr(model, item.name) for item in fields(model)}
+
+    parts = (stiffness, mass, damping, rows, load, cutoff_frequency)
+    return ModalModel(**remembered("modes", parts, compute, on_disk=False))
+
+
 @dataclass(frozen=True, slots=True)
 class BlockModel:
     """A block of a mechanism and its modal model, whose rows are the block's ends."""
@@ -153,7 +180,7 @@ def condense_blocks(
     found = []
     for block in split_blocks(mechanism, laws):
         square = np.ix_(block.coordinates, block.coordinates)
-        model = modal_model(
+        model = _remembered_model(
             stiffness[square],
             mechanism.mass[square],
             damping=mechanism.damping[square],

@@ -1,0 +1,137 @@
+"""Arrange a mechanism for the kernels, and find where it rests."""
+
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.errors import MechanicsError
+from turnout.integrate.columns import make_level, rebuild
+from turnout.integrate.energy import account_friction, account_laws
+from turnout.integrate.equilibrium import resting_segments
+from turnout.integrate.interrupt import heard
+from turnout.integrate.march import Record
+from turnout.integrate.outcome import Code
+from turnout.integrate.scheme import AlphaCoefficients, Scheme
+from turnout.integrate.solve import Tolerances, equilibrium, friction_trials, law_arguments
+from turnout.integrate.state import State, fresh_state, set_segments
+from turnout.integrate.step import Stepping, damp_coordinates
+from turnout.integrate.system import System, condensed_system
+from turnout.integrate.work import Work, new_work
+from turnout.law.kernel import SLIP_FORWARD, STICK
+from turnout.law.shared import shared
+from turnout.law.table import LawTable
+from turnout.mechanism.blocks import without_joining_bases
+from turnout.mechanism.condense import BlockModel, condense_blocks
+from turnout.mechanism.mechanism import Mechanism
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What the kernels of one run work on."""
+
+    system: System
+    laws: LawTable
+    table: LawTable
+    state: State
+    work: Work
+    tolerances: Tolerances
+    stepping: Stepping
+    positions: Floats
+    record: Record
+
+
+def condensed(mechanism: Mechanism, scheme: Scheme) -> tuple[LawTable, tuple[BlockModel, ...]]:
+    """Condense the rails apart from each other; in one piece if one is held by another only."""
+    laws = without_joining_bases(mechanism, mechanism.laws)
+    try:
+        return laws, condense_blocks(mechanism, laws, cutoff_frequency=scheme.cutoff_frequency)
+    except MechanicsError:
+        laws = mechanism.laws
+        return laws, condense_blocks(mechanism, laws, cutoff_frequency=scheme.cutoff_frequency)
+
+
+def prepare(
+    parts: tuple[BlockModel, ...],
+    laws: LawTable,
+    scheme: Scheme,
+    positions: Floats,
+    n_stored: int,
+) -> Run:
+    """Arrange everything that the kernels of one run need; nothing has moved yet."""
+    system, table = condensed_system(parts, laws), shared(laws)
+    # one level a halving, and one without inertia
+    state = fresh_state(system, table, n_inputs=positions.shape[1], levels=scheme.halvings + 2)
+    state.inputs[:] = positions[0]
+    alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
+    return Run(
+        system=system,
+        laws=laws,
+        table=table,
+        state=state,
+        work=new_work(system, laws),
+        tolerances=Tolerances(scheme.gap_tolerance, scheme.force_tolerance, scheme.iterations),
+        stepping=Stepping(
+            scheme.step,
+            alpha.alpha_m,
+            alpha.alpha_f,
+            alpha.beta,
+            alpha.gamma,
+            scheme.halvings,
+            scheme.follow_path,
+            scheme.stride,
+        ),
+        positions=positions,
+        record=shared(
+            Record(
+                q=np.empty((n_stored, system.eigenvalues.size)),
+                g=np.empty((n_stored, system.row_ends.shape[0])),
+                friction=np.empty((n_stored, laws.friction_row.size)),
+                law=np.empty((n_stored, laws.row.size)),
+                stored=np.empty((n_stored, 4)),
+                ledger=np.empty((n_stored, 6)),
+                residual=np.zeros(1),
+                folded=np.zeros(1),
+            )
+        ),
+    )
+
+
+def start(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
+    """Find the static equilibrium without friction, then anchor the feet where they stand."""
+    system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
+    slippery = shared(laws._replace(friction_coefficient=np.zeros_like(laws.friction_coefficient)))
+    state.present[:] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9) & (laws.waits == 0)
+    state.law_placed[state.present == 1] = 0.0
+    set_segments(table, state, state.segment)
+    state.friction[:] = SLIP_FORWARD
+    if not _rests(run, slippery, thread):
+        segments = resting_segments(mechanism, inputs=state.inputs, present=state.present)
+        set_segments(table, state, segments)
+        if not _rests(run, slippery, thread):
+            return Code.NO_EQUILIBRIUM
+    state.friction[:] = STICK
+    state.anchor[:] = state.g[laws.friction_row]
+    law_arguments(system, table, state, work.argument)
+    friction_trials(table, state, work.trial, work.limit)
+    account_laws(system, table, state, work, state.inputs, 0.0)
+    account_friction(table, state, work)
+    state.ledger[:] = 0.0
+    damp_coordinates(system, state)
+    return Code.COMPLETE
+
+
+def _rests(run: Run, laws: LawTable, thread: Executor) -> bool:
+    """Iterate the contact set of the static equilibrium from the present one."""
+    patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
+    static = run.state.made.size - 1
+    make_level(run.system, run.state, static, 0.0, 0.0)
+    rebuild(run.system, laws, run.state, static, run.work.row)
+    given = (run.system, laws, run.state, run.work, patient)
+    code = heard(thread, run.work.stop, equilibrium, *given)
+    if code == Code.INTERRUPTED:
+        raise KeyboardInterrupt
+    return code == Code.COMPLETE
