@@ -116,6 +116,53 @@ def _friction_event(
 
 
 @compiled
+def next_event(
+    table: LawTable, state: State, end: tuple[Floats, Floats], tolerances: Tolerances
+) -> tuple[float, int, int]:
+    """Find what first contradicts its law on the straight way from the present state to `end`.
+
+    Parameters
+    ----------
+    end : tuple of two ndarray
+        Rows and inputs at the end of the way, for the present contact set.
+
+    Returns
+    -------
+    share, which, to : float, int, int
+        How far that is, as a share of the way; the law, or beyond the laws the friction, -1 for
+        none; and the side to which a law, or the branch to which a friction changes.
+    """
+    nearest, which, to = 1.0, -1, 0
+    n_laws = table.row.size
+    for law in range(n_laws):
+        way, side = _law_event(table, state, law, end, tolerances.gap)
+        if way < nearest:
+            nearest, which, to = way, law, side
+    for friction in range(table.friction_row.size):
+        way, branch = _friction_event(table, state, friction, end[0], tolerances.force)
+        if way < nearest:
+            nearest, which, to = way, n_laws + friction, branch
+    return nearest, which, to
+
+
+@compiled
+def take_event(
+    system: System, table: LawTable, state: State, work: Work, which: int, to: int
+) -> None:
+    """Change the law or friction that `next_event` has found, and note its row as unsettled."""
+    n_laws = table.row.size
+    if which < n_laws:
+        set_segment(table, state, which, state.segment[which] + to)
+        count = mark_law(system, table, state, work, 0, which)
+    else:
+        state.friction[which - n_laws] = to
+        count = mark_row(work, 0, table.friction_row[which - n_laws])
+    for i in range(count):
+        work.unsettled[work.dirty_list[i]] = 1
+    update_marked(system, table, state, work, count)
+
+
+@compiled
 def follow_path(
     system: System,
     table: LawTable,
@@ -135,7 +182,6 @@ def follow_path(
     inertia, viscosity : float
         What multiplies identity and damping in the matrix of the step.
     """
-    n_laws = table.row.size
     copy(work.right_side, work.aim)
     _start_of_path(system, table, state, work, inertia, viscosity)
     share, stalled = 0.0, 0
@@ -147,28 +193,13 @@ def follow_path(
         _place(system, table, state, work, inputs, 1.0)
         copy(state.g, work.g)
         _place(system, table, state, work, inputs, share)
-        end = (work.g, inputs[1])
-        nearest, which, to = 1.0, -1, 0
-        for law in range(n_laws):
-            way, side = _law_event(table, state, law, end, tolerances.gap)
-            if way < nearest:
-                nearest, which, to = way, law, side
-        for friction in range(table.friction_row.size):
-            way, branch = _friction_event(table, state, friction, work.g, tolerances.force)
-            if way < nearest:
-                nearest, which, to = way, n_laws + friction, branch
+        nearest, which, to = next_event(table, state, (work.g, inputs[1]), tolerances)
         if which < 0:
             _place(system, table, state, work, inputs, 1.0)
             set_modes(system, state)
             return CONVERGED
         stalled = stalled + 1 if nearest * (1.0 - share) < 1e-12 else 0
         share += nearest * (1.0 - share)
-        if which < n_laws:
-            set_segment(table, state, which, state.segment[which] + to)
-            count = mark_law(system, table, state, work, 0, which)
-        else:
-            state.friction[which - n_laws] = to
-            count = mark_row(work, 0, table.friction_row[which - n_laws])
-        copy(work.dirty, work.unsettled)
-        update_marked(system, table, state, work, count)
+        work.unsettled[:] = 0
+        take_event(system, table, state, work, which, to)
     return NOT_CONVERGED

@@ -15,6 +15,7 @@ from turnout.integrate.energy import (
     switch_laws,
 )
 from turnout.integrate.follow import follow_path
+from turnout.integrate.quasistatic import advance_static
 from turnout.integrate.solve import (
     CONVERGED,
     NOT_CONVERGED,
@@ -49,6 +50,7 @@ class Record(NamedTuple):
     ledger: Floats
     residual: Floats
     folded: Floats
+    v: Floats
 
 
 @compiled
@@ -165,6 +167,8 @@ def store(
     """Store the present instant."""
     copy(state.q, record.q[at])
     copy(state.g, record.g[at])
+    if at < record.v.shape[0]:
+        copy(state.v, record.v[at])
     copy(state.friction_force, record.friction[at])
     copy(state.law_force, record.law[at])
     folded = stored_energy(system, table, state, work, record.stored[at])
@@ -197,12 +201,16 @@ def march(
     """
     for n in range(first, last):
         time = n * stepping.step
-        if state.counters[LEVEL] != 0:
+        if stepping.inertia and state.counters[LEVEL] != 0:
             change_level(system, table, state, work, stepping, 0)
         count = switch_laws(system, table, state, work, time + stepping.step)
         update_marked(system, table, state, work, count)
         pair = (inputs[n], inputs[n + 1])
-        code = _advance(system, table, state, work, tolerances, stepping, pair, time)
+        if stepping.inertia:
+            code = _advance(system, table, state, work, tolerances, stepping, pair, time)
+        else:
+            span = (time, time + stepping.step)
+            code = advance_static(system, table, state, work, tolerances, pair, span)
         if code != CONVERGED:
             return code, n
         if (n + 1) % stepping.stride == 0:
@@ -210,6 +218,6 @@ def march(
             if (n + 1) % (MEASURE_EVERY * stepping.stride) == 0:
                 residual = equilibrium_residual(system, table, state, work)
                 record.residual[0] = max(record.residual[0], residual)
-        if (n + 1) % MEASURE_EVERY == 0:
+        if stepping.inertia and (n + 1) % MEASURE_EVERY == 0:
             state.drift[0] = max(state.drift[0], DRIFTS)  # what was small at rest may have grown
     return CONVERGED, last

@@ -15,6 +15,7 @@ class Code(IntEnum):
     NO_EQUILIBRIUM = 3
     INTERRUPTED = 4
     INACCURATE = 5
+    NO_STATIC_CONTINUATION = 6
 
 
 ADVICE = {
@@ -33,6 +34,10 @@ ADVICE = {
     Code.INACCURATE: (
         "the books of energy do not close, so the numbers are not to be trusted; look for a "
         "stiffness that is far out of range, or take a smaller step"
+    ),
+    Code.NO_STATIC_CONTINUATION: (
+        "without inertia the motion does not go on from here, since a foot can neither stick nor "
+        "slip where friction follows its normal force; take a scheme with inertia"
     ),
     Code.INTERRUPTED: "the run was interrupted; what was computed until then is kept",
 }

@@ -15,7 +15,7 @@ from turnout.integrate.march import Record
 from turnout.integrate.outcome import Code
 from turnout.integrate.scheme import AlphaCoefficients, Scheme
 from turnout.integrate.solve import Tolerances, equilibrium, friction_trials, law_arguments
-from turnout.integrate.state import State, fresh_state, set_segments
+from turnout.integrate.state import LEVEL, State, fresh_state, set_segments
 from turnout.integrate.step import Stepping, damp_coordinates
 from turnout.integrate.system import System, condensed_system
 from turnout.integrate.work import Work, new_work
@@ -60,12 +60,18 @@ def prepare(
     scheme: Scheme,
     positions: Floats,
     n_stored: int,
+    *,
+    filled_in: bool,
 ) -> Run:
-    """Arrange everything that the kernels of one run need; nothing has moved yet."""
+    """Arrange everything that the kernels of one run need; nothing has moved yet.
+
+    `filled_in` tells that instants between the steps are wanted.
+    """
     system, table = condensed_system(parts, laws), shared(laws)
     # one level a halving, and one without inertia
     state = fresh_state(system, table, n_inputs=positions.shape[1], levels=scheme.halvings + 2)
     state.inputs[:] = positions[0]
+    n_modes = system.eigenvalues.size
     alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
     return Run(
         system=system,
@@ -82,12 +88,13 @@ def prepare(
             alpha.gamma,
             scheme.halvings,
             scheme.follow_path,
-            scheme.stride,
+            max(scheme.stride, 1),
+            scheme.inertia,
         ),
         positions=positions,
         record=shared(
             Record(
-                q=np.empty((n_stored, system.eigenvalues.size)),
+                q=np.empty((n_stored, n_modes)),
                 g=np.empty((n_stored, system.row_ends.shape[0])),
                 friction=np.empty((n_stored, laws.friction_row.size)),
                 law=np.empty((n_stored, laws.row.size)),
@@ -95,6 +102,7 @@ def prepare(
                 ledger=np.empty((n_stored, 6)),
                 residual=np.zeros(1),
                 folded=np.zeros(1),
+                v=np.zeros((n_stored if filled_in and scheme.inertia else 1, n_modes)),
             )
         ),
     )
@@ -121,6 +129,8 @@ def start(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
     account_friction(table, state, work)
     state.ledger[:] = 0.0
     damp_coordinates(system, state)
+    if not run.stepping.inertia:
+        rebuild(system, table, state, state.counters[LEVEL], work.row)
     return Code.COMPLETE
 
 

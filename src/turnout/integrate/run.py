@@ -1,5 +1,6 @@
 """Integrate a mechanism from its static equilibrium through a motion of its markers."""
 
+import math
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -10,9 +11,10 @@ from numpy.typing import NDArray
 
 from turnout.errors import SolverError
 from turnout.integrate.accuracy import equilibrium_residual
+from turnout.integrate.dense import fill_in
 from turnout.integrate.energy import closing_error
 from turnout.integrate.interrupt import heard, one_thread
-from turnout.integrate.march import march, store
+from turnout.integrate.march import Record, march, store
 from turnout.integrate.outcome import Code, Outcome
 from turnout.integrate.prepare import Run, condensed, prepare, start
 from turnout.integrate.scheme import Scheme
@@ -127,20 +129,12 @@ def _integrate(
     end: float,
     report: Callable[[int, int], None] | None,
 ) -> History:
-    n_stored = round(end / scheme.output_interval) + 1
-    if n_stored < 2:
-        msg = f"end = {end:g} s is shorter than one output interval"
-        raise SolverError(msg)
-    a_row = 8 * (mechanism.rows.shape[0] + mechanism.laws.row.size + mechanism.rows.shape[1])
-    if n_stored * a_row > MOST_MEMORY or end / scheme.step > 1e9:
-        msg = (
-            f"end = {end:g} s with an output interval of {scheme.output_interval:g} s makes "
-            f"{n_stored:.3g} instants, too many to hold; end sooner or store less often"
-        )
-        raise SolverError(msg)
+    grid = _grid(mechanism, scheme, end)
+    stride = grid.stride
     laws, parts = condensed(mechanism, scheme)
-    times = scheme.step * np.arange((n_stored - 1) * scheme.stride + 1, dtype=np.float64)
-    run = prepare(parts, laws, scheme, np.ascontiguousarray(inputs(times).T), n_stored)
+    times = scheme.step * np.arange(grid.n_steps + 1, dtype=np.float64)
+    positions = np.ascontiguousarray(inputs(times).T)
+    run = prepare(parts, laws, scheme, positions, grid.n_stored, filled_in=grid.filled_in)
     _march(run, 0, 0)  # compiles, if need be, while Ctrl-C ends the program at once
     with one_thread() as thread:
         code, done = start(run, mechanism, thread), 0
@@ -157,21 +151,70 @@ def _integrate(
         residual=max(float(run.record.residual[0]), float(residual)),
         contacts=_unsettled(mechanism, run.work),
     )
-    kept = 0 if code == Code.NO_EQUILIBRIUM else done // scheme.stride + 1
-    return _history(run, scheme, joined_model(parts, mechanism), outcome, kept)
+    kept = 0 if code == Code.NO_EQUILIBRIUM else done // stride + 1
+    model = joined_model(parts, mechanism)
+    record = Record(*(getattr(run.record, name)[:kept] for name in Record._fields))
+    instants = scheme.step * stride * np.arange(kept, dtype=np.float64)
+    positions = positions[::stride][:kept]
+    if grid.filled_in and kept > 1:
+        count = int((min(grid.last, instants[-1]) + 1e-9) / scheme.output_interval) + 1
+        instants = scheme.output_interval * np.arange(count, dtype=np.float64)
+        positions = np.ascontiguousarray(inputs(instants).T)
+        made = {"instants": instants, "inputs": positions, "modes": model.row_modes}
+        record = fill_in(record, step=scheme.step, laws=laws, **made)
+    return _history(run, record, model, outcome, instants, positions)
 
 
-def _history(run: Run, scheme: Scheme, model: ModalModel, outcome: Outcome, kept: int) -> History:
-    record, state = run.record, run.state
+@dataclass(frozen=True, slots=True)
+class _Grid:
+    """Where steps and stored instants lie; `last` is the last instant that is wanted [s]."""
+
+    n_steps: int
+    n_stored: int
+    stride: int
+    filled_in: bool
+    last: float
+
+
+def _grid(mechanism: Mechanism, scheme: Scheme, end: float) -> _Grid:
+    """Choose the steps, and refuse what cannot be held."""
+    n_out = round(end / scheme.output_interval) + 1
+    if n_out < 2:
+        msg = f"end = {end:g} s is shorter than one output interval"
+        raise SolverError(msg)
+    stride, filled_in = max(scheme.stride, 1), scheme.stride == 0
+    last = (n_out - 1) * scheme.output_interval
+    share = last / scheme.step
+    n_steps = math.ceil(share - 1e-6) if filled_in and share < 1e15 else (n_out - 1) * stride
+    n_stored = n_steps // stride + 1
+    a_row = 8 * (mechanism.rows.shape[0] + mechanism.laws.row.size + mechanism.rows.shape[1])
+    if max(n_stored, n_out) * a_row > MOST_MEMORY or end / scheme.step > 1e9:
+        msg = (
+            f"end = {end:g} s with an output interval of {scheme.output_interval:g} s makes "
+            f"{max(n_stored, n_out):.3g} instants, too many to hold; end sooner or store less often"
+        )
+        raise SolverError(msg)
+    return _Grid(n_steps, n_stored, stride, filled_in, last)
+
+
+def _history(
+    run: Run,
+    record: Record,
+    model: ModalModel,
+    outcome: Outcome,
+    instants: Floats,
+    positions: Floats,
+) -> History:
+    state = run.state
     return History(
-        time=scheme.output_interval * np.arange(kept, dtype=np.float64),
-        inputs=run.positions[:: scheme.stride][:kept],
-        q=record.q[:kept],
-        g=record.g[:kept],
-        law_force=record.law[:kept],
-        friction_force=record.friction[:kept],
-        stored=record.stored[:kept],
-        ledger=record.ledger[:kept],
+        time=instants,
+        inputs=positions,
+        q=record.q,
+        g=record.g,
+        law_force=record.law,
+        friction_force=record.friction,
+        stored=record.stored,
+        ledger=record.ledger,
         law_placed=state.law_placed,
         law_first=np.where(np.isinf(state.law_first), np.nan, state.law_first),
         law_peak=state.law_peak,

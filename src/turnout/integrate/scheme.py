@@ -2,10 +2,18 @@
 
 import math
 from dataclasses import dataclass, fields
+from typing import Any
 
 from turnout.errors import SolverError
 
 LEAST_OUTPUT_INTERVAL = 1e-3
+MODES: dict[str, dict[str, Any]] = {
+    "waveform": {"step": 1e-3, "cutoff_frequency": 300.0},
+    "quick": {"step": 4e-3, "cutoff_frequency": 100.0},
+    "quasi-static": {"step": 1e-2, "cutoff_frequency": 1.0, "inertia": False},
+}
+"""What the ways of looking at a throw take by themselves: `waveform` shows impacts and single
+chairs, `quick` drives, gaps and labels, `quasi-static` what is left without inertia."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -15,7 +23,7 @@ class Scheme:
     Attributes
     ----------
     step : float
-        Time step [s].
+        Time step [s]; without inertia the length of a straight piece of the markers' path.
     cutoff_frequency : float
         Modes up to here keep their inertia, everything above answers statically [Hz].
     spectral_radius : float
@@ -32,13 +40,18 @@ class Scheme:
     follow_path : bool
         Whether the smallest step, where it does not settle, is walked event by event.
     output_interval : float
-        Time between stored instants [s]; a multiple of the step. Default every step, but not more
-        often than every millisecond.
+        Time between stored instants [s]. Default every step, but not more often than every
+        millisecond. Between the steps it is filled in, see `turnout.integrate.dense`.
+    inertia : bool
+        Whether masses and dampers count. Without them the rails go from one equilibrium to the
+        next, event by event.
 
     Examples
     --------
     >>> Scheme(step=2.5e-4).stride, Scheme(step=2e-3).output_interval
     (4, 0.002)
+    >>> Scheme.of("quick").step, Scheme.of("quick", step=2e-3).mode
+    (0.004, 'own')
     """
 
     step: float = 1e-3
@@ -50,6 +63,38 @@ class Scheme:
     halvings: int = 6
     follow_path: bool = True
     output_interval: float = 0.0
+    inertia: bool = True
+
+    @classmethod
+    def of(cls, mode: str, **changes: float | bool) -> "Scheme":
+        """Return the scheme of a mode, with changes.
+
+        Parameters
+        ----------
+        mode : {"waveform", "quick", "quasi-static"}
+            See `MODES`.
+        **changes : float or bool
+            Attributes that differ.
+
+        Raises
+        ------
+        SolverError
+            When the mode is not known or a value not allowed.
+        """
+        if mode not in MODES:
+            msg = f"mode = {mode!r}: allowed are {', '.join(MODES)}"
+            raise SolverError(msg)
+        return cls(**{**MODES[mode], **changes})
+
+    @property
+    def mode(self) -> str:
+        """The mode whose step and cut-off these are, else "own"."""
+        if not self.inertia:
+            return "quasi-static"
+        for name, chosen in MODES.items():
+            if all(getattr(self, key) == value for key, value in chosen.items()):
+                return name
+        return "own"
 
     def __post_init__(self) -> None:
         """Refuse what cannot work, all at once; choose the output interval where none is given."""
@@ -77,23 +122,21 @@ class Scheme:
             raise SolverError("scheme: " + "; ".join(problems))
 
     def _output_problems(self) -> list[str]:
-        interval = self.output_interval
-        if not interval >= self.step * (1 - 1e-9):
-            return [
-                f"output_interval = {interval:g} s is below the step; "
-                "take the step or a multiple of it"
-            ]
-        if not abs(self.stride * self.step - interval) <= 1e-6 * interval:
-            return [f"output_interval = {interval:g} s is no multiple of the step {self.step:g} s"]
-        return []
+        if 0 < self.output_interval < math.inf:
+            return []
+        return [f"output_interval = {self.output_interval:g} s: must be positive"]
 
     @property
     def stride(self) -> int:
-        """Steps between stored instants."""
-        return round(self.output_interval / self.step)
+        """Steps between stored instants; 0 where these lie between the steps."""
+        count = round(self.output_interval / self.step)
+        aligned = abs(count * self.step - self.output_interval) <= 1e-6 * self.output_interval
+        return count if aligned else 0
 
     def describe(self) -> str:
         """Return one line that states the scheme with a result."""
+        if not self.inertia:
+            return f"quasi-static from event to event, straight pieces of {self.step * 1e3:g} ms"
         return (
             f"generalised-alpha, spectral radius {self.spectral_radius:g}, "
             f"step {self.step * 1e3:g} ms, cut-off {self.cutoff_frequency:g} Hz"

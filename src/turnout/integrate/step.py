@@ -29,6 +29,7 @@ class Stepping(NamedTuple):
     halvings: int
     follow_path: bool
     stride: int
+    inertia: bool
 
 
 @compiled

@@ -1,0 +1,80 @@
+r"""Instants between the steps.
+
+Modal coordinates follow the cubic through coordinates and velocities at both ends of their step,
+
+.. math:: q = (1-\theta)\,q_0 + \theta\,q_1 + \theta(1-\theta)
+          \bigl[(1-\theta)(h v_0 - \Delta) - \theta\,(h v_1 - \Delta)\bigr],
+          \qquad \Delta = q_1 - q_0,
+
+which is of fourth order. What lies above the cut-off answers statically and moves in a straight
+line, as do friction and the books of energy. The laws that act all the time are evaluated anew, so
+that they hold between the steps too.
+"""
+
+import numpy as np
+
+from turnout.integrate.march import Record
+from turnout.integrate.system import Floats
+from turnout.law.table import LawTable
+
+
+def fill_in(
+    record: Record, *, step: float, instants: Floats, inputs: Floats, modes: Floats, laws: LawTable
+) -> Record:
+    """Return a record of every step at other instants.
+
+    Parameters
+    ----------
+    record : Record
+        Of every step; without velocities everything moves in straight lines.
+    step : float
+        Time between the rows of the record [s].
+    instants : ndarray, shape (n,)
+        Within the time of the record [s].
+    inputs : ndarray, shape (n, n_inputs)
+        Marker positions at the instants [m].
+    modes : ndarray, shape (n_rows, n_modes)
+        Modes at the rows.
+    laws : LawTable
+        The laws as integrated.
+    """
+    last = record.q.shape[0] - 1
+    at = np.clip((instants / step + 1e-9).astype(np.int64), 0, max(last - 1, 0))
+    share = np.clip(instants / step - at, 0.0, 1.0)[:, np.newaxis]
+    then = np.minimum(at + 1, last)
+
+    def straight(values: Floats) -> Floats:
+        found: Floats = (1.0 - share) * values[at] + share * values[then]
+        return found
+
+    q, g = straight(record.q), straight(record.g)
+    if record.v.shape[0] == record.q.shape[0]:
+        change = record.q[then] - record.q[at]
+        bend = (1.0 - share) * (step * record.v[at] - change)
+        bend -= share * (step * record.v[then] - change)
+        bend *= share * (1.0 - share)
+        q += bend
+        g += bend @ modes.T
+    return record._replace(
+        q=q,
+        g=g,
+        v=record.v[:1],
+        friction=straight(record.friction),
+        law=_law_forces(laws, g, inputs, straight(record.law)),
+        stored=straight(record.stored),
+        ledger=straight(record.ledger),
+    )
+
+
+def _law_forces(laws: LawTable, g: Floats, inputs: Floats, straight: Floats) -> Floats:
+    """Return the forces of all laws; of those that appear or disappear the straight ones [N]."""
+    force = straight.copy()
+    always = np.isinf(laws.appears) & np.isinf(laws.disappears) & (laws.waits == 0)
+    for law in np.flatnonzero(always):
+        e = g[:, laws.row[law]] - laws.offset[law]
+        if laws.input_index[law] >= 0:
+            e = e - inputs[:, laws.input_index[law]]
+        first, end = laws.segment_start[law], laws.segment_start[law + 1]
+        at = first + np.searchsorted(laws.segment_upper[first : end - 1], e)
+        force[:, law] = laws.slope[at] * e + laws.intercept[at]
+    return force
