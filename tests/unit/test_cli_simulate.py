@@ -61,8 +61,8 @@ def test_an_incomplete_run_is_kept_and_marked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "turnout.response.scheme.Scheme",
-        lambda **_: Scheme(iterations=1, halvings=0, follow_path=False),
+        "turnout.response.scheme.Scheme.of",
+        lambda *_, **__: Scheme(iterations=1, halvings=0, follow_path=False),
     )
     result = run("--out", tmp_path / "run.nc", "--plot", tmp_path / "run.png")
     assert result.exit_code == 3

@@ -60,6 +60,9 @@ def laws() -> LawTable:
             base_segment=1,
         )
     builder.add_contact(0, stiffness=4e5, clearance=0.02)  # a second law on a row
+    builder.add_piecewise(
+        DRIVEN[0], breakpoints=np.zeros(0), slopes=np.array([3e4]), input_index=1
+    )  # and a second driven one
     for k, row in enumerate(FRICTION_ROWS):
         for normal in (2 * k, 2 * k + 1):
             builder.add_friction(

@@ -21,8 +21,8 @@ from turnout.law.table import LawTableBuilder
         ({"cutoff_frequency": float("nan")}, "cutoff_frequency = nan Hz"),
         ({"spectral_radius": 1.1}, r"spectral_radius = 1.1"),
         ({"spectral_radius": -0.1}, r"spectral_radius = -0.1"),
-        ({"step": 2e-3, "output_interval": 1e-3}, "output_interval = 0.001 s is below the step"),
-        ({"step": 4e-4, "output_interval": 1e-3}, "no multiple of the step"),
+        ({"output_interval": -1e-3}, "output_interval = -0.001 s: must be positive"),
+        ({"output_interval": float("inf")}, "output_interval = inf s: must be positive"),
         ({"iterations": 0}, "iterations must be at least 1"),
         ({"halvings": -1}, "halvings at least 0"),
     ],
@@ -37,6 +37,27 @@ def test_a_scheme_stores_about_every_millisecond(step: float, stride: int) -> No
     scheme = Scheme(step=step)
     assert scheme.stride == stride
     assert scheme.output_interval == pytest.approx(stride * step)
+
+
+@pytest.mark.parametrize(("step", "interval"), [(4e-4, 1e-3), (4e-3, 1e-3), (4e-3, 0.01)])
+def test_instants_between_the_steps_have_no_stride(step: float, interval: float) -> None:
+    assert Scheme(step=step, output_interval=interval).stride == 0
+
+
+def test_a_mode_chooses_and_is_told_back() -> None:
+    assert Scheme().mode == "waveform"
+    assert Scheme.of("quick").mode == "quick"
+    assert Scheme.of("quick").step > Scheme().step
+    assert Scheme.of("quick", step=2e-3).mode == "own"
+    assert Scheme.of("quick", output_interval=1e-3).mode == "quick"
+    static = Scheme.of("quasi-static")
+    assert static.mode == "quasi-static"
+    assert static.describe().startswith("quasi-static")
+
+
+def test_an_unknown_mode_names_those_there_are() -> None:
+    with pytest.raises(SolverError, match="mode = 'fast': allowed are waveform, quick, quasi"):
+        Scheme.of("fast")
 
 
 def test_texts_are_no_numbers_of_a_scheme() -> None:

@@ -94,8 +94,7 @@ def clamped() -> Clamped:
         lambda t: TRAVEL * t,
         end=1.0,
         step=5e-3,
-        cutoff_frequency=1e-3,
-        spectral_radius=0.0,
+        inertia=False,
     )
     marker = history.inputs[:, 0]
     exact_drive, exact_object = static_forces(marker)

@@ -1,6 +1,7 @@
 """The command `turnout simulate`."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -57,13 +58,34 @@ def simulate_command(
             help="Channel to keep besides the usual ones: fastening_force, fastening_moment.",
         ),
     ] = [],  # noqa: B006 - typer copies it
+    mode: Annotated[
+        str,
+        typer.Option(
+            "--mode",
+            metavar="MODE",
+            help="waveform: impacts and single chairs; quick: drives, gaps and labels, several "
+            "times as fast; quasi-static: what is left without inertia.",
+        ),
+    ] = "waveform",
     step: Annotated[
-        str, typer.Option("--step", metavar="TIME", help="Time step with its unit.")
-    ] = "1 ms",
+        str, typer.Option("--step", metavar="TIME", help="Time step instead of the mode's.")
+    ] = "",
     cutoff: Annotated[
         str,
-        typer.Option("--cutoff", metavar="FREQUENCY", help="Modes up to here keep their inertia."),
-    ] = "300 Hz",
+        typer.Option(
+            "--cutoff",
+            metavar="FREQUENCY",
+            help="Modes up to here keep their inertia, instead of the mode's.",
+        ),
+    ] = "",
+    every: Annotated[
+        str,
+        typer.Option(
+            "--every",
+            metavar="TIME",
+            help="Time between kept instants, which need not be steps.",
+        ),
+    ] = "",
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")] = False,
 ) -> None:
     """Throw a switch, with or without trapped objects, and say how it ended."""
@@ -76,8 +98,7 @@ def simulate_command(
             settings,
             calibration=calibration,
             also=also,
-            step=step,
-            cutoff=cutoff,
+            scheme=lambda: _scheme(mode, step=step, cutoff=cutoff, every=every),
             quiet=quiet,
         )
         written = _write(dataset, out=out, plot=plot, overlay=theirs)
@@ -99,8 +120,7 @@ def _run(
     *,
     calibration: Path | None,
     also: list[str],
-    step: str,
-    cutoff: str,
+    scheme: Callable[[], "Scheme"],
     quiet: bool,
 ) -> tuple["xr.Dataset", bool]:
     """Return the dataset, whole or partial, and whether the run ended early."""
@@ -108,12 +128,10 @@ def _run(
     from turnout.panel.foreign_object import parse_objects, resolve_objects
     from turnout.response.save import Save
 
-    panel, foreign, (scheme, save, _) = all_told(
+    panel, foreign, (chosen, save, _) = all_told(
         lambda: opened_panel(name, settings, calibration),
         lambda: parse_objects(objects),
-        lambda: all_told(
-            lambda: _scheme(step, cutoff), lambda: Save(also=tuple(also)), lambda: None
-        ),
+        lambda: all_told(scheme, lambda: Save(also=tuple(also)), lambda: None),
     )
     resolve_objects(panel, foreign)
 
@@ -124,7 +142,7 @@ def _run(
         dataset = simulate(
             panel,
             foreign_object=foreign,
-            scheme=scheme,
+            scheme=chosen,
             save=save,
             throw=False,
             report=watch.report,
@@ -147,21 +165,28 @@ def _overlaid(overlay: Path | None, plot: Path | None) -> "xr.Dataset | None":
     return read_history(overlay)
 
 
-def _scheme(step: str, cutoff: str) -> "Scheme":
-    """Return the scheme of a step and a cut-off; output about every millisecond."""
+def _scheme(mode: str, *, step: str, cutoff: str, every: str) -> "Scheme":
+    """Return the scheme of a mode, with what is given instead of its own choices."""
     from turnout.errors import FileError
     from turnout.files.units import FREQUENCY, TIME, parse_quantity
     from turnout.response.scheme import Scheme
 
-    values, problems = [], []
-    for option, text, dimension in (("--step", step, TIME), ("--cutoff", cutoff, FREQUENCY)):
+    changes: dict[str, float] = {}
+    problems = []
+    for key, option, text, dimension in (
+        ("step", "--step", step, TIME),
+        ("cutoff_frequency", "--cutoff", cutoff, FREQUENCY),
+        ("output_interval", "--every", every, TIME),
+    ):
+        if not text:
+            continue
         try:
-            values.append(parse_quantity(text, dimension))
+            changes[key] = parse_quantity(text, dimension)
         except ValueError as error:
             problems.append(f"{option} {text}: {error}")
     if problems:
         raise FileError("\n".join(problems))
-    return Scheme(step=values[0], cutoff_frequency=values[1])
+    return Scheme.of(mode, **changes)
 
 
 def _write(

@@ -13,6 +13,8 @@ from turnout.integrate.solve import (
     NOT_CONVERGED,
     STOPPED,
     Tolerances,
+    friction_trials,
+    law_arguments,
     mark_law,
     mark_row,
     update_marked,
@@ -197,6 +199,8 @@ def follow_path(
         if which < 0:
             _place(system, table, state, work, inputs, 1.0)
             set_modes(system, state)
+            law_arguments(system, table, state, work.argument)
+            friction_trials(table, state, work.trial, work.limit)
             return CONVERGED
         stalled = stalled + 1 if nearest * (1.0 - share) < 1e-12 else 0
         share += nearest * (1.0 - share)

@@ -19,16 +19,25 @@ def solve_set(system: System, table: LawTable, state: State, work: Work) -> None
         first, last = mode_start[block], mode_start[block + 1]
         ends = all_ends[end_start[block] : end_start[block + 1]]
         add_rows(force[first:last], columns[first:last], ends)
-    for k in range(system.input_law.size):
-        law = system.input_law[k]
-        row = table.row[law]
-        push = state.slope[law] * state.inputs[table.input_index[law]]
-        work.push[row] = push
+    _push(system, table, state, work)
+    for k in range(system.input_row.size):
+        row = system.input_row[k]
         if system.row_ends[row, 1] < 0:
-            _move_block(system, state, system.row_ends[row, 0], push)
+            _move_block(system, state, system.row_ends[row, 0], work.push[row])
     if state.counters[COUNT_JOINING]:
         exchange_forces(system, state, work, 1.0)
     set_rows(system, state)
+
+
+@compiled
+def _push(system: System, table: LawTable, state: State, work: Work) -> None:
+    """Write what the inputs push on their rows [N]; a row may have several."""
+    push = work.push
+    for k in range(system.input_row.size):
+        push[system.input_row[k]] = 0.0
+    for k in range(system.input_law.size):
+        law = system.input_law[k]
+        push[table.row[law]] += state.slope[law] * state.inputs[table.input_index[law]]
 
 
 @compiled
@@ -82,9 +91,7 @@ def deviation_forces(system: System, table: LawTable, state: State, work: Work) 
     )
     pattern_start, pattern_list, entries = system.pattern_start, system.pattern_list, state.entries
     g = state.g
-    for k in range(system.input_law.size):
-        law = system.input_law[k]
-        push[table.row[law]] = state.slope[law] * state.inputs[table.input_index[law]]
+    _push(system, table, state, work)
     for block in range(system.end_start.size - 1):
         first = system.end_start[block]
         for slot in range(first, first + state.slots[block]):

@@ -61,6 +61,7 @@ class System(NamedTuple):
     base_slope: Floats
     pinned: Ints
     input_law: Ints
+    input_row: Ints
     timed_law: Ints
 
 
@@ -133,6 +134,7 @@ def condensed_system(parts: Sequence[BlockModel], table: LawTable) -> System:
             base_slope=base_stiffness(table),
             pinned=pinned,
             input_law=driven.astype(np.int64),
+            input_row=np.unique(table.row[driven]),
             timed_law=np.flatnonzero(
                 np.isfinite(table.appears) | np.isfinite(table.disappears) | (table.waits == 1)
             ),

@@ -93,16 +93,14 @@ def without_joining_bases(mechanism: Mechanism, laws: LawTable) -> LawTable:
 
 def _groups(touched: NDArray[np.bool_], laws: LawTable) -> Ints:
     """Return the block of every rail; rails that must be solved together share one."""
-    n_rails = touched.shape[1]
-    joined = np.eye(n_rails, dtype=bool)
-
-    def join(rails: NDArray[np.bool_]) -> None:
+    together = np.concatenate(
+        (
+            touched[laws.row[laws.base_segment >= 0]],
+            touched[laws.friction_row] | touched[laws.row[laws.friction_normal]],
+            touched[touched.sum(axis=1) > 2],
+        )
+    )
+    joined = np.eye(touched.shape[1], dtype=bool)
+    for rails in np.unique(together, axis=0):
         joined[np.ix_(rails, rails)] = True
-
-    for law in np.flatnonzero(laws.base_segment >= 0):
-        join(touched[laws.row[law]])
-    for row, normal in zip(laws.friction_row, laws.friction_normal, strict=True):
-        join(touched[row] | touched[laws.row[normal]])
-    for row in np.flatnonzero(touched.sum(axis=1) > 2):
-        join(touched[row])
     return np.asarray(connected_components(csr_array(joined), directed=False)[1], dtype=np.int64)

@@ -138,14 +138,18 @@ def _remembered_model(
     *,
     damping: Floats,
     rows: Floats,
+    at_rows: Floats,
     load: Floats,
     cutoff_frequency: float,
 ) -> ModalModel:
-    """Return `modal_model`, once for throws that differ in friction, objects or motion only."""
+    """Return `modal_model` with stiffnesses at the rows folded in [N/m].
+
+    It is computed once for throws that differ in friction, objects or motion only.
+    """
 
     def compute() -> dict[str, Floats]:
         model = modal_model(
-            stiffness,
+            stiffness + (rows.T * at_rows) @ rows,
             mass,
             damping=damping,
             rows=rows,
@@ -154,7 +158,7 @@ def _remembered_model(
         )
         return {item.name: getattr(model, item.name) for item in fields(model)}
 
-    parts = (stiffness, mass, damping, rows, load, cutoff_frequency)
+    parts = (stiffness, mass, damping, rows, at_rows, load, cutoff_frequency)
     return ModalModel(**remembered("modes", parts, compute, on_disk=False))
 
 
@@ -176,15 +180,16 @@ def condense_blocks(
     MechanicsError
         If a block is not held.
     """
-    stiffness = linear_stiffness(mechanism.stiffness, mechanism.rows, laws)
+    at_rows = _row_stiffness(mechanism.rows.shape[0], laws)
     found = []
     for block in split_blocks(mechanism, laws):
         square = np.ix_(block.coordinates, block.coordinates)
         model = _remembered_model(
-            stiffness[square],
+            mechanism.stiffness[square],
             mechanism.mass[square],
             damping=mechanism.damping[square],
             rows=mechanism.rows[np.ix_(block.rows, block.coordinates)],
+            at_rows=at_rows[block.rows],
             load=mechanism.load[block.coordinates],
             cutoff_frequency=cutoff_frequency,
         )
@@ -276,7 +281,10 @@ def base_stiffness(table: LawTable) -> Floats:
 
 def linear_stiffness(stiffness: Floats, rows: Floats, table: LawTable) -> Floats:
     """Return the stiffness with the base segment of every law folded in."""
-    at_rows = np.zeros(rows.shape[0])
-    np.add.at(at_rows, table.row, base_stiffness(table))
-    folded: Floats = stiffness + (rows.T * at_rows) @ rows
+    folded: Floats = stiffness + (rows.T * _row_stiffness(rows.shape[0], table)) @ rows
     return folded
+
+
+def _row_stiffness(n_rows: int, table: LawTable) -> Floats:
+    """Return what the base segments of all laws are together at each row [N/m]."""
+    return np.bincount(table.row, base_stiffness(table), n_rows)

@@ -197,6 +197,7 @@ def describe_run(
         "flangeway_limit": panel.flangeway.limit if panel.flangeway else float("nan"),
         "instrumented_rail": panel.instrumented_rail,
         "scheme": scheme.describe(),
+        "mode": scheme.mode,
         "step": scheme.step,
         "cutoff_frequency": scheme.cutoff_frequency,
         "spectral_radius": scheme.spectral_radius,

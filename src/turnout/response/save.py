@@ -15,7 +15,7 @@ class Save:
     Attributes
     ----------
     interval : float, optional
-        Time between kept instants [s], a multiple of the step; default that of the scheme.
+        Time between kept instants [s], which need not be steps; default that of the scheme.
     stations : tuple of float or "all", optional
         Places x of `gap` and `lateral_displacement` [m]; "all" for every node of the first rail;
         default the chairs and drives.
