@@ -155,28 +155,28 @@ def test_the_plain_loop_gives_the_run_of_the_compiled_one(monkeypatch: pytest.Mo
 
 
 def no_damping(kernel: Callable[..., None]) -> Callable[..., None]:
-    def tampered(system, state, *rest):
+    def tampered(state, *rest):
         before = state.ledger[energy.DAMPING]
-        kernel(system, state, *rest)
+        kernel(state, *rest)
         state.ledger[energy.DAMPING] = before
 
     return tampered
 
 
 def end_force_instead_of_mean(kernel: Callable[..., None]) -> Callable[..., None]:
-    def tampered(table, state):
+    def tampered(table, state, work):
         anchor, ledger = state.anchor.copy(), state.ledger[energy.FRICTION]
-        kernel(table, state)
-        work = state.friction_force @ (state.anchor - anchor)
-        state.ledger[energy.FRICTION] = ledger + work
+        kernel(table, state, work)
+        lost = state.friction_force @ (state.anchor - anchor)
+        state.ledger[energy.FRICTION] = ledger + lost
 
     return tampered
 
 
 def wrong_sign_of_markers(kernel: Callable[..., None]) -> Callable[..., None]:
-    def tampered(table, state, *rest):
+    def tampered(system, table, state, *rest):
         before = state.ledger[energy.MARKERS]
-        kernel(table, state, *rest)
+        kernel(system, table, state, *rest)
         state.ledger[energy.MARKERS] = 2 * before - state.ledger[energy.MARKERS]
 
     return tampered

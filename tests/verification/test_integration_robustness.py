@@ -120,10 +120,10 @@ def test_an_interrupted_run_keeps_what_there_is() -> None:
         if len(calls) == 2:
             raise KeyboardInterrupt
 
-    options = {"step": 1e-3, "output_interval": 5e-3, "end": 3.0}
+    options = {"step": 1e-3, "output_interval": 5e-3, "end": 12.0}
     history = attempt(report=report, **options)
     assert history.outcome.code is Code.INTERRUPTED
-    assert calls[-1][1] == 3000
+    assert calls[-1][1] == 12000
     assert history.outcome.step == calls[-1][0]
     assert history.time[-1] == pytest.approx(history.outcome.time)
     whole = attempt(**options)

@@ -43,7 +43,7 @@ from turnout.integrate.state import (
     State,
 )
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import add, copy
+from turnout.integrate.vector import add, copy, dot
 from turnout.law.compiled import compiled, compiled_with_memory
 from turnout.law.kernel import STICK
 from turnout.law.table import LawTable
@@ -73,12 +73,17 @@ def make_level(system: System, state: State, level: int, inertia: float, viscosi
             inverse = np.full_like(matrix, np.nan)
         start, stop = system.end_start[block], system.end_stop[block]
         width = stop - start
-        modes = system.end_modes[start:stop, :n].copy()
-        response = modes @ np.ascontiguousarray(inverse)
-        compliance = system.flexibility[start:stop, :width] + response @ modes.T.copy()
-        state.compliance[level, start:stop, :width] = compliance
-        state.compliance[level, start:stop, width : width + n] = response
-        state.compliance[level, stop : stop + n, :width] = response.T
+        # product by product, so that an end more or less changes no bit of the others
+        for end in range(start, stop):
+            compliance = state.compliance[level, end]
+            copy(system.flexibility[end, :width], compliance[:width])
+            for i in range(n):
+                compliance[width + i] = dot(inverse[i], system.end_modes[end])
+                state.compliance[level, stop + i, end - start] = compliance[width + i]
+            for other in range(width):
+                compliance[other] += dot(
+                    compliance[width : width + n], system.end_modes[start + other]
+                )
         state.compliance[level, stop : stop + n, width : width + n] = inverse
 
 

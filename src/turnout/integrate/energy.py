@@ -17,7 +17,7 @@ from turnout.integrate.solution import deviation_forces
 from turnout.integrate.solve import mark_law
 from turnout.integrate.state import State, set_segment
 from turnout.integrate.system import Floats, System
-from turnout.integrate.vector import add, copy, dot
+from turnout.integrate.vector import add, add_chosen, copy, dot, total
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
 from turnout.law.kernel import STICK, law_argument, law_energy, law_force, segment_for
@@ -58,17 +58,16 @@ def closing_error(stored: Floats, ledger: Floats, *, folded: float = 0.0) -> flo
 @compiled
 def account_modal(state: State, work: Work) -> None:
     """Book damping and the scheme's own loss between the saved and the present state."""
-    algorithmic, damping = 0.0, 0.0
     q, v, acceleration, force = state.q, state.v, state.acceleration, state.damped[1]
     old_q, old_v, old_acceleration = work.q, work.v, work.acceleration
-    old_force = work.damped[1]
+    old_force, part = work.damped[1], work.of_modes
     for i in range(q.size):
-        change = q[i] - old_q[i]
-        damping += 0.5 * (force[i] + old_force[i]) * change
-        algorithmic += 0.5 * (acceleration[i] + old_acceleration[i]) * change
-        algorithmic -= 0.5 * (v[i] + old_v[i]) * (v[i] - old_v[i])
-    state.ledger[ALGORITHMIC] += algorithmic
-    state.ledger[DAMPING] += damping
+        part[i] = 0.5 * (force[i] + old_force[i]) * (q[i] - old_q[i])
+    state.ledger[DAMPING] += total(part)
+    for i in range(q.size):
+        inertial = 0.5 * (acceleration[i] + old_acceleration[i]) * (q[i] - old_q[i])
+        part[i] = inertial - 0.5 * (v[i] + old_v[i]) * (v[i] - old_v[i])
+    state.ledger[ALGORITHMIC] += total(part)
 
 
 @compiled
@@ -90,16 +89,16 @@ def account_laws(
     slope, constant = state.slope, state.constant
     intercept, potential = state.intercept, state.potential
     forces, energies, arguments = state.law_force, state.law_energy, state.law_argument
-    lost = 0.0
+    lost = work.of_laws
     for law in range(at.size):
         force = slope[law] * at[law] + constant[law]
         e = at[law] - offset[law]
         energy = (0.5 * slope[law] * e + intercept[law]) * e + potential[law]
-        lost += 0.5 * (force + forces[law]) * (e - arguments[law]) - (energy - energies[law])
+        lost[law] = 0.5 * (force + forces[law]) * (e - arguments[law]) - (energy - energies[law])
         forces[law] = force
         energies[law] = energy
         arguments[law] = e
-    state.ledger[SEGMENTS] += lost
+    state.ledger[SEGMENTS] += total(lost)
     peak, first = state.law_peak, state.law_first
     for law in range(at.size):
         size = abs(forces[law])
@@ -116,14 +115,14 @@ def account_friction(table: LawTable, state: State, work: Work) -> None:
     """
     trial, limit, branches = work.trial, work.limit, state.friction
     forces, stiffness = state.friction_force, table.stick_stiffness
-    lost = 0.0
+    lost = work.of_frictions
     for friction in range(trial.size):
         branch = branches[friction]
         force = trial[friction] if branch == STICK else branch * limit[friction]
         trial[friction] = (trial[friction] - force) / stiffness[friction]
         limit[friction] = force
-        lost += 0.5 * (force + forces[friction]) * trial[friction]
-    state.ledger[FRICTION] += lost
+        lost[friction] = 0.5 * (force + forces[friction]) * trial[friction]
+    state.ledger[FRICTION] += total(lost)
     copy(limit, forces)
     add(1.0, trial, state.anchor)
 
@@ -170,35 +169,40 @@ def stored_energy(
     """
     deviation_forces(system, table, state, work)
     q, v, eigenvalues, load = state.q, state.v, system.eigenvalues, system.load
-    kinetic, folded, strain, gravity = 0.0, 0.0, 0.0, 0.0
+    part = work.of_modes
     for i in range(q.size):
-        kinetic += 0.5 * v[i] ** 2
-        folded += 0.5 * eigenvalues[i] * q[i] ** 2
-        gravity -= load[i] * q[i]
+        part[i] = eigenvalues[i] * q[i]
+    folded, strain, gravity = 0.5 * dot(part, q), 0.0, -dot(load, q)
     ends, end_load, end_modes, forces = (
         state.ends,
         system.end_load,
         system.end_modes,
         work.slot_force,
     )
+    end_of_slot = state.end_of_slot
+    part[:] = 0.0
     for block in range(system.end_start.size - 1):
         first = system.end_start[block]
-        q_block = q[system.mode_start[block] : system.mode_start[block + 1]]
-        for slot in range(first, first + state.slots[block]):
-            end = state.end_of_slot[slot]
-            static = ends[end] - dot(q_block, end_modes[end])
-            strain += 0.5 * forces[slot] * (static + end_load[end])
+        stop = first + state.slots[block]
+        of_block = part[system.mode_start[block] : system.mode_start[block + 1]]
+        add_chosen(forces[first:stop], end_modes, end_of_slot[first:stop], of_block)
+        for slot in range(first, stop):
+            end = end_of_slot[slot]
+            strain += 0.5 * forces[slot] * (ends[end] + end_load[end])
             gravity -= forces[slot] * end_load[end]
-    contact = 0.0
-    g, row, base_slope, energies = state.g, table.row, system.base_slope, state.law_energy
-    for law in range(energies.size):
-        contact += energies[law]
-        strain -= 0.5 * base_slope[law] * g[row[law]] ** 2
-    frictions, stiffness = state.friction_force, table.stick_stiffness
+    strain -= 0.5 * dot(part, q)
+    g, row, base_slope, of_law = state.g, table.row, system.base_slope, work.of_laws
+    for law in range(of_law.size):
+        of_law[law] = base_slope[law] * g[row[law]] ** 2
+    frictions, stiffness, of_friction = (
+        state.friction_force,
+        table.stick_stiffness,
+        work.of_frictions,
+    )
     for friction in range(frictions.size):
-        contact += 0.5 * frictions[friction] ** 2 / stiffness[friction]
-    stored[KINETIC] = kinetic
-    stored[STRAIN] = folded + strain
-    stored[CONTACT] = contact
+        of_friction[friction] = frictions[friction] ** 2 / stiffness[friction]
+    stored[KINETIC] = 0.5 * dot(v, v)
+    stored[STRAIN] = folded + strain - 0.5 * total(of_law)
+    stored[CONTACT] = total(state.law_energy) + 0.5 * total(of_friction)
     stored[GRAVITY] = gravity
     return folded

@@ -49,7 +49,9 @@ class Work(NamedTuple):
     end_error: Floats
     modal_error: Floats
     found_ends: Floats
-    mean_velocity: Floats
+    of_modes: Floats
+    of_laws: Floats
+    of_frictions: Floats
     inputs: Floats
     inputs_end: Floats
     stop: Ints
@@ -102,7 +104,9 @@ def new_work(system: System, table: LawTable) -> Work:
             end_error=of_ends(),
             modal_error=modal(),
             found_ends=of_ends(),
-            mean_velocity=modal(),
+            of_modes=modal(),
+            of_laws=np.zeros(table.row.size),
+            of_frictions=np.zeros(table.friction_row.size),
             inputs=np.zeros(n_inputs),
             inputs_end=np.zeros(n_inputs),
             stop=np.zeros(1, dtype=np.int64),

@@ -66,15 +66,14 @@ def _prepare_numba() -> Any:
 
 _numba = _prepare_numba()
 
-# No assumption about NaN or infinity: a blow-up must stay visible to comparisons.
-_FLOATING = {"reassoc", "contract", "arcp", "nsz"}
-
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
     """Compile a kernel to machine code on its first call and keep it in the cache.
 
     The plain function stays reachable as `.py_func`. Kernels let other threads of Python run. They
     may not make arrays: nothing then needs to be counted when records of arrays are handed on.
+    Sums keep the order in which they are written, and products are rounded before they are added,
+    so that the same kernel gives the same bits however it came to be compiled.
     """
     return _compiled(function, memory=False)
 
@@ -85,7 +84,7 @@ def compiled_with_memory(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def _compiled(function: Callable[P, T], *, memory: bool) -> Callable[P, T]:
-    kernel: Callable[P, T] = _numba.njit(
-        cache=True, fastmath=_FLOATING, error_model="numpy", nogil=True, _nrt=memory
-    )(function)
+    kernel: Callable[P, T] = _numba.njit(cache=True, error_model="numpy", nogil=True, _nrt=memory)(
+        function
+    )
     return kernel

@@ -4,6 +4,8 @@ Arrays are float64, indices int64. Arguments grow in the direction that a contac
 are what the law resists with, so that the structure feels ``-F`` along the law's row.
 """
 
+import numpy as np
+
 from turnout.law.compiled import compiled
 from turnout.law.table import Floats, LawTable
 
@@ -78,7 +80,7 @@ def friction_state(trial: float, limit: float, present: int, tolerance: float) -
 @compiled
 def any_not_finite(values: Floats) -> bool:
     """Tell whether an array holds NaN or infinity."""
-    total = 0.0
+    count = 0
     for i in range(values.size):
-        total += 0.0 * values[i]  # what is infinite or NaN becomes NaN and stays it
-    return total != 0.0
+        count += not abs(values[i]) < np.inf
+    return count > 0
