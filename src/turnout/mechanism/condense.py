@@ -287,4 +287,5 @@ def linear_stiffness(stiffness: Floats, rows: Floats, table: LawTable) -> Floats
 
 def _row_stiffness(n_rows: int, table: LawTable) -> Floats:
     """Return what the base segments of all laws are together at each row [N/m]."""
-    return np.bincount(table.row, base_stiffness(table), n_rows)
+    found: Floats = np.bincount(table.row, base_stiffness(table), n_rows).astype(np.float64)
+    return found
