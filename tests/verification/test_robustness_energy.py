@@ -26,7 +26,7 @@ CASES: dict[str, tuple[str, str | None, float, float]] = {
     "drive 2": (DEFAULT, "drive 2", 0.005, 1.89),
     "SB1 A": ("sb1", None, 0.005, 1.50),
     "SB1 B": ("sb1", "x = 3.9 m", 0.02, 1.27),
-    "SB2": ("sb2", None, 0.005, 1.71),
+    "SB2": ("sb2", None, 0.005, 1.53),
 }
 RATE_TOLERANCE = 0.15
 PUT_IN = ("work_markers", "energy_object_switched")

@@ -16,8 +16,8 @@ import pytest
 
 from turnout.response.store import open_response
 
-# Minutes of steps, of which one in ten is kept, so that there is not much to be written.
-LONG = ("--set=schedule.end=200 s", "--step=0.1 ms")
+# Minutes of steps, of which few are kept, so that there is not much to be written.
+LONG = ("--set=schedule.end=200 s", "--step=0.05 ms", "--every=20 ms")
 PROGRAM = "from turnout.cli.main import main; main()"
 
 

@@ -1,6 +1,8 @@
 """The command `turnout simulate`."""
 
+import importlib
 import math
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -92,6 +94,7 @@ def simulate_command(
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     theirs = _overlaid(overlay, plot)
     try:
+        threading.Thread(target=_rehearse, args=(plot is not None,), daemon=True).start()
         dataset, failed = _run(
             panel,
             objects,
@@ -111,6 +114,17 @@ def simulate_command(
         typer.echo(f"turnout: {dataset.attrs['outcome_message']}", err=True)
         interrupted = dataset.attrs["outcome"] == "interrupted"
         raise typer.Exit(INTERRUPTED if interrupted else INCOMPLETE)
+
+
+def _rehearse(plots: bool) -> None:
+    """Write a small dataset to nowhere, so that all that loads for it does while kernels work."""
+    import xarray as xr
+
+    from turnout.response.store import response_bytes
+
+    response_bytes(xr.Dataset({"time": ("time", [0.0])}))
+    if plots:
+        importlib.import_module("turnout.plot.throw")
 
 
 def _run(

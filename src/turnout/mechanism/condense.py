@@ -116,20 +116,26 @@ def modal_model(
     limit = (2.0 * np.pi * cutoff_frequency) ** 2
     kept = max(int(np.searchsorted(eigenvalues, limit, side="right")), 1)
     low, high = shapes[:, :kept], shapes[:, kept:]
-    high_rows = rows @ high
+    high_rows = _each_by_itself(rows, high.T)
     scaled = high / eigenvalues[kept:]
     residual_load = scaled @ (high.T @ load)
     return ModalModel(
         eigenvalues=eigenvalues[:kept].copy(),
         damping=low.T @ damping @ low,
         modes=np.ascontiguousarray(low),
-        row_modes=np.ascontiguousarray(rows @ low),
-        flexibility=np.ascontiguousarray((high_rows / eigenvalues[kept:]) @ high_rows.T),
+        row_modes=_each_by_itself(rows, low.T),
+        flexibility=_each_by_itself(high_rows / eigenvalues[kept:], high_rows),
         residual_shapes=np.ascontiguousarray(scaled @ high_rows.T),
         load=low.T @ load,
         residual_load=residual_load,
-        row_load=rows @ residual_load,
+        row_load=_each_by_itself(rows, residual_load[np.newaxis])[:, 0].copy(),
     )
+
+
+def _each_by_itself(a: Floats, b: Floats) -> Floats:
+    """Return ``a @ b.T`` entry by entry, so that a row more changes no bit of the others."""
+    found: Floats = np.einsum("ik,jk->ij", np.ascontiguousarray(a), np.ascontiguousarray(b))
+    return found
 
 
 def _remembered_model(
