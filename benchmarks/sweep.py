@@ -22,6 +22,7 @@ from typing import Any
 
 from turnout.response.simulate import compile_kernels
 from turnout.study.study import Study, load_study
+from turnout.study.study_read import scheme_for
 from turnout.study.sweep_batch import batch_bytes, batch_dataset, throw_batch
 from turnout.study.sweep_folder import JOURNAL
 from turnout.study.sweep_read import open_sweep, read_labels
@@ -34,6 +35,9 @@ name = "full panel"
 description = "Benchmark: the default panel, friction and an object of any size at any place."
 panel = "uic60-760-1-15"
 seed = 1
+
+[scheme]
+mode = "quick"
 
 [[variable]]
 key = "chair.friction_coefficient"
@@ -67,6 +71,9 @@ name = "small"
 description = "Benchmark: one rail, cut short."
 panel = "sb1"
 seed = 1
+
+[scheme]
+mode = "quick"
 
 [set]
 "schedule.end" = "0.6 s"
@@ -162,14 +169,14 @@ def memory_curve(study: Study, folder: Path, *, workers: int) -> list[tuple[int,
 
 
 def sizes(study: Study, *, count: int) -> dict[str, float]:
-    """Return bytes a scenario at 100 Hz, at 1 kHz, and without histories."""
+    """Return bytes a scenario at its rate, at 1 kHz, and without histories."""
     found = {}
     for name, output in (
-        ("100 Hz", study.output),
+        (f"{study.output.rate:g} Hz", study.output),
         ("1 kHz", replace(study.output, rate=1000.0)),
         ("labels and features alone", replace(study.output, channels=())),
     ):
-        chosen = replace(study, output=output)
+        chosen = replace(study, output=output, scheme=scheme_for(study.scheme, output))
         rows = throw_batch(chosen, [[index] for index in range(count)])
         found[name] = len(batch_bytes(batch_dataset(chosen, rows))) / count
     return found

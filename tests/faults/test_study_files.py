@@ -97,7 +97,8 @@ FAULTS = {
     "temperature beyond friction": (TEMPERATURE + LAW + '"0.03 1/K"\n', "must stay more than 0"),
     "unknown channel": (SIZE + PLACE + '[output]\nchannels = ["drive_forc"]\n', "drive_forc: no"),
     "unknown scheme": (SIZE + PLACE + '[scheme]\nstp = "1 ms"\n', "nearest is 'step'"),
-    "rate between instants": (SIZE + PLACE + '[output]\nrate = "300 Hz"\n', "a rate that divides"),
+    "unknown mode": (SIZE + PLACE + '[scheme]\nmode = "quik"\n', "nearest is 'quick'"),
+    "mode of numbers": (SIZE + PLACE + "[scheme]\nmode = 3\n", "scheme.mode = 3: is no mode"),
     "rate too high": (SIZE + PLACE + '[output]\nrate = "10 kHz"\n', "at most 1000 Hz"),
     "ragged list": (
         '[[together]]\nkeys = ["object.at", "object.size"]\nrows = [["sleeper 6"]]\n',

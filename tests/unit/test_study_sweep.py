@@ -68,6 +68,21 @@ def test_values_are_those_of_a_single_throw(study: Study, whole: Path) -> None:
         assert stored == scenario.inputs["chair.friction_coefficient"]
 
 
+def test_a_study_chooses_its_mode_and_a_rate_between_the_steps(tmp_path: Path) -> None:
+    """Without a rate quick keeps every second step; another rate is filled in between them."""
+    usual = small_study(tmp_path, more='[scheme]\nmode = "quick"\n')
+    assert (usual.scheme, usual.output.rate) == (Scheme.of("quick"), pytest.approx(125.0))
+    between = small_study(tmp_path, more='[scheme]\nmode = "quick"\n[output]\nrate = "100 Hz"\n')
+    assert between.scheme.mode == "quick"
+    row = sweep_row.throw_scenario(between, between.scenario(0))
+    run = simulate(
+        between.panel.with_overrides(dict(row.scenario.overrides)),
+        scheme=Scheme.of("quick", output_interval=0.01),
+    )
+    for name in ("drive_force", "drive_gap"):
+        np.testing.assert_allclose(row.variables[name][1], run[name].values, rtol=1e-5, atol=1e-5)
+
+
 @pytest.mark.parametrize(
     "look",
     [

@@ -1,8 +1,9 @@
 """From a study file to the parts of a study, with all that is wrong in it at once."""
 
 import copy
+import math
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -17,7 +18,7 @@ from turnout.files.units import (
     TIME,
     Dimension,
 )
-from turnout.integrate.scheme import Scheme
+from turnout.integrate.scheme import MODES, Scheme
 from turnout.panel.load import LoadedPanel
 from turnout.panel.override import records_in
 from turnout.schema.check import unknown_channels
@@ -46,6 +47,9 @@ SCHEME_UNITS: dict[str, Dimension] = {
     "force_tolerance": FORCE,
 }
 RATE_FROM_OUTPUT = "output_interval"
+
+USUAL_INTERVAL = 0.01
+"""Between kept instants, where a study does not say and steps fall on it [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,6 +146,7 @@ def read_parts(
     law = read_law_of_temperature(found, record)
     scheme = _scheme(found, record)
     output = _output(found, record, scheme)
+    scheme = scheme_for(scheme, output)
     rule = _rule(found, record)
     design = _design(found, record, with_fields=bool(random_fields))
     split = _split(found, record, design)
@@ -168,40 +173,68 @@ def read_parts(
     )
 
 
+def scheme_for(scheme: Scheme, output: Output) -> Scheme:
+    """Return a scheme that keeps instants which the rate of a study takes every so many of.
+
+    Those are its steps where the rate falls on them; otherwise they are filled in between.
+
+    Parameters
+    ----------
+    scheme : Scheme
+        Numerical choices.
+    output : Output
+        With the rate that is wanted.
+
+    Examples
+    --------
+    >>> scheme_for(Scheme.of("quick"), Output(rate=125.0)).output_interval
+    0.004
+    >>> round(scheme_for(Scheme.of("quick"), Output(rate=200.0)).output_interval, 12)
+    0.0025
+    """
+    share = output.interval / scheme.output_interval
+    count = max(1, math.ceil(share - 1e-6))
+    if abs(share - count) < 1e-6:
+        return scheme
+    return replace(scheme, output_interval=output.interval / count)
+
+
 def _scheme(found: Found, record: StudyRecord) -> Scheme:
-    known = {item.name for item in fields(Scheme)} - {RATE_FROM_OUTPUT}
+    known = {item.name for item in fields(Scheme)} - {RATE_FROM_OUTPUT} | {"mode"}
     chosen: dict[str, Any] = {}
     for name, value in record.scheme.items():
         if name not in known:
             text = f": unknown key{nearest(name, known)}; allowed are {choices(sorted(known))}"
             found.note(f"scheme.{name}", text)
+        elif name == "mode" and value not in MODES:
+            allowed = f"{nearest(str(value), MODES)}; allowed are {choices(MODES)}"
+            found.note("scheme.mode", f" = {show_value(value)}: is no mode{allowed}")
         elif name in SCHEME_UNITS:
             number = read_quantity(found, f"scheme.{name}", value, SCHEME_UNITS[name])
             chosen |= {} if number is None else {name: number}
-        else:
+        elif name != "mode":
             chosen[name] = value
+    mode = record.scheme.get("mode")
     try:
-        return Scheme(**chosen)
+        return Scheme.of(mode, **chosen) if mode in MODES else Scheme(**chosen)
     except (SolverError, TypeError) as error:
         found.note("", str(error))
         return Scheme()
 
 
 def _output(found: Found, record: StudyRecord, scheme: Scheme) -> Output:
-    rate = read_quantity(found, "output.rate", record.output.rate, FREQUENCY)
+    usual = 1.0 / scheme.output_interval / max(1, int(USUAL_INTERVAL / scheme.output_interval))
+    given, rate = record.output.rate, None
+    if given is not None:
+        rate = read_quantity(found, "output.rate", given, FREQUENCY)
     if rate is not None and not 0 < rate <= 1000:
         found.note("output.rate", f" = {rate:g} Hz: must be more than 0, at most 1000 Hz")
-    elif rate is not None:
-        stride = 1.0 / (rate * scheme.output_interval)
-        if round(stride) < 1 or abs(stride - round(stride)) > 1e-6 * stride:
-            fine = 1.0 / scheme.output_interval
-            text = f"; the solver keeps {fine:g} instants a second, take a rate that divides them"
-            found.note("output.rate", f' = "{record.output.rate}"{text}')
+        rate = None
     channels = record.output.channels
     if channels is None:
-        return Output(rate=rate or 100.0)
+        return Output(rate=rate or usual)
     found.problems += [f"output.channels: {text}" for text in unknown_channels(tuple(channels))]
-    return Output(rate=rate or 100.0, channels=tuple(channels))
+    return Output(rate=rate or usual, channels=tuple(channels))
 
 
 def _rule(found: Found, record: StudyRecord) -> Rule | None:

@@ -92,7 +92,9 @@ class RuleRecord(Record):
 class OutputRecord(Record):
     """What is kept of each throw besides its labels."""
 
-    rate: str = Field("100 Hz", description="kept instants a second")
+    rate: str | None = Field(
+        None, description="kept instants a second; default 100 Hz, or 125 Hz in mode quick"
+    )
     channels: list[str] | None = Field(
         None, description="histories that are kept; [] for labels alone"
     )
@@ -118,4 +120,6 @@ class StudyRecord(Record):
         None, description="variables whose equal values stay together when data are split"
     )
     output: OutputRecord = OutputRecord.model_validate({})
-    scheme: dict[str, Any] = Field({}, description="numerical choices, as those of Scheme")
+    scheme: dict[str, Any] = Field(
+        {}, description="mode (waveform, quick, quasi-static), and choices of Scheme that differ"
+    )

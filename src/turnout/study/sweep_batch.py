@@ -30,7 +30,7 @@ from turnout.study.sweep_row import (
     throw_scenario,
 )
 
-SMALLEST_BATCH, LARGEST_BATCH, MOST_BATCHES = 8, 64, 256
+SMALLEST_BATCH, LARGEST_BATCH, MOST_BATCHES = 8, 64, 64
 """Scenarios in a batch, and how many batches there are before they grow."""
 
 LARGEST_CHUNK = 1_000_000
