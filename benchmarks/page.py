@@ -14,6 +14,7 @@ ORDER = (
     "Against real time",
     "Scaling",
     "Accuracy against cost",
+    "Where the time goes",
 )
 
 

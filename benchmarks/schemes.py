@@ -2,8 +2,5 @@
 
 from turnout.integrate.scheme import Scheme
 
-MODES = {
-    "quick": Scheme(step=4e-3, cutoff_frequency=100.0),
-    "waveform": Scheme(),
-}
+MODES = {mode: Scheme.of(mode) for mode in ("quick", "waveform")}
 """Drives, gaps and labels; and all that is heard of impacts and single chairs."""

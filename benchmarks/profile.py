@@ -1,0 +1,196 @@
+"""Tell where the time of a step goes, and how far that is from the arithmetic it needs.
+
+    python -m benchmarks.profile
+
+writes a section of docs/performance.md. Each kernel of a step is timed by itself, thousands of
+times on the state of a rail in motion; numbers and products are counted from the sizes. What the
+kernels do not add up to is the loop around them and memory that is touched for the first time.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from benchmarks.machine import load, machine
+from benchmarks.page import write_section
+from benchmarks.schemes import MODES
+from turnout.integrate import energy, march, solution, solve, step
+from turnout.integrate.columns import update_row
+from turnout.integrate.interrupt import one_thread
+from turnout.integrate.prepare import Run, condensed, prepare, start
+from turnout.integrate.scheme import Scheme
+from turnout.integrate.state import COUNT_FLIPS, COUNT_ITERATIONS
+from turnout.integrate.vector import add_rows
+from turnout.mechanism.build import build_mechanism
+from turnout.mechanism.threads import one_blas_thread
+from turnout.panel.load import load_panel
+from turnout.panel.motion import marker_offsets, marker_positions
+
+PANELS = ("sb2", "uic60-760-1-15")
+SHARE = 0.55
+"""Where in the cycle the state is taken: both rails on the way back."""
+CALLS, REPEATS = 2000, 7
+KERNELS = {
+    "predict, right side": "step.begin_step(s, st, w, sp, sp.step)",
+    "columns times right side": "solution.solve_set(s, t, st, w)",
+    "check of contacts and stops": "solve.check_segments(s, t, st, w, 1e-11, False)",
+    "check of friction": "solve.check_frictions(t, st, w, 0, 1e-6, False)",
+    "complete, damping": "step.end_step(s, st, w, sp, sp.step)",
+    "books of modes": "energy.account_modal(st, w)",
+    "books of laws": "energy.account_laws(s, t, st, w, w.inputs, 4.0)",
+    "books of friction": "energy.account_friction(t, st, w)",
+    "store an instant": "march.store(s, t, st, w, rec, 1)",
+}
+FLIP = "one flip"
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """What the kernels of a step take [s], and the whole march of the cycle."""
+
+    kernels: dict[str, float]
+    least: float
+    marched: float
+    unstored: float
+    steps: int
+    iterations: int
+    flips: int
+    products: int
+
+
+def marched(name: str, scheme: Scheme, share: float, *, stride: int = 1) -> tuple[Run, float]:
+    """March a panel a share of its cycle; return it with the seconds of the march."""
+    panel = load_panel(name)
+    mechanism = build_mechanism(panel, ())
+    times = scheme.step * np.arange(round(panel.schedule.end / scheme.step) + 1)
+    positions = marker_positions(panel, times) + marker_offsets(panel)[:, np.newaxis]
+    with one_blas_thread(), one_thread() as thread:
+        laws, parts = condensed(mechanism, scheme)
+        made = prepare(parts, laws, scheme, positions.T.copy(), times.size, filled_in=False)
+        start(made, mechanism, thread)
+        began = time.perf_counter()
+        march.march(
+            made.system, made.table, made.state, made.work, made.tolerances,
+            made.stepping._replace(stride=stride), made.positions, 0,
+            int(share * (times.size - 1)), made.record,
+        )  # fmt: skip
+        return made, time.perf_counter() - began
+
+
+def repeated(body: str) -> Callable[..., None]:
+    """Compile a loop around one call, so that what is timed is the kernel alone."""
+    names = {"energy": energy, "march": march, "solution": solution, "solve": solve, "step": step}
+    text = f"def loop(s, t, st, w, sp, rec, n):\n    for _ in range(n):\n        {body}\n"
+    exec(text, names)
+    loop: Callable[..., None] = numba.njit(_nrt=False, error_model="numpy")(names["loop"])
+    return loop
+
+
+@numba.njit(_nrt=False, error_model="numpy")
+def flips(s, t, st, w, sp, rec, n):  # type: ignore[no-untyped-def]  # noqa: D103
+    row = t.friction_row[3]
+    for _ in range(n):
+        st.friction[3] = 0 if st.friction[3] else 1
+        update_row(s, t, st, row, w.row)
+
+
+@numba.njit(_nrt=False, error_model="numpy")
+def products(s, t, st, w, sp, rec, n):  # type: ignore[no-untyped-def]  # noqa: D103
+    for _ in range(n):
+        add_rows(w.predicted[:40], st.mode_columns[:40], st.columns[0])
+
+
+def seconds(loop: Callable[..., None], run: Run) -> float:
+    """Return the least seconds of one call."""
+    given = (run.system, run.table, run.state, run.work, run.stepping, run.record)
+    loop(*given, 1)
+    best = np.inf
+    for _ in range(REPEATS):
+        began = time.perf_counter()
+        loop(*given, CALLS)
+        best = min(best, (time.perf_counter() - began) / CALLS)
+    return float(best)
+
+
+def profile(name: str, scheme: Scheme) -> Profile:
+    """Time the kernels of a panel in a mode."""
+    whole = [marched(name, scheme, 1.0) for _ in range(REPEATS)]
+    unstored = min(marched(name, scheme, 1.0, stride=100)[1] for _ in range(REPEATS))
+    counters = whole[0][0].state.counters
+    run, _ = marched(name, scheme, SHARE)
+    found = {what: seconds(repeated(body), run) for what, body in KERNELS.items()}
+    found[FLIP] = seconds(flips, run)
+    width = run.state.columns.shape[1]
+    system = run.system
+    blocks = range(system.mode_start.size - 1)
+    modes, ends = np.diff(system.mode_start), np.diff(system.end_start)
+    needed = sum(int(modes[b] * ends[b]) for b in blocks)
+    needed += sum(int(modes[b] ** 2) for b in blocks if not system.diagonal[b])
+    return Profile(
+        kernels=found,
+        least=seconds(products, run) / (40 * width),
+        marched=min(taken for _, taken in whole),
+        unstored=unstored,
+        steps=run.positions.shape[0] - 1,
+        iterations=int(counters[COUNT_ITERATIONS]),
+        flips=int(counters[COUNT_FLIPS]),
+        products=needed,
+    )
+
+
+TEXT = """Each kernel by itself, least of {repeats} times {calls} calls, in nanoseconds, on rails in
+motion. *Iterations* are solutions for a contact set; a step takes one or a few. *Arithmetic* is
+what the products of a step take at the speed of this processor on a matrix in its nearest cache:
+the columns of all modes by ends and modes, and a damping matrix that is full once."""
+
+NEXT = """### What the next factor of two would take
+
+- Storing every step takes what the last two lines differ by: the books of energy of an instant, and
+  memory that is touched for the first time. Stored at 100 Hz (`--every "10 ms"`) most of it goes.
+- Stops are nearly a third of the ends, and nearly all of them are nowhere near. Ends that are
+  farther than a rail moves in some steps need not be followed, and every column would be shorter.
+- The loops over contacts and friction read numbers from all over. Rows numbered in the order of the
+  laws would let the processor take four at a time.
+- The matrices of the default panel do not fit into the nearest cache. Stock rails with fewer modes
+  than switch rails would halve what is read of them.
+"""
+
+
+def section(found: dict[tuple[str, str], Profile]) -> str:
+    """Return the table and what follows from it."""
+    heads = [f"{panel}, {mode}" for panel, mode in found]
+    lines = [
+        f"Written by `python -m benchmarks.profile` on {machine()}, at a load of {load():.1f}.",
+        "",
+        TEXT.format(repeats=REPEATS, calls=CALLS),
+        "",
+        "| kernel [ns] | " + " | ".join(heads) + " |",
+        "|---|" + "---:|" * len(heads),
+    ]
+    for what in (*KERNELS, FLIP):
+        cells = [f"{1e9 * p.kernels[what]:.0f}" for p in found.values()]
+        lines.append(f"| {what} | " + " | ".join(cells) + " |")
+    for what, value in (
+        ("**a whole step on average**", lambda p: f"{1e9 * p.marched / p.steps:.0f}"),
+        ("arithmetic of a step", lambda p: f"{1e9 * p.least * p.products:.0f}"),
+        ("steps", lambda p: f"{p.steps}"),
+        ("iterations", lambda p: f"{p.iterations}"),
+        ("flips", lambda p: f"{p.flips}"),
+        ("march of the cycle [ms]", lambda p: f"{1e3 * p.marched:.1f}"),
+        ("the same, every hundredth step stored", lambda p: f"{1e3 * p.unstored:.1f}"),
+    ):
+        lines.append(f"| {what} | " + " | ".join(value(p) for p in found.values()) + " |")
+    return "\n".join([*lines, "", NEXT])
+
+
+def main() -> None:
+    """Profile every panel in both modes and write the section."""
+    found = {(name, mode): profile(name, MODES[mode]) for name in PANELS for mode in MODES}
+    write_section("Where the time goes", section(found))
+
+
+if __name__ == "__main__":
+    main()
