@@ -6,6 +6,7 @@ ripple that inertia leaves at a quarter of the speed.
 
 import numpy as np
 import pytest
+from tests.verification import inertia
 from tests.verification.friction_block import LIMIT, SERIES, STICK, block, drive_force
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring
 
@@ -117,3 +118,14 @@ def slowed(panel: LoadedPanel, factor: float) -> LoadedPanel:
             "schedule.end": end,
         }
     )
+
+
+def test_the_default_panel_differs_by_what_inertia_does_and_no_more() -> None:
+    for drive, unlocking, moving, held in (("1", 200, 5, 40), ("2", 500, 15, 130)):
+        assert abs(inertia.difference(drive, "unlocking, opening").largest) < unlocking
+        assert abs(inertia.difference(drive, "moving").mean) < moving
+        assert abs(inertia.difference(drive, "held after the return").mean) < held
+    static, moved = inertia.throws()
+    assert inertia.chairs_at_limit(static, 4.3) > 2 * inertia.chairs_at_limit(moved, 4.3)
+    for run in (static, moved):
+        assert inertia.least_heel_friction(run) > 50.0
