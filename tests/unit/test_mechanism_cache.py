@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.mechanism import cache, reduce
+from turnout.mechanism import build, cache, reduce
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.load import load_panel
 
@@ -20,11 +20,13 @@ def fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setenv("TURNOUT_CACHE_DIR", str(tmp_path))
     cache.forget()
     reduce.forget()
+    build.forget()
     cache.counts.clear()
     monkeypatch.setattr(cache, "_told", set())
     yield tmp_path
     cache.forget()
     reduce.forget()
+    build.forget()
 
 
 def built(overrides: dict[str, object]) -> dict[str, int]:
@@ -56,6 +58,7 @@ def test_files_serve_the_next_process(fresh: Path) -> None:
     first = build_mechanism(PANEL)
     cache.forget()
     reduce.forget()
+    build.forget()
     cache.counts.clear()
     second = build_mechanism(PANEL)
     assert cache.counts == {
@@ -79,6 +82,7 @@ def test_a_damaged_file_is_made_anew_and_told_once(
     files[1].write_bytes(files[1].read_bytes()[:60])
     cache.forget()
     reduce.forget()
+    build.forget()
     with caplog.at_level(logging.WARNING, logger="turnout"):
         for number in (1, 2):
             again = cache.remembered("a", [number], lambda: {"value": np.array([1.0, 2.0])})
@@ -87,6 +91,7 @@ def test_a_damaged_file_is_made_anew_and_told_once(
     assert len(caplog.records) == 1
     cache.forget()
     reduce.forget()
+    build.forget()
     cache.remembered("a", [1], lambda: {"value": np.zeros(0)})
     assert cache.counts["a from file"] == 1
 
@@ -122,3 +127,34 @@ def test_old_files_go_and_memory_stays_small(fresh: Path, monkeypatch: pytest.Mo
     cache.remembered("d", [0], lambda: {"value": np.array([4.0])})
     assert cache.counts["d from memory"] == 1
     assert cache.counts["d computed"] == 1
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"chair.friction_coefficient": 0.2, "drive.2.stiffness": 81e3, "drive.1.stroke": 0.1},
+        {"chair.normal_stiffness": 2e7, "chair.clearance": 1e-4, "chair.stick_stiffness": 1e7},
+        {"chair.1.damping": 9e3},
+        {"chair.foot_height": 0.001},
+        {"drive.1.roll_stiffness": 1e3},
+        {"gravity": 9.0},
+        {"stop.1.clearance": 0.001},
+        {"material.density": 7000.0},
+    ],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_a_kept_linear_part_is_the_one_that_would_be_made(changes: dict[str, object]) -> None:
+    """Panels made from one another share records, and what is kept by them."""
+    build_mechanism(PANEL)
+    kept = build_mechanism(PANEL.with_overrides(changes))
+    build.forget()
+    made = build_mechanism(PANEL.with_overrides(changes))
+    for name in ("stiffness", "mass", "damping", "load", "rows"):
+        np.testing.assert_array_equal(getattr(kept, name), getattr(made, name), err_msg=name)
+
+
+def test_a_linear_part_is_kept_for_what_only_laws_know() -> None:
+    first = build_mechanism(PANEL)
+    dry = build_mechanism(PANEL.with_overrides({"chair.friction_coefficient": 0.5}))
+    assert dry.stiffness is first.stiffness
+    assert not dry.stiffness.flags.writeable

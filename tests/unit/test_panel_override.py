@@ -183,3 +183,20 @@ def test_all_problems_of_overrides_come_at_once() -> None:
 def test_what_no_rail_measures_is_refused(key: str, value: str, message: str) -> None:
     with pytest.raises(PanelError, match=rf"{key.split('.')[-1]}.*{message}"):
         PANEL.with_overrides({key: value})
+
+
+def test_members_that_are_left_alone_keep_their_records_and_their_checks() -> None:
+    """What an override does not touch is not read again, yet held against what it changes."""
+    panel = load_panel("uic60-760-1-15")
+    changed = panel.with_overrides({"drive.2.stiffness": 81e3, "gravity": 9.0})
+    assert changed.chair["1"] is panel.chair["1"]
+    assert changed.drive["1"] is panel.drive["1"]
+    assert changed.drive["2"].stiffness == 81e3
+    assert changed.material is panel.material
+    assert changed.hash != panel.hash
+    back = changed.with_overrides(
+        {"drive.2.stiffness": panel.drive["2"].stiffness, "gravity": panel.gravity}
+    )
+    assert back.hash == panel.hash
+    with pytest.raises(PanelError, match=r"drive\.1\.x|rail"):
+        changed.with_overrides({"rail.A.end": 0.5})

@@ -3,7 +3,8 @@
 These two files alone see both definition and mechanics.
 """
 
-from collections.abc import Sequence
+from collections import OrderedDict
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,12 +21,14 @@ from turnout.mechanism.build_rails import (
     stock_rail_data,
     switch_rail_data,
 )
-from turnout.mechanism.mechanism import LawIndex, Mechanism
+from turnout.mechanism.mechanism import LawIndex, Mechanism, RailBody
 from turnout.mechanism.rail import Point, RailData, ReducedRail
 from turnout.mechanism.reduce import reduce_rail
+from turnout.mechanism.shape import shape_of
 from turnout.mechanism.threads import one_blas_thread
 from turnout.panel.drive_records import Drive, Link
 from turnout.panel.foreign_object import PlacedObject
+from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
 from turnout.panel.motion import start_offset
 from turnout.panel.profile import stock_rail_gap
@@ -33,6 +36,9 @@ from turnout.panel.rail_records import Rail
 from turnout.panel.support_records import Chair, Stop
 
 Floats = NDArray[np.float64]
+
+MOST_LINEAR = 32
+"""So many linear parts are kept in memory, the latest used."""
 
 
 @dataclass(slots=True)
@@ -72,18 +78,66 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
         One input a drive, in the order of ``panel.drive``: its marker position [m].
     """
     layout = _layout(panel, objects)
-    with one_blas_thread():
-        rails = _reduced_rails(_rail_data(panel, layout.rows, objects))
+    linear = _kept_linear(panel, layout.rows, objects)
     return Mechanism(
-        stiffness=block_diag(*(r.stiffness for r in rails)),
-        mass=block_diag(*(r.mass for r in rails)),
-        damping=block_diag(*(r.damping for r in rails)),
-        load=np.concatenate([r.load for r in rails]),
-        rows=_stacked_rows(layout.rows, rails),
+        stiffness=linear.stiffness,
+        mass=linear.mass,
+        damping=linear.damping,
+        load=linear.load,
+        rows=linear.rows,
         laws=layout.laws.table(),
         law_names=tuple(layout.law_names),
         friction_names=tuple(layout.friction_names),
         index=layout.index,
+        rails=linear.rails,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Linear:
+    """What a mechanism is without its laws."""
+
+    stiffness: Floats
+    mass: Floats
+    damping: Floats
+    load: Floats
+    rows: Floats
+    rails: tuple[RailBody, ...]
+
+
+_linear: OrderedDict[Hashable, tuple[_Linear, object]] = OrderedDict()
+
+
+def _kept_linear(panel: Panel, rows: _Rows, objects: Sequence[PlacedObject]) -> _Linear:
+    """Return the linear part, or that of a panel which differs in laws and motion alone."""
+    if not isinstance(panel, LoadedPanel) or not all(m.digest for m in panel.matrices.values()):
+        return _made_linear(panel, rows, objects)
+    key, records = shape_of(panel, objects)
+    if key not in _linear:
+        made = _made_linear(panel, rows, objects)
+        for array in (made.stiffness, made.mass, made.damping, made.load, made.rows):
+            array.flags.writeable = False
+        _linear[key] = made, records
+        while len(_linear) > MOST_LINEAR:
+            _linear.popitem(last=False)
+    _linear.move_to_end(key)
+    return _linear[key][0]
+
+
+def forget() -> None:
+    """Empty the memory of linear parts."""
+    _linear.clear()
+
+
+def _made_linear(panel: Panel, rows: _Rows, objects: Sequence[PlacedObject]) -> _Linear:
+    with one_blas_thread():
+        rails = _reduced_rails(_rail_data(panel, rows, objects))
+    return _Linear(
+        stiffness=block_diag(*(r.stiffness for r in rails)),
+        mass=block_diag(*(r.mass for r in rails)),
+        damping=block_diag(*(r.damping for r in rails)),
+        load=np.concatenate([r.load for r in rails]),
+        rows=_stacked_rows(rows, rails),
         rails=tuple(r.body for r in rails),
     )
 

@@ -21,7 +21,7 @@ from turnout.panel.model import Panel
 from turnout.panel.override import apply_overrides, mark_si, parse_setting, supersede
 from turnout.panel.rail_matrices import RailMatrices
 from turnout.panel.schedule_file import read_schedule_files
-from turnout.panel.validate import validate
+from turnout.panel.validate import Known, validate
 
 # Neither changes what the panel is: the text about it, and where a schedule's numbers were read.
 _NOT_HASHED: dict[str, Any] = {
@@ -72,6 +72,11 @@ class LoadedPanel(Panel):
     @property
     def hash(self) -> str:
         """Content hash of all SI values; the same for the same panel however it was written."""
+        if not self._hash:
+            self._hash = content_hash(
+                self.model_dump(mode="json", exclude=_NOT_HASHED)
+                | {f"matrices of {name}": given.digest for name, given in self.matrices.items()}
+            )
         return self._hash
 
     def with_overrides(self, overrides: Mapping[str, object], *, si: bool = True) -> Self:
@@ -131,6 +136,7 @@ class LoadedPanel(Panel):
             overrides=supersede(self._overrides, applied),
             problems=[*problems, *found],
             heading="overrides",
+            known=Known(self._document.tree, self),
         )
 
     @classmethod
@@ -143,13 +149,14 @@ class LoadedPanel(Panel):
         overrides: dict[str, object],
         problems: list[Problem],
         heading: str,
+        known: Known | None = None,
     ) -> Self:
         document = add_library_outlines(document)
         filled, file_problems = read_schedule_files(document, folder=folder)
         matrices, faults = read_matrices(
             document.tree.get("rail"), folder=folder, known=document.matrices
         )
-        draft = validate(filled)
+        draft = validate(filled, known=known)
         found = [*draft.problems, *file_problems, *faults, *check(draft)]
         if not found:
             found += check_matrices(draft.records, matrices)
@@ -161,10 +168,6 @@ class LoadedPanel(Panel):
         panel._overrides = overrides
         panel._source = source
         panel._folder = folder
-        panel._hash = content_hash(
-            panel.model_dump(mode="json", exclude=_NOT_HASHED)
-            | {f"matrices of {name}": given.digest for name, given in panel.matrices.items()}
-        )
         return panel
 
     def __repr__(self) -> str:

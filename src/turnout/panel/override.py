@@ -157,7 +157,7 @@ def apply_overrides(
     applied : dict
         Value by leaf key, broad keys first.
     """
-    tree = _copy(document.tree)
+    tree = dict(document.tree)
     shared, given = set(document.shared), dict[str, object]()
     problems: list[Problem] = []
     leaves: list[tuple[int, str, object]] = []
@@ -258,12 +258,12 @@ def _is_field(record: type[BaseModel], path: Path) -> bool:
 
 
 def _set(tree: dict[str, Any], target: _Target) -> None:
+    """Set a value in copies of the tables around it; what is beside them stays the same object."""
     table = tree
     for part in target.place[:-1]:
         inner = table.get(part)
-        if not isinstance(inner, dict):
-            inner = {}
-            table[part] = inner
+        inner = dict(inner) if isinstance(inner, dict) else {}
+        table[part] = inner
         table = inner
     table[target.place[-1]] = target.value
 
@@ -281,10 +281,6 @@ def _given(name: str, given: Mapping[str, object]) -> bool:
             return True
         name = name.rpartition(".")[0]
     return False
-
-
-def _copy(tree: Any) -> Any:
-    return {key: _copy(item) for key, item in tree.items()} if isinstance(tree, dict) else tree
 
 
 def known_keys(tree: Mapping[str, Any]) -> Iterable[str]:

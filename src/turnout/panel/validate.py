@@ -43,6 +43,18 @@ def known_part(problems: Iterator[Problem]) -> Iterator[Problem]:
         yield from problems
 
 
+@dataclass(frozen=True, slots=True)
+class Known:
+    """Tables of a valid panel, and the records that were made of them."""
+
+    tree: dict[str, Any]
+    panel: Panel
+
+    def of(self, family: str) -> tuple[dict[str, Any], dict[str, BaseModel]]:
+        """Return tables and records of a family by member."""
+        return self.tree.get(family, {}), getattr(self.panel, family)
+
+
 @dataclass(slots=True)
 class Draft:
     """The records that could be made so far.
@@ -66,8 +78,17 @@ class Draft:
     shared: frozenset[Path] = frozenset()
 
 
-def validate(document: Document) -> Draft:
-    """Make every record that can be made and describe what is wrong with the others."""
+def validate(document: Document, *, known: Known | None = None) -> Draft:
+    """Make every record that can be made and describe what is wrong with the others.
+
+    Parameters
+    ----------
+    document : Document
+        The expanded document.
+    known : Known, optional
+        A valid panel that this one was made from: its records are taken over where their tables
+        are the very same objects.
+    """
     draft = Draft(problems=list(document.problems), shared=document.shared)
     tree = document.tree
     for name in tree:
@@ -78,9 +99,9 @@ def validate(document: Document) -> Draft:
             draft.problems.append(Problem((name,), text))
     for name in Panel.model_fields:
         if name in FAMILIES:
-            _family(name, document, draft)
+            _family(name, document, draft, known)
         else:
-            _plain(name, tree, draft)
+            _plain(name, tree, draft, known)
     return draft
 
 
@@ -116,7 +137,7 @@ def _partial(record: type[BaseModel], values: object, errors: list[Any]) -> Part
     return Partial(_lenient(record).model_validate(right), wrong)
 
 
-def _plain(name: str, tree: dict[str, Any], draft: Draft) -> None:
+def _plain(name: str, tree: dict[str, Any], draft: Draft, known: Known | None) -> None:
     info = Panel.model_fields[name]
     if name not in tree:
         if info.is_required():
@@ -124,6 +145,9 @@ def _plain(name: str, tree: dict[str, Any], draft: Draft) -> None:
             draft.records[name] = Partial()
         else:
             draft.records[name] = info.get_default()
+        return
+    if known is not None and name in known.tree and known.tree[name] is tree[name]:
+        draft.records[name] = getattr(known.panel, name)
         return
     try:
         draft.records[name] = _adapter(name).validate_python(tree[name])
@@ -134,7 +158,7 @@ def _plain(name: str, tree: dict[str, Any], draft: Draft) -> None:
         draft.records[name] = _partial(records[0], tree[name], errors) if records else Partial()
 
 
-def _family(name: str, document: Document, draft: Draft) -> None:
+def _family(name: str, document: Document, draft: Draft, known: Known | None) -> None:
     info, record = Panel.model_fields[name], FAMILIES[name]
     members = document.tree.get(name, {})
     broken = any(problem.path[0] == name for problem in document.problems)
@@ -145,7 +169,11 @@ def _family(name: str, document: Document, draft: Draft) -> None:
         members, broken = {}, True
     records: dict[str, BaseModel | Partial] = {}
     found: dict[Problem, list[str]] = {}
+    before, made = known.of(name) if known is not None else ({}, {})
     for member, values in members.items():
+        if member in made and before.get(member) is values:
+            records[member] = made[member]
+            continue
         try:
             records[member] = record.model_validate(values)
         except ValidationError as error:
