@@ -3,7 +3,8 @@
 import numpy as np
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
 
-from turnout.study.calibration.advice import Candidate, _confusion, _gain_column, next_lines
+from turnout.study.calibration.advice import SHARE, Candidate, _confusion, next_lines
+from turnout.study.calibration.covariance import gain_column
 from turnout.study.calibration.fit import fit
 
 
@@ -26,7 +27,7 @@ def test_an_error_that_nothing_imitates_is_seen() -> None:
 def test_gauges_that_read_too_much_are_seen_where_a_slip_level_is_known() -> None:
     rng = np.random.default_rng(1)
     found = fit(misfit([movement(f"m{n}", rng=rng) for n in range(3)]), PARAMETERS, TRUE)
-    column = _gain_column(found, ("drive_force", "1"))
+    column = SHARE * gain_column(found, ("drive_force", "1"))
     assert "but the misfit would show it" in _confusion(found, "1 % more", column)
 
 

@@ -1,7 +1,9 @@
 """Fits to movements that were made up, without any simulation."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,13 +11,13 @@ import pytest
 from turnout.panel.load import load_panel
 from turnout.study.calibration.covariance import spread_of
 from turnout.study.calibration.evaluate import CELL, Evaluator, Response, Throw, packed, unpacked
-from turnout.study.calibration.fit import fit
+from turnout.study.calibration.fit import _least_squares, fit, loosened
 from turnout.study.calibration.misfit import Misfit, framed, jacobian
 from turnout.study.calibration.noise import Noise, measured_noise, missed_by_model
 from turnout.study.calibration.observed import BIN, Movement, Signal
 from turnout.study.calibration.parameter import Parameter
 from turnout.study.calibration.predict import predicted
-from turnout.study.calibration.view import Comparison
+from turnout.study.calibration.view import Comparison, Doubt
 
 TRUE = {"mu": 0.31, "k": 900e3}
 PARAMETERS = (
@@ -129,6 +131,65 @@ def test_intervals_hold_the_truth_and_are_not_wide() -> None:
             hits[item.name] += low <= TRUE[item.name] <= high
     # 38 are expected of 40; fewer than 35 happen in one set of seeds of twenty.
     assert all(35 <= count <= 40 for count in hits.values()), hits
+
+
+def test_a_gain_that_all_movements_share_widens_the_intervals_by_what_it_does() -> None:
+    rng = np.random.default_rng(6)
+    measured = [movement(f"m{n}", rng=rng) for n in range(8)]
+    whole = misfit(measured)
+    # Nothing else is in doubt, so that the parameters have to imitate the gain.
+    known, doubted = (
+        replace(
+            whole,
+            comparison=replace(
+                whole.comparison, scatter={}, doubt=Doubt(gain=0.0, zero=0.01, common_gain=share)
+            ),
+        )
+        for share in (0.0, 1e-3)
+    )
+    found = _least_squares(known, PARAMETERS, TRUE, rough=False, told=None)
+    narrow = spread_of(found).coordinate_covariance
+    wide = spread_of(replace(found, misfit=doubted)).coordinate_covariance
+    added = np.sqrt(np.diag(wide - narrow))
+    for item in measured:
+        item.signals[0].values[:] *= 1.001
+    moved = _least_squares(known, PARAMETERS, found.values, rough=False, told=None)
+    np.testing.assert_allclose(added, np.abs(moved.point - found.point), rtol=0.05)
+    assert added.min() > 2e-4
+
+
+def test_a_fit_begins_with_the_noise_of_what_it_misses() -> None:
+    whole = misfit([movement("m", rng=np.random.default_rng(7))])
+    far = loosened(whole, PARAMETERS, {"mu": 0.6, "k": 2e6}).comparison.noise["drive_force", "1"]
+    near = loosened(whole, PARAMETERS, TRUE).comparison.noise["drive_force", "1"]
+    assert far.total > 50.0 * near.total
+    assert near.total < 2.0 * whole.comparison.noise["drive_force", "1"].total
+
+
+def test_only_throws_aside_are_quick_at_the_end() -> None:
+    whole = misfit([movement("m", rng=np.random.default_rng(2))])
+    asked: list[tuple[bool, float]] = []
+    answer = whole.evaluator.responses
+
+    def listening(throws: Sequence[Throw]) -> list[Response]:
+        asked.extend((throw.quick, float(throw.overrides["k"])) for throw in throws)
+        return answer(throws)
+
+    whole.evaluator = SimpleNamespace(responses=listening)
+    whole.local(TRUE, ("k",))
+    assert [value for quick, value in asked if not quick] == [TRUE["k"]]
+    assert [quick for quick, value in asked if value != TRUE["k"]] == [True]
+    asked.clear()
+    whole.quick = True
+    whole.local(TRUE, ("k",))
+    assert all(quick for quick, _ in asked)
+
+
+def test_a_quick_throw_is_kept_apart_from_an_exact_one() -> None:
+    with Evaluator(load_panel("sb1")) as evaluator:
+        assert evaluator._key(Throw(overrides={})) != evaluator._key(
+            Throw(overrides={}, quick=True)
+        )
 
 
 def test_a_parameter_that_does_nothing_is_not_identified() -> None:

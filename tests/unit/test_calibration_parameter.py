@@ -42,6 +42,7 @@ def test_units_of_keys() -> None:
 
 
 def test_default_stages_are_those_published() -> None:
+    assert default_plan(load_panel("sb1")).stages[-1].movements.most == 20
     plan = default_plan(load_panel("sb1"), free=["gravity"], fixed=["drive.1.saturation_force"])
     assert plan.stages[0].movements.objects == "none"
     assert plan.stages[2].movements.place == "drive 2"

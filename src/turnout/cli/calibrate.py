@@ -43,6 +43,10 @@ def calibrate_command(
         list[str],
         typer.Option("--exclude", metavar="MOVEMENT", help="Leave this movement out. Repeat."),
     ] = [],  # noqa: B006 - typer copies it
+    most: Annotated[
+        int,
+        typer.Option("--most", min=0, metavar="N", help="Movements of the last stage; 0: all."),
+    ] = 20,
     figures: Annotated[
         Path | None,
         typer.Option("--figures", metavar="DIR", help="Draw what was swept, a figure a stage."),
@@ -61,7 +65,8 @@ def calibrate_command(
     """Fit friction, drive stiffness and slip levels to a measured campaign.
 
     First friction from movements without an object, then each drive from an object at it, then all
-    from everything. Throws are kept beside the campaign: after Ctrl-C the same command goes on.
+    from at most 20 movements of every kind; the others are left for `turnout validate`. Throws are
+    kept beside the campaign: after Ctrl-C the same command goes on.
     """
     check_outputs({"--out": out}, {"--out": (".toml",)})
     if figures is not None:
@@ -69,7 +74,7 @@ def calibrate_command(
     loaded = opened_panel(panel, settings)
     from turnout.study.calibration.stage import default_plan
 
-    plan = default_plan(loaded, free=free, fixed=fix)
+    plan = default_plan(loaded, free=free, fixed=fix, most=most)
     dataset = dataset_of(source, None, quiet=quiet)
     from turnout.study.calibration.calibrate import calibrate
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from turnout.errors import PanelError, SolverError
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
-from turnout.study.calibration.covariance import Spread
+from turnout.study.calibration.covariance import Spread, force_channels, gain_column
 from turnout.study.calibration.fit import Fit
 from turnout.study.calibration.misfit import Misfit, framed, jacobian
 from turnout.study.calibration.observed import BIN, OBJECT_FORCE, Movement, Signal, movement_length
@@ -68,12 +68,9 @@ def confusions(found: Fit) -> list[str]:
     """
     found = _without_gains(found)
     columns = {f"{100 * SHARE:g} % more weight of the rails": _weight_column(found)}
-    keys = list(
-        dict.fromkeys((s.channel, s.drive) for view in found.frame.views for s, _ in view.parts)
-    )
-    for key in keys:
+    for key in force_channels(found):
         name = f"the gauges of drive {key[1]}" if key[1] else "the load cell"
-        columns[f"{100 * SHARE:g} % more sensitivity of {name}"] = _gain_column(found, key)
+        columns[f"{100 * SHARE:g} % more sensitivity of {name}"] = SHARE * gain_column(found, key)
     return [_confusion(found, what, column) for what, column in columns.items()]
 
 
@@ -122,20 +119,6 @@ def _weight_column(found: Fit) -> Floats:
     local = wider.local({**found.values, WEIGHT: weight.start}, (WEIGHT,))
     # The truth being heavier moves measured less simulated the other way.
     return -SHARE * jacobian(local, found.frame, (WEIGHT,))[:, 0]
-
-
-def _gain_column(found: Fit, key: tuple[str, str]) -> Floats:
-    """Return the change of the whitened residuals with an error of a channel's sensitivity."""
-    rows = []
-    for view in found.frame.views:
-        row, first = np.zeros(view.measured.size), 0
-        for signal, bins in view.parts:
-            if (signal.channel, signal.drive) == key:
-                place = slice(first, first + bins.size)
-                row[place] = SHARE * view.measured[place]
-            first += bins.size
-        rows.append(view.whitened(row))
-    return np.concatenate(rows)
 
 
 def next_movements(found: Fit, spread: Spread, panel: LoadedPanel) -> list[Candidate]:

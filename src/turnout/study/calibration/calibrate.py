@@ -25,7 +25,7 @@ from turnout.study.calibration.entries import (
     warnings_of,
 )
 from turnout.study.calibration.evaluate import Evaluator
-from turnout.study.calibration.fit import Fit, fit
+from turnout.study.calibration.fit import LOOSE, TIGHTENING, Fit, fit
 from turnout.study.calibration.misfit import Misfit
 from turnout.study.calibration.noise import measured_noise
 from turnout.study.calibration.observed import Movement, observe, selected
@@ -205,13 +205,25 @@ class _Run:
             misfit = self._misfit(stage, chosen, values, scatter)
             swept: Sweep | None = None
             if "sweep" in stage.method and parameters[0].name == stage.parameters[0]:
-                swept = sweep(misfit, parameters[0], stage.grid, values)
+                swept = sweep(replace(misfit, quick=True), parameters[0], stage.grid, values)
                 sweeps.append(swept)
                 values = {**values, **swept.values}
             if "fit" in stage.method:
                 last = number == len(self.plan.stages)
-                final = fit(misfit, parameters, values, rough=not last, told=self.watch.found)
+                near = replace(misfit, quick=True)
+                final = fit(
+                    near,
+                    parameters,
+                    values,
+                    rough=True,
+                    loose_shares=TIGHTENING if last else LOOSE,
+                    told=self.watch.found,
+                )
                 values = dict(final.values)
+                if last:
+                    start = replace(misfit, base=values)
+                    final = fit(start, parameters, values, told=self.watch.found)
+                    values = dict(final.values)
                 scatter = dict(final.misfit.comparison.scatter)
             made = self.evaluator.made - before
             logs.append(stage_log(stage, chosen, parameters, values, final, swept, made))

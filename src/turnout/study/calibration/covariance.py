@@ -9,7 +9,9 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from turnout.study.calibration.fit import SCATTER_WEIGHT, Fit
+from turnout.study.calibration.observed import Movement
 from turnout.study.calibration.parameter import Parameter
+from turnout.study.calibration.view import Key
 
 Floats = NDArray[np.float64]
 # A deviation above this share of what the bounds alone allow: the data say next to nothing.
@@ -53,6 +55,51 @@ def prior_information(parameters: Sequence[Parameter]) -> Floats:
     return np.array([12.0 / width**2 for width in widths])
 
 
+def force_channels(found: Fit) -> list[Key]:
+    """Return channel and drive of all that is compared, each once."""
+    return list(
+        dict.fromkeys((s.channel, s.drive) for view in found.frame.views for s, _ in view.parts)
+    )
+
+
+def gain_column(found: Fit, key: Key, *, source: Key | None = None) -> Floats:
+    """Return the change of the whitened residuals with a channel's sensitivity.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+    key : tuple of str
+        Channel and drive.
+    source : tuple of str, optional
+        Of what the channel takes up; default of itself.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        For all of the source too much.
+    """
+    source = source or key
+    rows = []
+    for view in found.frame.views:
+        row, first = np.zeros(view.measured.size), 0
+        for signal, bins in view.parts:
+            if (signal.channel, signal.drive) == key:
+                place = slice(first, first + bins.size)
+                row[place] = _taken_up(view.movement, source, bins)
+            first += bins.size
+        rows.append(view.whitened(row))
+    return np.concatenate(rows)
+
+
+def _taken_up(movement: Movement, source: Key, bins: NDArray[np.intp]) -> Floats:
+    """Return what was measured of a channel in some bins, 0 where there is nothing."""
+    for signal in movement.signals:
+        if (signal.channel, signal.drive) == source:
+            return np.asarray(np.nan_to_num(signal.values[bins]), dtype=np.float64)
+    return np.zeros(bins.size)
+
+
 def spread_of(found: Fit) -> Spread:
     """Return the covariance of a fit from its sensitivities.
 
@@ -70,6 +117,7 @@ def spread_of(found: Fit) -> Spread:
     bound = np.array([item.at_bound(found.values[item.name]) for item in parameters])
     slopes = np.where(bound[None, :], 0.0, found.jacobian)
     whole = np.linalg.inv(slopes.T @ slopes + np.diag(prior))
+    whole = whole + _of_sensitivities(found, whole @ slopes.T)
     sizes = np.sqrt(np.diag(whole))
     states = [
         "at its bound" if at else "not identified" if size > UNTOLD / np.sqrt(know) else "fitted"
@@ -105,6 +153,26 @@ def spread_of(found: Fit) -> Spread:
         states=tuple(states),
         findings=tuple(_correlations(parameters, whole, kept)),
     )
+
+
+def _of_sensitivities(found: Fit, estimate: Floats) -> Floats:
+    """Return the covariance that gains and cross-talk, wrong in all movements alike, add.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+    estimate : ndarray, shape (p, n)
+        What a change of the residuals does to the coordinates.
+    """
+    doubt, channels = found.misfit.comparison.doubt, force_channels(found)
+    moves = [
+        (doubt.common_gain if key == source else doubt.cross_talk)
+        * (estimate @ gain_column(found, key, source=source))
+        for key in channels
+        for source in channels
+    ]
+    return np.asarray(sum((np.outer(move, move) for move in moves), np.zeros((len(estimate),) * 2)))
 
 
 def _correlations(parameters: Sequence[Parameter], whole: Floats, kept: Sequence[int]) -> list[str]:

@@ -47,11 +47,14 @@ class Throw:
         Changes of the panel, in SI.
     place, size : str, float
         Of the object; "none" and 0 without one [m].
+    quick : bool
+        Whether the quick scheme of the evaluator is good enough: on the way, and for differences.
     """
 
     overrides: Mapping[str, object]
     place: str = "none"
     size: float = 0.0
+    quick: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -95,8 +98,8 @@ class Evaluator:
         Where throws are kept, so that a run that was stopped goes on; None keeps nothing.
     workers : int
         Processes; with one, all is done in this one.
-    scheme : Scheme
-        Numerical choices.
+    scheme, quick : Scheme
+        Numerical choices, and those for throws that may be quick.
     told : callable or None
         Called after each throw.
     made, reused : int
@@ -107,6 +110,7 @@ class Evaluator:
     folder: Path | None = None
     workers: int = 1
     scheme: Scheme = field(default_factory=Scheme)
+    quick: Scheme = field(default_factory=lambda: Scheme.of("quick"))
     told: Callable[[], None] | None = None
     made: int = 0
     reused: int = 0
@@ -166,7 +170,7 @@ class Evaluator:
         return found
 
     def _made(self, missing: Mapping[str, Throw]) -> Iterator[tuple[str, bytes]]:
-        jobs = [(key, self.panel, throw, self.scheme) for key, throw in missing.items()]
+        jobs = [(key, self.panel, throw, self._scheme_of(throw)) for key, throw in missing.items()]
         if self.workers <= 1 or (len(jobs) <= 1 and self._pool is None):
             yield from map(_thrown, jobs)
             return
@@ -175,13 +179,16 @@ class Evaluator:
             self._pool = context.Pool(self.workers, initializer=_deaf_to_ctrl_c)
         yield from self._pool.imap_unordered(_thrown, jobs)
 
+    def _scheme_of(self, throw: Throw) -> Scheme:
+        return self.quick if throw.quick else self.scheme
+
     def _key(self, throw: Throw) -> str:
         return content_hash(
             {
                 "panel": self.panel.hash,
                 "overrides": {key: _plain(value) for key, value in throw.overrides.items()},
                 "object": [throw.place, throw.size],
-                "scheme": asdict(self.scheme),
+                "scheme": asdict(self._scheme_of(throw)),
                 "version": f"{version()} {KEPT_VERSION}",
             }
         )

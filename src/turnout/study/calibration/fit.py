@@ -10,10 +10,14 @@ from scipy.optimize import lsq_linear
 from turnout.study.calibration.misfit import Frame, Local, Misfit, framed, jacobian
 from turnout.study.calibration.noise import missed_by_model
 from turnout.study.calibration.parameter import Parameter, coordinates, values_at
+from turnout.study.calibration.predict import compared, predicted
 from turnout.study.calibration.view import Key
 
 Floats = NDArray[np.float64]
 MOST_STEPS = 12
+# Noise of the turns of a rough fit, as a share of what the model misses at the start [-].
+LOOSE = (1.0,)
+TIGHTENING = (1.0, 0.1, 0.01)
 MOST_PASSES = 4
 # Longest step of a coordinate; half a unit is a factor of 1.6.
 LONGEST_STEP = 0.5
@@ -96,6 +100,7 @@ def fit(
     values: Mapping[str, float],
     *,
     rough: bool = False,
+    loose_shares: Sequence[float] = LOOSE,
     told: Callable[[float], None] | None = None,
 ) -> Fit:
     """Fit parameters to movements, and the noise and scatter to what is left over.
@@ -109,7 +114,9 @@ def fit(
     values : mapping of str to float
         Where to start, of all parameters.
     rough : bool
-        Whether others follow, so that nearby is good enough.
+        Whether others follow, so that nearby is good enough, and the noise begins loosened.
+    loose_shares : sequence of float
+        For each turn of a rough fit, which share of what the start misses is taken as noise [-].
     told : callable, optional
         Called with the root mean square of the residuals after each step.
 
@@ -122,9 +129,17 @@ def fit(
     SolverError
         When a movement cannot be simulated at the start.
     """
-    first = misfit
     iterations = 0
-    for _ in range(1 if rough else MOST_PASSES):
+    if rough:
+        loose = loosened(misfit, parameters, values)
+        for share in loose_shares:
+            tighter = tightened(loose, misfit, share)
+            found = _least_squares(tighter, tuple(parameters), values, rough=True, told=told)
+            iterations += found.iterations
+            values = found.values
+        return replace(found, misfit=relearned(found, misfit), iterations=iterations)
+    first = misfit
+    for _ in range(MOST_PASSES):
         found = _least_squares(misfit, tuple(parameters), values, rough=rough, told=told)
         iterations += found.iterations
         values = found.values
@@ -134,6 +149,47 @@ def fit(
         if same:
             break
     return replace(found, iterations=iterations)
+
+
+def loosened(
+    misfit: Misfit, parameters: Sequence[Parameter], values: Mapping[str, float]
+) -> Misfit:
+    """Return a misfit whose noise holds what the model misses where a fit starts.
+
+    Weighed by the noise of the measurement alone, a model that is still far off would be led by
+    single bins and by what onset and scatter can imitate, not by what is large.
+
+    Parameters
+    ----------
+    misfit : Misfit
+        With the noise of the measurement.
+    parameters : sequence of Parameter
+        To change.
+    values : mapping of str to float
+        Where the fit starts.
+    """
+    local = misfit.local(values, [item.name for item in parameters])
+    squares: dict[Key, list[Floats]] = {}
+    for movement, response in zip(misfit.movements, local.here, strict=True):
+        for signal, bins in compared(
+            movement, misfit.comparison.channels, misfit.comparison.window
+        ):
+            row = signal.values[bins] - predicted(response, movement, signal, bins)
+            squares.setdefault((signal.channel, signal.drive), []).append(row**2)
+    noise = dict(misfit.comparison.noise)
+    for key, rows in squares.items():
+        size = float(np.sqrt(np.mean(np.concatenate(rows))))
+        noise[key] = replace(noise[key], missed=size)
+    return replace(misfit, comparison=replace(misfit.comparison, noise=noise), frame=None)
+
+
+def tightened(loose: Misfit, first: Misfit, share: float) -> Misfit:
+    """Return a misfit with a share of the loosened noise beside that of the measurement."""
+    noise = {
+        key: replace(own, missed=share * loose.comparison.noise[key].missed)
+        for key, own in first.comparison.noise.items()
+    }
+    return replace(first, comparison=replace(first.comparison, noise=noise), frame=None)
 
 
 def _least_squares(

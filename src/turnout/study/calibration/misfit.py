@@ -42,6 +42,8 @@ class Misfit:
         From values by name to further overrides of the panel, such as another law of a drive.
     shape : callable, optional
         From a response and the values by name to the response as it is compared.
+    quick : bool
+        Whether all throws are quick; else only those aside, whose differences alone count.
     """
 
     evaluator: Evaluator
@@ -52,6 +54,7 @@ class Misfit:
     own: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     law: Callable[[Mapping[str, float]], dict[str, object]] | None = None
     shape: Callable[[Response, Mapping[str, float]], Response] | None = None
+    quick: bool = False
     frame: "Frame | None" = None
 
     def residuals(self, values: Mapping[str, float]) -> Floats:
@@ -81,11 +84,17 @@ class Misfit:
             rows.append(view.whitened(view.measured - view.of(response)))
         return np.concatenate(rows) if rows else np.zeros(0)
 
-    def responses(self, points: Sequence[Mapping[str, float]]) -> list[list[Response]]:
+    def responses(
+        self, points: Sequence[Mapping[str, float]], *, quick: bool = False
+    ) -> list[list[Response]]:
         """Return the response to each movement at each of several points, thrown together."""
         whole = [{**self.base, **point} for point in points]
+        throws = [
+            self._throw(number, values, quick=quick or self.quick)
+            for values in whole
+            for number in range(len(self.movements))
+        ]
         count = len(self.movements)
-        throws = [self._throw(number, values) for values in whole for number in range(count)]
         made = self.evaluator.responses(throws)
         rows = [made[n * count : (n + 1) * count] for n in range(len(points))]
         if self.shape is None:
@@ -95,7 +104,7 @@ class Misfit:
             for row, values in zip(rows, whole, strict=True)
         ]
 
-    def _throw(self, number: int, values: Mapping[str, float]) -> Throw:
+    def _throw(self, number: int, values: Mapping[str, float], *, quick: bool = True) -> Throw:
         movement = self.movements[number]
         mine = {
             name: values[name] * (1.0 + shares[number])
@@ -105,7 +114,7 @@ class Misfit:
         overrides: dict[str, object] = dict(overrides_of(self.parameters, {**values, **mine}))
         if self.law is not None:
             overrides |= self.law(values)
-        return Throw(overrides=overrides, place=movement.place, size=movement.size)
+        return Throw(overrides=overrides, place=movement.place, size=movement.size, quick=quick)
 
     def local(self, values: Mapping[str, float], vary: Sequence[str]) -> "Local":
         """Simulate about values: responses there, and one step aside for each parameter.
@@ -129,13 +138,15 @@ class Misfit:
                 message = f"{movement.text}: cannot be simulated: {response.failure}"
                 raise SolverError(message)
         aside = {p.name: stepped_value(p, whole[p.name]) for p in stepped}
-        moved = self._moved(whole, stepped, aside, here)
+        # Differences of two quick throws are good slopes; quick against exact would be none.
+        origin = self.responses([whole], quick=True)[0] if stepped else here
+        moved = self._moved(whole, stepped, aside, origin)
         steps = {p.name: p.coordinate(aside[p.name]) - p.coordinate(whole[p.name]) for p in stepped}
         shares = {name: value / whole[name] - 1.0 for name, value in aside.items()}
         return Local(
             values=whole,
             here=tuple(here),
-            origin=tuple(here),
+            origin=tuple(origin),
             moved=moved,
             steps=steps,
             shares=shares,
@@ -212,7 +223,7 @@ class Local:
     here : tuple of Response
         To each movement.
     origin : tuple of Response
-        Where the steps aside were taken: here, or near by.
+        Where the steps aside were taken, as they were: here, or near by; thrown quickly.
     moved : mapping of str to tuple of Response
         By parameter.
     steps : mapping of str to float

@@ -15,6 +15,8 @@ FRICTION_SWEEP = (0.1, 0.2, 0.3, 0.4, 0.5)
 STIFFNESS_SWEEP = (75e3, 150e3, 300e3, 750e3, 1.5e6, 3e6, 7.5e6)
 FRICTION_SCATTER = 0.02
 TEST_SIZE = 0.013
+# Enough for five parameters; what is left over is there to validate.
+JOINT_MOVEMENTS = 20
 ANY = "any"
 NONE = "none"
 
@@ -131,12 +133,17 @@ class Plan:
 
 
 def default_plan(
-    panel: LoadedPanel, *, free: Sequence[str] = (), fixed: Sequence[str] = ()
+    panel: LoadedPanel,
+    *,
+    free: Sequence[str] = (),
+    fixed: Sequence[str] = (),
+    most: int = JOINT_MOVEMENTS,
 ) -> Plan:
     """Return the published stages, with slip levels free, and a joint refinement.
 
     Friction comes from movements without an object; then the stiffness of each drive, and the
-    force at which it slips, from a 13 mm object at that drive; then all of it from everything.
+    force at which it slips, from a 13 mm object at that drive; then all of it from movements of
+    every kind.
 
     Parameters
     ----------
@@ -146,6 +153,9 @@ def default_plan(
         Further keys of the panel, for the joint refinement.
     fixed : sequence of str
         Keys among the default ones that keep the panel's value.
+    most : int
+        Movements of the joint refinement, spread over places and sizes, so that the others can
+        judge the result; 0 for all.
 
     Raises
     ------
@@ -199,7 +209,11 @@ def default_plan(
     if problems:
         raise PanelError(problems, source="fixed")
     kept = tuple(replace(p, vary=False) if p.name in fixed else p for p in parameters)
-    joint = Stage(name="joint", parameters=tuple(item.name for item in kept), movements=Selection())
+    joint = Stage(
+        name="joint",
+        parameters=tuple(item.name for item in kept),
+        movements=Selection(most=most),
+    )
     return Plan(parameters=kept, stages=(*stages, joint))
 
 

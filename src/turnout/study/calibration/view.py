@@ -36,12 +36,17 @@ class Doubt:
         Of the zero of a force channel [N].
     gain : float
         Of the sensitivity of a channel, cross-talk included, from movement to movement [-].
+    common_gain, cross_talk : float
+        Of the sensitivity, and of what each channel takes up of each other one, where all
+        movements share it: no residual need show it, so it widens the intervals [-].
     """
 
     clocked_onset: float = 0.005
     onset: float = 0.05
     zero: float = 20.0
     gain: float = 1e-3
+    common_gain: float = 1e-3
+    cross_talk: float = 5e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
