@@ -105,9 +105,9 @@ def study_in(folder: Path, text: str, *, name: str, count: int) -> Study:
 
 def timed_run(study: Study, folder: Path, *, workers: int) -> dict[str, Any]:
     """Throw what is missing; return rates of this call, and sizes of the whole."""
-    began = time.perf_counter()
+    began, used = time.perf_counter(), used_by_workers()
     finished = run_sweep(study, folder, workers=workers, report=Told())
-    wall = time.perf_counter() - began
+    wall, used = time.perf_counter() - began, used_by_workers() - used
     solver = sum(batch.solver_time for batch in finished.batches)
     busy = sum(batch.wall_time for batch in finished.batches)
     count = read_labels(folder).sizes["scenario"]
@@ -115,6 +115,7 @@ def timed_run(study: Study, folder: Path, *, workers: int) -> dict[str, Any]:
     return {
         "thrown": finished.thrown,
         "wall": wall,
+        "processor": used,
         "solver": solver,
         "busy": busy,
         "workers": workers,
@@ -123,6 +124,12 @@ def timed_run(study: Study, folder: Path, *, workers: int) -> dict[str, Any]:
         "log": (folder / JOURNAL).stat().st_size,
         "load": os.getloadavg()[0],
     }
+
+
+def used_by_workers() -> float:
+    """Return the processor time of all workers that have ended [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 class Told:
@@ -207,7 +214,8 @@ def page(kept: dict[str, Any]) -> str:
     alone = full["solver"] / full["thrown"]
     ideal, rate = full["workers"] / alone, full["thrown"] / full["wall"]
     steady = full["thrown"] / full["busy"] * full["workers"]
-    hours = HOUR / (steady / full["workers"] * CORES) / 3600.0
+    each = full["processor"] / full["thrown"]
+    hours = HOUR * each / CORES / 3600.0
     verdict = "meets" if rate >= SHARE * ideal else "MISSES"
     curve = "\n".join(f"| {n} | {run:.0f} | {worker:.0f} |" for n, run, worker in thinned(small))
     store = "\n".join(f"| {name} | {size / 1e3:.1f} |" for name, size in kept["sizes"].items())
@@ -216,9 +224,9 @@ def page(kept: dict[str, Any]) -> str:
 
 Written by `python -m benchmarks.sweep` on {platform.machine()} with {os.cpu_count()} cores and
 Python {platform.python_version()}; load {full["load"]:.1f} at the end of the full-panel sweep. A
-load above {full["workers"]} means that others used the machine: then times and the prediction are
-too long by about load over cores, while the share of the ideal hardly changes. The start of the
-workers, some seconds of a quiet machine, weighs the more the fewer throws there are.
+load above {full["workers"]} means that others used the machine: then times by the clock are too
+long by about load over cores, while processor time and the share of the ideal hardly change. The
+start of the workers, some seconds of a quiet machine, weighs the more the fewer throws there are.
 
 ## Rate
 
@@ -233,7 +241,8 @@ friction, drive stiffness, object size and place.
 | share of the ideal | {100 * rate / ideal:.1f} % ({verdict} the aim of {100 * SHARE:.0f} %) |
 | share while all workers are busy | {100 * steady / ideal:.1f} % |
 | spent beside solving, a throw | {1e3 * (full["busy"] - full["solver"]) / full["thrown"]:.1f} ms |
-| {HOUR} throws on {CORES} cores, predicted | {hours:.1f} h |
+| processor time a throw, all of it | {1e3 * each:.0f} ms |
+| {HOUR} throws on {CORES} cores of their own, from processor time | {60 * hours:.0f} min |
 
 ## Memory
 

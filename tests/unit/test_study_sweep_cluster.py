@@ -105,6 +105,15 @@ def test_a_scheduler_and_two_workers_over_tcp_come_to_the_same_bits(
     assert batch_names(tmp_path / "s") == expected
 
 
+@pytest.mark.parametrize("address", ["nonsense", "127.0.0.1:8786", "tcp://host", "tcp://:x"])
+def test_what_is_no_address_is_told_at_once(address: str) -> None:
+    with (
+        pytest.raises(FileError, match="is no address such as tcp://"),
+        scheduler_cluster(address),
+    ):
+        pass
+
+
 def test_nobody_at_the_address_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("turnout.study.sweep_cluster.ANSWER", 0.5)
     with (

@@ -3,6 +3,7 @@
 The folder of a sweep must be seen under the same path by all workers, which write to it.
 """
 
+import re
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from dask_jobqueue.slurm import SLURMCluster
 
 INSTALL = "install it with: pip install 'turnout[sweep]'"
+ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://\S+:\d{1,5}")
 # Seconds in which a scheduler must answer, and in which a first worker must be there.
 ANSWER, WORKERS = 10.0, 600.0
 
@@ -58,9 +60,12 @@ def scheduler_cluster(address: str) -> Iterator[Cluster]:
     Raises
     ------
     FileError
-        When Dask is not installed, nothing answers there, or no worker comes.
+        When Dask is not installed, it is no address, nothing answers there, or no worker comes.
     """
     client_type = _dask().Client
+    if not ADDRESS.fullmatch(address):
+        message = f"--scheduler {address}: is no address such as tcp://127.0.0.1:8786"
+        raise FileError(message)
     try:
         client = client_type(address, timeout=ANSWER, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
