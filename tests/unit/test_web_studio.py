@@ -50,10 +50,11 @@ def test_changes_reach_the_panel(studio: Client) -> None:
     assert answer["objects"] == []
 
 
-def test_a_preview_is_near_the_throw_and_says_its_step(studio: Client) -> None:
+def test_a_preview_is_near_the_throw_and_says_how(studio: Client) -> None:
     fine = studio.post("/api/run", asked(studio)).json
     coarse = studio.post("/api/run", asked(studio, preview=True)).json
     assert "step 4 ms" in coarse["scheme"]
+    assert len(coarse["motion"]["time"]) < len(fine["motion"]["time"])
     assert "step 1 ms" in fine["scheme"]
     for one, other in zip(coarse["figures"], fine["figures"], strict=True):
         if one["key"].startswith(("end_", "sensor_")):

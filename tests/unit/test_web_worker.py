@@ -4,9 +4,11 @@ import asyncio
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 
 import pytest
 
+from turnout.errors import FileError
 from turnout.web import worker
 from turnout.web.worker import Question, Superseded, Worker
 
@@ -105,3 +107,28 @@ def test_leaving_stops_what_is_computed_and_drops_what_waits() -> None:
     began = time.monotonic()
     assert [type(item) for item in run(ask)] == [Superseded] * 3  # type: ignore[attr-defined]
     assert time.monotonic() - began < 5
+
+
+def test_work_ahead_gives_way_to_a_question() -> None:
+    done: list[int] = []
+
+    def piece(number: int) -> None:
+        if number == 1:
+            message = "does not fit"
+            raise FileError(message)
+        time.sleep(0.02)
+        done.append(number)
+
+    async def ask(desk: Worker) -> int:
+        desk.ahead([partial(piece, number) for number in range(3)])
+        await asyncio.sleep(0.2)
+        assert done == [0, 2]
+        desk.ahead([partial(piece, number) for number in range(10, 200)])
+        await asyncio.sleep(0.05)
+        await desk.answer(lambda _: done.append(-1))
+        before = len(done)
+        await asyncio.sleep(0.1)
+        assert done[-1] == -1, "a question ends the work ahead"
+        return before
+
+    assert 3 < run(ask) < 15  # type: ignore[operator]

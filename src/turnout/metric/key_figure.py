@@ -51,12 +51,11 @@ def key_figures(dataset: xr.Dataset) -> list[KeyFigure]:
     """
     found = []
     for name in dataset["drive"].values if "drive" in dataset.coords else []:
-        drive = dataset.sel(drive=name)
-        if "drive_force" in drive:
-            force = float(at_end(drive["drive_force"]))
+        if "drive_force" in dataset:
+            force = float(at_end(dataset["drive_force"].sel(drive=name)))
             found.append(KeyFigure(f"end_force:{name}", f"Drive {name}, end force", force, "N"))
-        if "end_gap" in drive:
-            gap = float(drive["end_gap"])
+        if "end_gap" in dataset:
+            gap = float(dataset["end_gap"].sel(drive=name))
             found.append(KeyFigure(f"end_gap:{name}", f"Drive {name}, raw end gap", gap, "m"))
     if "force_margin" in dataset:
         found += [

@@ -71,15 +71,15 @@ def lamps(dataset: xr.Dataset) -> list[Lamp]:
         )
     if "in_control" in dataset:
         for name in dataset["sensor"].values:
-            sensor = dataset.sel(sensor=name)
-            on = sensor["in_control"].values.astype(bool)
+            sensor = dataset["in_control"].sel(sensor=name)
+            on = sensor.values.astype(bool)
             rule = f"its gap is below {1e3 * float(sensor['sensor_limit']):g} mm"
             words = ("in control", "not in control")
             found.append(Lamp("control", str(name), on, True, rest & closed, words, rule))
     if "drive_slipping" in dataset:
         for name in dataset["drive"].values:
-            drive = dataset.sel(drive=name)
-            on = drive["drive_slipping"].values.astype(bool)
+            drive = dataset["drive_slipping"].sel(drive=name)
+            on = drive.values.astype(bool)
             rule = f"its force has reached {float(drive['saturation_force']) / 1e3:g} kN"
             always = np.ones_like(rest)
             words = ("slips", "holds")

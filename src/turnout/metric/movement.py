@@ -110,11 +110,11 @@ def slips(dataset: xr.Dataset) -> list[Slip]:
 
 def margins(dataset: xr.Dataset) -> list[Margin]:
     """Return the margin of each drive in each direction that it moved in."""
-    found = []
-    for drive in dataset["drive"].values:
-        limit = float(dataset["saturation_force"].sel(drive=drive))
-        for direction in dataset["direction"].values:
-            force = float(dataset["force_margin"].sel(drive=drive, direction=direction))
-            if not math.isnan(force):
-                found.append(Margin(str(drive), str(direction), force, limit))
-    return found
+    limits = dataset["saturation_force"].values
+    forces = dataset["force_margin"].transpose("drive", "direction").values
+    return [
+        Margin(str(drive), str(direction), float(force), float(limit))
+        for drive, limit, row in zip(dataset["drive"].values, limits, forces, strict=True)
+        for direction, force in zip(dataset["direction"].values, row, strict=True)
+        if not math.isnan(force)
+    ]

@@ -173,4 +173,8 @@ def _numbers(values: ArrayLike) -> list[float | None]:
     """Return numbers short enough for a page."""
     # Adding zero turns a negative zero into a plain one.
     rounded = np.round(np.asarray(values, dtype=float), DECIMALS) + 0.0
-    return [value if np.isfinite(value) else None for value in rounded.tolist()]
+    if np.isfinite(rounded).all():
+        return list(rounded.tolist())
+    torn = rounded.astype(object)
+    torn[~np.isfinite(rounded)] = None
+    return list(torn.tolist())

@@ -100,6 +100,33 @@ def simulate(
     return dataset
 
 
+def prepare(
+    panel: LoadedPanel,
+    *,
+    foreign_object: ForeignObject | Sequence[ForeignObject] | None = None,
+) -> None:
+    """Reduce the rails of a throw that may come, so that `simulate` finds them in memory.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        From `load_panel`.
+    foreign_object : ForeignObject or sequence of them, optional
+        What may be trapped; its places count, its sizes do not.
+
+    Raises
+    ------
+    PanelError
+        When a foreign object does not fit the panel.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> prepare(load_panel("sb1"))
+    """
+    build_mechanism(panel, resolve_objects(panel, _as_objects(foreign_object)))
+
+
 @dataclass(frozen=True, slots=True)
 class Solved:
     """A throw as the solver left it, before it becomes a dataset.

@@ -11,15 +11,16 @@ from turnout.metric.key_figure import KeyFigure, key_figures
 from turnout.metric.lamp import lamps
 from turnout.metric.summary import summary
 from turnout.panel.model import Panel
-from turnout.plot.moving_plan import motion_record
-from turnout.plot.sheet import sheet_record
+from turnout.plot.moving_plan import FRAMES, motion_record
+from turnout.plot.sheet import MOST_POINTS, sheet_record
 from turnout.plot.throw_sheet import throw_sheet
 
 # Units of the screen, their size in SI and how many decimals are shown.
 SHOWN = {"N": ("kN", 1e3, 2), "m": ("mm", 1e-3, 2), "s": ("s", 1.0, 3)}
+PREVIEW_FRAMES, PREVIEW_POINTS = 61, 500
 
 
-def answer(panel: Panel, dataset: xr.Dataset) -> dict[str, Any]:
+def answer(panel: Panel, dataset: xr.Dataset, *, preview: bool = False) -> dict[str, Any]:
     """Return everything that the page shows of a throw, as plain data.
 
     Parameters
@@ -28,6 +29,8 @@ def answer(panel: Panel, dataset: xr.Dataset) -> dict[str, Any]:
         What was thrown.
     dataset : xarray.Dataset
         The run, whole or partial.
+    preview : bool
+        Whether fewer points of curves and instants of the motion will do.
 
     Raises
     ------
@@ -36,7 +39,8 @@ def answer(panel: Panel, dataset: xr.Dataset) -> dict[str, Any]:
     """
     if dataset.sizes["time"] < 2:
         raise SolverError(str(dataset.attrs["outcome_message"]))
-    motion = motion_record(panel, dataset)
+    frames, points = (PREVIEW_FRAMES, PREVIEW_POINTS) if preview else (FRAMES, MOST_POINTS)
+    motion = motion_record(panel, dataset, frames=frames)
     return {
         "complete": bool(dataset.attrs["complete"]),
         "message": "" if dataset.attrs["complete"] else str(dataset.attrs["outcome_message"]),
@@ -46,7 +50,7 @@ def answer(panel: Panel, dataset: xr.Dataset) -> dict[str, Any]:
         "summary": [list(line) for line in summary(dataset)],
         "lamps": _lamps(dataset, motion["at"]),
         "figures": [_figure(item) for item in key_figures(dataset)],
-        "sheet": sheet_record(throw_sheet(dataset)),
+        "sheet": sheet_record(throw_sheet(dataset), most=points),
         "motion": motion,
     }
 

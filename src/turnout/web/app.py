@@ -146,9 +146,11 @@ class _Desk:
 
         def work(question: Question) -> str:
             panel, dataset = self.studio.run(asked, question)
-            return json.dumps(answer(panel, dataset), allow_nan=False)
+            return json.dumps(answer(panel, dataset, preview=asked.preview), allow_nan=False)
 
         text = await self.worker.answer(work, kind=LIVE)
+        if not asked.preview:
+            self.worker.ahead(self.studio.ahead(asked))
         return Response(text, media_type="application/json")
 
     async def file(self, request: Request) -> Response:

@@ -30,7 +30,7 @@ class AskedRun(Asked):
     settings: dict[str, float | str] = Field(
         default={}, max_length=40, description="values by key of the panel"
     )
-    preview: bool = Field(default=False, description="whether a coarse step will do")
+    preview: bool = Field(default=False, description="whether quick mode will do")
 
 
 class AskedFile(Asked):

@@ -1,8 +1,9 @@
 """What the server remembers: panels, measured movements, the last throws."""
 
 from collections import OrderedDict
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,7 +20,7 @@ from turnout.response.compilation import must_compile
 from turnout.web.controls import controls
 from turnout.web.measured import Measured, campaign_movements
 from turnout.web.request import AskedRun
-from turnout.web.throw import changed_panel, thrown
+from turnout.web.throw import changed_panel, made_ready, places_around, thrown
 from turnout.web.worker import Question
 
 # So many are remembered, so that the memory does not grow with use.
@@ -134,6 +135,11 @@ class Studio:
             _remember(self._runs, key, thrown(panel, asked, question), most=MOST_RUNS)
         self._runs.move_to_end(key)
         return panel, self._runs[key]
+
+    def ahead(self, asked: AskedRun) -> list[Callable[[], None]]:
+        """Return what to do while nothing is asked, for the throws that may be asked for next."""
+        panel = changed_panel(self.panel(asked.panel), asked)
+        return [partial(made_ready, panel, near) for near in places_around(panel, asked)]
 
     def add_measured(self, measured: Measured) -> str:
         """Remember a measured movement; return its mark."""

@@ -2,16 +2,20 @@
 
 import xarray as xr
 
-from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.response.placed import check_placed
+from turnout.response.save import Save
 from turnout.response.scheme import Scheme
-from turnout.response.simulate import simulate
+from turnout.response.simulate import prepare, simulate
+from turnout.web.controls import controls
 from turnout.web.request import AskedRun
 from turnout.web.worker import Question, Superseded
 
 # While a slider moves; once it rests the throw is computed as `turnout simulate` does.
-PREVIEW = Scheme(step=4e-3)
+PREVIEW, PREVIEW_KEPT = Scheme.of("quick"), Save(interval=0.02)
+# Each way along the slider; more would not stay in memory.
+PLACES_AHEAD = 10
 
 
 def changed_panel(panel: LoadedPanel, asked: AskedRun) -> LoadedPanel:
@@ -43,15 +47,12 @@ def thrown(panel: LoadedPanel, asked: AskedRun, question: Question) -> xr.Datase
     PanelError, FileError
         When the object does not fit the panel.
     """
-    given = asked.object
-    trapped = None
-    if given is not None:
-        trapped = ForeignObject(given.size, given.at, stiffness=given.stiffness)
     try:
         dataset = simulate(
             panel,
-            foreign_object=trapped,
+            foreign_object=_trapped(asked),
             scheme=PREVIEW if asked.preview else Scheme(),
+            save=PREVIEW_KEPT if asked.preview else None,
             throw=False,
             report=question.hear,
         )
@@ -61,3 +62,31 @@ def thrown(panel: LoadedPanel, asked: AskedRun, question: Question) -> xr.Datase
         raise Superseded
     check_placed(dataset)
     return dataset
+
+
+def places_around(panel: LoadedPanel, asked: AskedRun) -> list[AskedRun]:
+    """Return the throws whose object lies where the slider comes next, the nearest first."""
+    given = asked.object
+    if given is None:
+        return []
+    slider = next(item for item in controls(panel) if item["key"] == "object.x")
+    x = resolve_objects(panel, [ForeignObject(given.size, given.at)])[-1].x
+    here, step = round(x / slider["step"]), slider["step"]
+    places = [step * (here + side * n) for n in range(1, PLACES_AHEAD + 1) for side in (1, -1)]
+    return [
+        asked.model_copy(update={"object": given.model_copy(update={"at": f"x = {place:.4f} m"})})
+        for place in places
+        if slider["least"] <= place <= slider["most"]
+    ]
+
+
+def made_ready(panel: LoadedPanel, asked: AskedRun) -> None:
+    """Reduce the rails of a throw that may be asked for, so that it is answered sooner."""
+    prepare(panel, foreign_object=_trapped(asked))
+
+
+def _trapped(asked: AskedRun) -> ForeignObject | None:
+    given = asked.object
+    if given is None:
+        return None
+    return ForeignObject(given.size, given.at, stiffness=given.stiffness)

@@ -8,10 +8,14 @@ and is then stopped through the flag that the integration looks at.
 import asyncio
 import threading
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TypeVar
+
+from turnout.errors import TurnoutError
 
 T = TypeVar("T")
 
@@ -48,6 +52,7 @@ class Worker:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="turnout-studio")
         self._newest: dict[str, Question] = {}
         self._open: set[Question] = set()
+        self._ahead: deque[Callable[[], None]] = deque()
 
     async def answer(self, work: Callable[[Question], T], *, kind: str | None = None) -> T:
         """Compute an answer in the thread.
@@ -80,10 +85,29 @@ class Worker:
             if kind is not None and self._newest.get(kind) is question:
                 del self._newest[kind]
 
+    def ahead(self, works: Iterable[Callable[[], None]]) -> None:
+        """Do work that nobody asked for yet, a piece at a time, until the next question comes."""
+        self._ahead = deque(works)
+        self._next_ahead()
+
+    def _next_ahead(self) -> None:
+        with suppress(RuntimeError):  # the thread was closed
+            self._thread.submit(self._one_ahead)
+
+    def _one_ahead(self) -> None:
+        if self._open:
+            self._ahead.clear()
+        if not self._ahead:
+            return
+        with suppress(IndexError, TurnoutError):  # cleared meanwhile, or it cannot be made
+            self._ahead.popleft()()
+        self._next_ahead()
+
     def close(self) -> None:
         """Stop what is computed and drop what waits, so that nobody is kept from leaving."""
         for question in list(self._open):
             question.stop()
+        self._ahead.clear()
         self._thread.shutdown(wait=False)
 
 

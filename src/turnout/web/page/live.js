@@ -21,7 +21,7 @@ async function ask(preview) {
     Object.assign(state, { answer, asked });
     document.body.classList.remove("stale");
     message("");
-    note(preview ? "preview, 4 ms steps" : `as turnout simulate, ${answer.seconds.toFixed(2)} s`);
+    note(preview ? "preview, quick mode" : `as turnout simulate, ${answer.seconds.toFixed(2)} s`);
     tell("answer");
   } catch (error) {
     if (mine < shown) return;

@@ -1,13 +1,14 @@
 // The instant that is shown, and playing through the throw at its own speed.
 import { on, state, tell } from "./state.js";
 
-let playing = false, began = 0, from = 0;
+let playing = false, began = 0, from = 0, instant = 0;
 
 const slider = () => document.getElementById("time");
 
 export function showFrame(number) {
   const { time } = state.answer.motion;
   state.frame = Math.max(0, Math.min(time.length - 1, number));
+  instant = time[state.frame];
   slider().value = state.frame;
   const text = `${time[state.frame].toFixed(2)} s`;
   document.getElementById("time-text").textContent = text;
@@ -46,6 +47,9 @@ export function startPlayer() {
     const { time } = state.answer.motion;
     const atEnd = state.frame >= Number(slider().max);
     slider().max = time.length - 1;
-    showFrame(atEnd ? time.length - 1 : state.frame);
+    // A preview has fewer instants: the one nearest to what was shown is shown again.
+    const gap = (number) => Math.abs(time[number] - instant);
+    const nearest = time.reduce((best, _, number) => gap(number) < gap(best) ? number : best, 0);
+    showFrame(atEnd ? time.length - 1 : nearest);
   });
 }
