@@ -21,7 +21,9 @@ async function ask(preview) {
     Object.assign(state, { answer, asked });
     document.body.classList.remove("stale");
     message("");
-    note(preview ? "preview, quick mode" : `as turnout simulate, ${answer.seconds.toFixed(2)} s`);
+    const how = preview ? "preview, quick mode" : `as turnout simulate, ${answer.seconds.toFixed(2)} s`;
+    // Of an older question it would say that the sliders' own throw is shown.
+    note(mine === number ? how : "computing ...");
     tell("answer");
   } catch (error) {
     if (mine < shown) return;
