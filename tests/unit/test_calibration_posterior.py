@@ -1,5 +1,7 @@
 """Emulator, samples, chain and profiles on movements that were made up."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
@@ -9,13 +11,18 @@ from turnout.study.calibration.covariance import Spread, spread_of
 from turnout.study.calibration.emulator import emulate
 from turnout.study.calibration.fit import Fit, fit
 from turnout.study.calibration.posterior import posterior_of
+from turnout.study.calibration.view import Doubt
 
 
 @pytest.fixture(scope="module")
 def fitted() -> Fit:
     rng = np.random.default_rng(7)
     measured = [movement(f"m{n}", rng=rng, own=0.02 * rng.standard_normal()) for n in range(4)]
-    return fit(misfit(measured), PARAMETERS, TRUE)
+    whole = misfit(measured)
+    # A posterior holds what the movements tell, not what all of them could share.
+    doubt = Doubt(common_gain=0.0, cross_talk=0.0, solver=0.0)
+    whole.comparison = replace(whole.comparison, doubt=doubt)
+    return fit(whole, PARAMETERS, TRUE)
 
 
 @pytest.fixture(scope="module")

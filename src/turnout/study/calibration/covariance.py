@@ -118,6 +118,7 @@ def spread_of(found: Fit) -> Spread:
     slopes = np.where(bound[None, :], 0.0, found.jacobian)
     whole = np.linalg.inv(slopes.T @ slopes + np.diag(prior))
     whole = whole + _of_sensitivities(found, whole @ slopes.T)
+    whole = whole + np.diag(_of_solver(found) ** 2)
     sizes = np.sqrt(np.diag(whole))
     states = [
         "at its bound" if at else "not identified" if size > UNTOLD / np.sqrt(know) else "fitted"
@@ -153,6 +154,13 @@ def spread_of(found: Fit) -> Spread:
         states=tuple(states),
         findings=tuple(_correlations(parameters, whole, kept)),
     )
+
+
+def _of_solver(found: Fit) -> Floats:
+    """Return the standard deviation of each coordinate by mesh and step."""
+    values = [(item, found.values[item.name]) for item in found.parameters]
+    shares = np.array([abs(value) / item.slope(value) for item, value in values])
+    return np.asarray(found.misfit.comparison.doubt.solver * shares)
 
 
 def _of_sensitivities(found: Fit, estimate: Floats) -> Floats:

@@ -39,6 +39,8 @@ class Doubt:
     common_gain, cross_talk : float
         Of the sensitivity, and of what each channel takes up of each other one, where all
         movements share it: no residual need show it, so it widens the intervals [-].
+    solver : float
+        Of each value, as a share of it, from mesh and step: what a finer twin moved it by [-].
     """
 
     clocked_onset: float = 0.005
@@ -47,6 +49,7 @@ class Doubt:
     gain: float = 1e-3
     common_gain: float = 1e-3
     cross_talk: float = 5e-4
+    solver: float = 5e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
