@@ -73,7 +73,8 @@ def chromium() -> str | None:
     return next((found for name in CHROMIUM if (found := shutil.which(name))), None)
 
 
-@pytest.fixture(scope="session")
+# While it is there an event loop runs, which tests elsewhere cannot have beside their own.
+@pytest.fixture(scope="module")
 def browser() -> Iterator["Browser"]:
     playwright = pytest.importorskip("playwright.sync_api", reason="no playwright: extra dev")
     program = chromium()
