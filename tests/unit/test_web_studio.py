@@ -12,6 +12,9 @@ from tests.unit.simulated import OBJECT, sb2_dataset, sb2_panel
 
 from turnout.metric.key_figure import key_figures
 from turnout.panel.load import library_text, load_panel
+from turnout.response.save import Save
+from turnout.response.scheme import Scheme
+from turnout.response.simulate import simulate
 from turnout.study.panel_check import concern_lines
 from turnout.web.controls import controls
 
@@ -59,6 +62,19 @@ def test_a_preview_is_near_the_throw_and_says_how(studio: Client) -> None:
     for one, other in zip(coarse["figures"], fine["figures"], strict=True):
         if one["key"].startswith(("end_", "sensor_")):
             assert one["value"] == pytest.approx(other["value"], rel=0.02, abs=2e-5), one["key"]
+
+
+def test_numbers_of_a_preview_are_those_of_a_quick_simulation(studio: Client) -> None:
+    answer = studio.post("/api/run", asked(studio, preview=True)).json
+    dataset = simulate(
+        sb2_panel(),
+        foreign_object=OBJECT,
+        scheme=Scheme.of("quick"),
+        save=Save(interval=0.02),
+    )
+    expected = {item.key: item.value for item in key_figures(dataset)}
+    found = {item["key"]: item["value"] for item in answer["figures"]}
+    assert found == pytest.approx(expected, rel=1e-9, abs=0)
 
 
 def test_files_hold_the_same_run(studio: Client) -> None:

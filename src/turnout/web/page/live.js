@@ -21,7 +21,7 @@ async function ask(preview) {
     Object.assign(state, { answer, asked });
     document.body.classList.remove("stale");
     message("");
-    const how = preview ? "preview, quick mode" : `as turnout simulate, ${answer.seconds.toFixed(2)} s`;
+    const how = preview ? "quick, as turnout simulate --mode quick" : `as turnout simulate, ${answer.seconds.toFixed(2)} s`;
     // Of an older question it would say that the sliders' own throw is shown.
     note(mine === number ? how : "computing ...");
     tell("answer");
