@@ -9,6 +9,8 @@ from tests.unit.served import Client, Reply, served
 from tests.unit.simulated import sb2_panel
 
 RATE = 20.0
+SETTLED = 5.0
+"""Seconds in which places beside the object are made ready."""
 
 
 def question(mark: str, number: int, *, preview: bool) -> dict[str, object]:
@@ -51,8 +53,9 @@ def test_the_last_of_many_questions_is_answered(seconds: float) -> None:
     with served(sb2_panel()) as client:
         client.enter()
         mark = client.ask("/api/start").json["panel"]["mark"]
-        warm, _ = burst(client, mark, seconds=2.0)
-        assert len(warm) == 40
+        # Memory that the first throws, and the places made ready after them, take once.
+        burst(client, mark, seconds=max(2.0, seconds / 3))
+        time.sleep(SETTLED)
         before = resident()
         replies, waits = burst(client, mark, seconds=seconds)
         grown = resident() - before
