@@ -19,7 +19,7 @@ def test_a_table_reads_back(tmp_path: Path) -> None:
 
 
 def test_nan_is_an_empty_cell_and_a_channel_of_them_is_left_out() -> None:
-    run = sb2_dataset().isel(time=slice(0, 3))[["object_force", "drive_gap"]]
+    run = sb2_dataset().isel(time=slice(0, 3))[["object_force", "drive_gap"]].copy(deep=True)
     run["drive_gap"][0, 1] = np.nan
     run["object_force"][:] = np.nan
     lines = history_text(run).splitlines()
