@@ -4,6 +4,7 @@ import os
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from turnout.errors import FileError
 
@@ -77,6 +78,19 @@ def write_told(path: Path, content: str | bytes) -> None:
 
     write_atomic(path, content)
     typer.echo(f"{path}: written")
+
+
+def tell_schema(schema: dict[str, Any], out: Path | None) -> None:
+    """Show a JSON schema, or write it to a file."""
+    import json
+
+    import typer
+
+    text = json.dumps(schema, indent=2)
+    if out is None:
+        typer.echo(text)
+        return
+    write_told(out, text + "\n")
 
 
 def made_folder(option: str, folder: Path) -> Path:

@@ -7,7 +7,7 @@ import typer
 
 from turnout.cli.modes import modes_command
 from turnout.cli.options import DEFAULT_PANEL, PanelArgument, SetOption, opened_panel
-from turnout.cli.outputs import FIGURES, check_outputs, write_told
+from turnout.cli.outputs import FIGURES, check_outputs, tell_schema, write_told
 
 if TYPE_CHECKING:
     pass
@@ -143,14 +143,8 @@ def schema_command(
     ] = None,
 ) -> None:
     """Give the JSON schema of panel files, for editors."""
-    import json
-
     check_outputs({"--out": out}, {"--out": (".json",)})
 
     from turnout.panel.schema import panel_schema
 
-    text = json.dumps(panel_schema(), indent=2)
-    if out is None:
-        typer.echo(text)
-        return
-    write_told(out, text + "\n")
+    tell_schema(panel_schema(), out)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from turnout.cli.outputs import check_outputs, write_told
+from turnout.cli.outputs import check_outputs, tell_schema
 from turnout.cli.sweep_look import effects_command, map_command
 from turnout.cli.sweep_plan import StudyArgument, plan_command
 from turnout.cli.sweep_run import export_command, run_command
@@ -52,14 +52,8 @@ def schema_command(
     ] = None,
 ) -> None:
     """Give the JSON schema of study files, for editors."""
-    import json
-
     check_outputs({"--out": out}, {"--out": (".json",)})
 
     from turnout.study.study_schema import study_schema
 
-    text = json.dumps(study_schema(), indent=2)
-    if out is None:
-        typer.echo(text)
-        return
-    write_told(out, text + "\n")
+    tell_schema(study_schema(), out)

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
@@ -10,9 +9,10 @@ from typing import Any, Self
 from pydantic import PrivateAttr
 
 from turnout.errors import FileError, PanelError
-from turnout.files.problems import Problem, choices, nearest
+from turnout.files.library import names_in_library, text_in_library
+from turnout.files.problems import Problem, choices
 from turnout.files.provenance import content_hash
-from turnout.files.toml import Origin, TomlFile, decode, parse_toml, read_toml
+from turnout.files.toml import Origin, TomlFile, parse_toml, read_toml
 from turnout.panel.check import check
 from turnout.panel.document import Document, expand
 from turnout.panel.library_outlines import add_library_outlines
@@ -192,10 +192,7 @@ def library_names() -> tuple[str, ...]:
     >>> "sb1" in library_names()
     True
     """
-    folder = resources.files("turnout.panel").joinpath("library")
-    return tuple(
-        sorted(item.name.removesuffix(".toml") for item in folder.iterdir() if item.is_file())
-    )
+    return names_in_library("turnout.panel")
 
 
 def library_text(name: str) -> str:
@@ -206,15 +203,7 @@ def library_text(name: str) -> str:
     FileError
         When there is no such panel; the text lists those there are.
     """
-    names = library_names()
-    if name not in names:
-        message = (
-            f"no library panel is called '{name}'{nearest(name, names)}; "
-            f"there are {choices(names)}; a file needs its .toml"
-        )
-        raise FileError(message)
-    folder = resources.files("turnout.panel").joinpath("library")
-    return decode(folder.joinpath(f"{name}.toml").read_bytes(), source=name)
+    return text_in_library("turnout.panel", name, kind="panel")
 
 
 def load_panel(

@@ -1,11 +1,9 @@
 """Studies that come with the program, and where the panel of a study is looked for."""
 
-from importlib import resources
 from pathlib import Path
 
-from turnout.errors import FileError
-from turnout.files.problems import choices, nearest
-from turnout.files.toml import TomlFile, decode, parse_toml, read_toml
+from turnout.files.library import names_in_library, text_in_library
+from turnout.files.toml import TomlFile, parse_toml, read_toml
 from turnout.panel.load import LoadedPanel, load_panel
 
 
@@ -17,9 +15,7 @@ def study_names() -> tuple[str, ...]:
     >>> "paper-campaign" in study_names()
     True
     """
-    folder = resources.files("turnout.study").joinpath("library")
-    names = (item.name for item in folder.iterdir() if item.name.endswith(".toml"))
-    return tuple(sorted(name.removesuffix(".toml") for name in names))
+    return names_in_library("turnout.study")
 
 
 def study_text(name: str) -> str:
@@ -30,15 +26,7 @@ def study_text(name: str) -> str:
     FileError
         When there is no such study; the text lists those there are.
     """
-    names = study_names()
-    if name not in names:
-        message = (
-            f"no library study is called '{name}'{nearest(name, names)}; "
-            f"there are {choices(names)}; a file needs its .toml"
-        )
-        raise FileError(message)
-    folder = resources.files("turnout.study").joinpath("library")
-    return decode(folder.joinpath(f"{name}.toml").read_bytes(), source=name)
+    return text_in_library("turnout.study", name, kind="study")
 
 
 def open_study(name_or_path: str | Path) -> TomlFile:
