@@ -9,9 +9,11 @@ import pytest
 
 from turnout.mechanism import build, cache, reduce
 from turnout.mechanism.build import build_mechanism
+from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
 
 PANEL = load_panel("uic60-760-1-15")
+TABLE = ["-8 mm", "-5 mm", "0 mm", "9 mm"]
 
 
 @pytest.fixture
@@ -140,17 +142,40 @@ def test_old_files_go_and_memory_stays_small(fresh: Path, monkeypatch: pytest.Mo
         {"gravity": 9.0},
         {"stop.1.clearance": 0.001},
         {"material.density": 7000.0},
+        {"drive.2.extension": TABLE, "drive.2.force": ["-5 kN", "-4 kN", "0 N", "6 kN"]},
+        {"link.stiffness": 2e6, "object_defaults.stiffness": 3e7, "movement.return.start": 5.0},
     ],
     ids=lambda changes: next(iter(changes)),
 )
 def test_a_kept_linear_part_is_the_one_that_would_be_made(changes: dict[str, object]) -> None:
     """Panels made from one another share records, and what is kept by them."""
-    build_mechanism(PANEL)
-    kept = build_mechanism(PANEL.with_overrides(changes))
+    panel = PANEL.with_overrides(changes)
+    build_mechanism(PANEL, resolve_objects(PANEL, [ForeignObject("5 mm", "sleeper 6")]))
+    objects = resolve_objects(panel, [ForeignObject("13 mm", "sleeper 6")])
+    kept = build_mechanism(panel, objects)
     build.forget()
-    made = build_mechanism(PANEL.with_overrides(changes))
+    made = build_mechanism(panel, objects)
     for name in ("stiffness", "mass", "damping", "load", "rows"):
         np.testing.assert_array_equal(getattr(kept, name), getattr(made, name), err_msg=name)
+    for name, values in kept.laws._asdict().items():
+        np.testing.assert_array_equal(values, getattr(made.laws, name), err_msg=name)
+    assert kept.index == made.index
+
+
+def test_laws_take_the_values_of_their_own_chairs() -> None:
+    own = {"chair.3.friction_coefficient": 0.5, "chair.3.normal_stiffness": 2e7}
+    mechanism = build_mechanism(PANEL.with_overrides({**own, "chair.3.clearance": 1e-4}))
+    laws, rail = mechanism.laws, PANEL.instrumented_rail
+    for chair, values in (("3", (2e7, 1e-4, 0.5)), ("4", None)):
+        contact, friction = (
+            index[rail, chair][0]
+            for index in (mechanism.index.chair, mechanism.index.chair_friction)
+        )
+        slope = laws.slope[laws.segment_start[contact] + 1]
+        found = (slope, laws.offset[contact], laws.friction_coefficient[friction])
+        record = PANEL.chair[chair]
+        usual = (record.normal_stiffness, record.clearance, record.friction_coefficient)
+        assert found == pytest.approx(values or usual)
 
 
 def test_a_linear_part_is_kept_for_what_only_laws_know() -> None:

@@ -6,6 +6,7 @@ from tests.unit.simulated import sb2_run
 
 from turnout.mechanism.mechanism import RailBody
 from turnout.response.recovery import (
+    force_motion,
     lateral_displacement,
     lateral_rows,
     recover_motion,
@@ -32,9 +33,9 @@ def body() -> RailBody:
 def test_rows_are_recovered() -> None:
     run = sb2_run()
     motion, rows = recover_motion(run.mechanism, run.history), run.mechanism.rows
-    model = motion.model
-    recovered = motion.q @ (rows @ model.modes).T
-    recovered += motion.row_force @ (rows @ model.residual_shapes).T + rows @ model.residual_load
+    model = run.history.model
+    recovered = run.history.q @ (rows @ model.modes).T + rows @ model.residual_load
+    recovered += force_motion(motion, rows @ model.residual_shapes).T
     assert np.abs(run.history.g).max() > 0.1
     np.testing.assert_allclose(recovered, run.history.g, rtol=0, atol=1e-12)
 

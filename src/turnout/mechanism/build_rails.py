@@ -1,6 +1,6 @@
 """The rails of a panel as data for beams: meshes, sections, supports.
 
-Beside `turnout.mechanism.build` the only file that sees both definition and mechanics.
+See `turnout.mechanism.build` for what is made of them.
 """
 
 from collections.abc import Mapping, Sequence

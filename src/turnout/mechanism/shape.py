@@ -1,4 +1,4 @@
-"""What of a panel shapes the linear part of its mechanism, as a key to keep that part by.
+"""What of a panel shapes rails and rows of its mechanism, as a key to keep these by.
 
 Friction, contact and drive parameters and the motion are no part of it. Whatever is not known to
 be without influence counts, so that a new field of a panel can cost time but never a result.
@@ -39,7 +39,7 @@ def shape_of(
     panel : LoadedPanel
         The panel.
     objects : sequence of PlacedObject
-        Foreign objects, of which the places count.
+        Foreign objects, of which names and places count.
 
     Examples
     --------
@@ -64,7 +64,7 @@ def shape_of(
         fields = _geometry(record)
         for name, member in family.items():
             key.append((name, *(_plain(getattr(member, field)) for field in fields)))
-    key += [(item.rail, item.x, item.height) for item in objects]
+    key += [(item.name, item.rail, item.x, item.height) for item in objects]
     return tuple(key), tuple(named)
 
 

@@ -16,10 +16,10 @@ from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
 from turnout.panel.record import Placed
 from turnout.response.coordinates import coordinates, stations
-from turnout.response.energies import energy_channels, energy_scale
+from turnout.response.energies import ENERGIES, energy_channels, energy_scale
 from turnout.response.fastenings import NAMES as FASTENINGS
 from turnout.response.fastenings import fastening_signals
-from turnout.response.gaps import contact_height, drive_gaps, rail_gap, sensor_gaps
+from turnout.response.gaps import contact_height, drive_and_sensor_gaps, rail_gap
 from turnout.response.labels import (
     contact_labels,
     control_states,
@@ -82,14 +82,16 @@ def response_dataset(
     xarray.Dataset
         Labelled and checked; ``attrs`` are left to `describe_run`.
     """
-    channels, coords = response_channels(panel, mechanism, history, save=save or Save())
+    save = save or Save()
+    channels = response_channels(panel, mechanism, history, save=save)
+    coords = coordinates_of(channels, panel, mechanism, time=history.time, save=save)
     return check_schema(label(xr.Dataset(channels, coords)))
 
 
 def response_channels(
     panel: Panel, mechanism: Mechanism, history: History, *, save: Save
-) -> tuple[dict[str, Variable], dict[str, Variable]]:
-    """Return what `response_dataset` holds as bare arrays, for those who make datasets of many.
+) -> dict[str, Variable]:
+    """Return the channels of `response_dataset` as bare arrays, for datasets of many runs.
 
     Parameters
     ----------
@@ -100,33 +102,56 @@ def response_channels(
 
     Returns
     -------
-    channels, coordinates : dict of str to (dims, ndarray)
+    dict of str to (dims, ndarray)
         By the names of the schema, in SI.
     """
     channels = drive_signals(panel, mechanism, history)
     for names, signals in _FORCES.items():
         if save.keeps(*names):
             channels |= signals(panel, mechanism, history)
-    x = stations(panel, mechanism, save)
     if save.keeps(*_SHAPES, *FASTENINGS, *_DRIVE_GAPS, *_SENSOR_GAPS, *_FLANGEWAYS):
         motion = recover_motion(mechanism, history)
-        channels |= _shapes(panel, motion, x, save)
+        channels |= _shapes(panel, motion, stations(panel, mechanism, save), save)
         channels |= fastening_signals(panel, motion, save)
         channels |= _gaps(panel, motion, history.time, save)
     channels |= contact_labels(mechanism, history)
-    channels |= energy_channels(history.stored, history.ledger)
-    channels |= _states(panel, history.time, channels)
-    kept = {name: value for name, value in channels.items() if save.keeps(name)}
-    used = {dim for dims, _ in kept.values() for dim in dims} | {"time"}
-    named = coordinates(panel, mechanism, time=history.time, x=x)
-    return kept, {name: value for name, value in named.items() if set(value[0]) <= used}
+    if save.keeps(*ENERGIES):
+        channels |= energy_channels(history.stored, history.ledger)
+    channels |= _states(panel, history.time, channels, save)
+    return {name: value for name, value in channels.items() if save.keeps(name)}
+
+
+def coordinates_of(
+    channels: Mapping[str, Variable],
+    panel: Panel,
+    mechanism: Mechanism,
+    *,
+    time: Floats,
+    save: Save,
+) -> dict[str, Variable]:
+    """Return the coordinates of some channels as bare arrays, and time in any case.
+
+    Parameters
+    ----------
+    channels : mapping of str to (dims, ndarray)
+        From `response_channels`.
+    panel, mechanism
+        As there.
+    time : ndarray, shape (n_times,)
+        [s]
+    save : Save
+        With the places of `gap` and `lateral_displacement`.
+    """
+    used = {dim for dims, _ in channels.values() for dim in dims} | {"time"}
+    named = coordinates(panel, mechanism, time=time, x=stations(panel, mechanism, save))
+    return {name: value for name, value in named.items() if set(value[0]) <= used}
 
 
 def _shapes(panel: Panel, motion: Motion, x: Floats, save: Save) -> dict[str, Variable]:
     """Return gap and lateral displacement of all rails at contact height."""
     if not save.keeps(*_SHAPES):
         return {}
-    shape = (len(panel.rail), x.size, motion.q.shape[0])
+    shape = (len(panel.rail), x.size, motion.history.time.size)
     moved, gap = np.empty(shape), np.empty(shape)
     for r, name in enumerate(panel.rail):
         z = contact_height(panel, name, x)
@@ -140,26 +165,30 @@ def _gaps(panel: Panel, motion: Motion, time: Floats, save: Save) -> dict[str, V
     """Return gaps at drives and sensors, and the least flangeway."""
     found: dict[str, Variable] = {}
     if save.keeps(*_DRIVE_GAPS, *_SENSOR_GAPS):
-        gap = drive_gaps(panel, motion, time)
+        gap, at_sensors = drive_and_sensor_gaps(panel, motion, time)
         last = gap[:, -1] if time.size else np.full(gap.shape[0], np.nan)
         found["drive_gap"] = (("drive", "time"), gap)
         found["end_gap"] = (("drive",), last.copy())
-    if panel.sensor and save.keeps(*_SENSOR_GAPS):
-        found["sensor_gap"] = (("sensor", "time"), sensor_gaps(panel, motion))
+        if panel.sensor:
+            found["sensor_gap"] = (("sensor", "time"), at_sensors)
     if save.keeps(*_FLANGEWAYS):
         found |= flangeway_labels(panel, motion, time)
     return found
 
 
-def _states(panel: Panel, time: Floats, channels: dict[str, Variable]) -> dict[str, Variable]:
+def _states(
+    panel: Panel, time: Floats, channels: dict[str, Variable], save: Save
+) -> dict[str, Variable]:
     """Return what follows from forces and gaps, as far as these were made."""
 
     def values(name: str) -> Floats:
         return np.asarray(channels[name][1], dtype=float)
 
-    margins = force_margins(panel, time=time, drive_force=values("drive_force"))
-    found: dict[str, Variable] = {"force_margin": (("drive", "direction"), margins)}
-    if "drive_gap" in channels:
+    found: dict[str, Variable] = {}
+    if save.keeps("force_margin"):
+        margins = force_margins(panel, time=time, drive_force=values("drive_force"))
+        found["force_margin"] = (("drive", "direction"), margins)
+    if "drive_gap" in channels and save.keeps("locked", "in_control"):
         found |= control_states(
             panel,
             time=time,

@@ -19,6 +19,21 @@ from turnout.response.signals import Variable
 
 Floats = NDArray[np.float64]
 
+_STORED = {
+    "energy_kinetic": KINETIC,
+    "energy_strain": STRAIN,
+    "energy_contact": CONTACT,
+    "energy_gravity": GRAVITY,
+}
+_SPENT = {
+    "work_markers": MARKERS,
+    "energy_friction": FRICTION,
+    "energy_damping": DAMPING,
+    "energy_object_switched": SWITCHED,
+}
+ENERGIES = (*_STORED, *_SPENT, "energy_numerical", "energy_residual")
+"""Channels that `energy_channels` makes."""
+
 
 def energy_channels(stored: Floats, ledger: Floats) -> dict[str, Variable]:
     """Return all energies; stored ones as change from the first instant.
@@ -47,18 +62,9 @@ def energy_channels(stored: Floats, ledger: Floats) -> dict[str, Variable]:
         - ledger[:, DAMPING]
         - numerical
     )
-    values = {
-        "work_markers": ledger[:, MARKERS],
-        "energy_kinetic": change[:, KINETIC],
-        "energy_strain": change[:, STRAIN],
-        "energy_contact": change[:, CONTACT],
-        "energy_gravity": change[:, GRAVITY],
-        "energy_friction": ledger[:, FRICTION],
-        "energy_damping": ledger[:, DAMPING],
-        "energy_object_switched": ledger[:, SWITCHED],
-        "energy_numerical": numerical,
-        "energy_residual": change.sum(axis=1) - books,
-    }
+    values = {name: change[:, column] for name, column in _STORED.items()}
+    values |= {name: ledger[:, column] for name, column in _SPENT.items()}
+    values |= {"energy_numerical": numerical, "energy_residual": change.sum(axis=1) - books}
     return {name: (("time",), value.copy()) for name, value in values.items()}
 
 

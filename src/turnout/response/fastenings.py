@@ -11,7 +11,7 @@ from turnout.mechanism.build_rails import fastening_offset
 from turnout.mechanism.mechanism import RailBody
 from turnout.panel.model import Panel
 from turnout.panel.support_records import Fastening
-from turnout.response.recovery import Motion, row_motion
+from turnout.response.recovery import Motion, row_motion, whole_rows
 from turnout.response.save import Save
 from turnout.response.signals import Variable
 
@@ -28,7 +28,7 @@ def fastening_signals(panel: Panel, motion: Motion, save: Save) -> dict[str, Var
     """
     if not panel.fastening or not save.keeps(*NAMES):
         return {}
-    shape = (len(panel.rail), len(panel.fastening), len(AXES), motion.q.shape[0])
+    shape = (len(panel.rail), len(panel.fastening), len(AXES), motion.history.time.size)
     force, moment = np.full(shape, np.nan), np.full(shape, np.nan)
     for r, rail in enumerate(panel.rail):
         body = motion.rails[rail]
@@ -36,7 +36,8 @@ def fastening_signals(panel: Panel, motion: Motion, save: Save) -> dict[str, Var
             if body.with_supports or (fastening.rails is not None and rail not in fastening.rails):
                 continue
             offset = fastening_offset(panel, rail, fastening)
-            moved = row_motion(motion, rail, _rows(body, fastening, offset=offset))
+            rows = _rows(body, fastening, offset=offset)
+            moved = row_motion(motion, whole_rows(motion, rail, rows))
             spring = np.array(
                 [
                     *(fastening.stiffness_x, fastening.stiffness_y, fastening.stiffness_z),

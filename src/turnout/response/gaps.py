@@ -1,12 +1,21 @@
 """Open distances between switch rails and stock rails, and the flangeway behind them."""
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
 from turnout.panel.profile import running_edge_distance, stock_rail_gap
-from turnout.response.recovery import Ints, Motion, lateral_displacement
+from turnout.response.recovery import (
+    Ints,
+    Motion,
+    lateral_displacement,
+    lateral_rows,
+    row_motion,
+    whole_rows,
+)
 from turnout.response.route import Throw, open_rail, wanted_closed
 
 Floats = NDArray[np.float64]
@@ -51,50 +60,78 @@ def rail_gap(
 ) -> Floats:
     """Return the open distance to the stock rail, shape (n_points, n_times) [m].
 
-    A flexible stock rail takes part with its own displacement at the same height; beyond its ends
-    it is held.
+    A flexible stock rail takes part with its own displacement at the same height.
     """
     moved = lateral_displacement(motion, rail, x=x, z=z, at=at)
-    for name, stock in panel.stock_rail.items():
-        if stock.faces == rail:
-            body = f"stock rail {name}"
-            inside = np.clip(x, stock.start, stock.end)
-            moved -= lateral_displacement(motion, body, x=inside, z=z - stock.foot_height, at=at)
+    for body, inside, height in _faced(panel, rail, x, z):
+        moved -= lateral_displacement(motion, body, x=inside, z=height, at=at)
     side = SIDE[panel.rail[rail].closes]
     gap: Floats = stock_gap(panel, rail, x)[:, np.newaxis] - side * moved
     return gap
 
 
-def drive_gaps(panel: Panel, motion: Motion, time: Floats) -> Floats:
-    """Return the gap at each drive's rod, of the rail that should be closed.
+def drive_and_sensor_gaps(panel: Panel, motion: Motion, time: Floats) -> tuple[Floats, Floats]:
+    """Return the gap at each drive's rod, of the rail that should be closed, and at each sensor.
 
-    That is the rail which the present or last movement closes; before the first movement, the one
-    that is closed where the schedule starts. A panel with one rail has no choice.
+    That rail is the one which the present or last movement closes; before the first movement, the
+    one that is closed where the schedule starts. A panel with one rail has no choice.
 
     Returns
     -------
-    ndarray, shape (n_drives, n_times)
+    at_drives : ndarray, shape (n_drives, n_times)
+        [m]
+    at_sensors : ndarray, shape (n_sensors, n_times)
         [m]
     """
     x = np.array([drive.x for drive in panel.drive.values()])
     z = np.array([drive.height for drive in panel.drive.values()])
-    gap = np.full((x.size, time.size), np.nan)
-    for rail, when in wanted_closed(panel, time):
-        if when.any():
-            gap[:, when] = rail_gap(panel, motion, rail, x=x, z=z, at=np.flatnonzero(when))
-    return gap
+    rails = wanted_closed(panel, time)
+    sensors = [(s.rail, np.array([s.x]), np.array([s.height])) for s in panel.sensor.values()]
+    found = open_distances(panel, motion, [*((rail, x, z) for rail, _ in rails), *sensors])
+    at_drives = np.full((x.size, time.size), np.nan)
+    for (_, when), distance in zip(rails, found, strict=False):
+        at_drives[:, when] = distance[:, when]
+    at_sensors = found[len(rails) :]
+    return at_drives, np.concatenate(at_sensors) if at_sensors else np.empty((0, time.size))
 
 
-def sensor_gaps(panel: Panel, motion: Motion) -> Floats:
-    """Return the gap at each sensor, shape (n_sensors, n_times) [m]."""
-    return np.concatenate(
-        [
-            rail_gap(
-                panel, motion, sensor.rail, x=np.array([sensor.x]), z=np.array([sensor.height])
-            )
-            for sensor in panel.sensor.values()
-        ]
-    )
+def open_distances(
+    panel: Panel, motion: Motion, places: Sequence[tuple[str, Floats, Floats]]
+) -> list[Floats]:
+    """Return what `rail_gap` does at all instants, for some points of several rails at once.
+
+    Parameters
+    ----------
+    panel, motion
+        Panel and run.
+    places : sequence of (str, ndarray, ndarray)
+        Rail, places and heights [m].
+
+    Returns
+    -------
+    list of ndarray, each of shape (n_points, n_times)
+        [m]
+    """
+    starts, rows = [], []
+    for rail, x, z in places:
+        side = SIDE[panel.rail[rail].closes]
+        row = whole_rows(motion, rail, lateral_rows(motion.rails[rail], x, z))
+        for body, inside, height in _faced(panel, rail, x, z):
+            row -= whole_rows(motion, body, lateral_rows(motion.rails[body], inside, height))
+        starts.append(stock_gap(panel, rail, x))
+        rows.append(side * row)
+    gap = np.concatenate(starts)[:, np.newaxis] - row_motion(motion, np.concatenate(rows))
+    return np.split(gap, np.cumsum([start.size for start in starts])[:-1])
+
+
+def _faced(panel: Panel, rail: str, x: Floats, z: Floats) -> Iterator[tuple[str, Floats, Floats]]:
+    """Yield the flexible stock rail that a rail faces, with places and heights in its own terms.
+
+    Beyond its ends it is held.
+    """
+    for name, stock in panel.stock_rail.items():
+        if stock.faces == rail:
+            yield f"stock rail {name}", np.clip(x, stock.start, stock.end), z - stock.foot_height
 
 
 def least_flangeway(

@@ -13,11 +13,10 @@ matrix then gives its nodes.
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from turnout.integrate.run import History
-from turnout.mechanism.condense import ModalModel, base_stiffness
+from turnout.mechanism.condense import base_stiffness
 from turnout.mechanism.mechanism import Mechanism, RailBody
 
 Floats = NDArray[np.float64]
@@ -35,46 +34,50 @@ class Motion:
     ----------
     rails : dict of str to RailBody
         Reduced rails by name.
-    model : ModalModel
-        Modes and static shapes of the whole mechanism.
-    q : ndarray, shape (n_times, n_modes)
-        Modal coordinates.
-    row_force : ndarray, shape (n_times, n_rows)
-        Force of the laws on each row beyond the linear system [N].
+    history : History
+        The run, whose model has modes and static shapes of the whole mechanism.
+    slope : ndarray, shape (n_rows,)
+        Stiffness at each row that the linear system holds already [N/m].
     """
 
     rails: dict[str, RailBody]
-    model: ModalModel
-    q: Floats
-    row_force: Floats
+    history: History
+    slope: Floats
 
 
 def recover_motion(mechanism: Mechanism, history: History) -> Motion:
     """Collect what the recovery of shapes needs from a run."""
-    return Motion(
-        rails={body.name: body for body in mechanism.rails},
-        model=history.model,
-        q=history.q,
-        row_force=row_forces(mechanism, history),
-    )
+    laws = history.laws
+    slope = np.bincount(laws.row, base_stiffness(laws), mechanism.rows.shape[0])
+    rails = {body.name: body for body in mechanism.rails}
+    return Motion(rails=rails, history=history, slope=slope.astype(np.float64))
 
 
-def row_forces(mechanism: Mechanism, history: History) -> Floats:
-    """Return the force of laws and frictions on each row beyond the linear system.
+def force_motion(motion: Motion, shapes: Floats, *, at: Ints | None = None) -> Floats:
+    """Return what displacements by row forces come to under those of the laws over time.
+
+    The force on a row is that of laws and frictions beyond the linear system. It is never formed
+    for all rows and instants: each kind of force goes by its own columns.
+
+    Parameters
+    ----------
+    motion : Motion
+        The run.
+    shapes : ndarray, shape (n, n_rows)
+        Displacements for a unit force along each row [m/N].
+    at : ndarray of int, optional
+        Indices of the wanted instants; default all.
 
     Returns
     -------
-    ndarray, shape (n_times, n_rows)
-        [N]
+    ndarray, shape (n, n_times)
+        [m]
     """
-    laws = history.laws
-    n_rows = mechanism.rows.shape[0]
-    slope = np.zeros(n_rows)
-    np.add.at(slope, laws.row, base_stiffness(laws))
-    force: Floats = history.g * slope
-    force -= (_incidence(laws.row, n_rows) @ history.law_force.T).T
-    force -= (_incidence(laws.friction_row, n_rows) @ history.friction_force.T).T
-    return force
+    history, laws = motion.history, motion.history.laws
+    moved: Floats = (shapes * motion.slope) @ _at(history.g, at).T
+    moved -= shapes[:, laws.row] @ _at(history.law_force, at).T
+    moved -= shapes[:, laws.friction_row] @ _at(history.friction_force, at).T
+    return moved
 
 
 def lateral_rows(body: RailBody, x: Floats, z: Floats) -> Floats:
@@ -94,15 +97,9 @@ def lateral_rows(body: RailBody, x: Floats, z: Floats) -> Floats:
     ndarray, shape (n_points, body.count)
         NaN where x lies beyond the rail.
     """
-    left = np.clip(np.searchsorted(body.x, x, side="right") - 1, 0, body.x.size - 2)
-    share = (x - body.x[left]) / (body.x[left + 1] - body.x[left])
-    beyond = (x < body.x[0] - PLACE_TOLERANCE) | (x > body.x[-1] + PLACE_TOLERANCE)
-    share = np.where(beyond, np.nan, np.clip(share, 0.0, 1.0))[:, np.newaxis]
-    lateral, roll = body.recovery[UY::PER_NODE], body.recovery[RX::PER_NODE]
-    at_left = lateral[left] - z[:, np.newaxis] * roll[left]
-    at_right = lateral[left + 1] - z[:, np.newaxis] * roll[left + 1]
-    rows: Floats = at_left + share * (at_right - at_left)
-    return rows
+    return _between(
+        body, x, z, lateral=body.recovery[UY::PER_NODE], roll=body.recovery[RX::PER_NODE]
+    )
 
 
 def lateral_displacement(
@@ -126,20 +123,32 @@ def lateral_displacement(
     ndarray, shape (n_points, n_times)
         [m]; NaN beyond the rail.
     """
-    return row_motion(motion, rail, lateral_rows(motion.rails[rail], x, z), at=at)
+    body = motion.rails[rail]
+    # Whichever of points and instants are fewer meet the large matrices first.
+    if at is None or at.size > x.size:
+        return row_motion(motion, whole_rows(motion, rail, lateral_rows(body, x, z)), at=at)
+    moved = coordinates_at(motion, rail, at)
+    lateral, roll = body.recovery[UY::PER_NODE] @ moved, body.recovery[RX::PER_NODE] @ moved
+    return _between(body, x, z, lateral=lateral, roll=roll)
 
 
-def row_motion(motion: Motion, rail: str, rows: Floats, *, at: Ints | None = None) -> Floats:
-    """Return what rows over a rail's reduced coordinates come to over time.
+def whole_rows(motion: Motion, rail: str, rows: Floats) -> Floats:
+    """Return rows over the coordinates of one rail as rows over those of all rails."""
+    body = motion.rails[rail]
+    whole = np.zeros((rows.shape[0], motion.history.model.residual_load.size))
+    whole[:, body.first : body.first + body.count] = rows
+    return whole
+
+
+def row_motion(motion: Motion, rows: Floats, *, at: Ints | None = None) -> Floats:
+    """Return what rows over the reduced coordinates of all rails come to over time.
 
     Parameters
     ----------
     motion : Motion
         The run.
-    rail : str
-        Name of the rail.
-    rows : ndarray, shape (n_rows, count)
-        Over the reduced coordinates of the rail.
+    rows : ndarray, shape (n_rows, n)
+        Over all coordinates; see `whole_rows` for those of one rail.
     at : ndarray of int, optional
         Indices of the wanted instants; default all.
 
@@ -147,18 +156,37 @@ def row_motion(motion: Motion, rail: str, rows: Floats, *, at: Ints | None = Non
     -------
     ndarray, shape (n_rows, n_times)
     """
-    body, model = motion.rails[rail], motion.model
-    mine = slice(body.first, body.first + body.count)
-    q = motion.q if at is None else motion.q[at]
-    force = motion.row_force if at is None else motion.row_force[at]
-    displacement: Floats = (rows @ model.modes[mine]) @ q.T
-    displacement += (rows @ model.residual_shapes[mine]) @ force.T
-    displacement += (rows @ model.residual_load[mine])[:, np.newaxis]
+    model = motion.history.model
+    displacement: Floats = (rows @ model.modes) @ _at(motion.history.q, at).T
+    displacement += force_motion(motion, rows @ model.residual_shapes, at=at)
+    displacement += (rows @ model.residual_load)[:, np.newaxis]
     return displacement
 
 
-def _incidence(targets: Ints, n_rows: int) -> sp.csr_array:
-    """Return the matrix that sums columns into their rows."""
-    return sp.csr_array(
-        (np.ones(targets.size), (targets, np.arange(targets.size))), shape=(n_rows, targets.size)
-    )
+def coordinates_at(motion: Motion, rail: str, at: Ints) -> Floats:
+    """Return the reduced coordinates of a rail at a few instants, shape (count, n_times)."""
+    body, history = motion.rails[rail], motion.history
+    model, laws = history.model, history.laws
+    mine = slice(body.first, body.first + body.count)
+    force = history.g[at].T * motion.slope[:, np.newaxis]
+    np.subtract.at(force, laws.row, history.law_force[at].T)
+    np.subtract.at(force, laws.friction_row, history.friction_force[at].T)
+    found: Floats = model.modes[mine] @ history.q[at].T + model.residual_shapes[mine] @ force
+    found += model.residual_load[mine, np.newaxis]
+    return found
+
+
+def _between(body: RailBody, x: Floats, z: Floats, *, lateral: Floats, roll: Floats) -> Floats:
+    """Return what points at some places and heights follow of what the nodes have."""
+    left = np.clip(np.searchsorted(body.x, x, side="right") - 1, 0, body.x.size - 2)
+    share = (x - body.x[left]) / (body.x[left + 1] - body.x[left])
+    beyond = (x < body.x[0] - PLACE_TOLERANCE) | (x > body.x[-1] + PLACE_TOLERANCE)
+    share = np.where(beyond, np.nan, np.clip(share, 0.0, 1.0))[:, np.newaxis]
+    at_left = lateral[left] - z[:, np.newaxis] * roll[left]
+    at_right = lateral[left + 1] - z[:, np.newaxis] * roll[left + 1]
+    found: Floats = at_left + share * (at_right - at_left)
+    return found
+
+
+def _at(values: Floats, at: Ints | None) -> Floats:
+    return values if at is None else values[at]

@@ -19,7 +19,7 @@ from turnout.mechanism.threads import one_blas_thread
 from turnout.metric.features import FEATURES, run_features
 from turnout.metric.movement import Span
 from turnout.panel.load import LoadedPanel
-from turnout.response.dataset import response_channels
+from turnout.response.dataset import coordinates_of, response_channels
 from turnout.response.route import throws
 from turnout.response.save import Save
 from turnout.response.signals import Variable
@@ -47,7 +47,10 @@ LABELS = {
 }
 """Unit and meaning of the labels that only a sweep has."""
 
-GAPS = ("end_gap", "locked", "in_control", "least_flangeway", "least_flangeway_x")
+GAPS = ("drive_gap", "end_gap", "sensor_gap", "locked", "in_control")
+FLANGEWAYS = ("least_flangeway", "least_flangeway_x")
+MADE = (*FORCES, *CONTACTS, *GAPS, *FLANGEWAYS)
+"""What is made of each throw at every instant, whatever is kept of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,49 +160,52 @@ def boiled_down(study: Study, panel: LoadedPanel, solved: Solved) -> tuple[Varia
         The throw.
     """
     history, channels = solved.history, study.output.channels
-    kept, ends = _kept_instants(study, panel, history)
-    union = np.union1d(kept, ends)
+    given = panel, solved.mechanism
     with one_blas_thread():
-        every, named = response_channels(
-            panel, solved.mechanism, history, save=Save(fields=(*FORCES, *CONTACTS))
-        )
-        some, more = response_channels(
-            panel,
-            solved.mechanism,
-            at_instants(history, union),
-            save=Save(fields=tuple(dict.fromkeys((*channels, *GAPS)))),
-        )
-    places = np.searchsorted(union, kept)
-    variables = {
-        name: (some[name][0], _small(some[name][1][..., places]))
-        for name in channels
-        if name in some
+        every = response_channels(*given, history, save=Save(fields=MADE))
+        further = tuple(name for name in channels if name not in every)
+        sparse = at_instants(history, slice(None, None, stride_of(study)))
+        more = response_channels(*given, sparse, save=Save(fields=further)) if further else {}
+    shared = {
+        name: (dims, values[..., :: stride_of(study)] if dims[-1:] == ("time",) else values)
+        for name, (dims, values) in every.items()
+        if name in channels
     }
-    variables |= {name: every[name] for name in (*CONTACTS, "force_margin")}
-    variables |= {name: some[name] for name in ("end_gap", *GAPS[3:]) if name in some}
+    variables = {name: (dims, _small(values)) for name, (dims, values) in (shared | more).items()}
+    variables |= {name: value for name, value in every.items() if "time" not in value[0]}
     for name in ("locked", "in_control"):
-        if name in some:
-            dims, values = some[name]
+        if name in every:
+            dims, values = every[name]
             variables[f"end_{name}"] = (dims[:-1], np.asarray(values[..., -1]))
+    variables |= force_labels(panel, history.time, every)
+    coordinates = coordinates_of(variables, *given, time=history.time, save=Save())
+    del coordinates["time"]  # of the solver, not of what is kept
+    return variables, coordinates
+
+
+def force_labels(panel: LoadedPanel, time: Floats, every: Variables) -> Variables:
+    """Return features of each drive and movement, and what `object_labels` tells.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        What was thrown.
+    time : ndarray, shape (n_times,)
+        [s]
+    every : dict
+        As for `object_labels`.
+    """
     spans = [Span(throw.name, throw.to, throw.start, throw.end) for throw in throws(panel)]
     found = run_features(
-        history.time,
+        time,
         _floats(every["drive_force"]),
         spans=spans,
-        limits=_floats(named["saturation_force"]),
+        limits=np.array([drive.saturation_force for drive in panel.drive.values()]),
         travel=_floats(every["drive_displacement"]),
     )
-    variables |= {
-        name: (("drive", "direction"), row) for name, row in zip(FEATURES, found, strict=True)
-    }
-    variables |= object_labels(history.time, every, spans=spans)
-    needed = {dim for dims, _ in variables.values() for dim in dims}
-    coordinates = {
-        name: value
-        for name, value in (more | named).items()
-        if set(value[0]) <= needed and name != "time"
-    }
-    return variables, coordinates
+    dims = ("drive", "direction")
+    features: Variables = {name: (dims, row) for name, row in zip(FEATURES, found, strict=True)}
+    return features | object_labels(time, every, spans=spans)
 
 
 def object_labels(time: Floats, every: Variables, *, spans: Sequence[Span]) -> Variables:
@@ -232,8 +238,11 @@ def object_labels(time: Floats, every: Variables, *, spans: Sequence[Span]) -> V
     }
 
 
-def at_instants(history: History, index: NDArray[np.int64]) -> History:
-    """Return a history at some of its instants; what was gathered from every step stays."""
+def at_instants(history: History, index: NDArray[np.int64] | slice) -> History:
+    """Return a history at some of its instants; what was gathered from every step stays.
+
+    A slice copies nothing.
+    """
     names = ("time", "inputs", "q", "g", "law_force", "friction_force", "stored", "ledger")
     return replace(history, **{name: getattr(history, name)[index] for name in names})
 
@@ -255,16 +264,6 @@ def stride_of(study: Study) -> int:
         )
         raise FileError(message)
     return stride
-
-
-def _kept_instants(
-    study: Study, panel: LoadedPanel, history: History
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return instants at the rate of the study, and those that labels of gaps look at."""
-    stride = stride_of(study)
-    count = history.time.size
-    ends = [int(np.searchsorted(history.time, throw.end - 1e-9)) for throw in throws(panel)]
-    return np.arange(0, count, stride), np.array(sorted({*ends, count - 1} - {count}))
 
 
 def _small(values: NDArray[np.generic]) -> NDArray[np.generic]:

@@ -1,0 +1,282 @@
+"""Where laws act on the rails of a panel, and the table of their values.
+
+Places are found once for all panels that differ in values of laws alone; the table is filled for
+each. Chairs and stops, of which there are most, come first in it and are filled all at once.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.errors import MechanicsError
+from turnout.law.table import LawTable, LawTableBuilder
+from turnout.mechanism.build_rails import SIGN, rail_feet, stands_on, stock_body
+from turnout.mechanism.mechanism import LawIndex
+from turnout.mechanism.rail import Point
+from turnout.panel.drive_records import Drive, Link
+from turnout.panel.foreign_object import PlacedObject
+from turnout.panel.model import Panel
+from turnout.panel.motion import start_offset
+from turnout.panel.profile import stock_rail_gap
+from turnout.panel.rail_records import Rail
+from turnout.panel.support_records import Chair, Stop
+
+Ints = NDArray[np.int64]
+
+
+@dataclass(slots=True)
+class Rows:
+    """Points of each rail in the order of their rows, before the rails are reduced.
+
+    A row is a sum over points: (rail, index of the point within the rail).
+    """
+
+    points: dict[str, list[Point]]
+    rows: list[list[tuple[str, int]]] = field(default_factory=list)
+
+    def point(self, rail: str, point: Point) -> int:
+        """Register a point of a rail; return its index there."""
+        self.points[rail].append(point)
+        return len(self.points[rail]) - 1
+
+    def add(self, *parts: tuple[str, Point]) -> int:
+        """Add a row that sums points; return its index."""
+        self.rows.append([(rail, self.point(rail, point)) for rail, point in parts])
+        return len(self.rows) - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where every law acts: what stays while values of laws change.
+
+    Attributes
+    ----------
+    rows : Rows
+        Of all laws.
+    index : LawIndex
+        Laws by what they belong to.
+    law_names, friction_names : tuple of str
+        For messages.
+    standing : LawTable
+        Laws of chairs, without values, and of stops; the first of all laws.
+    contacts, chairs : ndarray of int, shape (n_contacts,)
+        Laws of the feet on chairs, and the number of the chair of each; frictions have this order.
+    further : tuple of int
+        Rows of drives, links and objects, whose laws follow.
+    """
+
+    rows: Rows
+    index: LawIndex
+    law_names: tuple[str, ...]
+    friction_names: tuple[str, ...]
+    standing: LawTable
+    contacts: Ints
+    chairs: Ints
+    further: tuple[int, ...]
+
+
+def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
+    """Put every row and law where it acts.
+
+    Parameters
+    ----------
+    panel : Panel
+        A checked panel.
+    objects : sequence of PlacedObject
+        Foreign objects, of which names and places count.
+    """
+    stocks = [f"stock rail {name}" for name in panel.stock_rail]
+    rows = Rows({name: [] for name in (*panel.rail, *stocks)})
+    laws, index = LawTableBuilder(), LawIndex()
+    names: list[str] = []
+    feet_names: list[str] = []
+    numbers = {name: number for number, name in enumerate(panel.chair)}
+    feet_of: list[tuple[int, int]] = []
+    for rail_name, rail in panel.rail.items():
+        chairs = {k: chair for k, chair in panel.chair.items() if stands_on(chair.rails, rail_name)}
+        for name, feet in rail_feet(panel, rail_name, chairs).items():
+            key = (rail_name, name)
+            contacts, frictions = _add_chair(rows, laws, rail_name, chairs[name], feet)
+            index.chair[key], index.chair_friction[key] = contacts, frictions
+            names += [f"chair {name} of rail {rail_name}"] * len(contacts)
+            feet_names += [f"chair {name} of rail {rail_name}"] * len(frictions)
+            feet_of += [(contact, numbers[name]) for contact in contacts]
+        for name, stop, kind in _stops(panel):
+            if rail.stock_rail_gap is not None and stands_on(stop.rails, rail_name):
+                index.stop[rail_name, name] = _add_stop(rows, laws, panel, rail_name, stop)
+                names.append(f"{kind} {name} of rail {rail_name}")
+    further: list[int] = []
+    for name, drive in panel.drive.items():
+        index.drive[name] = len(names)
+        names.append(f"drive {name}")
+        further.append(rows.add((drive.rail, Point(drive.x, "uy", z=drive.height))))
+    for name, link in panel.link.items():
+        index.link[name] = len(names)
+        names.append(f"link {name}")
+        further.append(rows.add(*zip(link.rails, _link_ends(panel, link), strict=True)))
+    for item in objects:
+        index.object[item.name] = len(names)
+        names.append(f"object {item.name}")
+        further.append(_approach(rows, panel, item.rail, x=item.x, height=item.height))
+    contacts_and_chairs = np.array(feet_of, dtype=np.int64).reshape(-1, 2)
+    return Layout(
+        rows=rows,
+        index=index,
+        law_names=tuple(names),
+        friction_names=tuple(feet_names),
+        standing=laws.table(),
+        contacts=contacts_and_chairs[:, 0],
+        chairs=contacts_and_chairs[:, 1],
+        further=tuple(further),
+    )
+
+
+def law_table(layout: Layout, panel: Panel, objects: Sequence[PlacedObject]) -> LawTable:
+    """Return the laws of a panel with the values that it gives them.
+
+    Parameters
+    ----------
+    layout : Layout
+        Of this panel, or of one that differs in values of laws alone.
+    panel : Panel
+        A checked panel.
+    objects : sequence of PlacedObject
+        Foreign objects in the places of the layout.
+    """
+    laws = LawTableBuilder()
+    further = iter(layout.further)
+    for number, drive in enumerate(panel.drive.values()):
+        _add_drive(laws, next(further), drive, number)
+    for link in panel.link.values():
+        laws.add_piecewise(
+            next(further),
+            breakpoints=np.empty(0),
+            slopes=np.array([link.stiffness]),
+            offset=_slack_at(panel, link),
+            base_segment=0,
+        )
+    for item in objects:
+        laws.add_contact(
+            next(further),
+            stiffness=item.stiffness,
+            clearance=_gap(panel.rail[item.rail], item.x) - item.size,
+            appears=item.appears,
+            disappears=item.disappears,
+            waits=True,
+        )
+    return _joined(_standing(layout, panel), laws.table())
+
+
+def _standing(layout: Layout, panel: Panel) -> LawTable:
+    """Return the laws of chairs and stops with the values of the chairs."""
+    chairs = panel.chair.values()
+
+    def of_feet(name: str) -> NDArray[np.float64]:
+        return np.array([getattr(chair, name) for chair in chairs], dtype=float)[layout.chairs]
+
+    table = layout.standing
+    offset, slope = table.offset.copy(), table.slope.copy()
+    offset[layout.contacts] = of_feet("clearance")
+    slope[table.segment_start[layout.contacts] + 1] = of_feet("normal_stiffness")
+    return table._replace(
+        offset=offset,
+        slope=slope,
+        friction_coefficient=of_feet("friction_coefficient"),
+        stick_stiffness=of_feet("stick_stiffness"),
+    )
+
+
+def _joined(first: LawTable, second: LawTable) -> LawTable:
+    """Return two tables as one; the second has no friction."""
+    segments = second.segment_start[1:] + first.segment_start[-1]
+    pairs = zip(LawTable._fields, first, second, strict=True)
+    joined = LawTable(**{name: np.concatenate(pair) for name, *pair in pairs})
+    return joined._replace(segment_start=np.concatenate((first.segment_start, segments)))
+
+
+def _stops(panel: Panel) -> list[tuple[str, Stop, str]]:
+    """Return stops and studs with names that do not collide."""
+    named = [(name, stop, "stop") for name, stop in panel.stop.items()]
+    return named + [(f"stud {name}", stud, "") for name, stud in panel.stud.items()]
+
+
+def _add_chair(
+    rows: Rows, laws: LawTableBuilder, rail: str, chair: Chair, feet: tuple[Point, ...]
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Add a contact and a friction law for each foot point of a chair, still without values."""
+    slide = rows.add((rail, Point(chair.x, "uy", z=chair.foot_height)))
+    contacts, frictions = [], []
+    for foot in feet:
+        row = rows.add((rail, replace(foot, sign=-1.0)))
+        contact = laws.add_contact(row, stiffness=0.0, clearance=0.0, base_closed=True)
+        contacts.append(contact)
+        frictions.append(
+            laws.add_friction(slide, normal=contact, friction_coefficient=0.0, stick_stiffness=0.0)
+        )
+    return tuple(contacts), tuple(frictions)
+
+
+def _approach(rows: Rows, panel: Panel, name: str, *, x: float, height: float) -> int:
+    """Add the row of a switch rail's approach to its stock rail, positive closing."""
+    side = SIGN[panel.rail[name].closes]
+    ends = [(name, Point(x, "uy", z=height, sign=side))]
+    body = stock_body(panel, name)
+    if body is not None:
+        foot = next(s.foot_height for s in panel.stock_rail.values() if s.faces == name)
+        ends.append((body, Point(x, "uy", z=height - foot, sign=-side)))
+    return rows.add(*ends)
+
+
+def _add_stop(rows: Rows, laws: LawTableBuilder, panel: Panel, name: str, stop: Stop) -> int:
+    return laws.add_contact(
+        _approach(rows, panel, name, x=stop.x, height=stop.height),
+        stiffness=stop.stiffness,
+        clearance=_gap(panel.rail[name], stop.x) + stop.clearance,
+    )
+
+
+def _add_drive(laws: LawTableBuilder, row: int, drive: Drive, number: int) -> None:
+    if drive.extension is not None and drive.force is not None:
+        extension, force = np.array(drive.extension), np.array(drive.force)
+        inner = np.diff(force) / np.diff(extension)
+        slopes = np.concatenate((inner[:1], inner, inner[-1:]))
+        base = int(np.searchsorted(extension, 0.0))
+    else:
+        reach = drive.saturation_force / drive.stiffness
+        extension, base = np.array([-reach, reach]), 1
+        slopes = np.array([drive.saturated_stiffness, drive.stiffness, drive.saturated_stiffness])
+    laws.add_piecewise(
+        row, breakpoints=extension, slopes=slopes, input_index=number, base_segment=base
+    )
+
+
+def _link_ends(panel: Panel, link: Link) -> list[Point]:
+    """Return the ends of a link, whose row is its lengthening.
+
+    The rail that closes towards +y stands on that side.
+    """
+    signs = [SIGN[panel.rail[rail].closes] for rail in link.rails]
+    return [Point(link.x, "uy", z=link.height, sign=sign) for sign in signs]
+
+
+def _slack_at(panel: Panel, link: Link) -> float:
+    """Return the lengthening at which a link is slack, which is where the rails start [m].
+
+    The distance of a start from the stress-free position is interpolated between the strokes of
+    the drives.
+    """
+    drives = sorted((drive.x, drive.stroke) for drive in panel.drive.values())
+    travel = float(np.interp(link.x, *np.array(drives).T))
+    starts = [start_offset(panel, rail, travel) for rail in link.rails]
+    return float(np.dot([SIGN[panel.rail[rail].closes] for rail in link.rails], starts))
+
+
+def _gap(rail: Rail, x: float) -> float:
+    """Return the gap of a rail to its stock rail [m], which must be there."""
+    gap = stock_rail_gap(rail, x)
+    if gap is None:
+        msg = f"a foreign object or stop at x = {x:g} m needs a stock rail; give stock_rail_gap"
+        raise MechanicsError(msg)
+    return float(gap)
