@@ -71,15 +71,10 @@ def build_command(
     campaign = built_campaign(folder, channels, strict=strict, quiet=quiet)
     if not quiet:
         _tell(campaign, remarks=False)
-    if campaign.dataset is None:
-        from turnout.errors import MeasurementError
-
-        problems = [f"{who}: {'; '.join(reasons)}" for who, reasons in excluded_movements(campaign)]
-        raise MeasurementError(problems, source=f"{folder}: no movement is usable")
     from turnout.response.store import save_response
 
     target = out if out is not None else folder / "campaign.nc"
-    save_response(campaign.dataset, target)
+    save_response(usable_dataset(campaign, folder), target)
     if not quiet:
         typer.echo(f"{'written':<12}{target} ({round(target.stat().st_size / 1e6)} MB)")
 
@@ -253,10 +248,19 @@ def dataset_of(source: Path, channels: str | None, *, quiet: bool) -> "xr.Datase
             raise FileError(message)
         return dataset
     campaign = built_campaign(source, channels, strict=False, quiet=quiet)
+    dataset = usable_dataset(campaign, source)
+    for who, reasons in [] if quiet else excluded_movements(campaign):
+        typer.echo(f"turnout: left out {who}: {'; '.join(reasons)}", err=True)
+    return dataset
+
+
+def usable_dataset(campaign: "Campaign", source: Path) -> "xr.Dataset":
+    """Return the dataset of a campaign, which must have a usable movement."""
     if campaign.dataset is None:
         from turnout.errors import MeasurementError
 
-        raise MeasurementError(["no movement is usable; see `campaign check`"], source=str(source))
+        problems = [f"{who}: {'; '.join(reasons)}" for who, reasons in excluded_movements(campaign)]
+        raise MeasurementError(problems, source=f"{source}: no movement is usable")
     return campaign.dataset
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.campaign import ChannelsOption, built_campaign, excluded_movements
+from turnout.cli.campaign import ChannelsOption, built_campaign, excluded_movements, usable_dataset
 from turnout.cli.options import opened_panel
 from turnout.cli.outputs import check_outputs, made_folder, write_told
 
@@ -99,19 +99,14 @@ def _folder_page(
     from turnout.report.campaign import campaign_figures, campaign_page
 
     campaign = built_campaign(source, channels, strict=False, quiet=quiet)
-    excluded = excluded_movements(campaign)
-    if campaign.dataset is None:
-        from turnout.errors import MeasurementError
-
-        problems = [f"{who}: {'; '.join(reasons)}" for who, reasons in excluded]
-        raise MeasurementError(problems, source=f"{source}: no movement is usable")
+    dataset = usable_dataset(campaign, source)
     page = campaign_page(
-        campaign.dataset,
-        excluded=excluded,
+        dataset,
+        excluded=excluded_movements(campaign),
         remarks=campaign.remarks,
         suffixes=FORMS if drawn else FORMS[:1],
     )
-    return page, campaign_figures(campaign.dataset, suffixes=FORMS) if drawn else {}
+    return page, campaign_figures(dataset, suffixes=FORMS) if drawn else {}
 
 
 def _calibration_page(

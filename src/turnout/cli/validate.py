@@ -78,7 +78,9 @@ def validate_command(
     found = _validated(source, dataset, loaded, known, workers=workers, quiet=quiet)
     verdict = judge(found)
     if not quiet:
-        for line in verdict_lines(verdict):
+        from turnout.study.validation.report import notes
+
+        for line in (*verdict_lines(verdict), *notes(found)):
             typer.echo(line)
     if out is not None:
         _write(out, found, verdict, place=place)

@@ -264,8 +264,10 @@ def _first_pull(row: Floats, span: tuple[int, int], *, rate: float) -> tuple[flo
     rise = away[:high] * np.sign(away[high])
     below = np.flatnonzero(rise < 1.5 * level)
     low = int(below[-1]) + 1 if below.size else 0
-    if high - low < 2:
+    if high == 0:
         return float(span[1]), float(span[1])
+    if high - low < 2:  # a jump, as where an object is squeezed at once
+        return float(start + low), float(start + low)
     slope, zero = np.polyfit(np.arange(low, high), np.cbrt(rise[low:]), 1)
     pull = float(start + max(0.0, -zero / slope)) if slope > 0.0 else float(span[1])
     return pull, float(start + low)

@@ -10,6 +10,8 @@ from turnout.measurement.quality_record import Fault, Limits
 MEASURED = ("drive_force", "drive_current", "object_force")
 # A run of equal samples is by chance once in this many throws.
 CHANCE = 1e-4
+# So many equal samples from the start on are a rest without noise.
+LEAST_REST = 10
 
 
 def channel_faults(dataset: xr.Dataset, throw: Throw, *, limits: Limits) -> list[Fault]:
@@ -111,8 +113,12 @@ def run_faults(
 ) -> list[Fault]:
     """Find samples held at one value: at the edge of the range it is clipping, else a drop-out.
 
-    A channel whose samples repeat at rest and after the throw has no noise to tell by.
+    A channel whose samples repeat at rest and after the throw has no noise to tell by, nor has one
+    that is exactly constant from the first sample until the motion begins: held by chance, it
+    would not wake with the motion.
     """
+    if silent(values[: max(0, begin - 5)], span=float(np.ptp(values))):
+        return []
     repeats = repeated_share(values, begin, finish)
     if repeats > 0.7:
         return []
@@ -141,6 +147,17 @@ def run_faults(
         text = f"{run} equal samples in a row, fewer than {allowed} expected of its noise"
         faults.append(Fault("drop-out", name, text))
     return faults
+
+
+def silent(rest: Floats, *, span: float) -> bool:
+    """Tell whether a rest has no noise at all, as in a recording that a program wrote.
+
+    Examples
+    --------
+    >>> silent(np.zeros(20), span=1e3), silent(np.r_[np.zeros(19), 0.1], span=1e3)
+    (True, False)
+    """
+    return rest.size >= LEAST_REST and bool(np.ptp(rest) <= 1e-7 * span)
 
 
 def repeated_share(values: Floats, begin: int, finish: int) -> float:

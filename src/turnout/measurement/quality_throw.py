@@ -127,7 +127,8 @@ def rate_faults(
     """Find a sampling rate that is stated otherwise than agreed, or stated wrongly.
 
     A wrong statement stretches time: the early part of the throw, which no object has a say in,
-    then fits the campaign's only at another pace, even if its height may change with friction.
+    then fits the campaign's only at another pace, even if its height may change with friction. All
+    forces must say so: an object that is met early changes some of them.
     """
     time = dataset["time"].values
     stated = (time.size - 1) / float(time[-1] - time[0])
@@ -137,11 +138,12 @@ def rate_faults(
     if profile is None:
         return []
     own = _at_paces(dataset, throw, PACES.tolist())
-    away = [np.inf if p is None else _misfit(p.forces, profile.forces) for p in own]
-    best = int(np.argmin(away))
+    away = [_misfits(p, profile) for p in own]
+    best = int(np.argmin([np.sqrt(np.mean(rows**2)) for rows in away]))
     here = away[int(np.argmin(np.abs(np.log(PACES))))]
     pace = float(PACES[best])
-    if abs(np.log(pace)) > np.log1p(limits.pace_share) and away[best] < 0.5 * here:
+    # An object that is met at once changes one force more than the others; a clock, all alike.
+    if abs(np.log(pace)) > np.log1p(limits.pace_share) and np.all(away[best] < 0.5 * here):
         text = f"the throw begins at {1.0 / pace:.2f} times the pace of the campaign's others"
         return [Fault("sampling rate", "", text)]
     return []
@@ -218,13 +220,17 @@ def swap_faults(
     return faults
 
 
-def _misfit(rows: Floats, typical: Floats) -> float:
-    """Return the distance of two profiles, whatever friction makes of their heights."""
-    if rows.shape != typical.shape:
-        return float("inf")
-    heights = np.sum(rows * typical, axis=1) / np.sum(typical * typical, axis=1)
+def _misfits(own: Profile | None, typical: Profile) -> Floats:
+    """Return the distance of each force of two profiles, whatever friction makes of its height."""
+    count = len(typical.forces)
+    if own is None or own.forces.shape != typical.forces.shape:
+        return np.full(count, np.inf)
+    square = np.sum(typical.forces**2, axis=1)
+    heights = np.divide(
+        np.sum(own.forces * typical.forces, axis=1), square, out=np.ones(count), where=square > 0
+    )
     gains = np.clip(heights, *GAINS)[:, np.newaxis]
-    return _distance(rows / gains, typical)
+    return np.asarray(np.sqrt(np.mean((own.forces / gains - typical.forces) ** 2, axis=1)))
 
 
 def _loaded(rows: Floats) -> Floats:

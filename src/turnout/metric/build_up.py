@@ -105,7 +105,8 @@ def features(channels: xr.DataArray, *, contact: xr.DataArray, end: float) -> xr
     contact : xarray.DataArray, dims (movement)
         When the object is first touched [s].
     end : float
-        Of the movement; the plateau is the mean over the 0.3 s before [s].
+        Of the movement; the plateau is the mean over the 0.3 s before, or before the last known
+        sample of a movement that ends earlier [s].
 
     Returns
     -------
@@ -127,7 +128,8 @@ def features(channels: xr.DataArray, *, contact: xr.DataArray, end: float) -> xr
         force = ordered.isel(channel=row, movement=number)
         slope[row, number] = build_up_slope(force, contact=float(contact[number]), end=end)
     dims = ("channel", "movement")
-    held = ordered.sel(time=slice(end - PLATEAU, end))
+    last = ordered["time"].where(ordered.notnull().any("channel")).max("time")
+    held = ordered.where(ordered["time"] >= last - PLATEAU)
     found = {
         "slope": (dims, slope, {"units": "N/s", "long_name": "slope of the build-up"}),
         "peak": ordered.max("time").assign_attrs(units="N", long_name="largest force"),

@@ -22,6 +22,7 @@ from turnout.study.calibration.entries import (
     left_out,
     noise_entries,
     stage_log,
+    unusable,
     warnings_of,
 )
 from turnout.study.calibration.evaluate import Evaluator
@@ -32,6 +33,7 @@ from turnout.study.calibration.observed import Movement, observe, selected
 from turnout.study.calibration.posterior import posterior_of
 from turnout.study.calibration.progress import State, Watch, planned_throws
 from turnout.study.calibration.record import Calibration, StageLog
+from turnout.study.calibration.room import with_room
 from turnout.study.calibration.stage import Plan, Stage, default_plan
 from turnout.study.calibration.sweep import Sweep, sweep
 from turnout.study.calibration.view import Comparison, Doubt
@@ -119,7 +121,7 @@ def calibrate(
         When a throw cannot be simulated.
     """
     plan = plan or default_plan(panel)
-    movements = observe(dataset, panel, exclude=exclude)
+    movements, roomless = with_room(observe(dataset, panel, exclude=exclude), panel)
     check_campaign(movements, plan, panel, source=str(dataset.attrs.get("title", "campaign")))
     comparison = Comparison(
         noise=measured_noise(movements),
@@ -133,7 +135,7 @@ def calibrate(
         run = _Run(plan, panel, movements, comparison, evaluator, watch)
         logs, sweeps, warnings, final = run.stages()
         spread = spread_of(final)
-        warnings += warnings_of(final, spread)
+        warnings = [*unusable(dataset), *roomless, *warnings, *warnings_of(final, spread)]
         findings = list(spread.findings)
         if advise:
             watch.stage = "advice"

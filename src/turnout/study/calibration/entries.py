@@ -1,8 +1,10 @@
 """What a calibration writes down of its stages, its parameters, and what to look at."""
 
+import json
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import xarray as xr
 
 from turnout.files.provenance import content_hash
 from turnout.study.calibration.covariance import Spread
@@ -34,6 +36,21 @@ def data_hash(movements: Sequence[Movement]) -> str:
             for item in movements
         ]
     )
+
+
+def unusable(dataset: xr.Dataset) -> list[str]:
+    """Say what a campaign was measured of but could not be used, which its dataset tells.
+
+    Examples
+    --------
+    >>> told = '[{"movement": "a", "file": "a.csv", "reasons": ["dead channel of drive_force 1"]}]'
+    >>> unusable(xr.Dataset(attrs={"excluded": told}))
+    ['a is not in the campaign: dead channel of drive_force 1']
+    """
+    return [
+        f"{item['movement']} is not in the campaign: {'; '.join(item['reasons'])}"
+        for item in json.loads(dataset.attrs.get("excluded", "[]"))
+    ]
 
 
 def left_out(stage: Stage, chosen: Sequence[Movement]) -> list[str]:

@@ -52,10 +52,16 @@ class Grid:
                 found[self.channels.index(channel_of(signal)), number] = row
         return found
 
-    def predicted(self, movements: Sequence[Movement], responses: Sequence[Response]) -> Floats:
-        """Return the same of simulations, also where nothing was measured."""
+    def predicted(
+        self, movements: Sequence[Movement], responses: Sequence[Response], *, shifts: Floats
+    ) -> Floats:
+        """Return the same of simulations, also where nothing was measured.
+
+        `shifts` is how much later than marked each movement began, shape (n_movements,) [s].
+        """
         found = self._empty(movements)
-        for number, (item, response) in enumerate(zip(movements, responses, strict=True)):
+        rows = zip(movements, responses, shifts.tolist(), strict=True)
+        for number, (item, response, shift) in enumerate(rows):
             inside, any_signal = self._inside(item), item.signals[0]
             for row, name in enumerate(self.channels):
                 drive = "" if name == OBJECT else name.removeprefix(DRIVE)
@@ -65,7 +71,7 @@ class Grid:
                     time=any_signal.time,
                     values=any_signal.values,
                 )
-                values = predicted(response, item, wanted, self.bins)
+                values = predicted(response, item, wanted, self.bins, shift=shift)
                 found[row, number] = np.where(inside, values, np.nan)
         return found
 

@@ -48,6 +48,7 @@ def page_text(validation: xr.Dataset, verdict: Verdict, *, figures: list[str]) -
     ]
     lines += ["", f"{verdict.judged} movements judged; the fit has seen {verdict.used}.", ""]
     lines += [f"From throw to throw: {scatter_text(validation)}.", ""]
+    lines += [f"{text}.\n" for text in notes(validation)]
     if verdict.worst:
         lines += ["Furthest off:", "", *(f"- {text}" for text in verdict.worst), ""]
     lines += [f"![{name}]({name})\n" for name in figures]
@@ -57,6 +58,26 @@ def page_text(validation: xr.Dataset, verdict: Verdict, *, figures: list[str]) -
         "The spread of a channel without repeats is what the scatter of the others implies.\n"
     )
     return "\n".join(lines)
+
+
+def notes(validation: xr.Dataset) -> list[str]:
+    """Say which movements are not among the predicted ones, and which onsets were moved.
+
+    Examples
+    --------
+    >>> told = xr.Dataset({"onset_shift": ("movement", [0.0, 0.045, 0.052])})
+    >>> notes(told.assign_attrs(left_out='["a was left out: no room"]'))
+    ['a was left out: no room', 'no motor current told 2 onsets: ... 45 to 52 ms after the marks']
+    """
+    texts = [str(text) for text in json.loads(validation.attrs.get("left_out", "[]"))]
+    moved = validation["onset_shift"].values if "onset_shift" in validation else np.zeros(0)
+    moved = 1e3 * moved[moved != 0.0]
+    if moved.size:
+        texts.append(
+            f"no motor current told {moved.size} onsets: those that fit the free part of each "
+            f"movement are {moved.min():.0f} to {moved.max():.0f} ms after the marks"
+        )
+    return texts
 
 
 def scatter_text(validation: xr.Dataset) -> str:

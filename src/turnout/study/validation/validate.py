@@ -21,13 +21,16 @@ from turnout.metric.misfit import (
 )
 from turnout.panel.load import LoadedPanel
 from turnout.schema.channels import SCHEMA_VERSION
+from turnout.study.calibration.entries import unusable
 from turnout.study.calibration.evaluate import Evaluator, Throw
 from turnout.study.calibration.misfit import stepped_value
 from turnout.study.calibration.noise import measured_noise
 from turnout.study.calibration.observed import BIN, Movement, observe
 from turnout.study.calibration.parameter import Parameter
 from turnout.study.calibration.record import Calibration, Fitted
+from turnout.study.calibration.room import with_room
 from turnout.study.validation.grid import DRIVE, OBJECT, Grid
+from turnout.study.validation.onset import onset_shifts
 from turnout.study.validation.scatter import Direction, Scatter, scatter_of
 
 Floats = NDArray[np.float64]
@@ -35,8 +38,8 @@ Floats = NDArray[np.float64]
 QUANTILE = 1.959964
 # Parameters that a throw can have of its own, by the end of their key, and how much is expected.
 FRICTION, LEVEL = ("friction_coefficient", 0.02), ("saturation_force", 0.01)
-# To how much the onset of a movement is told, with motor currents and from forces alone [s].
-ONSET_CLOCKED, ONSET_FORCES = 0.005, 0.010
+# To how much the onset of a movement is told, by motor currents or by its free part [s].
+ONSET = 0.005
 SHEET = ("direction", "size", "place", "repeat", "slipped")
 
 
@@ -47,6 +50,7 @@ class _Model:
     forces: Floats
     slopes: Mapping[str, Floats]
     later: Floats
+    shifts: Floats
 
 
 def validate(
@@ -80,14 +84,15 @@ def validate(
     xarray.Dataset
         `measured`, `predicted`, `low`, `high` (channel, movement, time) [N]; `rms`, `nrmse`,
         `cover`, and features as `slope_measured`, `slope_predicted` and so on (channel, movement);
-        `repeat_spread`, `scale` (channel); `used` (movement).
+        `repeat_spread`, `scale` (channel); `used` and `onset_shift`, how much later than marked a
+        movement without motor currents began (movement) [s].
 
     Raises
     ------
     MeasurementError
         When the campaign does not fit the panel, or no throw can be simulated.
     """
-    movements = observe(dataset, panel)
+    movements, roomless = with_room(observe(dataset, panel), panel)
     grid = Grid.of(movements)
     model = _model(movements, grid, calibration, evaluator)
     sheet = dataset.sel(movement=[item.name for item in movements])
@@ -95,7 +100,7 @@ def validate(
     measured = _array(grid, grid.measured(movements), sheet)
     scatter = scatter_of(
         measured.values,
-        _directions(model, calibration, clocked=all(item.clocked for item in movements)),
+        _directions(model, calibration),
         groups=groups,
         noise=_noise(movements, grid),
     )
@@ -114,6 +119,7 @@ def validate(
             "scale": channel_scale(measured),
             "repeat_spread": _spread(measured, groups, scatter),
             "used": ("movement", np.isin(sheet["movement"].values, _used(calibration))),
+            "onset_shift": ("movement", model.shifts, {"units": "s"}),
             **_features(measured, forecast),
         },
         attrs={
@@ -126,6 +132,7 @@ def validate(
             "panel_hash": panel.hash,
             "calibration_panel_hash": calibration.panel_hash,
             "scatter": json.dumps({**scatter.sizes, "repeats": scatter.repeated}),
+            "left_out": json.dumps([*unusable(dataset), *roomless]),
         },
     )
 
@@ -161,15 +168,17 @@ def _model(
     ]
     if len(failed) == count:
         raise MeasurementError(failed[:3], source="validation")
+    shifts = onset_shifts(movements, responses[:count])
     sets = [
-        grid.predicted(movements, responses[count * number : count * (number + 1)])
+        grid.predicted(movements, responses[count * number : count * (number + 1)], shifts=shifts)
         for number in range(len(settings))
     ]
     slopes = {
         name: (aside - sets[0]) / step
         for (name, step), aside in zip(steps.items(), sets[1:], strict=True)
     }
-    return _Model(forces=sets[0], slopes=slopes, later=-np.gradient(sets[0], BIN, axis=2))
+    later = -np.gradient(sets[0], BIN, axis=2)
+    return _Model(forces=sets[0], slopes=slopes, later=later, shifts=shifts)
 
 
 def _parameter(item: Fitted) -> Parameter:
@@ -184,7 +193,7 @@ def _parameter(item: Fitted) -> Parameter:
     )
 
 
-def _directions(model: _Model, calibration: Calibration, *, clocked: bool) -> list[Direction]:
+def _directions(model: _Model, calibration: Calibration) -> list[Direction]:
     found = []
     for item in calibration.fitted:
         for ending, share in (FRICTION, LEVEL):
@@ -192,8 +201,7 @@ def _directions(model: _Model, calibration: Calibration, *, clocked: bool) -> li
                 known = calibration.scatter.get(item.name, share)
                 slope = model.slopes[item.name] * item.value
                 found.append(Direction(name=item.name, slope=slope, expected=known))
-    onset = ONSET_CLOCKED if clocked else ONSET_FORCES
-    found.append(Direction(name="onset [s]", slope=model.later, expected=onset))
+    found.append(Direction(name="onset [s]", slope=model.later, expected=ONSET))
     return found
 
 

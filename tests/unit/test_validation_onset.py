@@ -1,0 +1,67 @@
+"""Onsets that only forces marked are found from the part of a movement without contact."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from turnout.study.calibration.evaluate import Response
+from turnout.study.calibration.observed import Movement, Signal
+from turnout.study.validation.onset import onset_shifts
+
+TIME = np.arange(-0.99, 3.2, 0.02)
+CELLS = np.arange(0.002, 6.0, 0.004)
+
+
+def force(time: np.ndarray) -> np.ndarray:
+    """Return a force that grows from zero, then slowly."""
+    return 2000.0 * np.clip(time, 0.0, 0.4) ** 3 / 0.4**3 + 100.0 * np.clip(time - 0.4, 0.0, None)
+
+
+def response(contact: float = np.nan) -> Response:
+    values = force(CELLS - 1.0)
+    return Response(
+        time=CELLS,
+        drive_force={"1": values},
+        marker={"1": values},
+        object_force=np.zeros(CELLS.size),
+        onsets={"closing": 1.0},
+        contact_time=contact,
+    )
+
+
+def movement(shift: float, *, clocked: bool = False, size: float = 0.0) -> Movement:
+    signal = Signal(channel="drive_force", drive="1", time=TIME, values=force(TIME - shift))
+    return Movement(
+        name="a",
+        direction="closing",
+        place="drive 1" if size else "none",
+        size=size,
+        x=0.3 if size else np.nan,
+        signals=(signal,),
+        length=3.0,
+        clocked=clocked,
+    )
+
+
+def test_a_mark_that_came_too_early_is_found() -> None:
+    found = onset_shifts([movement(0.047), movement(-0.02)], [response(), response()])
+    assert found == pytest.approx([0.047, -0.02], abs=0.002)
+
+
+def test_a_motor_current_is_believed() -> None:
+    assert onset_shifts([movement(0.047, clocked=True)], [response()]) == 0.0
+
+
+def test_what_an_object_does_tells_nothing_of_the_onset() -> None:
+    loaded = movement(0.047, size=0.013)
+    late = loaded.signals[0].values + 3000.0 * np.clip(TIME - 1.5, 0.0, None)
+    spoiled = replace(loaded, signals=(replace(loaded.signals[0], values=late),))
+    assert onset_shifts([spoiled], [response(contact=2.5)]) == pytest.approx(0.047, abs=0.003)
+
+
+def test_a_movement_that_touches_at_once_takes_the_median_of_its_like() -> None:
+    movements = [movement(0.04), movement(0.05), movement(0.06), movement(0.3, size=0.013)]
+    found = onset_shifts(movements, [response()] * 3 + [response(contact=1.1)])
+    assert found[3] == pytest.approx(0.05, abs=0.002)
+    assert onset_shifts(movements[3:], [response(contact=1.1)]) == 0.0
