@@ -20,7 +20,7 @@ def test_a_true_calibration_is_valid_and_a_wrong_one_is_not(tmp_path: Path) -> N
     result = validate(folder, "--calibration", good, "-o", report, "--workers", 1)
     assert result.exit_code == 0, result.output
     assert "VALID: all 3 channels of 8 movements" in result.output
-    assert "is of another panel than sb2" in result.stderr
+    assert "the calibration is of panel sb2 with hash another" in result.stderr
     names = {path.name for path in report.iterdir()}
     assert names == {
         "validation.md",

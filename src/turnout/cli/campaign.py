@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.options import DEFAULT_PANEL, SetOption, opened_panel
+from turnout.cli.options import CalibrationOption, PanelOption, SetOption, opened_panel
 from turnout.cli.outputs import check_outputs
 
 if TYPE_CHECKING:
@@ -124,10 +124,9 @@ def plot_command(
 @app.command("virtual")
 def virtual_command(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to fill.")],
-    panel: Annotated[
-        str, typer.Option("--panel", metavar="PANEL", help="Library panel or panel file.")
-    ] = DEFAULT_PANEL,
+    panel: PanelOption = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
+    calibration: CalibrationOption = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of all that is left to chance.")] = 0,
     places: Annotated[
         list[str],
@@ -162,7 +161,7 @@ def virtual_command(
     from turnout.study.virtual_plan import virtual_plan
     from turnout.study.virtual_truth import finer_panel, finer_scheme
 
-    loaded = opened_panel(panel, settings)
+    loaded = opened_panel(panel, settings, calibration)
     if finer:
         loaded = finer_panel(loaded)
     plan = virtual_plan(

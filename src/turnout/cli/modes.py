@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.options import DEFAULT_PANEL, PanelArgument, SetOption, opened_panel
+from turnout.cli.options import CalibrationOption, PanelArgument, SetOption, opened_panel
 from turnout.cli.outputs import FIGURES, check_outputs, write_told
 from turnout.errors import FileError
 
@@ -20,8 +20,9 @@ FACTORS = (1.0, 1.25)
 
 
 def modes_command(
-    panel: PanelArgument = DEFAULT_PANEL,
+    panel: PanelArgument = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
+    calibration: CalibrationOption = None,
     count: Annotated[int, typer.Option("--count", min=1, help="Modes of each system.")] = 6,
     out: Annotated[
         Path | None,
@@ -51,7 +52,7 @@ def modes_command(
     if system is not None and plot is None:
         message = f"--system {system}: says what the figure shows; name one with --plot"
         raise FileError(message)
-    loaded = opened_panel(panel, settings)
+    loaded = opened_panel(panel, settings, calibration)
 
     from turnout.response.modes import modes
 

@@ -10,6 +10,7 @@ from turnout.errors import FileError, TurnoutError
 
 if TYPE_CHECKING:
     from turnout.panel.load import LoadedPanel
+    from turnout.study.calibration.record import Calibration
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -18,7 +19,22 @@ C = TypeVar("C")
 DEFAULT_PANEL = "uic60-760-1-15"
 
 PanelArgument = Annotated[
-    str, typer.Argument(metavar="PANEL", help="Library panel, or path of a panel file (.toml).")
+    str | None,
+    typer.Argument(
+        metavar="PANEL",
+        help="Library panel, or path of a panel file (.toml). Default that of --calibration, or "
+        f"{DEFAULT_PANEL}.",
+        show_default=False,
+    ),
+]
+PanelOption = Annotated[
+    str | None,
+    typer.Option(
+        "--panel",
+        metavar="PANEL",
+        help=f"Library panel or panel file. Default that of --calibration, or {DEFAULT_PANEL}.",
+        show_default=False,
+    ),
 ]
 SetOption = Annotated[
     list[str],
@@ -33,7 +49,7 @@ CalibrationOption = Annotated[
     typer.Option(
         "--calibration",
         metavar="FILE",
-        help="Values from `turnout calibrate`; --set goes on top of them.",
+        help="Values from `turnout calibrate`; what is set besides goes on top of them.",
     ),
 ]
 DatasetOption = Annotated[
@@ -45,16 +61,45 @@ FigureOption = Annotated[
 ]
 
 
-def opened_panel(name: str, settings: list[str], calibration: Path | None = None) -> "LoadedPanel":
-    """Load a panel, apply a calibration, and the settings of a command line on top."""
+def opened_panel(
+    name: str | None, settings: list[str], calibration: Path | None = None
+) -> "LoadedPanel":
+    """Load a panel, apply a calibration, and the settings of a command line on top.
+
+    Parameters
+    ----------
+    name : str or None
+        Library panel or panel file; default that of the calibration, or the default panel.
+    settings : list of str
+        As KEY=VALUE.
+    calibration : Path, optional
+        From `turnout calibrate`. That it is of another panel is said on stderr; that the panel
+        lacks what was calibrated is an error.
+    """
     from turnout.panel.load import load_panel
 
-    panel = load_panel(name)
-    if calibration is not None:
-        from turnout.study.calibration.record import load_calibration
+    if calibration is None:
+        panel = load_panel(name if name is not None else DEFAULT_PANEL)
+        return panel.with_settings(settings) if settings else panel
+    from turnout.study.calibration.record import load_calibration
 
-        panel = load_calibration(calibration).apply(panel)
-    return panel.with_settings(settings) if settings else panel
+    known = load_calibration(calibration)
+    panel = load_panel(name) if name is not None else calibrated_panel(known, calibration)
+    changed = panel.with_settings(settings) if settings else panel
+    for text in known.doubts_on(panel, changed):
+        typer.echo(f"turnout: {calibration}: {text}", err=True)
+    found = known.apply(panel)
+    return found.with_settings(settings) if settings else found
+
+
+def calibrated_panel(calibration: "Calibration", source: Path) -> "LoadedPanel":
+    """Load the panel that was calibrated, which is at hand only where it is of the library."""
+    from turnout.panel.load import library_names, load_panel
+
+    if calibration.panel not in library_names():
+        message = f"{source}: is of panel '{calibration.panel}'; name the file of that panel"
+        raise FileError(message)
+    return load_panel(calibration.panel)
 
 
 def all_told(

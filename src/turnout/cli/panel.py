@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from turnout.cli.modes import modes_command
-from turnout.cli.options import DEFAULT_PANEL, PanelArgument, SetOption, opened_panel
+from turnout.cli.options import CalibrationOption, PanelArgument, SetOption, opened_panel
 from turnout.cli.outputs import FIGURES, check_outputs, tell_schema, write_told
 
 if TYPE_CHECKING:
@@ -36,8 +36,9 @@ def list_command() -> None:
 
 @app.command("show")
 def show_command(
-    panel: PanelArgument = DEFAULT_PANEL,
+    panel: PanelArgument = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
+    calibration: CalibrationOption = None,
     plot: Annotated[
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Draw the plan (.png, .pdf or .svg)."),
@@ -55,7 +56,7 @@ def show_command(
     from turnout.cli.show import panel_lines
     from turnout.cli.throwing import thrown
 
-    opened = opened_panel(panel, settings)
+    opened = opened_panel(panel, settings, calibration)
     found = thrown(opened) if throw else None
     for line in panel_lines(opened, thrown=found, values=values):
         typer.echo(line)
@@ -71,6 +72,7 @@ def show_command(
 def check_command(
     file: Annotated[str, typer.Argument(metavar="FILE", help="Panel file (.toml).")],
     settings: SetOption = [],  # noqa: B006 - typer copies it
+    calibration: CalibrationOption = None,
     throw: Annotated[
         bool,
         typer.Option(help="Throw it as well, and warn of what a switch should not do."),
@@ -80,7 +82,7 @@ def check_command(
     ] = False,
 ) -> None:
     """Check a panel file: all that is wrong with it; then throw it, and warn of what comes near."""
-    panel = opened_panel(file, settings)
+    panel = opened_panel(file, settings, calibration)
     typer.echo(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
     if not throw:
         return
@@ -96,8 +98,9 @@ def check_command(
 
 @app.command("sections")
 def sections_command(
-    panel: PanelArgument = DEFAULT_PANEL,
+    panel: PanelArgument = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
+    calibration: CalibrationOption = None,
     plot: Annotated[
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Draw them (.png, .pdf or .svg)."),
@@ -107,7 +110,7 @@ def sections_command(
     check_outputs({"--plot": plot}, {"--plot": FIGURES})
     from turnout.cli.sections import section_lines
 
-    opened = opened_panel(panel, settings)
+    opened = opened_panel(panel, settings, calibration)
     for line in section_lines(opened):
         typer.echo(line)
     if plot is not None:
@@ -120,17 +123,20 @@ def sections_command(
 
 @app.command("export")
 def export_command(
-    panel: PanelArgument,
+    panel: Annotated[
+        str, typer.Argument(metavar="PANEL", help="Library panel, or path of a panel file (.toml).")
+    ],
     out: Annotated[
         Path, typer.Option("--out", metavar="FOLDER", help="Where the files go; made if need be.")
     ],
     settings: SetOption = [],  # noqa: B006 - typer copies it
+    calibration: CalibrationOption = None,
 ) -> None:
     """Write the matrices of every rail, whole and reduced, for other programs (.mat)."""
     from turnout.cli.outputs import made_folder
     from turnout.response.export import export_matrices
 
-    opened = opened_panel(panel, settings)
+    opened = opened_panel(panel, settings, calibration)
     folder = made_folder("--out", out)
     for name, content in export_matrices(opened).items():
         write_told(folder / name, content)

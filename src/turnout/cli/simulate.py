@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from turnout.cli.options import (
-    DEFAULT_PANEL,
     CalibrationOption,
     DatasetOption,
     FigureOption,
@@ -30,7 +29,7 @@ INCOMPLETE, INTERRUPTED = 3, 130
 
 
 def simulate_command(
-    panel: PanelArgument = DEFAULT_PANEL,
+    panel: PanelArgument = None,
     objects: Annotated[
         list[str],
         typer.Option(
@@ -128,7 +127,7 @@ def _rehearse(plots: bool) -> None:
 
 
 def _run(
-    name: str,
+    name: str | None,
     objects: list[str],
     settings: list[str],
     *,

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.options import DEFAULT_PANEL, SetOption, opened_panel
+from turnout.cli.options import CalibrationOption, PanelOption, SetOption, opened_panel
 
 if TYPE_CHECKING:
     from turnout.web.studio import Opened
@@ -14,10 +14,9 @@ INTERRUPTED = 130
 
 
 def studio_command(
-    panel: Annotated[
-        str, typer.Option("--panel", metavar="PANEL", help="Library panel or panel file.")
-    ] = DEFAULT_PANEL,
+    panel: PanelOption = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
+    calibration: CalibrationOption = None,
     campaign: Annotated[
         Path | None,
         typer.Option(
@@ -32,7 +31,7 @@ def studio_command(
     ] = True,
 ) -> None:
     """Open a page on this machine: move an object along the rail and see the throw at once."""
-    loaded = opened_panel(panel, settings)
+    loaded = opened_panel(panel, settings, calibration)
     opened = _opened(campaign) if campaign is not None else None
     from turnout.web.serve import serve
     from turnout.web.studio import Studio

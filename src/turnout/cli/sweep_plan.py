@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from turnout.cli.options import CalibrationOption
+
 StudyArgument = Annotated[
     str, typer.Argument(metavar="STUDY", help="Library study, or path of a study file (.toml).")
 ]
@@ -14,6 +16,7 @@ StudyArgument = Annotated[
 
 def plan_command(
     study: StudyArgument,
+    calibration: CalibrationOption = None,
     workers: Annotated[
         int, typer.Option("--workers", min=0, help="Processes; default one a core.")
     ] = 0,
@@ -26,7 +29,9 @@ def plan_command(
     from turnout.report.study import duration_text, line, size_text, study_lines
     from turnout.study.study import load_study
 
-    loaded = load_study(study)
+    loaded = load_study(study, calibration=calibration)
+    for text in loaded.remarks:
+        typer.echo(f"turnout: {text}", err=True)
     for text in study_lines(loaded):
         typer.echo(text)
     if not trials:

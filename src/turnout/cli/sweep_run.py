@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from turnout.cli.options import CalibrationOption
 from turnout.cli.watch import FIRST_LINE_AFTER, SECONDS_BETWEEN_LINES
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ def run_command(
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to fill, or to go on with.")
     ],
+    calibration: CalibrationOption = None,
     workers: Annotated[
         int, typer.Option("--workers", min=0, help="Processes; default one a core.")
     ] = 0,
@@ -53,7 +55,9 @@ def run_command(
     if scheduler is not None and slurm is not None:
         message = "--scheduler and --slurm: take one of them"
         raise FileError(message)
-    loaded = load_study(study)
+    loaded = load_study(study, calibration=calibration)
+    for text in loaded.remarks:
+        typer.echo(f"turnout: {text}", err=True)
     check_folder(out, loaded)
     watch = SweepWatch(loaded.name, quiet=quiet)
     try:

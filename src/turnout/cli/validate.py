@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from turnout.cli.campaign import INTERRUPTED, dataset_of
-from turnout.cli.options import SetOption, opened_panel
+from turnout.cli.options import SetOption, calibrated_panel, opened_panel
 from turnout.cli.outputs import made_folder, write_told
 
 if TYPE_CHECKING:
@@ -57,7 +57,8 @@ def validate_command(
     from turnout.study.calibration.record import load_calibration
 
     known = load_calibration(calibration)
-    loaded = opened_panel(panel if panel is not None else known.panel, settings)
+    given = opened_panel(panel, []) if panel is not None else calibrated_panel(known, calibration)
+    loaded = given.with_settings(settings) if settings else given
     if out is not None:
         made_folder("--out", out)
     dataset = dataset_of(source, None, quiet=quiet)
@@ -67,12 +68,8 @@ def validate_command(
         from turnout.study.discrepancy.laws import drive_laws
 
         drive_laws(loaded, laws)
-    if known.panel_hash != loaded.hash:
-        typer.echo(
-            f"turnout: {calibration} is of another panel than {loaded.name} as it is here; "
-            "what differs counts as an error of the prediction",
-            err=True,
-        )
+    for text in known.doubts_on(loaded):
+        typer.echo(f"turnout: {calibration}: {text}", err=True)
     from turnout.study.validation.verdict import judge, verdict_lines
 
     found = _validated(source, dataset, loaded, known, workers=workers, quiet=quiet)

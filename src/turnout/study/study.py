@@ -12,11 +12,12 @@ from turnout.files.toml import TomlFile
 from turnout.integrate.scheme import Scheme
 from turnout.panel.load import LoadedPanel
 from turnout.study.assemble import foreign_objects, multiplied, shown
+from turnout.study.calibration.record import load_calibration
 from turnout.study.design import Design
 from turnout.study.random_field import RandomField
 from turnout.study.sampling import FIELDS, SCENARIOS
 from turnout.study.scenario import Output, Rule, Scenario, Value, chains_of
-from turnout.study.study_library import named_panel, open_study
+from turnout.study.study_library import named_panel, open_study, path_from
 from turnout.study.study_read import Parts, read_parts, read_record
 from turnout.study.temperature import TemperatureLaw
 from turnout.study.variable import OBJECT_KEYS, TEMPERATURE_KEY, Variable
@@ -53,6 +54,8 @@ class Study:
         drawn state.
     digest : str
         Content hash of all that determines the results but the version of the program.
+    remarks : tuple of str
+        What its author should look at, such as a calibration of another panel.
     """
 
     name: str
@@ -68,6 +71,7 @@ class Study:
     rule: Rule | None
     split: tuple[str, ...]
     digest: str
+    remarks: tuple[str, ...] = ()
 
     @property
     def count(self) -> int:
@@ -176,13 +180,16 @@ class Study:
         return multiplied(self.panel, values, factors)
 
 
-def load_study(name_or_path: str | Path) -> Study:
+def load_study(name_or_path: str | Path, *, calibration: Path | None = None) -> Study:
     """Load a study of the library by its name, or a study file by its path.
 
     Parameters
     ----------
     name_or_path : str or Path
         A library name, or a path; a text with ".toml" or a path separator is a path.
+    calibration : Path, optional
+        Whose values are put in the panel, in place of the calibration that the study names. What
+        the study sets goes on top.
 
     Returns
     -------
@@ -201,13 +208,20 @@ def load_study(name_or_path: str | Path) -> Study:
     >>> load_study("sleeper-6").count
     11
     """
-    return study_from_file(open_study(name_or_path))
+    return study_from_file(open_study(name_or_path), calibration=calibration)
 
 
-def study_from_file(file: TomlFile) -> Study:
+def study_from_file(file: TomlFile, *, calibration: Path | None = None) -> Study:
     """Make a study from a TOML document that was already read."""
     record, unknown = read_record(file)
+    if calibration is None and record.calibration is not None:
+        calibration = path_from(record.calibration, file)
     panel = named_panel(record.panel, file)
+    remarks: tuple[str, ...] = ()
+    if calibration is not None:
+        known = load_calibration(calibration)
+        remarks = tuple(f"{calibration}: {text}" for text in known.doubts_on(panel))
+        panel = known.apply(panel)
     parts = read_parts(record, panel, source=file.source, unknown=unknown)
     return Study(
         name=record.name,
@@ -223,6 +237,7 @@ def study_from_file(file: TomlFile) -> Study:
         rule=parts.rule,
         split=parts.split,
         digest=digest_of(parts, seed=record.seed),
+        remarks=remarks,
     )
 
 

@@ -39,7 +39,10 @@ def open_study(name_or_path: str | Path) -> TomlFile:
 
 def named_panel(name: str, file: TomlFile) -> LoadedPanel:
     """Load the panel that a study names; a path starts at the folder of the study."""
+    return load_panel(path_from(name, file) if name.endswith(".toml") else name)
+
+
+def path_from(name: str, file: TomlFile) -> Path:
+    """Return a path that a study names; one that is not absolute starts at the study's folder."""
     path = Path(name).expanduser()
-    if name.endswith(".toml") and file.folder is not None and not path.is_absolute():
-        return load_panel(file.folder / path)
-    return load_panel(name)
+    return path if path.is_absolute() or file.folder is None else file.folder / path

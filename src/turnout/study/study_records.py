@@ -107,6 +107,9 @@ class StudyRecord(Record):
     name: str = Field(min_length=1, description="name of the study")
     description: str = Field("", description="what the study is for, in a few sentences")
     panel: str = Field(description="library panel, or path of a panel file from this one")
+    calibration: str | None = Field(
+        None, description="path of a calibration from this file; its values are put in the panel"
+    )
     seed: int = Field(0, ge=0, lt=2**63, description="of all that is left to chance")
     set: dict[str, Any] = Field({}, description="values of the panel that differ in every throw")
     variable: list[VariableRecord] = []

@@ -1,0 +1,204 @@
+"""The long job: does a validation on the default panel accept the right switch and refuse others?
+
+    python -m tests.verification.validation_verdicts run --count 8 --out DIR --workers 2
+    python -m tests.verification.validation_verdicts report DIR
+
+Index 4 n is the default panel with other friction, stiffnesses and slip levels; 4 n + 1 the same
+measured without motor currents, so that forces mark the onsets; 4 n + 2 a switch that is free for
+1 m more; 4 n + 3 one without links. Each campaign is written as a data acquisition system leaves
+it, built, calibrated as the library's panel on part of its movements, and judged on the others.
+Campaign, calibration and validation of an index stay in DIR; a job that was stopped goes on.
+"""
+
+import re
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from tests.verification.resumable import Record, command_line, put_section
+
+from turnout.errors import TurnoutError
+from turnout.measurement.campaign import build_campaign
+from turnout.panel.load import LoadedPanel, load_panel
+from turnout.response.store import save_response
+from turnout.study.calibration.calibrate import calibrate
+from turnout.study.calibration.evaluate import Evaluator
+from turnout.study.calibration.stage import default_plan
+from turnout.study.validation.validate import validate
+from turnout.study.validation.verdict import judge
+from turnout.study.virtual_campaign import make_virtual_campaign
+from turnout.study.virtual_files import CHANNELS
+from turnout.study.virtual_plan import Plan
+
+NAME = "uic60-760-1-15"
+LIBRARY = Path(__file__).parents[2] / "src" / "turnout" / "panel" / "library" / f"{NAME}.toml"
+PAGE = Path(__file__).parents[2] / "docs" / "calibration.md"
+KINDS = ("as calibrated", "as calibrated, no currents", "free for 1 m more", "without links")
+ACCEPTED = KINDS[:2]
+SEED = 20251105
+# Of the truth from the library, as a share.
+TRUTH = 0.12
+PLACES = ("drive 1", "sleeper 3", "sleeper 6", "sleeper 9", "drive 2")
+SIZES = (0.008, 0.013, 0.020)
+HELD_PLACES, HELD_FREE = ("sleeper 6", "sleeper 9"), 3
+MOST = 12
+
+
+def without_links(text: str) -> str:
+    """Return a panel file without its links."""
+    return re.sub(r"(?ms)^\[link\].*?(?=^\[)", "", text)
+
+
+def longer(text: str) -> str:
+    """Return a panel file whose switch rail is free for 1 m more, on two chairs more."""
+    for old, new in (
+        (r'(\[chair\]\nx = \{ start = "0 m", step = "0.6 m", count = )25', r"\g<1>27"),
+        (r'(\[fastening\]\nx = \{ start = )"15 m", step = "0.6 m", count = 6', r'\1"16 m", '
+         r'step = "0.6 m", count = 5'),
+    ):  # fmt: skip
+        text, count = re.subn(old, new, text)
+        assert count == 1, old
+    return text
+
+
+def truth_of(kind: str, folder: Path, rng: np.random.Generator) -> LoadedPanel:
+    """Return the switch that is measured."""
+    change = {"free for 1 m more": longer, "without links": without_links}.get(kind)
+    panel = load_panel(NAME)
+    if change is not None:
+        path = folder / "other.toml"
+        path.write_text(change(LIBRARY.read_text(encoding="utf-8")), encoding="utf-8")
+        panel = load_panel(path)
+    drawn = {
+        item.name: item.start * float(np.exp(TRUTH * np.clip(rng.standard_normal(), -1.5, 1.5)))
+        for item in default_plan(panel).parameters
+    }
+    return panel.with_overrides(drawn)
+
+
+def held_back(dataset: xr.Dataset) -> list[str]:
+    """Return the movements that a fit must not see: two places, and the last repeats."""
+    names, places = dataset["movement"].values, dataset["place"].values
+    free = (places == "none") & (dataset["repeat"].values >= HELD_FREE)
+    return [str(name) for name in names[np.isin(places, HELD_PLACES) | free]]
+
+
+def result_of(index: int) -> Record:
+    """Make, calibrate and judge one campaign, in the folder of the job."""
+    kind, number = KINDS[index % len(KINDS)], index // len(KINDS)
+    folder = job_folder() / f"{index:03d}"
+    folder.mkdir(parents=True, exist_ok=True)
+    truth = truth_of(kind, folder, np.random.default_rng([SEED, number]))
+    plan = Plan(
+        places=PLACES,
+        sizes=SIZES,
+        at_least=max(SIZES),
+        object_free=HELD_FREE,
+        formats=(".csv",),
+        seed=SEED + number,
+    )
+    make_virtual_campaign(truth, folder / "campaign", plan=plan)
+    channels = (folder / "campaign" / CHANNELS).read_text(encoding="utf-8")
+    if "no currents" in kind:
+        channels = re.sub(r"(?ms)^\[drive_current\..*?(?=^\[|\Z)", "", channels)
+    (folder / CHANNELS).write_text(channels, encoding="utf-8")
+    dataset = build_campaign(folder / "campaign", channels=folder / CHANNELS).dataset
+    assert dataset is not None
+    began = time.monotonic()
+    panel = load_panel(NAME)
+    record: Record = {"index": index, "kind": kind, "movements": dataset.sizes["movement"]}
+    try:
+        known = calibrate(
+            dataset,
+            panel,
+            plan=default_plan(panel, most=MOST),
+            exclude=held_back(dataset),
+            folder=folder / "throws",
+        ).calibration
+        known.save(folder / "calibration.toml")
+        with Evaluator(panel, folder=folder / "throws") as evaluator:
+            found = validate(dataset, panel, known, evaluator=evaluator)
+    except TurnoutError as error:
+        return record | {"failure": str(error)}
+    save_response(found, folder / "validation.nc")
+    verdict = judge(found)
+    return record | {
+        "failure": "",
+        "accepted": verdict.accepted,
+        "judged": verdict.judged,
+        "used": verdict.used,
+        "cover": verdict.cover,
+        "text": verdict.text,
+        "seconds": time.monotonic() - began,
+        "values": {p.name: p.value for p in known.parameters},
+        "channels": {
+            item.channel: {
+                "rms": item.rms,
+                "nrmse": item.nrmse,
+                "spread": item.spread,
+                "spreads": item.spreads,
+                "cover": item.cover,
+                "errors": {name: list(pair) for name, pair in item.errors.items()},
+            }
+            for item in verdict.channels
+        },
+    }
+
+
+def job_folder() -> Path:
+    """Return the folder that the command line names."""
+    return Path(sys.argv[sys.argv.index("--out") + 1])
+
+
+def section(records: list[Record]) -> list[str]:
+    """Return the part of the page that this job writes."""
+    good = [record for record in records if not record["failure"]]
+    lines = [
+        f"{len(records)} campaigns of 6 movements without an object and up to "
+        f"{len(PLACES) * len(SIZES)} with one, seed {SEED}; {len(records) - len(good)} of them not "
+        f"calibrated. Panel `{NAME}`; written by "
+        "`python -m tests.verification.validation_verdicts report DIR`.",
+        "",
+        "| measured switch | campaigns | accepted | judged movements | RMS over repeat spread, of "
+        "the worst channel | cover of band | NRMSE, of the worst channel |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for kind in KINDS:
+        own = [record for record in good if record["kind"] == kind]
+        if not own:
+            continue
+        cells = [
+            str(len(own)),
+            str(sum(record["accepted"] for record in own)),
+            _range([record["judged"] for record in own], "{:.0f}"),
+            _range([_worst(record, "spreads") for record in own], "{:.1f}"),
+            _range([100 * record["cover"] for record in own], "{:.0f}") + " %",
+            _range([100 * _worst(record, "nrmse") for record in own], "{:.1f}") + " %",
+        ]
+        lines.append(f"| {kind} | {' | '.join(cells)} |")
+    return lines
+
+
+def _worst(record: Record, name: str) -> float:
+    return max(channel[name] for channel in record["channels"].values())
+
+
+def _range(values: list[float], form: str) -> str:
+    low, high = form.format(min(values)), form.format(max(values))
+    return low if low == high else f"{low} to {high}"
+
+
+def report(records: list[Record]) -> None:
+    """Write the table into its page."""
+    put_section(
+        PAGE,
+        name="verdicts",
+        heading="Does a validation tell the right switch from another?",
+        lines=section(records),
+    )
+
+
+if __name__ == "__main__":
+    command_line(result_of, report, count=8)
