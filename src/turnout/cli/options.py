@@ -81,12 +81,13 @@ def opened_panel(
     if calibration is None:
         panel = load_panel(name if name is not None else DEFAULT_PANEL)
         return panel.with_settings(settings) if settings else panel
+    from turnout.study.calibration.belongs import doubts_on
     from turnout.study.calibration.record import load_calibration
 
     known = load_calibration(calibration)
     panel = load_panel(name) if name is not None else calibrated_panel(known, calibration)
     changed = panel.with_settings(settings) if settings else panel
-    for text in known.doubts_on(panel, changed):
+    for text in doubts_on(known, panel, changed):
         typer.echo(f"turnout: {calibration}: {text}", err=True)
     found = known.apply(panel)
     return found.with_settings(settings) if settings else found

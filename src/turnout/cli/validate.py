@@ -54,6 +54,7 @@ def validate_command(
 
     Exit code 1 where the calibration is not valid for the campaign.
     """
+    from turnout.study.calibration.belongs import doubts_on
     from turnout.study.calibration.record import load_calibration
 
     known = load_calibration(calibration)
@@ -68,7 +69,7 @@ def validate_command(
         from turnout.study.discrepancy.laws import drive_laws
 
         drive_laws(loaded, laws)
-    for text in known.doubts_on(loaded):
+    for text in doubts_on(known, loaded):
         typer.echo(f"turnout: {calibration}: {text}", err=True)
     from turnout.study.validation.verdict import judge, verdict_lines
 

@@ -12,6 +12,7 @@ from turnout.files.toml import TomlFile
 from turnout.integrate.scheme import Scheme
 from turnout.panel.load import LoadedPanel
 from turnout.study.assemble import foreign_objects, multiplied, shown
+from turnout.study.calibration.belongs import doubts_on
 from turnout.study.calibration.record import load_calibration
 from turnout.study.design import Design
 from turnout.study.random_field import RandomField
@@ -220,7 +221,7 @@ def study_from_file(file: TomlFile, *, calibration: Path | None = None) -> Study
     remarks: tuple[str, ...] = ()
     if calibration is not None:
         known = load_calibration(calibration)
-        remarks = tuple(f"{calibration}: {text}" for text in known.doubts_on(panel))
+        remarks = tuple(f"{calibration}: {text}" for text in doubts_on(known, panel))
         panel = known.apply(panel)
     parts = read_parts(record, panel, source=file.source, unknown=unknown)
     return Study(

@@ -165,15 +165,6 @@ class Calibration:
             ]
             raise PanelError(problems, source=f"calibration on panel {panel.name}") from None
 
-    def doubts_on(self, *panels: LoadedPanel) -> tuple[str, ...]:
-        """Say that none of some panels is the one that was calibrated, by its hash."""
-        if self.panel_hash in [panel.hash for panel in panels]:
-            return ()
-        return (
-            f"the calibration is of panel {self.panel} with hash {self.panel_hash[:12]}, not of "
-            f"{panels[0].name} with hash {panels[0].hash[:12]}; its values are taken all the same",
-        )
-
     def save(self, path: Path | str) -> None:
         """Write the record (TOML), completely or not at all."""
         write_atomic(path, calibration_text(self))
