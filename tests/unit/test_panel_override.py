@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from turnout.errors import PanelError
+from turnout.panel import load
 from turnout.panel.document import FAMILIES
 from turnout.panel.load import load_panel
 from turnout.panel.override import known_keys, parse_setting
@@ -200,3 +201,41 @@ def test_members_that_are_left_alone_keep_their_records_and_their_checks() -> No
     assert back.hash == panel.hash
     with pytest.raises(PanelError, match=r"drive\.1\.x|rail"):
         changed.with_overrides({"rail.A.end": 0.5})
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"chair.3.x": PANEL.chair["4"].x},
+        {"chair.foot_offsets": [0.01, 0.01]},
+        {"drive.saturated_stiffness": 1e9, "drive.1.stroke": -1.0},
+        {"rail.straight.end": 0.5},
+        {"rail.curved.closes": "+y"},
+        {"instrumented_rail": "neither"},
+        {"movement.return.start": 0.1, "movement.throw.extra_time": {"9": 0.1}},
+        {"stock_rail.curved.faces": "curved"},
+        {"discretisation.element_length": 1e-5},
+        {"damping.frequencies": [50.0, 5.0], "lock.rule": "no slip"},
+        {"object.a": {"size": 0.5, "at": "sleeper 6"}, "object_defaults.rail": "neither"},
+        {"sensor.rail": "neither", "link.1.rails": ["straight"], "fastening.stiffness_x": 0.0},
+    ],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_checks_that_are_spared_would_have_found_nothing(
+    changes: dict[str, object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A panel made from a valid one is refused for the same as if all of it were read anew."""
+
+    def problems(panel: load.LoadedPanel) -> list[str]:
+        try:
+            panel.with_overrides(changes)
+        except PanelError as error:
+            return list(error.problems)
+        return []
+
+    panel = load_panel("uic60-760-1-15").with_overrides({"chair.friction_coefficient": 0.2})
+    near = panel.with_overrides({"drive.2.stiffness": 6e5})
+    found = problems(near)
+    monkeypatch.setattr(load, "Known", lambda *given: None)
+    assert found == problems(near)
+    assert found

@@ -5,7 +5,8 @@ with those of single fields. It falls silent where it needs a value that is wron
 """
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from typing import Any
 
 from turnout.files.problems import Problem, show_value
@@ -28,40 +29,53 @@ from turnout.panel.check_stock_rail import (
 from turnout.panel.check_table import check_drive_table, check_profile, check_section
 from turnout.panel.foreign_object import from_record, object_faults
 from turnout.panel.model import Panel
-from turnout.panel.validate import Draft, Partial, known_part
+from turnout.panel.validate import Draft, Known, Partial, known_part
 
-_ON_RAILS = ("chair", "fastening", "stop", "stud")
+_HAVE_PLACES = ("chair", "fastening", "stop", "stud", "drive", "link")
 _OPENING_NEEDS = {"rail", "drive", "link", "fastening", "schedule", "movement", "object_defaults"}
 _SAME_PLACE = 1e-6
 _MOST_ELEMENTS = 5000
 
 
-def check(draft: Draft) -> list[Problem]:
+def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
     """Find all problems between the records of a panel.
 
     Parameters
     ----------
     draft : Draft
         The records as far as they are valid by themselves.
+    known : Known, optional
+        A valid panel that this one was made from.
 
     Returns
     -------
     list of Problem
         Empty for a valid panel.
     """
-    found = [*_plain(draft), *_between_rails(draft), *check_section_kinds(draft)]
-    for family, check_one in _CHECKS.items():
-        for name, record in draft.records[family].items():
-            found += known_part(check_one(draft, (family, name), record))
-    for family in (*_ON_RAILS, "drive", "link"):
-        found += _same_places(draft, family)
-    found += check_schedule(draft)
+    checks: dict[str, Callable[[Draft], Iterable[Problem]]] = {
+        "plain": _plain,
+        "between rails": _between_rails,
+        "section kinds": check_section_kinds,
+        "schedule": check_schedule,
+    }
+    checks |= {family: partial(_each, family=family) for family in _CHECKS}
+    checks |= {f"places of {name}": partial(_same_places, family=name) for name in _HAVE_PLACES}
+    found: list[Problem] = []
+    for name, look in checks.items():
+        found += draft.checked(name, look, known)
     blocked = {problem.path[0] for problem in (*draft.problems, *found) if problem.path}
     panel = Panel.model_construct(**draft.records)
     for name, record in draft.records["object"].items():
         sized = not blocked & _OPENING_NEEDS
         found += known_part(_object(panel, ("object", name), record, sized=sized))
     return [_shared(draft, problem) for problem in found]
+
+
+def _each(draft: Draft, family: str) -> Iterator[Problem]:
+    """Check the members of a family one by one."""
+    check_one = _CHECKS[family]
+    for name, record in draft.records[family].items():
+        yield from known_part(check_one(draft, (family, name), record))
 
 
 def _shared(draft: Draft, problem: Problem) -> Problem:

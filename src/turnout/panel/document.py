@@ -33,13 +33,15 @@ class Document:
     shared : frozenset of key paths
         Values (family, member, field) that a member took from its family.
     origins : dict
-        Origin by dotted key of the value in the tree.
+        Origin by dotted key of the value in the tree, before anything was given in its place.
     problems : tuple of Problem
         What was wrong with the families themselves.
     tables : dict
         Time [s] and fraction columns of the schedule files read so far, by their name.
     matrices : dict
         Matrices of rails read so far, by the name of their file.
+    given : dict
+        Values that were set later by their dotted keys; see `turnout.panel.override.restated`.
     """
 
     tree: dict[str, Any]
@@ -48,6 +50,7 @@ class Document:
     problems: tuple[Problem, ...] = ()
     tables: dict[str, tuple[list[float], list[float]]] = field(default_factory=dict)
     matrices: dict[str, RailMatrices] = field(default_factory=dict)
+    given: dict[str, object] = field(default_factory=dict)
 
 
 def _family_records() -> dict[str, type[BaseModel]]:

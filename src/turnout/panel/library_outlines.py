@@ -6,6 +6,7 @@ had held their points.
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from importlib import resources
 from typing import Any
 
@@ -16,6 +17,7 @@ _USERS = {"outline_section": ("outline",), "planed_section": ("outline", "stock_
 _KEYS = ("points", "symmetric", "running_edge")
 
 
+@cache
 def library_outline_names() -> tuple[str, ...]:
     """List the outlines that come with the program.
 

@@ -18,7 +18,13 @@ from turnout.panel.document import Document, expand
 from turnout.panel.library_outlines import add_library_outlines
 from turnout.panel.matrices import check_matrices, read_matrices
 from turnout.panel.model import Panel
-from turnout.panel.override import apply_overrides, mark_si, parse_setting, supersede
+from turnout.panel.override import (
+    apply_overrides,
+    mark_si,
+    parse_setting,
+    restated,
+    supersede,
+)
 from turnout.panel.rail_matrices import RailMatrices
 from turnout.panel.schedule_file import read_schedule_files
 from turnout.panel.validate import Known, validate
@@ -43,11 +49,12 @@ class LoadedPanel(Panel):
     _source: str = PrivateAttr(default="panel")
     _folder: Path | None = PrivateAttr(default=None)
     _hash: str = PrivateAttr(default="")
+    _asked: Mapping[str, frozenset[str]] = PrivateAttr(default_factory=dict)
 
     @property
     def origins(self) -> Mapping[str, Origin]:
         """Where each value comes from, by key; an override has the kind "override"."""
-        return MappingProxyType(self._document.origins)
+        return MappingProxyType(restated(self._document))
 
     @property
     def overrides(self) -> Mapping[str, object]:
@@ -136,7 +143,7 @@ class LoadedPanel(Panel):
             overrides=supersede(self._overrides, applied),
             problems=[*problems, *found],
             heading="overrides",
-            known=Known(self._document.tree, self),
+            known=Known(self._document.tree, self, self._asked),
         )
 
     @classmethod
@@ -157,7 +164,7 @@ class LoadedPanel(Panel):
             document.tree.get("rail"), folder=folder, known=document.matrices
         )
         draft = validate(filled, known=known)
-        found = [*draft.problems, *file_problems, *faults, *check(draft)]
+        found = [*draft.problems, *file_problems, *faults, *check(draft, known=known)]
         if not found:
             found += check_matrices(draft.records, matrices)
         if problems or found:
@@ -166,6 +173,7 @@ class LoadedPanel(Panel):
         panel = cls.model_construct(**draft.records)
         panel._document = replace(document, tables=filled.tables, matrices=matrices)
         panel._overrides = overrides
+        panel._asked = draft.asked
         panel._source = source
         panel._folder = folder
         return panel

@@ -4,6 +4,8 @@ Between the drives and on to the first fastening behind them a rail is taken as 
 whose shape under forces at the drives is a cubic spline. For a tapered rail this is within 3 mm.
 """
 
+from functools import lru_cache
+
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
@@ -85,11 +87,18 @@ def _held_at(panel: Panel, rail: str, behind: float) -> float | None:
 
 
 def _beam_shape(places: dict[float, float], held: float | None, x: FloatArray) -> FloatArray:
-    knots = sorted(places)
-    values = [places[knot] for knot in knots]
+    knots = tuple(sorted(places))
+    values = np.array([places[knot] for knot in knots])
     if held is None:
         return np.asarray(np.interp(x, knots, values), dtype=np.float64)
-    spline = CubicSpline([*knots, held], [*values, 0.0], bc_type=("natural", "clamped"))
-    before = values[0] + float(spline(knots[0], 1)) * (x - knots[0])
-    shape = np.where(x < knots[0], before, spline(np.clip(x, knots[0], held)))
-    return np.where(x >= held, 0.0, shape)
+    spline = _unit_shapes(knots, held)
+    shapes = spline(np.clip(x, knots[0], held))
+    shapes += np.minimum(x - knots[0], 0.0)[:, np.newaxis] * spline(knots[0], 1)
+    return np.where(x >= held, 0.0, shapes @ values)
+
+
+@lru_cache(maxsize=64)
+def _unit_shapes(knots: tuple[float, ...], held: float) -> CubicSpline:
+    """Return the shapes of a beam that is moved by one at each knot, and clamped at a place."""
+    moved = np.eye(len(knots) + 1, len(knots))
+    return CubicSpline([*knots, held], moved, bc_type=("natural", "clamped"))

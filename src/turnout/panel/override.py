@@ -183,8 +183,8 @@ def apply_overrides(
                 shared.add(target.place[:3])
             else:
                 shared.discard(target.place[:3])
-    origins = _restated(document.origins, given)
-    changed = replace(document, tree=tree, shared=frozenset(shared), origins=origins)
+    given = {key: value for key, value in document.given.items() if not _given(key, given)} | given
+    changed = replace(document, tree=tree, shared=frozenset(shared), given=given)
     return changed, problems, applied
 
 
@@ -268,9 +268,10 @@ def _set(tree: dict[str, Any], target: _Target) -> None:
     table[target.place[-1]] = target.value
 
 
-def _restated(origins: Mapping[str, Origin], given: Mapping[str, object]) -> dict[str, Origin]:
+def restated(document: Document) -> dict[str, Origin]:
     """Return the origins of values after those of some keys, and all below them, were given."""
-    kept = {name: origin for name, origin in origins.items() if not _given(name, given)}
+    given = document.given
+    kept = {name: origin for name, origin in document.origins.items() if not _given(name, given)}
     return kept | {key: Origin("override", show_value(value)) for key, value in given.items()}
 
 

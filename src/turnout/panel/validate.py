@@ -1,6 +1,7 @@
 """From the tree of a document to records, collecting every problem instead of the first."""
 
-from collections.abc import Iterator
+import operator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, field
@@ -43,12 +44,34 @@ def known_part(problems: Iterator[Problem]) -> Iterator[Problem]:
         yield from problems
 
 
+class Noting(dict[str, Any]):
+    """Values by field name of `Panel` that note which of them were asked for."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked: set[str] = set()
+
+    def __getitem__(self, name: str) -> Any:
+        """Return a value and note its name."""
+        self.asked.add(name)
+        return super().__getitem__(name)
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return a value, or what stands for it, and note its name."""
+        self.asked.add(name)
+        return super().get(name, default)
+
+
 @dataclass(frozen=True, slots=True)
 class Known:
-    """Tables of a valid panel, and the records that were made of them."""
+    """Tables of a valid panel, the records that were made of them, and what its checks asked for.
+
+    A check that found nothing finds nothing again where all that it asked for is the same.
+    """
 
     tree: dict[str, Any]
     panel: Panel
+    asked: Mapping[str, frozenset[str]]
 
     def of(self, family: str) -> tuple[dict[str, Any], dict[str, BaseModel]]:
         """Return tables and records of a family by member."""
@@ -70,12 +93,30 @@ class Draft:
         What was wrong with the rest.
     shared : frozenset of key paths
         Values (family, member, field) that come from the family, not from the member.
+    changed : set of str
+        Fields of `Panel` that are not those of the known panel.
+    asked : dict of str to frozenset
+        Fields that each check asked for, by its name.
     """
 
-    records: dict[str, Any] = field(default_factory=dict)
-    names: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    records: Noting = field(default_factory=Noting)
+    names: Noting = field(default_factory=Noting)
     problems: list[Problem] = field(default_factory=list)
     shared: frozenset[Path] = frozenset()
+    changed: set[str] = field(default_factory=set)
+    asked: dict[str, frozenset[str]] = field(default_factory=dict)
+
+    def checked(
+        self, name: str, check: Callable[["Draft"], Iterable[Problem]], known: Known | None
+    ) -> list[Problem]:
+        """Return what a check finds; it is spared where a known panel tells that it is nothing."""
+        if known is not None and not known.asked[name] & self.changed:
+            self.asked[name] = known.asked[name]
+            return []
+        self.records.asked, self.names.asked = asked = set[str](), set[str]()
+        found = list(check(self))
+        self.asked[name] = frozenset(asked[0] | asked[1])
+        return found
 
 
 def validate(document: Document, *, known: Known | None = None) -> Draft:
@@ -102,7 +143,16 @@ def validate(document: Document, *, known: Known | None = None) -> Draft:
             _family(name, document, draft, known)
         else:
             _plain(name, tree, draft, known)
+        if known is None or not _same(draft.records[name], getattr(known.panel, name)):
+            draft.changed.add(name)
     return draft
+
+
+def _same(value: Any, known: Any) -> bool:
+    """Tell whether a value is the known one; a family, whether it has the very same records."""
+    if not isinstance(value, dict):
+        return value is known
+    return list(value) == list(known) and all(map(operator.is_, value.values(), known.values()))
 
 
 @cache
