@@ -23,7 +23,8 @@ from typing import Any
 from turnout.response.simulate import compile_kernels
 from turnout.study.study import Study, load_study
 from turnout.study.study_read import scheme_for
-from turnout.study.sweep_batch import batch_bytes, batch_dataset, throw_batch
+from turnout.study.sweep_batch import batch_variables, throw_batch
+from turnout.study.sweep_file import file_bytes
 from turnout.study.sweep_folder import JOURNAL
 from turnout.study.sweep_read import open_sweep, read_labels
 from turnout.study.sweep_run import State, run_sweep
@@ -185,7 +186,7 @@ def sizes(study: Study, *, count: int) -> dict[str, float]:
     ):
         chosen = replace(study, output=output, scheme=scheme_for(study.scheme, output))
         rows = throw_batch(chosen, [[index] for index in range(count)])
-        found[name] = len(batch_bytes(batch_dataset(chosen, rows))) / count
+        found[name] = len(file_bytes(batch_variables(chosen, rows))) / count
     return found
 
 

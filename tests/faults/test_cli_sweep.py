@@ -133,6 +133,11 @@ def test_bad_input_is_refused(swept: Path, tmp_path: Path) -> None:
     assert "there is no scenario" in refused("plan", empty)
     assert "no such file" in refused("plan", tmp_path / "none.toml")
     assert "no input 'mu' in this sweep" in refused("map", swept, "--x", "mu")
-    assert "no output 'peak' in this sweep" in refused("effects", swept, "--feature", "peak")
+    told = refused("effects", swept, "--feature", "peak")
+    assert "no output 'peak' in this sweep" in told
+    listed = told.split("there are ")[1].replace("\n", " ").split(", ")
+    assert "peak_force" in listed
+    # How a scenario was thrown is no output of it.
+    assert not {"seed", "attempts"} & set(listed)
     assert "must end in" in refused("map", swept, "-o", tmp_path / "map.bmp")
     assert str(tmp_path) in refused("map", tmp_path)

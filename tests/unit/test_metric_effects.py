@@ -90,6 +90,13 @@ def test_too_few_blocks_are_told() -> None:
         sobol_indices(output, names="abc", draws=made.draws)
 
 
+def test_a_logical_output_of_a_throw_that_failed_is_not_known() -> None:
+    labels = xr.Dataset({"slipped": ("scenario", np.array([1, 0, -1], dtype=np.int8))})
+    assert np.array_equal(
+        outputs_of(labels, ("slipped",))[0].values, [1, 0, np.nan], equal_nan=True
+    )
+
+
 def test_outputs_are_told_apart_by_drive_and_unknown_ones_refused() -> None:
     labels = xr.Dataset(
         {"peak_force": (("scenario", "drive", "direction"), np.arange(8.0).reshape(2, 2, 2))},

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pydantic import BaseModel
 
 from turnout.errors import PanelError
 from turnout.panel import load
@@ -239,3 +240,21 @@ def test_checks_that_are_spared_would_have_found_nothing(
     monkeypatch.setattr(load, "Known", lambda *given: None)
     assert found == problems(near)
     assert found
+
+
+@pytest.mark.parametrize("record", FAMILIES.values(), ids=lambda record: record.__name__)
+def test_fields_of_members_are_valid_each_by_itself(record: type[BaseModel]) -> None:
+    """A member takes over a value that was read for another one; checks between come later."""
+    found = record.__pydantic_decorators__
+    assert not found.model_validators
+    assert not found.root_validators
+    assert not found.field_validators
+
+
+def test_a_value_of_a_family_is_read_for_each_member_that_had_an_own_one() -> None:
+    own = PANEL.with_overrides({"chair.5.friction_coefficient": 0.1, "chair.5.clearance": "1 mm"})
+    every = own.with_overrides({"chair.friction_coefficient": 0.3}, si=False)
+    assert {chair.friction_coefficient for chair in every.chair.values()} == {0.3}
+    assert every.chair["5"].clearance == 0.001
+    assert every.chair["4"].clearance == PANEL.chair["4"].clearance
+    assert every.hash == load_panel(PANEL.source).with_overrides(dict(every.overrides)).hash

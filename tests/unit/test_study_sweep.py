@@ -19,7 +19,8 @@ from turnout.metric.movement import Span
 from turnout.response.simulate import Solved, simulate, solve
 from turnout.study import sweep_folder, sweep_row
 from turnout.study.study import Study, load_study
-from turnout.study.sweep_batch import batch_bytes, batch_dataset, batches_of, throw_batch
+from turnout.study.sweep_batch import batch_variables, batches_of, throw_batch
+from turnout.study.sweep_file import file_bytes
 from turnout.study.sweep_folder import locked_folder
 from turnout.study.sweep_read import open_sweep, read_labels
 from turnout.study.sweep_run import State, run_sweep
@@ -197,10 +198,10 @@ def test_a_failed_throw_is_made_again_with_half_the_step(
     assert [row.outcome for row in rows] == ["complete", "complete", "failed"]
     assert [row.attempts for row in rows] == [1, 2, 2]
     assert "not converged at t = 0.5" in rows[2].reason
-    dataset = batch_dataset(study, rows)
-    assert np.isnan(dataset["drive_force"].isel(scenario=2)).all()
-    assert dataset["end_locked"].values[2] == -1
-    assert batch_bytes(batch_dataset(study, rows[2:])), "a batch without any complete scenario"
+    stored = batch_variables(study, rows)
+    assert np.isnan(stored["drive_force"].values[2]).all()
+    assert stored["end_locked"].values[2] == -1
+    assert file_bytes(batch_variables(study, rows[2:])), "a batch without any complete scenario"
 
 
 def test_a_scenario_that_cannot_be_says_why(study: Study) -> None:

@@ -150,7 +150,9 @@ def outputs_of(
 
 
 def _numbers(values: xr.DataArray) -> Floats:
-    return np.asarray(values.to_numpy(), dtype=np.float64)
+    """Return values as numbers; logical ones of which nothing is known, -1, as NaN."""
+    numbers = np.asarray(values.to_numpy(), dtype=np.float64)
+    return np.where(numbers < 0, np.nan, numbers) if values.dtype.kind == "i" else numbers
 
 
 def first_index(inputs: xr.DataArray, output: Floats, *, seed: int = 0) -> Index:

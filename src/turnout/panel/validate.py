@@ -220,12 +220,16 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
     records: dict[str, BaseModel | Partial] = {}
     found: dict[Problem, list[str]] = {}
     before, made = known.of(name) if known is not None else ({}, {})
+    read: dict[tuple[str, int], Any] = {}
     for member, values in members.items():
-        if member in made and before.get(member) is values:
-            records[member] = made[member]
+        again = _taken_over(made.get(member), before.get(member), values, read)
+        if again is not None:
+            records[member] = again
             continue
         try:
-            records[member] = record.model_validate(values)
+            records[member] = valid = record.model_validate(values)
+            if member in made:
+                read |= {(key, id(value)): getattr(valid, key) for key, value in values.items()}
         except ValidationError as error:
             errors = _errors(error)
             records[member] = _partial(record, values, errors)
@@ -238,6 +242,26 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
     draft.names[name] = tuple(members)
     draft.problems += _merged(name, found, document)
     _check_count(name, info.metadata, len(members), broken, draft)
+
+
+def _taken_over(
+    made: BaseModel | None, before: object, values: object, read: dict[tuple[str, int], Any]
+) -> BaseModel | None:
+    """Return a known record, or a copy of it whose changed values were read for another member.
+
+    The fields of a record are valid each by itself.
+    """
+    if made is None or before is values:
+        return made
+    if (
+        not (isinstance(before, dict) and isinstance(values, dict))
+        or before.keys() != values.keys()
+    ):
+        return None
+    changed = {key: (key, id(value)) for key, value in values.items() if value is not before[key]}
+    if not all(place in read for place in changed.values()):
+        return None
+    return made.model_copy(update={key: read[place] for key, place in changed.items()})
 
 
 def _merged(family: str, found: dict[Problem, list[str]], document: Document) -> list[Problem]:

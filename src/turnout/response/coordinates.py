@@ -25,13 +25,10 @@ def stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
     return np.unique(np.round(places, 9))
 
 
-def coordinates(
-    panel: Panel, mechanism: Mechanism, *, time: Floats, x: Floats
-) -> dict[str, Variable]:
-    """Return every coordinate that some channel may use."""
+def coordinates(panel: Panel, mechanism: Mechanism, *, time: Floats) -> dict[str, Variable]:
+    """Return every coordinate that some channel may use, but for "x", see `stations`."""
     found: dict[str, Variable] = {
         "time": (("time",), time),
-        "x": (("x",), x),
         "rail": _names("rail", panel.rail),
         "drive": _names("drive", panel.drive),
         "drive_x": _numbers("drive", [drive.x for drive in panel.drive.values()]),

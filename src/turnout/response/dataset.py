@@ -111,7 +111,8 @@ def response_channels(
             channels |= signals(panel, mechanism, history)
     if save.keeps(*_SHAPES, *FASTENINGS, *_DRIVE_GAPS, *_SENSOR_GAPS, *_FLANGEWAYS):
         motion = recover_motion(mechanism, history)
-        channels |= _shapes(panel, motion, stations(panel, mechanism, save), save)
+        if save.keeps(*_SHAPES):
+            channels |= _shapes(panel, motion, stations(panel, mechanism, save))
         channels |= fastening_signals(panel, motion, save)
         channels |= _gaps(panel, motion, history.time, save)
     channels |= contact_labels(mechanism, history)
@@ -143,14 +144,14 @@ def coordinates_of(
         With the places of `gap` and `lateral_displacement`.
     """
     used = {dim for dims, _ in channels.values() for dim in dims} | {"time"}
-    named = coordinates(panel, mechanism, time=time, x=stations(panel, mechanism, save))
+    named = coordinates(panel, mechanism, time=time)
+    if "x" in used:
+        named["x"] = (("x",), stations(panel, mechanism, save))
     return {name: value for name, value in named.items() if set(value[0]) <= used}
 
 
-def _shapes(panel: Panel, motion: Motion, x: Floats, save: Save) -> dict[str, Variable]:
+def _shapes(panel: Panel, motion: Motion, x: Floats) -> dict[str, Variable]:
     """Return gap and lateral displacement of all rails at contact height."""
-    if not save.keeps(*_SHAPES):
-        return {}
     shape = (len(panel.rail), x.size, motion.history.time.size)
     moved, gap = np.empty(shape), np.empty(shape)
     for r, name in enumerate(panel.rail):

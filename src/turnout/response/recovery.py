@@ -10,6 +10,7 @@ their share of the constant load. :math:`\lambda` is what the laws add to the li
 matrix then gives its nodes.
 """
 
+from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,11 @@ Ints = NDArray[np.int64]
 
 UY, RX, PER_NODE = 1, 3, 6
 PLACE_TOLERANCE = 1e-6
+MOST_ROWS = 256
+"""So many sets of rows are kept in memory, the latest made."""
+
+# Rails are shared by many throws; a matrix is named by identity and kept, so that it stays itself.
+_rows: OrderedDict[tuple[int, bytes, bytes], tuple[Floats, Floats]] = OrderedDict()
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,9 +103,15 @@ def lateral_rows(body: RailBody, x: Floats, z: Floats) -> Floats:
     ndarray, shape (n_points, body.count)
         NaN where x lies beyond the rail.
     """
-    return _between(
-        body, x, z, lateral=body.recovery[UY::PER_NODE], roll=body.recovery[RX::PER_NODE]
-    )
+    key = id(body.recovery), x.tobytes(), z.tobytes()
+    if key not in _rows:
+        lateral, roll = body.recovery[UY::PER_NODE], body.recovery[RX::PER_NODE]
+        made = _between(body, x, z, lateral=lateral, roll=roll)
+        made.flags.writeable = False
+        _rows[key] = made, body.recovery
+        while len(_rows) > MOST_ROWS:
+            _rows.popitem(last=False)
+    return _rows[key][0]
 
 
 def lateral_displacement(

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnout.study.study import Study
-from turnout.study.sweep_batch import batch_bytes, batch_dataset, batches_of
+from turnout.study.sweep_batch import batch_variables, batches_of
+from turnout.study.sweep_file import file_bytes
 from turnout.study.sweep_row import COMPLETE, throw_scenario
 
 TRIALS = 3
@@ -93,7 +94,7 @@ def forecast(
         spent += time.perf_counter() - began
         rows.append(row)
     # The head of a file is there once, so it is the second and later throws that tell.
-    whole, one = (len(batch_bytes(batch_dataset(study, part))) for part in (rows, rows[:1]))
+    whole, one = (len(file_bytes(batch_variables(study, part))) for part in (rows, rows[:1]))
     size = (whole - one) / (len(rows) - 1) if len(rows) > 1 else float(whole)
     head = max(one - size, 0.0)
     faults = [f"{row.scenario.name}: {row.reason}" for row in rows if row.outcome != COMPLETE]

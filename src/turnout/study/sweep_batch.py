@@ -1,26 +1,21 @@
-"""A batch of scenarios: which ones it holds, and its file, written whole or not at all.
+"""A batch of scenarios: which ones it holds, and what is stored of them.
 
 Which scenarios are in which batch depends on the study alone, so that it does not matter who
-throws them, when, and after which interruptions. A file carries a digest of its content in its
-name: what was torn by a crash is told from what is whole.
+throws them, when, and after which interruptions.
 """
 
 import hashlib
-import io
 import math
-import re
 from collections.abc import Sequence
-from pathlib import Path
+from functools import cache
 
-import h5py
 import numpy as np
-import xarray as xr
 
-from turnout.files.atomic import write_atomic
 from turnout.metric.features import FEATURES
 from turnout.response.signals import Variable
 from turnout.schema.channels import known_channel
 from turnout.study.study import Study
+from turnout.study.sweep_file import Stored
 from turnout.study.sweep_row import (
     COMPLETE,
     LABELS,
@@ -33,19 +28,11 @@ from turnout.study.sweep_row import (
 SMALLEST_BATCH, LARGEST_BATCH, MOST_BATCHES = 8, 64, 64
 """Scenarios in a batch, and how many batches there are before they grow."""
 
-LARGEST_CHUNK = 1_000_000
-"""Of a variable in a file, before compression [bytes]."""
-
-SMALL = 2048
-"""A variable up to this size is stored as it is: chunks and compression would take more [bytes]."""
-
 UNKNOWN = -1
 """Stands for a logical value of a scenario that is not complete."""
 
 SPLITS = {"train": 0.7, "validation": 0.85, "test": 1.0}
 """Parts of the data, with the share of conditions up to which each reaches [-]."""
-
-_NAME = re.compile(r"(\d{6,})-([0-9a-f]{32})\.nc")
 
 
 def batches_of(study: Study) -> list[tuple[Sequence[int], ...]]:
@@ -93,32 +80,33 @@ def throw_batch(study: Study, chains: Sequence[Sequence[int]]) -> list[Row]:
     return sorted(rows, key=lambda row: row.scenario.index)
 
 
-def batch_dataset(study: Study, rows: Sequence[Row]) -> xr.Dataset:
-    """Return the rows of a batch as one dataset; NaN, or -1, where a scenario is not complete."""
+def batch_variables(study: Study, rows: Sequence[Row]) -> dict[str, Stored]:
+    """Return the rows of a batch stacked; NaN, or -1, where a scenario is not complete."""
     variables = _described(study, rows)
-    inputs = [name for name, variable in variables.items() if "input" in variable.attrs]
     known = [row for row in rows if row.outcome == COMPLETE]
-    named: dict[str, xr.Variable] = {}
     varying: dict[str, Variable] = {}
+    coordinates: set[str] = set()
     for row in known:
         for name, (dims, values) in row.coordinates.items():
+            coordinates.add(name)
             if dims == (name,):
-                named.setdefault(name, xr.Variable(dims, values, attributes_of(name)))
+                variables.setdefault(
+                    name, Stored(dims, values, attributes_of(name), coordinate=True)
+                )
             else:
                 varying.setdefault(name, (dims, values))
         varying |= {name: v for name, v in row.variables.items() if name not in varying}
     for name, like in varying.items():
         found = [(row.variables | row.coordinates).get(name) for row in rows]
-        variables[name] = _together(name, found, like)
-    sizes = {dim: n for v in variables.values() for dim, n in zip(v.dims, v.shape, strict=True)}
-    if "time" in sizes:
-        time = np.arange(sizes["time"]) * study.output.interval
-        named["time"] = xr.Variable("time", time, attributes_of("time"))
-    coordinates = {name for row in known for name in row.coordinates if name in variables}
-    given = {"scenario", "name", "condition", "split", *inputs, *coordinates}
-    return xr.Dataset({**variables, **named}).set_coords(sorted(given))
+        variables[name] = _together(name, found, like, coordinate=name in coordinates)
+    over_time = [v.values.shape[-1] for v in variables.values() if v.dims[-1] == "time"]
+    if over_time:
+        time = np.arange(max(over_time)) * study.output.interval
+        variables["time"] = Stored(("time",), time, attributes_of("time"), coordinate=True)
+    return variables
 
 
+@cache
 def attributes_of(name: str) -> dict[str, str]:
     """Return unit, meaning and sign of a stored variable.
 
@@ -139,15 +127,16 @@ def attributes_of(name: str) -> dict[str, str]:
     return found | ({"positive": channel.positive} if channel.positive else {})
 
 
-def _described(study: Study, rows: Sequence[Row]) -> dict[str, xr.Variable]:
+def _described(study: Study, rows: Sequence[Row]) -> dict[str, Stored]:
     """Return number, name, inputs and outcome of each scenario."""
     scenarios = [row.scenario for row in rows]
 
-    def of(values: Sequence[object], text: str, **attributes: str) -> xr.Variable:
+    def of(values: Sequence[object], text: str, **attributes: str) -> Stored:
         array = np.array(values)
         if array.dtype.kind == "b":
             array = array.astype(np.int8)
-        return xr.Variable("scenario", array, {"units": "1", "long_name": text, **attributes})
+        about = {"units": "1", "long_name": text, **attributes}
+        return Stored(("scenario",), array, about, coordinate=True)
 
     found = {
         "scenario": of([item.index for item in scenarios], "number in the study"),
@@ -182,7 +171,9 @@ def split_of(condition: str, seed: int) -> str:
     return next(name for name, bound in SPLITS.items() if share < bound)
 
 
-def _together(name: str, found: Sequence[Variable | None], like: Variable) -> xr.Variable:
+def _together(
+    name: str, found: Sequence[Variable | None], like: Variable, *, coordinate: bool
+) -> Stored:
     """Return the variables of scenarios stacked, the shorter ones filled up along time."""
     shape = [0] * len(like[0])
     for variable in found:
@@ -198,87 +189,7 @@ def _together(name: str, found: Sequence[Variable | None], like: Variable) -> xr
             values[place] = variable[1]
     attributes = attributes_of(name)
     if logical:
-        attributes |= {"values": "1 true, 0 false, -1 not known as the scenario is not complete"}
-    return xr.Variable(("scenario", *like[0]), values, attributes)
-
-
-def batch_bytes(dataset: xr.Dataset) -> bytes:
-    """Return the netCDF-4 file of a batch; the same dataset always gives the same bytes.
-
-    It is written by the HDF5 library itself, which takes a tenth of the time that xarray does.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        From `batch_dataset`; each dimension has its coordinate.
-    """
-    content = io.BytesIO()
-    with h5py.File(content, "w", libver="latest") as file:
-        variables = {str(name): variable for name, variable in dataset.variables.items()}
-        ordered = sorted(variables, key=lambda name: variables[name].dims != (name,))
-        for name in ordered:
-            _store(file, name, variables[name])
-        named = [name for name in dataset.coords if str(name) not in dataset.dims]
-        for variable in dataset.data_vars.values():
-            mine = [str(n) for n in named if set(dataset[n].dims) <= set(variable.dims)]
-            file[str(variable.name)].attrs["coordinates"] = " ".join(mine)
-    return content.getvalue()
-
-
-def _store(file: h5py.File, name: str, variable: xr.Variable) -> None:
-    """Store a variable; its dimensions must be there, unless it is one."""
-    values, options = variable.values, {}
-    if values.dtype.kind not in "fib":
-        values, options = values.astype(object), {"dtype": h5py.string_dtype()}
-    elif variable.nbytes > SMALL:
-        rows = max(1, LARGEST_CHUNK * values.shape[0] // variable.nbytes)
-        chunks = (min(values.shape[0], rows), *values.shape[1:])
-        options = {"chunks": chunks, "compression": "gzip", "compression_opts": 1, "shuffle": True}
-    stored = file.create_dataset(name, data=values, track_times=False, **options)
-    if variable.dims == (name,):
-        stored.make_scale(name)
-    else:
-        for axis, dim in enumerate(variable.dims):
-            stored.dims[axis].attach_scale(file[str(dim)])
-    for key, value in variable.attrs.items():
-        stored.attrs[key] = value
-
-
-def write_batch(folder: Path, number: int, content: bytes) -> Path:
-    """Write the file of a batch durably, named by its number and the digest of its content.
-
-    Raises
-    ------
-    FileError
-        When it cannot be written; nothing is left of it then.
-    """
-    path = folder / f"{number:06d}-{_digest(content)}.nc"
-    write_atomic(path, content)
-    return path
-
-
-def written_batches(folder: Path, *, check: bool = False) -> tuple[dict[int, Path], list[Path]]:
-    """Return the files of a folder by their number, and those whose content is not what it was.
-
-    Parameters
-    ----------
-    folder : Path
-        Of batches.
-    check : bool
-        Whether the content is held against the digest, which reads all of it.
-    """
-    found: dict[int, Path] = {}
-    torn = []
-    for path in sorted(folder.glob("[0-9]*.nc")):
-        match = _NAME.fullmatch(path.name)
-        if match is None:
-            continue
-        if check and _digest(path.read_bytes()) != match[2]:
-            torn.append(path)
-            continue
-        found.setdefault(int(match[1]), path)
-    return found, torn
-
-
-def _digest(content: bytes) -> str:
-    return hashlib.blake2b(content, digest_size=16).hexdigest()
+        attributes = attributes | {
+            "values": "1 true, 0 false, -1 not known as the scenario is not complete"
+        }
+    return Stored(("scenario", *like[0]), values, attributes, coordinate=coordinate)

@@ -14,7 +14,8 @@ from xarray.core import indexing
 
 from turnout.errors import FileError
 from turnout.response.store import ENGINE
-from turnout.study.sweep_batch import UNKNOWN, written_batches
+from turnout.study.sweep_batch import UNKNOWN
+from turnout.study.sweep_file import written_batches
 from turnout.study.sweep_folder import BATCHES, read_identity
 
 Ints = NDArray[np.int64]

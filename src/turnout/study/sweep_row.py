@@ -35,8 +35,12 @@ OUTCOMES = ("complete", "failed", "invalid", "skipped")
 rule of its chain."""
 COMPLETE, FAILED, INVALID, SKIPPED = OUTCOMES
 
-FORCES = ("drive_force", "drive_displacement", "drive_slipping", "object_force", "force_margin")
-CONTACTS = ("object_placed", "object_touched", "contact_time")
+FORCES = (
+    *("drive_force", "drive_displacement", "drive_slipping", "object_force", "force_margin"),
+    *("object_placed", "object_touched", "contact_time", "least_flangeway", "least_flangeway_x"),
+)
+"""What is made of every instant, or of some that need not be kept."""
+ENDS = ("end_gap", "locked", "in_control")
 LABELS = {
     "object_force_peak": ("N", "largest force on foreign objects"),
     "object_force_end": ("N", "force on foreign objects at the end"),
@@ -46,11 +50,6 @@ LABELS = {
     "end_in_control": ("1", "sensor gap below its limit at the end"),
 }
 """Unit and meaning of the labels that only a sweep has."""
-
-GAPS = ("drive_gap", "end_gap", "sensor_gap", "locked", "in_control")
-FLANGEWAYS = ("least_flangeway", "least_flangeway_x")
-MADE = (*FORCES, *CONTACTS, *GAPS, *FLANGEWAYS)
-"""What is made of each throw at every instant, whatever is kept of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,26 +158,23 @@ def boiled_down(study: Study, panel: LoadedPanel, solved: Solved) -> tuple[Varia
     solved : Solved
         The throw.
     """
-    history, channels = solved.history, study.output.channels
     given = panel, solved.mechanism
+    every = solved.history
+    sparse = at_instants(every, slice(None, None, stride_of(study)))
+    end = at_instants(every, slice(-1, None))
     with one_blas_thread():
-        every = response_channels(*given, history, save=Save(fields=MADE))
-        further = tuple(name for name in channels if name not in every)
-        sparse = at_instants(history, slice(None, None, stride_of(study)))
-        more = response_channels(*given, sparse, save=Save(fields=further)) if further else {}
-    shared = {
-        name: (dims, values[..., :: stride_of(study)] if dims[-1:] == ("time",) else values)
-        for name, (dims, values) in every.items()
-        if name in channels
-    }
-    variables = {name: (dims, _small(values)) for name, (dims, values) in (shared | more).items()}
-    variables |= {name: value for name, value in every.items() if "time" not in value[0]}
+        forces = response_channels(*given, every, save=Save(fields=FORCES))
+        kept = response_channels(*given, sparse, save=Save(fields=study.output.channels))
+        last = response_channels(*given, end, save=Save(fields=ENDS))
+    variables = {name: (dims, _small(values)) for name, (dims, values) in kept.items()}
+    variables |= {name: value for name, value in forces.items() if "time" not in value[0]}
+    variables["end_gap"] = last["end_gap"]
     for name in ("locked", "in_control"):
-        if name in every:
-            dims, values = every[name]
+        if name in last:
+            dims, values = last[name]
             variables[f"end_{name}"] = (dims[:-1], np.asarray(values[..., -1]))
-    variables |= force_labels(panel, history.time, every)
-    coordinates = coordinates_of(variables, *given, time=history.time, save=Save())
+    variables |= force_labels(panel, every.time, forces)
+    coordinates = coordinates_of(variables, *given, time=every.time, save=Save())
     del coordinates["time"]  # of the solver, not of what is kept
     return variables, coordinates
 

@@ -26,8 +26,9 @@ from turnout.errors import FileError
 from turnout.response.compilation import must_compile
 from turnout.response.simulate import compile_kernels
 from turnout.study.study import Study
-from turnout.study.sweep_batch import batches_of, written_batches
+from turnout.study.sweep_batch import batches_of
 from turnout.study.sweep_card import write_card
+from turnout.study.sweep_file import written_batches
 from turnout.study.sweep_folder import (
     BATCHES,
     JOURNAL,

@@ -12,13 +12,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from turnout.errors import FileError
-from turnout.study.sweep_batch import (
-    batch_bytes,
-    batch_dataset,
-    batches_of,
-    throw_batch,
-    write_batch,
-)
+from turnout.study.sweep_batch import batch_variables, batches_of, throw_batch
+from turnout.study.sweep_file import file_bytes, write_batch
 from turnout.study.sweep_folder import BATCHES, code_digest, kept_study
 from turnout.study.sweep_row import OUTCOMES
 
@@ -77,7 +72,7 @@ def make_batch(folder: str, digest: str, code: str, number: int) -> BatchDone:
         place = Path(folder)
         study = kept_study(place, digest)
         rows = throw_batch(study, kept_batches(place, digest)[number])
-        content = batch_bytes(batch_dataset(study, rows))
+        content = file_bytes(batch_variables(study, rows))
         write_batch(place / BATCHES, number, content)
         wall_time = time.perf_counter() - began
     counts = {name: sum(row.outcome == name for row in rows) for name in OUTCOMES}

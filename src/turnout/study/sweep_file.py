@@ -1,0 +1,150 @@
+"""The file of a batch: netCDF-4, written whole or not at all.
+
+It carries a digest of its content in its name: what was torn by a crash is told from what is whole.
+It is written with the functions of the HDF5 library themselves, since for fifty small variables any
+layer above them takes far more time than they do.
+"""
+
+import hashlib
+import io
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+from h5py import h5a, h5d, h5ds, h5p, h5s, h5t
+from numpy.typing import NDArray
+
+from turnout.files.atomic import write_atomic
+
+LARGEST_CHUNK = 1_000_000
+"""Of a variable in a file, before compression [bytes]."""
+
+SMALL = 2048
+"""A variable up to this size is stored as it is: chunks and compression would take more [bytes]."""
+
+_NAME = re.compile(r"(\d{6,})-([0-9a-f]{32})\.nc")
+_TEXT = h5py.string_dtype()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stored:
+    """A variable of a file.
+
+    Attributes
+    ----------
+    dims : tuple of str
+        Each has a variable of its name, its coordinate.
+    values : ndarray
+        Numbers or texts.
+    attributes : mapping of str to str
+        Unit, meaning and so on.
+    coordinate : bool
+        Whether it is one of others.
+    """
+
+    dims: tuple[str, ...]
+    values: NDArray[np.generic]
+    attributes: Mapping[str, str]
+    coordinate: bool
+
+
+def file_bytes(variables: Mapping[str, Stored]) -> bytes:
+    """Return the netCDF-4 file of some variables; the same ones always give the same bytes.
+
+    Parameters
+    ----------
+    variables : mapping of str to Stored
+        By their names.
+    """
+    content = io.BytesIO()
+    with h5py.File(content, "w", libver="latest") as file:
+        stored: dict[str, h5d.DatasetID] = {}
+        for name in sorted(variables, key=lambda name: variables[name].dims != (name,)):
+            variable = variables[name]
+            stored[name] = _stored(file, name, variable)
+            if variable.dims == (name,):
+                h5ds.set_scale(stored[name], name.encode())
+            else:
+                for axis, dim in enumerate(variable.dims):
+                    h5ds.attach_scale(stored[name], stored[dim], axis)
+            for key, value in variable.attributes.items():
+                _attach(stored[name], key, value)
+        named = {
+            name: set(variable.dims)
+            for name, variable in variables.items()
+            if variable.coordinate and variable.dims != (name,)
+        }
+        for name, variable in variables.items():
+            if not variable.coordinate:
+                mine = [at for at, dims in named.items() if dims <= set(variable.dims)]
+                _attach(stored[name], "coordinates", " ".join(mine))
+    return content.getvalue()
+
+
+def _stored(file: h5py.File, name: str, variable: Stored) -> h5d.DatasetID:
+    """Store the values of a variable."""
+    values = np.ascontiguousarray(variable.values)
+    properties = h5p.create(h5p.DATASET_CREATE)
+    properties.set_obj_track_times(False)
+    if values.dtype.kind not in "fib":
+        values = values.astype(_TEXT)
+    elif values.nbytes > SMALL:
+        rows = max(1, LARGEST_CHUNK * values.shape[0] // values.nbytes)
+        properties.set_chunk((min(values.shape[0], rows), *values.shape[1:]))
+        properties.set_shuffle()
+        properties.set_deflate(1)
+    kind = h5t.py_create(values.dtype, logical=True)
+    space = h5s.create_simple(variable.values.shape)
+    made = h5d.create(file.id, name.encode(), kind, space, properties)
+    made.write(h5s.ALL, h5s.ALL, values)
+    return made
+
+
+def _attach(stored: h5d.DatasetID, key: str, value: str) -> None:
+    """Give a variable an attribute."""
+    kind = h5t.py_create(_TEXT, logical=True)
+    attribute = h5a.create(stored, key.encode(), kind, h5s.create(h5s.SCALAR))
+    attribute.write(np.array(value, dtype=_TEXT))
+
+
+def write_batch(folder: Path, number: int, content: bytes) -> Path:
+    """Write the file of a batch durably, named by its number and the digest of its content.
+
+    Raises
+    ------
+    FileError
+        When it cannot be written; nothing is left of it then.
+    """
+    path = folder / f"{number:06d}-{_digest(content)}.nc"
+    write_atomic(path, content)
+    return path
+
+
+def written_batches(folder: Path, *, check: bool = False) -> tuple[dict[int, Path], list[Path]]:
+    """Return the files of a folder by their number, and those whose content is not what it was.
+
+    Parameters
+    ----------
+    folder : Path
+        Of batches.
+    check : bool
+        Whether the content is held against the digest, which reads all of it.
+    """
+    found: dict[int, Path] = {}
+    torn = []
+    for path in sorted(folder.glob("[0-9]*.nc")):
+        match = _NAME.fullmatch(path.name)
+        if match is None:
+            continue
+        if check and _digest(path.read_bytes()) != match[2]:
+            torn.append(path)
+            continue
+        found.setdefault(int(match[1]), path)
+    return found, torn
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.blake2b(content, digest_size=16).hexdigest()
