@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from turnout.report.page import Page
 
 FORMS = (".pdf", ".png", ".svg")
+# In the folder that `turnout validate -o` fills.
+VALIDATION = "validation.nc"
 
 
 def report_command(
@@ -24,8 +26,8 @@ def report_command(
         Path,
         typer.Argument(
             metavar="SOURCE",
-            help="A run or a campaign (.nc), a calibration (.toml), "
-            "the folder of a campaign or of a sweep.",
+            help="A run, a campaign or a validation (.nc), a calibration (.toml), "
+            "the folder of a campaign, a sweep or a validation.",
         ),
     ],
     out: Annotated[
@@ -49,6 +51,8 @@ def report_command(
         page, files = _calibration_page(source, panel, drawn=folder is not None)
     elif (source / "sweep.json").exists():
         page, files = _sweep_page(source, drawn=folder is not None)
+    elif (source / VALIDATION).exists():
+        page, files = _file_page(source / VALIDATION, panel, drawn=folder is not None)
     elif source.is_dir():
         page, files = _folder_page(source, channels, drawn=folder is not None, quiet=quiet)
     else:
@@ -137,15 +141,21 @@ def _calibration_page(
 def _file_page(
     source: Path, panel: str | None, *, drawn: bool
 ) -> "tuple[Page, Mapping[str, bytes]]":
-    """Return the page of a dataset, one run or a campaign."""
+    """Return the page of a dataset: one run, a campaign or a validation."""
     from turnout.response.store import open_response
 
     dataset = open_response(source)
+    forms = FORMS if drawn else FORMS[:1]
+    if dataset.attrs.get("kind") == "validation":
+        from turnout.report.validation import validation_figures, validation_page
+
+        files = validation_figures(dataset, suffixes=FORMS) if drawn else {}
+        return validation_page(dataset, suffixes=forms), files
     if "movement" not in dataset.dims:
         return _run_page(dataset, source, panel), {}
     from turnout.report.campaign import campaign_figures, campaign_page
 
-    page = campaign_page(dataset, suffixes=FORMS if drawn else FORMS[:1])
+    page = campaign_page(dataset, suffixes=forms)
     return page, campaign_figures(dataset, suffixes=FORMS) if drawn else {}
 
 

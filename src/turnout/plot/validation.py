@@ -45,7 +45,7 @@ def plot_comparison(validation: xr.Dataset, *, place: str, sizes: Sequence[float
     ResponseError
         When nothing was thrown at that place.
     """
-    chosen = _chosen(validation, place=place, sizes=sizes)
+    chosen = compared_movements(validation, place=place, sizes=sizes)
     rows = [
         name
         for name in validation["channel"].values
@@ -119,7 +119,14 @@ def plot_error_map(validation: xr.Dataset) -> "Figure":
     return figure
 
 
-def _chosen(validation: xr.Dataset, *, place: str, sizes: Sequence[float]) -> xr.Dataset:
+def compared_movements(
+    validation: xr.Dataset, *, place: str, sizes: Sequence[float] = ()
+) -> xr.Dataset:
+    """Return the closing movements at a place that are drawn, one for each size.
+
+    Without sizes 13 mm and 29 mm, as in the published figure; where one of them was not thrown,
+    the largest, or the smallest, in its stead.
+    """
     closing = validation["direction"].values == "closing"
     here = np.flatnonzero(closing & (validation["place"].values == place))
     if not here.size:
@@ -127,9 +134,12 @@ def _chosen(validation: xr.Dataset, *, place: str, sizes: Sequence[float]) -> xr
         message = f"no closing movement with an object at '{place}'; there are {known}"
         raise ResponseError(message)
     thrown = validation["size"].values[here]
-    wanted = list(sizes) or [s for s in (0.013, 0.029) if np.isclose(thrown, s).any()]
-    if len(wanted) < 2 and not sizes:
-        wanted = sorted({float(thrown.min()), float(thrown.max())})
+    wanted = list(sizes)
+    if not wanted:
+        published = [s for s in (0.013, 0.029) if np.isclose(thrown, s).any()]
+        first = published[0] if published else float(thrown.min())
+        pair = {first, float(thrown.max())}
+        wanted = published if len(published) == 2 else sorted(pair | {float(thrown.min())})[-2:]
     found = [int(here[np.argmin(abs(thrown - size))]) for size in wanted]
     return validation.isel(movement=list(dict.fromkeys(found)))
 
@@ -145,7 +155,8 @@ def _table(ax: "Axes", one: xr.Dataset, *, places: Sequence[str], sizes: np.ndar
         if np.isfinite(errors).any():
             cells[line, column] = np.sqrt(np.nanmean(errors**2))
             used[line, column] = bool(one["used"].values[same].any())
-        if "slipped" in one.coords and bool(one["slipped"].values[same].any()):
+        slipped = "slipped" in one.coords and bool(one["slipped"].values[same].any())
+        if slipped and np.isfinite(cells[line, column]):
             frame = Rectangle(
                 (column - 0.5, line - 0.5), 1, 1, fill=False, edgecolor="black", linewidth=1.6
             )

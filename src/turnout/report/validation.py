@@ -1,0 +1,192 @@
+"""The page about a validation: the verdict, errors beside repeats, measured against predicted."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+from turnout.metric.campaign import places_of
+from turnout.metric.finding import Finding, Level
+from turnout.plot.style import rendered
+from turnout.plot.validation import plot_comparison, plot_error_map
+from turnout.plot.validation_sheet import comparison_sheet
+from turnout.report.inputs import origin_section
+from turnout.report.page import Heat, Page, Picture, Section, Table
+from turnout.study.validation.report import notes, scatter_text
+from turnout.study.validation.verdict import LEAST_COVER, MOST_SPREADS, Verdict, judge
+
+MILLI, PERCENT = 1e3, 100.0
+# Points of a line: bins of 20 ms over a movement.
+MOST_POINTS = 260
+MEASURES = (
+    ("contact", MILLI, "ms", "Contact"),
+    ("slope", PERCENT, "%", "Build-up"),
+    ("peak", 1.0, "N", "Peak"),
+    ("plateau", 1.0, "N", "Plateau"),
+)
+
+
+def validation_page(validation: xr.Dataset, *, suffixes: Sequence[str] = (".pdf",)) -> Page:
+    """Return the page about a validation.
+
+    Parameters
+    ----------
+    validation : xarray.Dataset
+        From `turnout.study.validation.validate.validate`.
+    suffixes : sequence of str
+        In which forms the page holds each figure on paper.
+
+    Returns
+    -------
+    Page
+    """
+    verdict = judge(validation)
+    sections = [
+        Section(
+            heading="Errors beside the spread of repeats",
+            text=f"Of {verdict.judged} movements that were judged; the fit has seen "
+            f"{verdict.used}. From throw to throw: {scatter_text(validation)}.",
+            tables=[_channels(verdict), _features(verdict)],
+        ),
+        Section(
+            heading="Places against sizes",
+            text="Root mean square difference of prediction and measurement as a multiple of the "
+            f"repeat spread of the channel, closing; {MOST_SPREADS:g} is the limit. Framed: used "
+            "for the fit, so not judged.",
+            heats=_heats(validation),
+        ),
+        Section(
+            heading="Over time",
+            pictures=[_picture(validation, place, suffixes) for place in _places(validation)],
+            folded=True,
+        ),
+        Section(heading="Furthest off, and left out", tables=_remarks(validation, verdict)),
+        Section(heading="Movements", tables=[_movements(validation)]),
+        origin_section(validation.attrs),
+    ]
+    return Page(
+        title=f"Validation: {validation.attrs.get('title', 'campaign')}",
+        subtitle=f"Panel {validation.attrs.get('panel', 'not stated')}, calibrated; "
+        f"{validation.sizes['movement']} movements predicted",
+        findings=validation_findings(validation, verdict),
+        sections=[s for s in sections if s.tables or s.heats or s.pictures],
+        synthetic=bool(validation.attrs.get("synthetic")),
+    )
+
+
+def validation_findings(validation: xr.Dataset, verdict: Verdict) -> list[Finding]:
+    """Return whether a calibration holds, in plain words, then each channel by itself."""
+    level: Level = "good" if verdict.accepted else "bad" if verdict.reasons else "look"
+    answer = "Valid" if verdict.accepted else "Not valid" if verdict.reasons else "Not validated"
+    found = [Finding(level, "Does the calibration hold?", answer, verdict.text.partition(": ")[2])]
+    share = f"{PERCENT * verdict.cover:.0f} % of the measurement"
+    limit = f"at least {PERCENT * LEAST_COVER:.0f} % should be"
+    inside: Level = "good" if verdict.cover >= LEAST_COVER else "bad"
+    found.append(Finding(inside, "Inside the band of 95 %", share, limit))
+    for item in verdict.channels:
+        detail = (
+            f"{item.rms:.0f} N, {PERCENT * item.nrmse:.1f} % of the largest force, beside "
+            f"{item.spread:.0f} N from repeat to repeat; allowed are {MOST_SPREADS:g} spreads"
+        )
+        found.append(
+            Finding(
+                "bad" if item.reasons else "good",
+                f"Error of {item.channel}",
+                f"{item.spreads:.1f} repeat spreads",
+                detail,
+            )
+        )
+    for text in notes(validation):
+        found.append(Finding("look", "To look at", "Note", text))
+    return found
+
+
+def validation_figures(validation: xr.Dataset, *, suffixes: Sequence[str]) -> dict[str, bytes]:
+    """Return the map of errors as files by name."""
+    figure = plot_error_map(validation)
+    return {f"errors{suffix}": rendered(figure, suffix) for suffix in suffixes}
+
+
+def _channels(verdict: Verdict) -> Table:
+    rows = [
+        (item.channel, str(item.movements), f"{item.rms:.0f} N", f"{PERCENT * item.nrmse:.1f} %",
+         f"{item.spread:.0f} N", f"{item.spreads:.1f}", f"{PERCENT * item.cover:.0f} %")
+        for item in verdict.channels
+    ]  # fmt: skip
+    columns = ("Channel", "Movements", "RMS", "NRMSE", "Repeats", "RMS over repeats", "In the band")
+    marked = frozenset(n for n, item in enumerate(verdict.channels) if item.reasons)
+    return Table("NRMSE is over the largest force of the channel", columns, rows, marked)
+
+
+def _features(verdict: Verdict) -> Table:
+    def cell(error: tuple[float, float], factor: float, unit: str) -> str:
+        if not math.isfinite(error[0]):
+            return "-"
+        return f"{factor * error[0]:+.0f} ± {factor * error[1]:.0f} {unit}"
+
+    rows = []
+    for item in verdict.channels:
+        cells = [cell(item.errors[name], factor, unit) for name, factor, unit, _ in MEASURES]
+        rows.append((item.channel, *cells))
+    columns = ("Channel", *(text for *_, text in MEASURES))
+    return Table("Predicted less measured, mean and standard deviation", columns, rows)
+
+
+def _places(validation: xr.Dataset) -> list[str]:
+    closing = validation["direction"].values == "closing"
+    return places_of(validation.isel(movement=np.flatnonzero(closing)))
+
+
+def _heats(validation: xr.Dataset) -> list[Heat]:
+    closing = validation.isel(movement=np.flatnonzero(validation["direction"].values == "closing"))
+    none = ["none"] if (closing["size"].values == 0).any() else []
+    places, sizes = [*none, *places_of(closing)], np.unique(closing["size"].values)
+    heats = []
+    for name in closing["channel"].values:
+        one = closing.sel(channel=name)
+        times = (one["rms"] / one["repeat_spread"]).values
+        values = np.full((len(places), sizes.size), np.nan)
+        framed = np.zeros(values.shape, dtype=bool)
+        for line, column in np.ndindex(*values.shape):
+            same = (one["place"].values == places[line]) & (one["size"].values == sizes[column])
+            same &= np.isfinite(times)
+            if same.any():
+                values[line, column] = np.sqrt(np.mean(times[same] ** 2))
+                framed[line, column] = bool(one["used"].values[same].any())
+        heading = f"{str(name).capitalize()}, over {float(one['repeat_spread']):.0f} N of repeats"
+        rows = ["no object" if place == "none" else place for place in places]
+        columns = [f"{MILLI * size:g} mm" for size in sizes]
+        heats.append(Heat(heading, rows, columns, values.tolist(), framed.tolist()))
+    return heats
+
+
+def _picture(validation: xr.Dataset, place: str, suffixes: Sequence[str]) -> Picture:
+    figure = plot_comparison(validation, place=place)
+    files = {suffix: rendered(figure, suffix) for suffix in suffixes}
+    return Picture(comparison_sheet(validation, place=place), files, MOST_POINTS)
+
+
+def _remarks(validation: xr.Dataset, verdict: Verdict) -> list[Table]:
+    told = (("Furthest off", verdict.worst), ("To look at", tuple(notes(validation))))
+    return [Table(heading, ("What",), [(text,) for text in rows]) for heading, rows in told if rows]
+
+
+def _movements(validation: xr.Dataset) -> Table:
+    """Return a row for each movement: what was thrown, whether it was judged, its errors."""
+    channels = [str(name) for name in validation["channel"].values]
+    rows, marked = [], []
+    for number in range(validation.sizes["movement"]):
+        one = validation.isel(movement=number)
+        size = float(one["size"])
+        what = f"{MILLI * size:g} mm at {one['place'].item()}" if size > 0 else "no object"
+        times = (one["rms"] / one["repeat_spread"]).values
+        if not bool(one["used"]) and np.nanmax(times, initial=0.0) > MOST_SPREADS:
+            marked.append(number)
+        errors = ("-" if math.isnan(value) else f"{value:.0f} N" for value in one["rms"].values)
+        judged = "fit" if bool(one["used"]) else "judged"
+        rows.append(
+            (str(one["movement"].item()), str(one["direction"].item()), what, judged, *errors)
+        )
+    columns = ("Movement", "Direction", "Object", "Used for", *(f"RMS {name}" for name in channels))
+    return Table("Marked: beyond the limit in some channel", columns, rows, frozenset(marked))
