@@ -141,6 +141,10 @@ class Solved:
         The foreign objects with their places.
     solver_time, compile_time : float
         Taken to build and integrate, and before that to compile kernels [s].
+    build_time : float
+        The part of the solver's time in which the mechanism was built [s].
+    processor_time : float
+        That processors took for building and integrating [s].
     """
 
     mechanism: Mechanism
@@ -148,6 +152,8 @@ class Solved:
     objects: tuple[PlacedObject, ...]
     solver_time: float
     compile_time: float
+    build_time: float
+    processor_time: float
 
 
 def solve(
@@ -184,8 +190,9 @@ def solve(
     began = time.perf_counter()
     if must_compile():
         compile_kernels()
-    compiled = time.perf_counter()
+    compiled, used = time.perf_counter(), time.process_time()
     mechanism = build_mechanism(panel, objects)
+    built = time.perf_counter()
     history = integrate(
         mechanism,
         scheme,
@@ -193,8 +200,15 @@ def solve(
         end=panel.schedule.end,
         report=report,
     )
-    now = time.perf_counter()
-    return Solved(mechanism, history, objects, now - compiled, compiled - began)
+    return Solved(
+        mechanism,
+        history,
+        objects,
+        solver_time=time.perf_counter() - compiled,
+        compile_time=compiled - began,
+        build_time=built - compiled,
+        processor_time=time.process_time() - used,
+    )
 
 
 def compile_kernels() -> None:

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 from scipy import special
-from scipy.stats import qmc
 
 from turnout.study.distribution import EDGE
 
@@ -74,6 +73,8 @@ def point(method: str, *, count: int, dimensions: int, seed: int, state: int) ->
 @functools.lru_cache(maxsize=4)
 def _points(method: str, count: int, dimensions: int, seed: int) -> FloatArray:
     """Return all points of a design that is known only as a whole."""
+    from scipy.stats import qmc  # takes as long to import as some throws; random points need none
+
     rng = np.random.default_rng([seed, POINTS])
     if method == "latin hypercube":
         points = qmc.LatinHypercube(dimensions, rng=rng).random(count)

@@ -53,6 +53,23 @@ LABELS = {
 
 
 @dataclass(frozen=True, slots=True)
+class Spent:
+    """Time that a solver took.
+
+    Attributes
+    ----------
+    wall, processor : float
+        By the clock, and of processors [s].
+    build : float
+        The part of the first in which mechanisms were built [s].
+    """
+
+    wall: float = 0.0
+    processor: float = 0.0
+    build: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Row:
     """What is stored of one scenario.
 
@@ -70,8 +87,8 @@ class Row:
         Histories, labels and features; empty unless complete.
     coordinates : dict of str to (dims, ndarray)
         Of these.
-    solver_time : float
-        Of the throw that counted [s].
+    solver : Spent
+        In building and integrating the throw that counted.
     """
 
     scenario: Scenario
@@ -80,7 +97,7 @@ class Row:
     attempts: int
     variables: Variables
     coordinates: Variables
-    solver_time: float
+    solver: Spent
 
     @property
     def slipped(self) -> bool:
@@ -120,19 +137,19 @@ def throw_scenario(study: Study, scenario: Scenario) -> Row:
                 raise KeyboardInterrupt
             if outcome.complete:
                 variables, coordinates = boiled_down(study, panel, solved)
-                spent = solved.solver_time
+                spent = Spent(solved.solver_time, solved.processor_time, solved.build_time)
                 return Row(scenario, COMPLETE, "", attempts, variables, coordinates, spent)
             reason = outcome.message()
     except PanelError as error:
-        return Row(scenario, INVALID, "; ".join(error.problems), attempts, {}, {}, 0.0)
+        return Row(scenario, INVALID, "; ".join(error.problems), attempts, {}, {}, Spent())
     except TurnoutError as error:
-        return Row(scenario, FAILED, str(error), attempts, {}, {}, 0.0)
-    return Row(scenario, FAILED, reason, attempts, {}, {}, 0.0)
+        return Row(scenario, FAILED, str(error), attempts, {}, {}, Spent())
+    return Row(scenario, FAILED, reason, attempts, {}, {}, Spent())
 
 
 def skipped(scenario: Scenario, *, reason: str) -> Row:
     """Return a scenario that the rule of its chain leaves out."""
-    return Row(scenario, SKIPPED, reason, 0, {}, {}, 0.0)
+    return Row(scenario, SKIPPED, reason, 0, {}, {}, Spent())
 
 
 def tighter(scheme: Scheme) -> Scheme:

@@ -35,6 +35,10 @@ class BatchDone:
         Scenarios that took a second attempt.
     solver_time, wall_time : float
         Spent in building and integrating, and on the whole batch [s].
+    solver_processor, processor : float
+        The same as processor time [s].
+    build_time : float
+        The part of the solver's time in which mechanisms were built [s].
     size : int
         Of the file [bytes].
     """
@@ -44,6 +48,9 @@ class BatchDone:
     retried: int
     solver_time: float
     wall_time: float
+    solver_processor: float
+    processor: float
+    build_time: float
     size: int
 
 
@@ -68,20 +75,23 @@ def make_batch(folder: str, digest: str, code: str, number: int) -> BatchDone:
         message = "a worker has other sources of turnout than the run; install the same on both"
         raise FileError(message)
     with _one_at_a_time:
-        began = time.perf_counter()
+        began, used = time.perf_counter(), time.process_time()
         place = Path(folder)
         study = kept_study(place, digest)
         rows = throw_batch(study, kept_batches(place, digest)[number])
         content = file_bytes(batch_variables(study, rows))
         write_batch(place / BATCHES, number, content)
-        wall_time = time.perf_counter() - began
+        wall_time, processor = time.perf_counter() - began, time.process_time() - used
     counts = {name: sum(row.outcome == name for row in rows) for name in OUTCOMES}
     return BatchDone(
         number=number,
         outcomes={name: n for name, n in counts.items() if n},
         retried=sum(row.attempts > 1 for row in rows),
-        solver_time=sum(row.solver_time for row in rows),
+        solver_time=sum(row.solver.wall for row in rows),
         wall_time=wall_time,
+        solver_processor=sum(row.solver.processor for row in rows),
+        processor=processor,
+        build_time=sum(row.solver.build for row in rows),
         size=len(content),
     )
 
