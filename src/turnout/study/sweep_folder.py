@@ -112,8 +112,12 @@ def claim_folder(folder: Path, study: Study) -> bool:
     begun = (folder / IDENTITY).exists()
     if begun:
         _refuse_other(folder, read_identity(folder), wanted)
-    else:
+    try:
         (folder / BATCHES).mkdir(exist_ok=True)
+    except OSError as error:
+        message = f"{folder / BATCHES}: cannot be made ({error.strerror}); name another folder"
+        raise FileError(message) from None
+    if not begun:
         write_atomic(folder / IDENTITY, json.dumps(asdict(wanted), indent=1))
     write_atomic(folder / STUDY, pickle.dumps(study))
     return begun

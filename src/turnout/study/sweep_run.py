@@ -23,6 +23,7 @@ from functools import partial
 from pathlib import Path
 
 from turnout.errors import FileError
+from turnout.files.atomic import write_fault
 from turnout.response.compilation import must_compile
 from turnout.response.simulate import compile_kernels
 from turnout.study.study import Study
@@ -142,6 +143,12 @@ def run_sweep(
         chains = batches_of(study)
         sizes = [sum(len(chain) for chain in batch) for batch in chains]
         there, torn = written_batches(folder / BATCHES, check=True)
+        if strangers := [path.name for number, path in there.items() if number >= len(chains)]:
+            message = (
+                f"{folder / BATCHES}: {', '.join(strangers)} cannot come from this study of "
+                f"{len(chains)} batches; move away what is not of it"
+            )
+            raise FileError(message)
         for path in torn:
             path.unlink()
         todo = [number for number in range(len(chains)) if number not in there]
@@ -185,8 +192,11 @@ class _Told:
         self._failed += sum(
             n for name, n in done.outcomes.items() if name not in (COMPLETE, SKIPPED)
         )
-        with self._journal.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(asdict(done)) + "\n")
+        try:
+            with self._journal.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(asdict(done)) + "\n")
+        except OSError as error:
+            raise FileError(write_fault(self._journal, error)) from None
         self.say()
 
     def say(self) -> None:
