@@ -10,9 +10,13 @@ from turnout.errors import MeasurementError, PanelError
 from turnout.panel.load import load_panel
 from turnout.response.store import save_response
 from turnout.study.calibration.calibrate import calibrate
+from turnout.study.calibration.check import check_campaign
+from turnout.study.calibration.observed import observe
 from turnout.study.calibration.parameter import Parameter
+from turnout.study.calibration.stage import default_plan
 
 TIME = np.arange(-1.0, 4.0, 1e-3)
+FREED, FIXED = ["--free", "drive.1.stiffness"], ["--fix", "drive.1.stiffness"]
 
 
 def campaign(**changes: object) -> xr.Dataset:
@@ -80,33 +84,72 @@ def test_bounds_that_exclude_the_start() -> None:
         Parameter(name="mu", keys=("mu",), start=0.4, lower=0.5, upper=1.0)
 
 
+def still(number: int) -> np.ndarray:
+    """Forces of which those of one drive never change."""
+    forces = np.tile(1000.0 * np.clip(TIME, 0.0, 3.0), (2, 2, 1))
+    forces[:, number] = 0.0
+    return forces
+
+
+REFUSED: list[tuple[dict[str, object], list[str], str]] = [
+    # The five of which every campaign may have one.
+    ({"size": [0.005, 0.013], "place": ["drive 1"] * 2}, [], "no movement without an object is"),
+    ({}, ["--exclude", "free", "--exclude", "trapped"], "every movement is excluded; keep"),
+    ({}, ["--free", "drive.1.stifness"], "nearest is 'drive.1.stiffness'"),
+    ({}, ["--set", "chair.friction_coefficient=1.5"], "start = 1.5: is outside its bounds 0.02"),
+    ({"forces": still(1)}, [], "drive 2: never moves, its force changes by 0 N"),
+    # Others.
+    ({}, ["--fix", "drive.1.stroke"], "no parameter of the default stages"),
+    ({}, ["--free", "drive.1.height"], "drive.1.height = 0: is not positive"),
+    ({}, ["--free", "drive.1.rail"], "is not a number, so it cannot be fitted"),
+    ({}, ["--free", "gravity", "--fix", "gravity"], "gravity: is no parameter of the default"),
+    ({}, [*FREED, *FIXED], "drive.1.stiffness: is both freed and fixed; take one"),
+    ({}, ["--exclude", "free"], "no movement without an object is left"),
+    ({}, ["--exclude", "nobody"], "there is no such movement"),
+    ({"drive": ["A", "B"]}, [], "name the drives of the channel map as in the panel"),
+    ({"place": ["none", "sleeper 99"]}, [], "there is no sleeper '99'"),
+    ({"size": [0.0, 0.150]}, [], "larger than the opening"),
+    ({"direction": ["closing", "shut"]}, [], "the panel's schedule has no shut movement"),
+    ({}, ["--set", "drive.1.stiffness=800"], "has no unit, 800 would be 800 N/m"),
+    ({}, ["--panel", "sb9"], "nearest is 'sb"),
+    ({}, ["-o", "result.json"], "must end in .toml"),
+    ({}, ["-o", "nowhere/c.toml"], "there is no folder nowhere"),
+    ({}, ["--figures", "campaign.nc"], "campaign.nc"),
+    ({}, ["--workers", "0"], "--workers"),
+]
+
+
 @pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--free", "drive.1.stifness"], "nearest is 'drive.1.stiffness'"),
-        (["--fix", "drive.1.stroke"], "no parameter of the default stages"),
-        (["-o", "result.json"], "must end in .toml"),
-        (["--exclude", "nobody"], "there is no such movement"),
-    ],
+    ("changes", "options", "words"), REFUSED, ids=[words[:40] for _, _, words in REFUSED]
 )
 def test_the_command_refuses_with_one_message(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
+    changes: dict[str, object],
     options: list[str],
     words: str,
 ) -> None:
     from turnout.cli.main import main
 
-    save_response(campaign(), tmp_path / "campaign.nc")
+    save_response(campaign(**changes), tmp_path / "campaign.nc")
     monkeypatch.chdir(tmp_path)
     line = ["turnout", "calibrate", "campaign.nc", "--panel", "sb1", *options]
     monkeypatch.setattr("sys.argv", line)
     with pytest.raises(SystemExit) as end:
         main()
     assert end.value.code == 2
-    assert words in capsys.readouterr().err
-    assert not (tmp_path / "calibration.toml").exists()
+    said = capsys.readouterr().err
+    assert words in said
+    assert "Traceback" not in said
+    assert {path.name for path in tmp_path.iterdir()} == {"campaign.nc"}
+
+
+def test_without_an_object_free_movement_friction_can_be_fixed() -> None:
+    panel = load_panel("sb1")
+    dataset = campaign(size=[0.005, 0.013], place=["drive 1"] * 2)
+    fixed = default_plan(panel, fixed=["chair.friction_coefficient"])
+    check_campaign(observe(dataset, panel), fixed, panel, source="autumn")
 
 
 def test_a_calibration_that_is_none_is_refused_by_simulate(

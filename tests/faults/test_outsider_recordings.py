@@ -54,3 +54,12 @@ def test_a_channel_that_is_held_within_its_rest_has_noise_to_tell_by() -> None:
     values[100:160] = values[100]
     (fault,) = run_faults("rod", values, 300, 600, limits=Limits())
     assert fault.kind == "drop-out"
+
+
+def test_kilonewtons_that_were_written_in_newtons_are_told_as_such(tmp_path: Path) -> None:
+    write_campaign(tmp_path, Truth(), cases=(Case(),), habits=Habits(rate=100.0))
+    channels = (tmp_path / "channels.toml").read_text(encoding="utf-8")
+    (tmp_path / "channels.toml").write_text(channels.replace('"N"', '"kN"'), encoding="utf-8")
+    (item,) = build_campaign(tmp_path).excluded
+    assert item.reasons[0].startswith("unit of drive_force 1: up to")
+    assert item.reasons[0].endswith("check its unit")

@@ -10,6 +10,8 @@ from turnout.measurement.quality_record import Fault, Limits
 MEASURED = ("drive_force", "drive_current", "object_force")
 # A run of equal samples is by chance once in this many throws.
 CHANCE = 1e-4
+# A switch is thrown with some kilonewtons, and no object bears more than this [N].
+MOST_FORCE = 2e5
 # So many equal samples from the start on are a rest without noise.
 LEAST_REST = 10
 
@@ -39,6 +41,10 @@ def channel_faults(dataset: xr.Dataset, throw: Throw, *, limits: Limits) -> list
         holes = hole_fault(name, values, rate=rate, limits=limits)
         faults += holes
         filled = without_holes(values)
+        unit = unit_fault(name, filled, key=key)
+        if unit:
+            faults += unit
+            continue
         dead = dead_fault(name, filled, begin, finish, key=key, rate=rate, limits=limits)
         faults += dead
         if dead:
@@ -81,6 +87,21 @@ def hole_fault(name: str, values: Floats, *, rate: float, limits: Limits) -> lis
         allowed = f"{100 * limits.missing_share:g} % or {1e3 * limits.longest_hole:g} ms"
         return [Fault("missing samples", name, f"{text}; at most {allowed}")]
     return [Fault("missing samples", name, f"{text}, bridged by straight lines", excludes=False)]
+
+
+def unit_fault(name: str, values: Floats, *, key: str) -> list[Fault]:
+    """Find a force that no rod carries, as where newtons are taken for kilonewtons.
+
+    Examples
+    --------
+    >>> str(unit_fault("drive_force 1", np.array([0.0, 7.2e6]), key="drive_force")[0])
+    'unit of drive_force 1: up to 7.2e+06 N, at most 2e+05 N are believed; check its unit'
+    """
+    largest = float(np.max(np.abs(values), initial=0.0))
+    if key == "drive_current" or largest <= MOST_FORCE:
+        return []
+    text = f"up to {largest:.2g} N, at most {MOST_FORCE:.2g} N are believed; check its unit"
+    return [Fault("unit", name, text)]
 
 
 def dead_fault(

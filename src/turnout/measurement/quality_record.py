@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 KINDS = (
+    "unit",
     "clipping",
     "drop-out",
     "missing samples",

@@ -20,7 +20,7 @@ def check_campaign(
     problems = []
     for stage in plan.stages:
         chosen = selected(movements, stage.movements, panel)
-        if not chosen and not stage.optional:
+        if not chosen and not stage.optional and plan.named(stage.parameters):
             if stage.movements.objects == NONE:
                 problems.append(
                     f"stage {stage.name}: no movement without an object is left; measure one, keep "

@@ -66,6 +66,7 @@ class Parameter:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be, all at once."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
         problems = []
         if self.transform not in TRANSFORMS:
             problems.append(f'transform = "{self.transform}": must be "log" or "linear"')
@@ -75,8 +76,8 @@ class Parameter:
             )
         elif not self.lower <= self.start <= self.upper:
             problems.append(
-                f"start = {self.start:g} {self.unit}: is outside its bounds {self.lower:g} ... "
-                f"{self.upper:g}; widen them, or start inside"
+                f"start = {self.start:g}{unit}: is outside its bounds {self.lower:g} ... "
+                f"{self.upper:g}{unit}; widen them, or start inside (--set)"
             )
         if self.transform == "log" and not self.lower > 0:
             problems.append(

@@ -206,6 +206,7 @@ def default_plan(
         for key in fixed
         if key not in known
     ]
+    problems += [f"{key}: is both freed and fixed; take one" for key in free if key in fixed]
     if problems:
         raise PanelError(problems, source="fixed")
     kept = tuple(replace(p, vary=False) if p.name in fixed else p for p in parameters)
