@@ -1,6 +1,9 @@
 """A sweep from study to dataset: nothing lost, nothing doubled, the same bits in any order."""
 
 import json
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -288,3 +291,23 @@ def test_slips_with_and_without_an_object(
     spans = [Span("a", "open", opening, opening + 2.0), Span("b", "closed", closing, closing + 2.0)]
     labels = sweep_row.object_labels(time, every, spans=spans)
     assert (bool(labels["slipped"][1]), bool(labels["slipped_free"][1])) == found
+
+
+def test_a_worker_loads_only_what_it_needs(study: Study, whole: Path) -> None:
+    """Each worker waits for what it imports, so what only others need would cost every sweep."""
+    script = f"""
+import sys
+from turnout.study.sweep_file import file_bytes
+from turnout.study.sweep_batch import batch_variables, throw_batch
+from turnout.study.sweep_folder import kept_study
+from turnout.study.sweep_work import make_batch
+from pathlib import Path
+study = kept_study(Path({str(whole)!r}), {study.digest!r})
+print(len(file_bytes(batch_variables(study, throw_batch(study, [[0]])))) > 1000)
+print(*[name for name in ("xarray", "pandas", "dask", "scipy.stats") if name in sys.modules])
+"""
+    path = ":".join(sys.path)
+    command = [sys.executable, "-c", script]
+    env = os.environ | {"PYTHONPATH": path}
+    run = subprocess.run(command, capture_output=True, text=True, check=True, env=env)
+    assert run.stdout.splitlines() == ["True", ""]

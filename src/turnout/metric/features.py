@@ -6,14 +6,17 @@ simulation or a measurement has, and are NaN where something they need was not k
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.errors import ResponseError
 from turnout.metric.movement import TIME_TOLERANCE, Span, movements
 from turnout.metric.signal import FILTER_WINDOW, filtered_values
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Floats = NDArray[np.float64]
 
@@ -54,7 +57,7 @@ FEATURES: Mapping[str, Feature] = {
 """Every feature; times count from the onset of the movement."""
 
 
-def features(dataset: xr.Dataset) -> xr.Dataset:
+def features(dataset: "xr.Dataset") -> "xr.Dataset":
     """Return the features of every drive.
 
     Parameters
@@ -76,6 +79,7 @@ def features(dataset: xr.Dataset) -> xr.Dataset:
 
     Examples
     --------
+    >>> import xarray as xr
     >>> time = np.arange(0.0, 3.0, 0.01)
     >>> force = np.interp(time, [0.0, 0.5, 1.6, 2.0, 3.0], [0.0, 100.0, 100.0, 500.0, 500.0])
     >>> run = xr.Dataset(
@@ -234,7 +238,7 @@ def _duration(
     return length
 
 
-def _of_campaign(dataset: xr.Dataset) -> xr.Dataset:
+def _of_campaign(dataset: "xr.Dataset") -> "xr.Dataset":
     """Return features by movement and drive; a campaign has time zero at each onset."""
     time, limits = dataset["time"].to_numpy(), _limits(dataset)
     signs = np.where(dataset["direction"].to_numpy() == "closing", 1.0, -1.0)
@@ -261,7 +265,9 @@ def _of_campaign(dataset: xr.Dataset) -> xr.Dataset:
 
 def _labelled(
     values: Floats, dims: tuple[str, ...], coordinates: Mapping[str, object]
-) -> xr.Dataset:
+) -> "xr.Dataset":
+    import xarray as xr  # those who want bare arrays need not wait for it
+
     variables = {
         name: (dims, row, {"units": feature.units, "long_name": feature.long_name})
         for (name, feature), row in zip(FEATURES.items(), values, strict=True)
@@ -269,13 +275,13 @@ def _labelled(
     return xr.Dataset(variables, coordinates)
 
 
-def _limits(dataset: xr.Dataset) -> Floats:
+def _limits(dataset: "xr.Dataset") -> Floats:
     """Return the force at which each drive slips; infinite where that is not known [N]."""
     if "saturation_force" not in dataset.coords:
         return np.full(dataset.sizes["drive"], np.inf)
     return dataset["saturation_force"].to_numpy()
 
 
-def _rows(dataset: xr.Dataset, name: str) -> Floats | None:
+def _rows(dataset: "xr.Dataset", name: str) -> Floats | None:
     """Return a channel with drive and time last; None where it is not there."""
     return dataset[name].transpose(..., "drive", "time").to_numpy() if name in dataset else None

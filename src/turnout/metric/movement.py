@@ -3,9 +3,12 @@
 import json
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 LEAST_SHARE = 0.1
 TIME_TOLERANCE = 1e-9
@@ -55,12 +58,12 @@ class Margin:
         return self.share < LEAST_SHARE
 
 
-def movements(dataset: xr.Dataset) -> tuple[Span, ...]:
+def movements(dataset: "xr.Dataset") -> tuple[Span, ...]:
     """Return the movements that a dataset names in its attributes, in the order of time."""
     return tuple(Span(**record) for record in json.loads(dataset.attrs.get("movements", "[]")))
 
 
-def settled(dataset: xr.Dataset, *, to: str) -> xr.Dataset:
+def settled(dataset: "xr.Dataset", *, to: str) -> "xr.Dataset":
     """Return the last instant before the switch leaves a position for the last time.
 
     Parameters
@@ -86,7 +89,7 @@ def settled(dataset: xr.Dataset, *, to: str) -> xr.Dataset:
     return dataset.isel(time=max(before - 1, 0))
 
 
-def slips(dataset: xr.Dataset) -> list[Slip]:
+def slips(dataset: "xr.Dataset") -> list[Slip]:
     """Return where each drive begins to slip first in each movement, in the order of time.
 
     A drive that has slipped and still rests at its saturation force when the next movement begins
@@ -108,7 +111,7 @@ def slips(dataset: xr.Dataset) -> list[Slip]:
     return sorted(found, key=lambda slip: slip.time)
 
 
-def margins(dataset: xr.Dataset) -> list[Margin]:
+def margins(dataset: "xr.Dataset") -> list[Margin]:
     """Return the margin of each drive in each direction that it moved in."""
     limits = dataset["saturation_force"].values
     forces = dataset["force_margin"].transpose("drive", "direction").values

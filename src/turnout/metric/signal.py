@@ -1,15 +1,19 @@
 """Features of single channels."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Floats = NDArray[np.float64]
 
 FILTER_WINDOW = 0.1
 
 
-def filtered(channel: xr.DataArray, *, window: float = FILTER_WINDOW) -> xr.DataArray:
+def filtered(channel: "xr.DataArray", *, window: float = FILTER_WINDOW) -> "xr.DataArray":
     """Return the centred moving average of a channel over time.
 
     Near the ends the average is over what there is. A window of 0.1 s is what the published
@@ -29,6 +33,7 @@ def filtered(channel: xr.DataArray, *, window: float = FILTER_WINDOW) -> xr.Data
 
     Examples
     --------
+    >>> import xarray as xr
     >>> ramp = xr.DataArray(np.arange(5.0), {"time": np.arange(5) * 0.05}, "time")
     >>> filtered(ramp).values
     array([0.5, 1. , 2. , 3. , 3.5])
@@ -67,7 +72,7 @@ def filtered_values(values: Floats, *, time: Floats, window: float = FILTER_WIND
     return mean
 
 
-def first_time(flag: xr.DataArray, *, after: float = -np.inf) -> xr.DataArray:
+def first_time(flag: "xr.DataArray", *, after: float = -np.inf) -> "xr.DataArray":
     """Return when a logical channel is first true.
 
     Parameters
@@ -84,6 +89,7 @@ def first_time(flag: xr.DataArray, *, after: float = -np.inf) -> xr.DataArray:
 
     Examples
     --------
+    >>> import xarray as xr
     >>> flag = xr.DataArray([False, True, True], {"time": [0.0, 0.5, 1.0]}, "time")
     >>> float(first_time(flag)), float(first_time(flag, after=0.7))
     (0.5, 1.0)
@@ -92,6 +98,6 @@ def first_time(flag: xr.DataArray, *, after: float = -np.inf) -> xr.DataArray:
     return when.min("time", skipna=True) if when.sizes["time"] else when.sum("time") * np.nan
 
 
-def at_end(channel: xr.DataArray) -> xr.DataArray:
+def at_end(channel: "xr.DataArray") -> "xr.DataArray":
     """Return the last value of a channel."""
     return channel.isel(time=-1)

@@ -2,9 +2,9 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.files.provenance import provenance
@@ -45,6 +45,9 @@ from turnout.response.signals import (
 from turnout.schema.channels import SCHEMA_VERSION, label
 from turnout.schema.check import check_schema
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 Floats = NDArray[np.float64]
 
 # Nothing is computed that is not kept: signals of forces by what they make, then all that needs the
@@ -63,7 +66,7 @@ _FLANGEWAYS = ("least_flangeway", "least_flangeway_x", "least_flangeway_rail")
 
 def response_dataset(
     panel: Panel, mechanism: Mechanism, history: History, *, save: Save | None = None
-) -> xr.Dataset:
+) -> "xr.Dataset":
     """Turn a run into a dataset, complete or up to where it ended.
 
     Parameters
@@ -82,6 +85,8 @@ def response_dataset(
     xarray.Dataset
         Labelled and checked; ``attrs`` are left to `describe_run`.
     """
+    import xarray as xr  # those who want bare arrays need not wait for it
+
     save = save or Save()
     channels = response_channels(panel, mechanism, history, save=save)
     coords = coordinates_of(channels, panel, mechanism, time=history.time, save=save)

@@ -3,9 +3,9 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from turnout.errors import ResponseError
 from turnout.integrate.outcome import NotConverged
@@ -21,6 +21,9 @@ from turnout.response.compilation import must_compile
 from turnout.response.dataset import describe_run, response_dataset
 from turnout.response.save import Save
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 def simulate(
     panel: LoadedPanel,
@@ -30,7 +33,7 @@ def simulate(
     save: Save | None = None,
     throw: bool = True,
     report: Callable[[int, int], None] | None = None,
-) -> xr.Dataset:
+) -> "xr.Dataset":
     """Throw a switch from its static equilibrium through its whole schedule.
 
     Parameters

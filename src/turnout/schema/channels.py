@@ -2,8 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-import xarray as xr
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 SCHEMA_VERSION = 1
 
@@ -208,7 +211,7 @@ ON_REQUEST = frozenset({"fastening_force", "fastening_moment"})
 OPTIONAL = MEASURED | ON_REQUEST | {"single_object_force", "object_contact_time"}
 
 
-def label(dataset: xr.Dataset) -> xr.Dataset:
+def label(dataset: "xr.Dataset") -> "xr.Dataset":
     """Give every variable of a dataset its unit, name and sign.
 
     Parameters
@@ -223,6 +226,7 @@ def label(dataset: xr.Dataset) -> xr.Dataset:
 
     Examples
     --------
+    >>> import xarray as xr
     >>> import numpy as np
     >>> bare = xr.Dataset({"object_force": ("time", np.zeros(2))}, {"time": [0.0, 1.0]})
     >>> label(bare)["object_force"].attrs["units"]

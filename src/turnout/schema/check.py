@@ -2,17 +2,20 @@
 
 import difflib
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from turnout.errors import ResponseError
 from turnout.schema.channels import CHANNELS, Channel, known_channel
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 _KINDS = {"number": "f", "count": "i", "logical": "b", "text": "U"}
 
 
-def schema_problems(dataset: xr.Dataset) -> list[str]:
+def schema_problems(dataset: "xr.Dataset") -> list[str]:
     """List everything in which a dataset departs from the table.
 
     Parameters
@@ -40,7 +43,7 @@ def schema_problems(dataset: xr.Dataset) -> list[str]:
     return problems
 
 
-def check_schema(dataset: xr.Dataset) -> xr.Dataset:
+def check_schema(dataset: "xr.Dataset") -> "xr.Dataset":
     """Return a dataset that keeps to the table, or raise with everything that is wrong.
 
     Raises
@@ -74,7 +77,7 @@ def nearest_channel(name: str) -> str:
     return f"; nearest is {close[0]}" if close else ""
 
 
-def _departures(channel: Channel, variable: xr.Variable) -> list[str]:
+def _departures(channel: Channel, variable: "xr.Variable") -> list[str]:
     problems = []
     if variable.dims != channel.dims:
         problems.append(f"{channel.name}: dimensions {variable.dims}, must be {channel.dims}")
