@@ -9,7 +9,7 @@ import xarray as xr
 from turnout.metric.books import numerical_share, numerical_warning, residual_share
 from turnout.metric.movement import Margin, Slip, margins, slips
 from turnout.metric.signal import at_end
-from turnout.metric.words import kilo, milli
+from turnout.metric.words import changed, kilo, milli
 
 
 def summary(dataset: xr.Dataset) -> list[tuple[str, str]]:
@@ -52,7 +52,7 @@ def _panel(dataset: xr.Dataset) -> str:
     changes = json.loads(dataset.attrs.get("overrides", "{}"))
     text = str(dataset.attrs.get("panel", "?"))
     if changes:
-        text += " with " + ", ".join(f"{key} = {value}" for key, value in changes.items())
+        text += f" with {changed(changes)}"
     return text
 
 

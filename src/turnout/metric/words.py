@@ -1,5 +1,7 @@
 """Forces and lengths as words of a sentence."""
 
+from collections.abc import Mapping
+
 import xarray as xr
 
 
@@ -24,3 +26,17 @@ def milli(length: xr.DataArray | float) -> str:
     '12.97 mm'
     """
     return f"{round(float(length) * 1e3, 2) + 0.0:.2f} mm"
+
+
+def changed(changes: Mapping[str, object]) -> str:
+    """Return what a panel was changed in; calibrated numbers with five digits.
+
+    Examples
+    --------
+    >>> changed({"chair.friction_coefficient": 0.27001253045, "drive.1.stiffness": "81 kN/m"})
+    'chair.friction_coefficient = 0.27001, drive.1.stiffness = 81 kN/m'
+    """
+    return ", ".join(
+        f"{key} = {value:.5g}" if isinstance(value, float) else f"{key} = {value}"
+        for key, value in changes.items()
+    )

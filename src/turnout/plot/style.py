@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from turnout.errors import FileError
+from turnout.metric.words import changed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,7 +93,7 @@ def _described(dataset: xr.Dataset) -> str:
     text = str(attributes.get("panel", attributes.get("title", "measurement")))
     changes = json.loads(attributes.get("overrides", "{}"))
     if changes:
-        text += " (" + ", ".join(f"{key} = {value}" for key, value in changes.items()) + ")"
+        text += f" ({changed(changes)})"
     if "foreign_objects" not in attributes:
         return text
     items = json.loads(attributes["foreign_objects"])

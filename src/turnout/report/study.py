@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from turnout.files.units import TEMPERATURE
+from turnout.metric.words import changed
 from turnout.report.units import shown
 from turnout.study.design import Drawn
 from turnout.study.distribution import Choice, Distribution
@@ -33,7 +34,7 @@ def study_lines(study: Study) -> Iterator[str]:
     yield line("study", f"{study.name} (seed {study.seed})")
     yield line("panel", f"{study.panel.name}, {study.panel.hash[:12]}")
     for number, (key, value) in enumerate(study.panel.overrides.items()):
-        yield line("set" if number == 0 else "", f"{key} = {value}")
+        yield line("set" if number == 0 else "", changed({key: value}))
     yield line("scenarios", _count(study))
     drawn = {item.name: item for item in study.design.drawn}
     reach = reach_of(study.design.axes, study.design.drawn)
