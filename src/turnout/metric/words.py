@@ -33,10 +33,11 @@ def changed(changes: Mapping[str, object]) -> str:
 
     Examples
     --------
-    >>> changed({"chair.friction_coefficient": 0.27001253045, "drive.1.stiffness": "81 kN/m"})
-    'chair.friction_coefficient = 0.27001, drive.1.stiffness = 81 kN/m'
+    >>> changed({"chair.friction_coefficient": 0.27001253045, "drive.1.stiffness": 640163.2})
+    'chair.friction_coefficient = 0.27001, drive.1.stiffness = 640160'
     """
-    return ", ".join(
-        f"{key} = {value:.5g}" if isinstance(value, float) else f"{key} = {value}"
-        for key, value in changes.items()
-    )
+
+    def text(value: object) -> str:
+        return f"{float(f'{value:.5g}'):.12g}" if isinstance(value, float) else str(value)
+
+    return ", ".join(f"{key} = {text(value)}" for key, value in changes.items())
