@@ -1,14 +1,18 @@
 """Overrides: broad and narrow keys, every family, new objects, what matches nothing."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from pydantic import BaseModel
 
 from turnout.errors import PanelError
 from turnout.panel import load
+from turnout.panel.check import check
 from turnout.panel.document import FAMILIES
 from turnout.panel.load import load_panel
 from turnout.panel.override import known_keys, parse_setting
+from turnout.panel.validate import UNASKED, validate
 
 PANEL = load_panel("uic60-760-1-15-symmetric")
 
@@ -258,3 +262,20 @@ def test_a_value_of_a_family_is_read_for_each_member_that_had_an_own_one() -> No
     assert every.chair["5"].clearance == 0.001
     assert every.chair["4"].clearance == PANEL.chair["4"].clearance
     assert every.hash == load_panel(PANEL.source).with_overrides(dict(every.overrides)).hash
+
+
+def test_checks_ask_for_no_field_that_is_called_unasked() -> None:
+    """A record without these fields passes all checks between records."""
+    panel = load_panel("uic60-760-1-15")
+    draft = validate(panel._document)
+    assert check(draft) == []
+    for family, unasked in UNASKED.items():
+        draft.records[family] = {
+            name: SimpleNamespace(**{k: v for k, v in dict(record).items() if k not in unasked})
+            for name, record in getattr(panel, family).items()
+        }
+    assert check(draft) == []
+    for record in draft.records["chair"].values():
+        del record.x
+    with pytest.raises(AttributeError, match="'x'"):
+        check(draft)

@@ -63,11 +63,12 @@ def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
     found: list[Problem] = []
     for name, look in checks.items():
         found += draft.checked(name, look, known)
-    blocked = {problem.path[0] for problem in (*draft.problems, *found) if problem.path}
-    panel = Panel.model_construct(**draft.records)
-    for name, record in draft.records["object"].items():
-        sized = not blocked & _OPENING_NEEDS
-        found += known_part(_object(panel, ("object", name), record, sized=sized))
+    if objects := draft.records["object"]:
+        blocked = {problem.path[0] for problem in (*draft.problems, *found) if problem.path}
+        panel = Panel.model_construct(**draft.records)
+        for name, record in objects.items():
+            sized = not blocked & _OPENING_NEEDS
+            found += known_part(_object(panel, ("object", name), record, sized=sized))
     return [_shared(draft, problem) for problem in found]
 
 

@@ -173,13 +173,14 @@ def apply_overrides(
             problems.append(Problem((key,), text))
             continue
         applied[key] = value
+        many, before = _breadth(tuple(key.split("."))) == 0 and len(targets) > 1, list(given)
         for target in targets:
             _set(tree, target)
             place = ".".join(target.place)
-            for below in [name for name in given if name.startswith(f"{place}.")]:
-                del given[below]
+            for below in [name for name in before if name.startswith(f"{place}.")]:
+                given.pop(below, None)
             given[place] = value
-            if _breadth(tuple(key.split("."))) == 0 and len(targets) > 1:
+            if many:
                 shared.add(target.place[:3])
             else:
                 shared.discard(target.place[:3])

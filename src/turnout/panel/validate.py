@@ -1,6 +1,5 @@
 """From the tree of a document to records, collecting every problem instead of the first."""
 
-import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from copy import copy
@@ -139,20 +138,41 @@ def validate(document: Document, *, known: Known | None = None) -> Draft:
             )
             draft.problems.append(Problem((name,), text))
     for name in Panel.model_fields:
+        if known is not None and name in tree and tree[name] is known.tree.get(name):
+            draft.records[name] = getattr(known.panel, name)
+            if name in FAMILIES:
+                draft.names[name] = tuple(tree[name])
+            continue
         if name in FAMILIES:
             _family(name, document, draft, known)
         else:
-            _plain(name, tree, draft, known)
-        if known is None or not _same(draft.records[name], getattr(known.panel, name)):
+            _plain(name, tree, draft)
+        unasked = UNASKED.get(name, frozenset())
+        if known is None or not _same(draft.records[name], getattr(known.panel, name), unasked):
             draft.changed.add(name)
     return draft
 
 
-def _same(value: Any, known: Any) -> bool:
-    """Tell whether a value is the known one; a family, whether it has the very same records."""
+UNASKED = {"chair": frozenset(("friction_coefficient", "normal_stiffness", "stick_stiffness"))}
+"""Fields of families that no check between records asks for."""
+
+
+def _same(value: Any, known: Any, unasked: frozenset[str]) -> bool:
+    """Tell whether a value is the known one; a family, whether checks see no difference."""
     if not isinstance(value, dict):
         return value is known
-    return list(value) == list(known) and all(map(operator.is_, value.values(), known.values()))
+    return list(value) == list(known) and all(
+        one is other or _alike(one, other, unasked)
+        for one, other in zip(value.values(), known.values(), strict=True)
+    )
+
+
+def _alike(one: BaseModel | Partial, other: BaseModel, unasked: frozenset[str]) -> bool:
+    """Tell whether two records differ at most in fields that no check asks for."""
+    if isinstance(one, Partial) or not unasked:
+        return False
+    values = other.__dict__
+    return all(value is values[key] or key in unasked for key, value in one.__dict__.items())
 
 
 @cache
@@ -187,7 +207,7 @@ def _partial(record: type[BaseModel], values: object, errors: list[Any]) -> Part
     return Partial(_lenient(record).model_validate(right), wrong)
 
 
-def _plain(name: str, tree: dict[str, Any], draft: Draft, known: Known | None) -> None:
+def _plain(name: str, tree: dict[str, Any], draft: Draft) -> None:
     info = Panel.model_fields[name]
     if name not in tree:
         if info.is_required():
@@ -195,9 +215,6 @@ def _plain(name: str, tree: dict[str, Any], draft: Draft, known: Known | None) -
             draft.records[name] = Partial()
         else:
             draft.records[name] = info.get_default()
-        return
-    if known is not None and name in known.tree and known.tree[name] is tree[name]:
-        draft.records[name] = getattr(known.panel, name)
         return
     try:
         draft.records[name] = _adapter(name).validate_python(tree[name])

@@ -1,17 +1,18 @@
 """Open distances between switch rails and stock rails, and the flangeway behind them."""
 
-from collections.abc import Iterator, Sequence
+from collections import OrderedDict
+from collections.abc import Hashable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.mechanism.mechanism import RailBody
 from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
 from turnout.panel.profile import running_edge_distance, stock_rail_gap
 from turnout.response.recovery import (
     Ints,
     Motion,
-    lateral_displacement,
     lateral_rows,
     row_motion,
     whole_rows,
@@ -19,6 +20,14 @@ from turnout.response.recovery import (
 from turnout.response.route import Throw, open_rail, wanted_closed
 
 Floats = NDArray[np.float64]
+
+
+MOST_ROWS = 64
+"""Rows to so many lines of points are kept in memory, the latest made."""
+
+# Rails are shared by many throws. What rows depend on is named by identity, and kept beside them so
+# that nothing else takes its place.
+_rows: OrderedDict[Hashable, tuple[Floats, Floats, list[object]]] = OrderedDict()
 
 
 def contact_height(panel: Panel, rail: str, x: Floats) -> Floats:
@@ -62,12 +71,47 @@ def rail_gap(
 
     A flexible stock rail takes part with its own displacement at the same height.
     """
-    moved = lateral_displacement(motion, rail, x=x, z=z, at=at)
-    for body, inside, height in _faced(panel, rail, x, z):
-        moved -= lateral_displacement(motion, body, x=inside, z=height, at=at)
-    side = SIDE[panel.rail[rail].closes]
-    gap: Floats = stock_gap(panel, rail, x)[:, np.newaxis] - side * moved
+    start, rows = gap_rows(panel, motion, rail, x, z)
+    gap: Floats = start[:, np.newaxis] - row_motion(motion, rows, at=at)
     return gap
+
+
+def gap_rows(
+    panel: Panel, motion: Motion, rail: str, x: Floats, z: Floats
+) -> tuple[Floats, Floats]:
+    """Return open distances of the unloaded rail, and rows by which all coordinates lessen them.
+
+    Returns
+    -------
+    start : ndarray, shape (n_points,)
+        [m]
+    rows : ndarray, shape (n_points, n)
+        Over the reduced coordinates of all rails; shared and therefore not writeable.
+    """
+    record, bodies = panel.rail[rail], motion.rails
+    faced = [(name, stock) for name, stock in panel.stock_rail.items() if stock.faces == rail]
+    named = [record, bodies[rail].recovery]
+    named += [item for name, stock in faced for item in (stock, _stock(bodies, name).recovery)]
+    key = (*map(id, named), x.tobytes(), z.tobytes())
+    if key not in _rows:
+        rows = whole_rows(motion, rail, lateral_rows(bodies[rail], x, z))
+        for name, stock in faced:  # beyond its ends it is held
+            inside = np.clip(x, stock.start, stock.end)
+            body = _stock(bodies, name)
+            moved = lateral_rows(body, inside, z - stock.foot_height)
+            rows -= whole_rows(motion, body.name, moved)
+        made = stock_gap(panel, rail, x), SIDE[record.closes] * rows
+        for array in made:
+            array.flags.writeable = False
+        _rows[key] = *made, named
+        while len(_rows) > MOST_ROWS:
+            _rows.popitem(last=False)
+    start, rows, _ = _rows[key]
+    return start, rows
+
+
+def _stock(bodies: Mapping[str, RailBody], name: str) -> RailBody:
+    return bodies[f"stock rail {name}"]
 
 
 def drive_and_sensor_gaps(panel: Panel, motion: Motion, time: Floats) -> tuple[Floats, Floats]:
@@ -112,26 +156,10 @@ def open_distances(
     list of ndarray, each of shape (n_points, n_times)
         [m]
     """
-    starts, rows = [], []
-    for rail, x, z in places:
-        side = SIDE[panel.rail[rail].closes]
-        row = whole_rows(motion, rail, lateral_rows(motion.rails[rail], x, z))
-        for body, inside, height in _faced(panel, rail, x, z):
-            row -= whole_rows(motion, body, lateral_rows(motion.rails[body], inside, height))
-        starts.append(stock_gap(panel, rail, x))
-        rows.append(side * row)
-    gap = np.concatenate(starts)[:, np.newaxis] - row_motion(motion, np.concatenate(rows))
-    return np.split(gap, np.cumsum([start.size for start in starts])[:-1])
-
-
-def _faced(panel: Panel, rail: str, x: Floats, z: Floats) -> Iterator[tuple[str, Floats, Floats]]:
-    """Yield the flexible stock rail that a rail faces, with places and heights in its own terms.
-
-    Beyond its ends it is held.
-    """
-    for name, stock in panel.stock_rail.items():
-        if stock.faces == rail:
-            yield f"stock rail {name}", np.clip(x, stock.start, stock.end), z - stock.foot_height
+    found = [gap_rows(panel, motion, *place) for place in places]
+    start = np.concatenate([start for start, _ in found])[:, np.newaxis]
+    gap = start - row_motion(motion, np.concatenate([rows for _, rows in found]))
+    return np.split(gap, np.cumsum([start.size for start, _ in found])[:-1])
 
 
 def least_flangeway(

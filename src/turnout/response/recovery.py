@@ -10,7 +10,6 @@ their share of the constant load. :math:`\lambda` is what the laws add to the li
 matrix then gives its nodes.
 """
 
-from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,11 +24,6 @@ Ints = NDArray[np.int64]
 
 UY, RX, PER_NODE = 1, 3, 6
 PLACE_TOLERANCE = 1e-6
-MOST_ROWS = 256
-"""So many sets of rows are kept in memory, the latest made."""
-
-# Rails are shared by many throws; a matrix is named by identity and kept, so that it stays itself.
-_rows: OrderedDict[tuple[int, bytes, bytes], tuple[Floats, Floats]] = OrderedDict()
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,15 +97,15 @@ def lateral_rows(body: RailBody, x: Floats, z: Floats) -> Floats:
     ndarray, shape (n_points, body.count)
         NaN where x lies beyond the rail.
     """
-    key = id(body.recovery), x.tobytes(), z.tobytes()
-    if key not in _rows:
-        lateral, roll = body.recovery[UY::PER_NODE], body.recovery[RX::PER_NODE]
-        made = _between(body, x, z, lateral=lateral, roll=roll)
-        made.flags.writeable = False
-        _rows[key] = made, body.recovery
-        while len(_rows) > MOST_ROWS:
-            _rows.popitem(last=False)
-    return _rows[key][0]
+    left = np.clip(np.searchsorted(body.x, x, side="right") - 1, 0, body.x.size - 2)
+    share = (x - body.x[left]) / (body.x[left + 1] - body.x[left])
+    beyond = (x < body.x[0] - PLACE_TOLERANCE) | (x > body.x[-1] + PLACE_TOLERANCE)
+    share = np.where(beyond, np.nan, np.clip(share, 0.0, 1.0))[:, np.newaxis]
+    lateral, roll = body.recovery[UY::PER_NODE], body.recovery[RX::PER_NODE]
+    at_left = lateral[left] - z[:, np.newaxis] * roll[left]
+    at_right = lateral[left + 1] - z[:, np.newaxis] * roll[left + 1]
+    rows: Floats = at_left + share * (at_right - at_left)
+    return rows
 
 
 def lateral_displacement(
@@ -135,13 +129,8 @@ def lateral_displacement(
     ndarray, shape (n_points, n_times)
         [m]; NaN beyond the rail.
     """
-    body = motion.rails[rail]
-    # Whichever of points and instants are fewer meet the large matrices first.
-    if at is None or at.size > x.size:
-        return row_motion(motion, whole_rows(motion, rail, lateral_rows(body, x, z)), at=at)
-    moved = coordinates_at(motion, rail, at)
-    lateral, roll = body.recovery[UY::PER_NODE] @ moved, body.recovery[RX::PER_NODE] @ moved
-    return _between(body, x, z, lateral=lateral, roll=roll)
+    rows = lateral_rows(motion.rails[rail], x, z)
+    return row_motion(motion, whole_rows(motion, rail, rows), at=at)
 
 
 def whole_rows(motion: Motion, rail: str, rows: Floats) -> Floats:
@@ -168,35 +157,25 @@ def row_motion(motion: Motion, rows: Floats, *, at: Ints | None = None) -> Float
     -------
     ndarray, shape (n_rows, n_times)
     """
-    model = motion.history.model
-    displacement: Floats = (rows @ model.modes) @ _at(motion.history.q, at).T
+    history, model = motion.history, motion.history.model
+    # Whichever of rows and instants are fewer meet the large matrices first.
+    if at is not None and at.size < rows.shape[0]:
+        return rows @ _coordinates_at(motion, at)
+    displacement: Floats = (rows @ model.modes) @ _at(history.q, at).T
     displacement += force_motion(motion, rows @ model.residual_shapes, at=at)
     displacement += (rows @ model.residual_load)[:, np.newaxis]
     return displacement
 
 
-def coordinates_at(motion: Motion, rail: str, at: Ints) -> Floats:
-    """Return the reduced coordinates of a rail at a few instants, shape (count, n_times)."""
-    body, history = motion.rails[rail], motion.history
+def _coordinates_at(motion: Motion, at: Ints) -> Floats:
+    """Return the reduced coordinates of all rails at a few instants, shape (n, n_times)."""
+    history = motion.history
     model, laws = history.model, history.laws
-    mine = slice(body.first, body.first + body.count)
     force = history.g[at].T * motion.slope[:, np.newaxis]
     np.subtract.at(force, laws.row, history.law_force[at].T)
     np.subtract.at(force, laws.friction_row, history.friction_force[at].T)
-    found: Floats = model.modes[mine] @ history.q[at].T + model.residual_shapes[mine] @ force
-    found += model.residual_load[mine, np.newaxis]
-    return found
-
-
-def _between(body: RailBody, x: Floats, z: Floats, *, lateral: Floats, roll: Floats) -> Floats:
-    """Return what points at some places and heights follow of what the nodes have."""
-    left = np.clip(np.searchsorted(body.x, x, side="right") - 1, 0, body.x.size - 2)
-    share = (x - body.x[left]) / (body.x[left + 1] - body.x[left])
-    beyond = (x < body.x[0] - PLACE_TOLERANCE) | (x > body.x[-1] + PLACE_TOLERANCE)
-    share = np.where(beyond, np.nan, np.clip(share, 0.0, 1.0))[:, np.newaxis]
-    at_left = lateral[left] - z[:, np.newaxis] * roll[left]
-    at_right = lateral[left + 1] - z[:, np.newaxis] * roll[left + 1]
-    found: Floats = at_left + share * (at_right - at_left)
+    found: Floats = model.modes @ history.q[at].T + model.residual_shapes @ force
+    found += model.residual_load[:, np.newaxis]
     return found
 
 

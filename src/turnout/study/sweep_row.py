@@ -176,13 +176,21 @@ def boiled_down(study: Study, panel: LoadedPanel, solved: Solved) -> tuple[Varia
         The throw.
     """
     given = panel, solved.mechanism
-    every = solved.history
-    sparse = at_instants(every, slice(None, None, stride_of(study)))
-    end = at_instants(every, slice(-1, None))
+    every, stride = solved.history, stride_of(study)
+    sparse, end = (
+        at_instants(every, part) for part in (slice(None, None, stride), slice(-1, None))
+    )
+    wanted = study.output.channels
     with one_blas_thread():
         forces = response_channels(*given, every, save=Save(fields=FORCES))
-        kept = response_channels(*given, sparse, save=Save(fields=study.output.channels))
+        further = tuple(name for name in wanted if name not in forces)
+        kept = response_channels(*given, sparse, save=Save(fields=further)) if further else {}
         last = response_channels(*given, end, save=Save(fields=ENDS))
+    kept |= {
+        name: (dims, values[..., ::stride])
+        for name, (dims, values) in forces.items()
+        if name in wanted and "time" in dims
+    }
     variables = {name: (dims, _small(values)) for name, (dims, values) in kept.items()}
     variables |= {name: value for name, value in forces.items() if "time" not in value[0]}
     variables["end_gap"] = last["end_gap"]
