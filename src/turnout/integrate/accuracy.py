@@ -15,9 +15,9 @@ in the step that the books of energy would notice, `LARGEST_LEAK`.
 from turnout.integrate.energy import MARKERS
 from turnout.integrate.solution import (
     deviation_forces,
+    derive,
     exchange_forces,
     set_modes,
-    set_rows,
 )
 from turnout.integrate.solve import row_forces
 from turnout.integrate.state import COUNT_JOINING, State
@@ -37,17 +37,32 @@ LARGEST_LEAK = 1e-10
 
 @compiled
 def _end_errors(system: System, state: State, force: Floats, error: Floats) -> float:
-    """Write how far the blocks under end forces are from the ends [m]; return the largest."""
+    """Write how far blocks under forces are from their leading ends [m]; return the largest."""
     worst = 0.0
-    for block in range(system.end_start.size - 1):
+    for block in range(system.end_stop.size):
         first, last = system.end_start[block], system.end_stop[block]
-        q = state.q[system.mode_start[block] : system.mode_start[block + 1]]
+        of_block = error[first:last]
         for end in range(first, last):
-            total = system.end_load[end] - state.ends[end]
-            total += dot(q, system.end_modes[end]) + dot(force[first:last], system.flexibility[end])
-            error[end] = total
-            worst = max(worst, abs(total))
+            error[end] = system.end_load[end] - state.g[end]
+        start, stop = system.mode_start[block], system.mode_start[block + 1]
+        add_rows(state.q[start:stop], system.mode_ends[start:stop], of_block)
+        for end in range(first, last):
+            if force[end] != 0.0:
+                add(force[end], system.flexibility[end], of_block)
+        for end in range(first, last):
+            worst = max(worst, abs(error[end]))
     return worst
+
+
+@compiled
+def _lead(system: System, force: Floats) -> None:
+    """Hand forces on ends that follow, and on rows that join blocks, to the leading ends."""
+    solved = system.end_start[-1]
+    for place in range(solved, force.size):
+        if force[place] != 0.0:
+            number = place - solved
+            for k in range(system.derived_start[number], system.derived_start[number + 1]):
+                force[system.derived_list[k]] += system.derived_weight[k] * force[place]
 
 
 @compiled
@@ -78,34 +93,35 @@ def _modal_errors(
 @compiled
 def correct(system: System, state: State, work: Work) -> None:
     """Take the errors that `is_inaccurate` has found off the solution, with the same columns."""
-    copy(state.ends, work.found_ends)
+    copy(state.g, work.found)
     _spread(system, state, work)
     for block in range(system.end_start.size - 1):
         first, last = system.mode_start[block], system.mode_start[block + 1]
-        ends = state.ends[system.end_start[block] : system.end_start[block + 1]]
-        add_rows(work.modal_error[first:last], state.mode_columns[first:last], ends)
+        solved = state.g[system.end_start[block] : system.end_start[block + 1]]
+        add_rows(work.modal_error[first:last], state.mode_columns[first:last], solved)
     if state.counters[COUNT_JOINING]:
         exchange_forces(system, state, work, 0.0)
-    add(1.0, work.found_ends, state.ends)
+    add(1.0, work.found, state.g)
     set_modes(system, state)
-    set_rows(system, state)
+    derive(system, state)
 
 
 @compiled
 def _spread(system: System, state: State, work: Work) -> None:
-    """Write to the ends what blocks by themselves make of ``work.end_error``, a free motion."""
-    copy(work.end_error, state.ends)
+    """Write what blocks by themselves make of ``work.end_error``, a free motion."""
+    copy(work.end_error, state.g)
     for block in range(system.end_start.size - 1):
         first, last = system.end_start[block], system.end_start[block + 1]
-        free, ends = work.end_error[first:last], state.ends[first:last]
-        for slot in range(first, first + state.slots[block]):
+        free, solved = work.end_error[first:last], state.g[first:last]
+        start = system.slot_start[block]
+        for slot in range(start, start + state.slots[block]):
             row = state.row_of_slot[slot]
             if system.row_ends[row, 1] >= 0:
                 continue
             force = 0.0
             for k in range(system.pattern_start[row], system.pattern_start[row + 1]):
                 force += state.entries[k] * free[system.pattern_at[k]]
-            add(force, state.columns[slot], ends)
+            add(force, state.columns[slot], solved)
 
 
 @compiled
@@ -125,10 +141,11 @@ def is_inaccurate(
     deviation_forces(system, table, state, work)
     force = work.end_force
     force[:] = 0.0
-    for block in range(system.end_start.size - 1):
-        first = system.end_start[block]
+    for block in range(system.end_stop.size):
+        first = system.slot_start[block]
         for slot in range(first, first + state.slots[block]):
             force[state.end_of_slot[slot]] = work.slot_force[slot]
+    _lead(system, force)
     error = _end_errors(system, state, force, work.end_error)
     leak = _modal_errors(system, state, work, force, inertia, viscosity)
     allowed = LARGEST_LEAK * (1.0 + abs(float(state.ledger[MARKERS])))
@@ -141,16 +158,7 @@ def equilibrium_residual(system: System, table: LawTable, state: State, work: Wo
 
     The columns are bypassed, so that their drift shows.
     """
-    rows = work.row[: state.g.size]
-    row_forces(system, table, state, rows)
-    _to_ends(system, rows, work.end_force)
+    row_forces(system, table, state, work.end_force)
+    _lead(system, work.end_force)
     return _end_errors(system, state, work.end_force, work.end_error)
 
-
-@compiled
-def _to_ends(system: System, rows: Floats, ends: Floats) -> None:
-    """Write the forces of the rows to their ends."""
-    for row in range(rows.size):
-        for side in range(2):
-            if system.row_ends[row, side] >= 0:
-                ends[system.row_ends[row, side]] = rows[row]

@@ -18,7 +18,8 @@ which depends on the step's length alone. With the deviations of the block's own
           c = (I + P D)\,r + P\,b, \qquad P = (I - S D)^{-1} S,
 
 and kept are `c` and the columns :math:`P e_j` of all modes and of the *active* ends, those with a
-deviation. A law that changes its segment changes one row of `D` by :math:`d^T` and its entry of `b`
+deviation, each for leading ends and modes; what an end that follows does is the sum of what leading
+ones do. A law that changes its segment changes one row of `D` by :math:`d^T` and its entry of `b`
 by :math:`\beta`, and by Sherman-Morrison every column of the block becomes
 
 .. math:: x \leftarrow x + P e_r\,\frac{d^T x}{1 - d^T P e_r}
@@ -28,7 +29,7 @@ stops against a rail that bends, objects) are solved last: with :math:`H` from t
 ends, :math:`(I - D H)\,\lambda = D g + b` is a small dense system, factorised when a column of it
 has changed.
 
-Columns of active ends are rows of `State.columns`; the slots of a block begin where its ends do.
+Columns of active ends are rows of `State.columns`, in slots that each block has for itself.
 """
 
 import numpy as np
@@ -43,8 +44,8 @@ from turnout.integrate.state import (
     State,
 )
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import add, copy, dot
-from turnout.law.compiled import compiled, compiled_with_memory
+from turnout.integrate.vector import add, copy
+from turnout.law.compiled import compiled
 from turnout.law.kernel import STICK
 from turnout.law.table import LawTable
 
@@ -52,64 +53,29 @@ from turnout.law.table import LawTable
 REBUILD_AFTER = 500
 
 
-@compiled_with_memory
-def make_level(system: System, state: State, level: int, inertia: float, viscosity: float) -> None:
-    """Invert ``inertia I + viscosity C + Lambda`` block by block, and what follows from it.
-
-    Once for each length of a step. Where the matrix is singular everything is NaN.
-    """
-    if state.made[level]:
-        return
-    state.made[level] = 1
-    for block in range(system.end_start.size - 1):
-        first, last = system.mode_start[block], system.mode_start[block + 1]
-        n = last - first
-        matrix = viscosity * system.damping[first:last, :n]
-        for i in range(n):
-            matrix[i, i] += inertia + system.eigenvalues[first + i]
-        try:
-            inverse = np.linalg.inv(matrix)
-        except Exception:  # the only kind a kernel can name; a body that floats, or NaN before it
-            inverse = np.full_like(matrix, np.nan)
-        start, stop = system.end_start[block], system.end_stop[block]
-        width = stop - start
-        # product by product, so that an end more or less changes no bit of the others
-        for end in range(start, stop):
-            compliance = state.compliance[level, end]
-            copy(system.flexibility[end, :width], compliance[:width])
-            for i in range(n):
-                compliance[width + i] = dot(inverse[i], system.end_modes[end])
-                state.compliance[level, stop + i, end - start] = compliance[width + i]
-            for other in range(width):
-                compliance[other] += dot(
-                    compliance[width : width + n], system.end_modes[start + other]
-                )
-        state.compliance[level, stop : stop + n, width : width + n] = inverse
-
-
 @compiled
-def row_target(system: System, table: LawTable, state: State, row: int, entries: Floats) -> float:
-    """Write the deviation entries of a row for the present law states; return its shift [N]."""
-    start, stop = system.pattern_start[row], system.pattern_start[row + 1]
-    entries[: stop - start] = 0.0
+def row_target(system: System, table: LawTable, state: State, row: int, slopes: Floats) -> float:
+    """Write what a row deviates by with each of its terms [N/m]; return its shift [N]."""
+    start, stop = system.term_start[row], system.term_start[row + 1]
+    slopes[: stop - start] = 0.0
     shift = 0.0
     for i in range(system.row_law_start[row], system.row_law_start[row + 1]):
         law = system.row_law_list[i]
-        entries[0] += system.base_slope[law] - state.slope[law]
+        slopes[0] += system.base_slope[law] - state.slope[law]
         shift -= state.constant[law]
     for i in range(system.row_friction_start[row], system.row_friction_start[row + 1]):
         friction = system.row_friction_list[i]
         branch = state.friction[friction]
         if branch == STICK:
-            entries[0] -= table.stick_stiffness[friction]
+            slopes[0] -= table.stick_stiffness[friction]
             shift += table.stick_stiffness[friction] * state.anchor[friction]
             continue
         normal = table.friction_normal[friction]
         gain = branch * table.friction_coefficient[friction]
         normal_row = table.row[normal]
         for k in range(start, stop):
-            if system.pattern_list[k] == normal_row:
-                entries[k - start] -= gain * state.slope[normal]
+            if system.term_list[k] == normal_row:
+                slopes[k - start] -= gain * state.slope[normal]
                 break
         shift -= gain * state.constant[normal]
     return shift
@@ -121,11 +87,12 @@ def activate(system: System, state: State, end: int, row: int) -> int:
     block = system.block_of_end[end]
     start = system.end_start[block]
     width = system.end_start[block + 1] - start
-    slot: int = start + state.slots[block]
+    first = system.slot_start[block]
+    slot: int = first + state.slots[block]
     column = state.columns[slot, :width]
     base = state.compliance[state.counters[LEVEL], end, :width]
     copy(base, column)
-    for other in range(start, slot):
+    for other in range(first, slot):
         other_row = state.row_of_slot[other]
         if system.row_ends[other_row, 1] >= 0:
             continue
@@ -147,7 +114,7 @@ def deactivate(system: System, state: State, end: int) -> None:
     block = system.block_of_end[end]
     slot = state.slot_of_end[end]
     state.slots[block] -= 1
-    last = system.end_start[block] + state.slots[block]
+    last = system.slot_start[block] + state.slots[block]
     if slot != last:
         moved = state.end_of_slot[last]
         copy(state.columns[last], state.columns[slot])
@@ -163,14 +130,16 @@ def deactivate(system: System, state: State, end: int) -> None:
 def update_row(system: System, table: LawTable, state: State, row: int, scratch: Floats) -> None:
     """Bring one row to the present state of its laws.
 
-    `scratch` has room for the row's entries.
+    `scratch` has room for the row's terms and entries.
     """
     start, stop = system.pattern_start[row], system.pattern_start[row + 1]
-    entries = scratch[: stop - start]
-    shift = row_target(system, table, state, row, entries)
+    n_terms = system.term_start[row + 1] - system.term_start[row]
+    slopes, entries = scratch[:n_terms], scratch[n_terms : n_terms + stop - start]
+    shift = row_target(system, table, state, row, slopes)
     vanished = shift == 0.0 and system.pinned[row] == 0
     changed = False
     for k in range(stop - start):
+        entries[k] = system.pattern_weight[start + k] * slopes[system.pattern_term[start + k]]
         if entries[k] != 0.0:
             vanished = False
         if entries[k] != state.entries[start + k]:
@@ -227,8 +196,8 @@ def _update_columns(system: System, state: State, row: int, entries: Floats, gai
     add((gained + _weight(change, at, constant)) / denominator, pivot, constant)
     if denominator == 1.0 and not np.any(change):
         return
-    columns = state.columns
-    for other in range(first, first + state.slots[block]):
+    columns, slots = state.columns, system.slot_start[block]
+    for other in range(slots, slots + state.slots[block]):
         if other != slot:
             column = columns[other, :width]
             add(_weight(change, at, column) / denominator, pivot, column)
@@ -284,11 +253,11 @@ def rebuild(system: System, table: LawTable, state: State, level: int, scratch: 
     state.counters[COUNT_JOINING] = 0
     state.counters[COUPLED] = 0
     copy(system.end_load, state.constant_column)
-    for block in range(system.end_start.size - 1):
+    for block in range(system.end_stop.size):
         stop, start = system.end_stop[block], system.mode_start[block]
         for mode in range(start, system.mode_start[block + 1]):
             copy(state.compliance[level, stop + mode - start], state.mode_columns[mode])
-    for row in range(system.row_ends.shape[0]):
+    for row in system.row_place:
         if system.pinned[row] and system.row_ends[row, 1] < 0:
             activate(system, state, system.row_ends[row, 0], row)
         elif system.pinned[row]:

@@ -27,14 +27,26 @@ def couple(system: System, state: State) -> None:
             for side in range(2):
                 end = system.row_ends[row, side]
                 block = system.block_of_end[end]
-                at = end - system.end_start[block]
                 for other_side in range(2):
                     other = system.row_ends[state.joining[j], other_side]
                     if system.block_of_end[other] == block:
-                        total += state.columns[state.slot_of_end[other], at]
+                        total += at_end(system, state.columns[state.slot_of_end[other]], end)
             matrix[i, j] = (1.0 if i == j else 0.0) - entry * total
     _factorise(matrix, state.exchange, count)
     state.counters[COUPLED] = 1
+
+
+@compiled
+def at_end(system: System, column: Floats, end: int) -> float:
+    """Return a column of a block at one of its ends."""
+    start, solved = system.end_start[system.block_of_end[end]], system.end_start[-1]
+    if end < solved:
+        value: float = column[end - start]
+        return value
+    total = 0.0
+    for k in range(system.derived_start[end - solved], system.derived_start[end - solved + 1]):
+        total += system.derived_weight[k] * column[system.derived_list[k] - start]
+    return total
 
 
 @compiled

@@ -173,25 +173,20 @@ def stored_energy(
     for i in range(q.size):
         part[i] = eigenvalues[i] * q[i]
     folded, strain, gravity = 0.5 * dot(part, q), 0.0, -dot(load, q)
-    ends, end_load, end_modes, forces = (
-        state.ends,
-        system.end_load,
-        system.end_modes,
-        work.slot_force,
-    )
+    g, end_load, end_modes, forces = state.g, system.end_load, system.end_modes, work.slot_force
     end_of_slot = state.end_of_slot
     part[:] = 0.0
-    for block in range(system.end_start.size - 1):
-        first = system.end_start[block]
+    for block in range(system.end_stop.size):
+        first = system.slot_start[block]
         stop = first + state.slots[block]
         of_block = part[system.mode_start[block] : system.mode_start[block + 1]]
         add_chosen(forces[first:stop], end_modes, end_of_slot[first:stop], of_block)
         for slot in range(first, stop):
             end = end_of_slot[slot]
-            strain += 0.5 * forces[slot] * (ends[end] + end_load[end])
+            strain += 0.5 * forces[slot] * (g[end] + end_load[end])
             gravity -= forces[slot] * end_load[end]
     strain -= 0.5 * dot(part, q)
-    g, row, base_slope, of_law = state.g, table.row, system.base_slope, work.of_laws
+    row, base_slope, of_law = table.row, system.base_slope, work.of_laws
     for law in range(of_law.size):
         of_law[law] = base_slope[law] * g[row[law]] ** 2
     frictions, stiffness, of_friction = (

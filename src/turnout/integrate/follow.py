@@ -44,7 +44,7 @@ def _start_of_path(
             mode = first + i
             side[i] = (inertia + system.eigenvalues[mode]) * q[i]
             side[i] += viscosity * dot(q, system.damping[mode])
-        start = system.end_start[block]
+        start = system.slot_start[block]
         for slot in range(start, start + state.slots[block]):
             add(-work.slot_force[slot], system.end_modes[state.end_of_slot[slot]], side)
 

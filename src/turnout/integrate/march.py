@@ -6,7 +6,8 @@ Kernels change `State` in place and return an outcome code; they never raise and
 from typing import NamedTuple
 
 from turnout.integrate.accuracy import DRIFTS, correct, equilibrium_residual, is_inaccurate
-from turnout.integrate.columns import REBUILD_AFTER, make_level, rebuild
+from turnout.integrate.columns import REBUILD_AFTER, rebuild
+from turnout.integrate.compliance import make_level
 from turnout.integrate.energy import (
     account_friction,
     account_laws,
@@ -81,7 +82,6 @@ def _try_step(
     """
     begin_step(system, state, work, stepping, h)
     copy(state.g, work.g_start)
-    copy(state.ends, work.ends_start)
     copy(state.segment, work.old_segment)
     copy(state.friction, work.old_friction)
     code = settle(system, table, state, work, tolerances)
@@ -112,7 +112,6 @@ def _try_step(
         return code
     copy(work.q, state.q)
     copy(work.g_start, state.g)
-    copy(work.ends_start, state.ends)
     restore_set(system, table, state, work)
     return code
 
@@ -166,7 +165,9 @@ def store(
 ) -> None:
     """Store the present instant."""
     copy(state.q, record.q[at])
-    copy(state.g, record.g[at])
+    of_rows, place = record.g[at], system.row_place
+    for row in range(place.size):
+        of_rows[row] = state.g[place[row]]
     if at < record.v.shape[0]:
         copy(state.v, record.v[at])
     copy(state.friction_force, record.friction[at])

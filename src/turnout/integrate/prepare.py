@@ -7,12 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import MechanicsError
-from turnout.integrate.columns import make_level, rebuild
+from turnout.integrate.columns import rebuild
+from turnout.integrate.compliance import make_level
 from turnout.integrate.energy import account_friction, account_laws
 from turnout.integrate.equilibrium import resting_segments
 from turnout.integrate.interrupt import heard
 from turnout.integrate.march import Record
 from turnout.integrate.outcome import Code
+from turnout.integrate.places import placed
 from turnout.integrate.scheme import AlphaCoefficients, Scheme
 from turnout.integrate.solve import Tolerances, equilibrium, friction_trials, law_arguments
 from turnout.integrate.state import LEVEL, State, fresh_state, set_segments
@@ -67,7 +69,7 @@ def prepare(
 
     `filled_in` tells that instants between the steps are wanted.
     """
-    system, table = condensed_system(parts, laws), shared(laws)
+    system, table = condensed_system(parts, laws)
     # one level a halving, and one without inertia
     state = fresh_state(system, table, n_inputs=positions.shape[1], levels=scheme.halvings + 2)
     state.inputs[:] = positions[0]
@@ -95,7 +97,7 @@ def prepare(
         record=shared(
             Record(
                 q=np.empty((n_stored, n_modes)),
-                g=np.empty((n_stored, system.row_ends.shape[0])),
+                g=np.empty((n_stored, system.row_place.size)),
                 friction=np.empty((n_stored, laws.friction_row.size)),
                 law=np.empty((n_stored, laws.row.size)),
                 stored=np.empty((n_stored, 4)),
@@ -111,7 +113,8 @@ def prepare(
 def start(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
     """Find the static equilibrium without friction, then anchor the feet where they stand."""
     system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
-    slippery = shared(laws._replace(friction_coefficient=np.zeros_like(laws.friction_coefficient)))
+    none = np.zeros_like(laws.friction_coefficient)
+    slippery = shared(placed(laws, system.row_place)._replace(friction_coefficient=none))
     state.present[:] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9) & (laws.waits == 0)
     state.law_placed[state.present == 1] = 0.0
     set_segments(table, state, state.segment)
@@ -122,7 +125,7 @@ def start(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
         if not _rests(run, slippery, thread):
             return Code.NO_EQUILIBRIUM
     state.friction[:] = STICK
-    state.anchor[:] = state.g[laws.friction_row]
+    state.anchor[:] = state.g[table.friction_row]
     law_arguments(system, table, state, work.argument)
     friction_trials(table, state, work.trial, work.limit)
     account_laws(system, table, state, work, state.inputs, 0.0)

@@ -23,7 +23,6 @@ from turnout.integrate.state import (
     COUNT_HALVED,
     COUNT_ITERATIONS,
 )
-from turnout.integrate.work import Work
 from turnout.law.table import LawTable
 from turnout.mechanism.condense import ModalModel, joined_model
 from turnout.mechanism.mechanism import Mechanism
@@ -149,7 +148,7 @@ def _integrate(
         time=done * scheme.step,
         step=done,
         residual=max(float(run.record.residual[0]), float(residual)),
-        contacts=_unsettled(mechanism, run.work),
+        contacts=_unsettled(mechanism, run),
     )
     kept = 0 if code == Code.NO_EQUILIBRIUM else done // stride + 1
     model = joined_model(parts, mechanism)
@@ -270,15 +269,15 @@ def _books_close(run: Run) -> bool:
     return error < CLOSES
 
 
-def _unsettled(mechanism: Mechanism, work: Work) -> tuple[str, ...]:
+def _unsettled(mechanism: Mechanism, run: Run) -> tuple[str, ...]:
     """Name the laws on rows that still changed when the last attempt ended."""
-    rows = work.unsettled.astype(bool)
+    rows, table = run.work.unsettled.astype(bool), run.table
     names = [
-        name for name, row in zip(mechanism.law_names, mechanism.laws.row, strict=True) if rows[row]
+        name for name, row in zip(mechanism.law_names, table.row, strict=True) if rows[row]
     ]
     names += [
         f"friction {name}"
-        for name, row in zip(mechanism.friction_names, mechanism.laws.friction_row, strict=True)
+        for name, row in zip(mechanism.friction_names, table.friction_row, strict=True)
         if rows[row]
     ]
     return tuple(dict.fromkeys(names))

@@ -2,7 +2,7 @@
 
 from turnout.integrate.coupling import couple, solve_coupling
 from turnout.integrate.state import COUNT_JOINING, COUPLED, State
-from turnout.integrate.system import System
+from turnout.integrate.system import Floats, System
 from turnout.integrate.vector import add, add_rows, copy
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
@@ -11,14 +11,14 @@ from turnout.law.table import LawTable
 
 @compiled
 def solve_set(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Find ends, modes and rows for the present contact set from ``work.right_side``."""
+    """Find all displacements for the present contact set from ``work.right_side``."""
     end_start, mode_start = system.end_start, system.mode_start
-    force, all_ends, columns = work.right_side, state.ends, state.mode_columns
-    copy(state.constant_column, all_ends)
+    force, g, columns = work.right_side, state.g, state.mode_columns
+    copy(state.constant_column, g[: state.constant_column.size])
     for block in range(end_start.size - 1):
         first, last = mode_start[block], mode_start[block + 1]
-        ends = all_ends[end_start[block] : end_start[block + 1]]
-        add_rows(force[first:last], columns[first:last], ends)
+        solved = g[end_start[block] : end_start[block + 1]]
+        add_rows(force[first:last], columns[first:last], solved)
     _push(system, table, state, work)
     for k in range(system.input_row.size):
         row = system.input_row[k]
@@ -26,7 +26,7 @@ def solve_set(system: System, table: LawTable, state: State, work: Work) -> None
             _move_block(system, state, system.row_ends[row, 0], work.push[row])
     if state.counters[COUNT_JOINING]:
         exchange_forces(system, state, work, 1.0)
-    set_rows(system, state)
+    derive(system, state)
 
 
 @compiled
@@ -41,14 +41,19 @@ def _push(system: System, table: LawTable, state: State, work: Work) -> None:
 
 
 @compiled
-def set_rows(system: System, state: State) -> None:
-    """Take the displacements of the rows from those of their ends."""
-    ends, g, row_ends = state.ends, state.g, system.row_ends
-    for row in range(g.size):
-        g[row] = ends[row_ends[row, 0]]
-    for i in range(system.joining_rows.size):
-        row = system.joining_rows[i]
-        g[row] += ends[row_ends[row, 1]]
+def derive(system: System, state: State) -> None:
+    """Take the ends that follow, and the rows that join blocks, from the leading ends."""
+    solved = system.end_start[-1]
+    for place in range(solved, state.g.size):
+        state.g[place] = _derived(system, state.g, place - solved)
+
+
+@compiled
+def _derived(system: System, g: Floats, number: int) -> float:
+    total = 0.0
+    for k in range(system.derived_start[number], system.derived_start[number + 1]):
+        total += system.derived_weight[k] * g[system.derived_list[k]]
+    return total
 
 
 @compiled
@@ -56,7 +61,7 @@ def _move_block(system: System, state: State, end: int, force: float) -> None:
     """Move the ends of a block by a force on one of them, which is active."""
     block = system.block_of_end[end]
     first, last = system.end_start[block], system.end_start[block + 1]
-    add(force, state.columns[state.slot_of_end[end]], state.ends[first:last])
+    add(force, state.columns[state.slot_of_end[end]], state.g[first:last])
 
 
 @compiled
@@ -71,7 +76,7 @@ def exchange_forces(system: System, state: State, work: Work, constant: float) -
     force = work.joining[:count]
     for i in range(count):
         row = state.joining[i]
-        apart = state.ends[system.row_ends[row, 0]] + state.ends[system.row_ends[row, 1]]
+        apart = _derived(system, state.g, row - system.end_start[-1])
         entry = state.entries[system.pattern_start[row]]
         force[i] = constant * (state.shift[row] + work.push[row]) + entry * apart
     solve_coupling(state.coupling, state.exchange, force)
@@ -93,7 +98,7 @@ def deviation_forces(system: System, table: LawTable, state: State, work: Work) 
     g = state.g
     _push(system, table, state, work)
     for block in range(system.end_start.size - 1):
-        first = system.end_start[block]
+        first = system.slot_start[block]
         for slot in range(first, first + state.slots[block]):
             row = row_of_slot[slot]
             force = shift[row] + push[row]
@@ -105,7 +110,7 @@ def deviation_forces(system: System, table: LawTable, state: State, work: Work) 
 @compiled
 def set_modes(system: System, state: State) -> None:
     """Take the modal coordinates from the solution."""
-    ends, q, mode_start, end_stop = state.ends, state.q, system.mode_start, system.end_stop
+    g, q, mode_start, end_stop = state.g, state.q, system.mode_start, system.end_stop
     for block in range(end_stop.size):
         first, last = mode_start[block], mode_start[block + 1]
-        copy(ends[end_stop[block] : system.end_start[block + 1]], q[first:last])
+        copy(g[end_stop[block] : system.end_start[block + 1]], q[first:last])

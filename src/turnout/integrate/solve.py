@@ -175,7 +175,7 @@ def settle(
     for iteration in range(tolerances.iterations):
         solve_set(system, table, state, work)
         state.counters[COUNT_ITERATIONS] += 1
-        if any_not_finite(state.ends):
+        if any_not_finite(state.g):
             return NOT_FINITE
         if work.stop[0]:
             return STOPPED

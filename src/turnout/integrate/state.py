@@ -19,8 +19,8 @@ class State(NamedTuple):
     ``(slope * e / 2 + intercept) * e + potential``; `set_segment` keeps these together.
     ``entries`` and ``shift`` are the deviations of the rows; the columns, with their slots, and the
     coupling of the blocks are those of `turnout.integrate.columns`, for the step of ``level``; what
-    depends on the length of the step alone (``compliance``) is kept level by level. ``ends`` hold
-    the solution, with modes at the ends that stand for them. ``damped`` is the damping matrix times
+    depends on the length of the step alone (``compliance``) is kept level by level. ``g`` holds
+    the displacements of all places, `turnout.integrate.places`. ``damped`` is the damping matrix times
     `q`, `v`, `a` and `acceleration`.
     ``counters``: active rows that join blocks, flips since the last rebuild, flips in all,
     iterations in all, steps halved, rebuilds, the level, whether the coupling is up to date.
@@ -60,7 +60,6 @@ class State(NamedTuple):
     a: Floats
     acceleration: Floats
     damped: Floats
-    ends: Floats
     g: Floats
     inputs: Floats
     ledger: Floats
@@ -129,9 +128,10 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
     levels : int
         How many lengths of a step there are.
     """
-    n_modes, n_ends = system.eigenvalues.size, system.end_load.size
-    widest_ends = int(np.max(np.diff(system.end_start), initial=0))
-    n_rows, n_laws, n_frictions = system.row_ends.shape[0], table.row.size, table.friction_row.size
+    n_modes, n_places = system.eigenvalues.size, system.row_ends.shape[0]
+    n_ends, n_slots = int(system.follower_start[-1]), int(system.slot_start[-1])
+    widest = int(np.max(np.diff(system.end_start), initial=0))
+    n_laws, n_frictions = table.row.size, table.friction_row.size
     n_joining = int(np.sum(system.row_ends[:, 1] >= 0))
     modal, of_laws, of_frictions = np.zeros(n_modes), np.zeros(n_laws), np.zeros(n_frictions)
     state = shared(
@@ -151,26 +151,25 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             law_energy=of_laws.copy(),
             law_argument=of_laws.copy(),
             entries=np.zeros(system.pattern_list.size),
-            shift=np.zeros(n_rows),
+            shift=np.zeros(n_places),
             slot_of_end=np.full(n_ends, -1, dtype=np.int64),
-            end_of_slot=np.full(n_ends, -1, dtype=np.int64),
-            row_of_slot=np.full(n_ends, -1, dtype=np.int64),
-            slots=np.zeros(system.end_start.size - 1, dtype=np.int64),
-            columns=np.zeros((n_ends, widest_ends)),
+            end_of_slot=np.full(n_slots, -1, dtype=np.int64),
+            row_of_slot=np.full(n_slots, -1, dtype=np.int64),
+            slots=np.zeros(system.end_stop.size, dtype=np.int64),
+            columns=np.zeros((n_slots, widest)),
             joining=np.full(n_joining, -1, dtype=np.int64),
             coupling=np.zeros((n_joining, n_joining)),
             exchange=np.zeros(n_joining, dtype=np.int64),
             made=np.zeros(levels, dtype=np.int64),
-            mode_columns=np.zeros((n_modes, widest_ends)),
-            constant_column=np.zeros(n_ends),
-            compliance=np.zeros((levels, n_ends, widest_ends)),
+            mode_columns=np.zeros((n_modes, widest)),
+            constant_column=np.zeros(system.end_start[-1]),
+            compliance=np.zeros((levels, n_ends, widest)),
             q=modal.copy(),
             v=modal.copy(),
             a=modal.copy(),
             acceleration=modal.copy(),
             damped=np.zeros((4, n_modes)),
-            ends=np.zeros(n_ends),
-            g=np.zeros(n_rows),
+            g=np.zeros(n_places),
             inputs=np.zeros(n_inputs),
             ledger=np.zeros(6),
             counters=np.zeros(8, dtype=np.int64),

@@ -1,11 +1,12 @@
 """The condensed system of a run, as arrays for the kernels.
 
 Laws act on *rows*. The mechanism is split into blocks (rails that only laws join), and a row has an
-*end* in each block that it reaches into: one, or two if it joins two of them. Ends are numbered
-block by block. The linear system (beams, linear supports, and the base segment of the laws) is
+*end* in each block that it reaches into: one, or two if it joins two of them. Ends, modes and rows
+stand in one vector of displacements, see `turnout.integrate.places`; a number of a row or an end is
+its place there. The linear system (beams, linear supports, and the base segment of the laws) is
 solved once; a law away from its base segment adds a *deviation* ``lambda = D g + b`` on its row.
-``D`` has few entries a row: the row itself and, for friction, the rows of the normal laws. See
-`turnout.integrate.columns` for what is done with it.
+``D`` has few entries a row: those of the row itself and, for friction, of the rows of the normal
+laws. See `turnout.integrate.columns` for what is done with it.
 """
 
 from collections.abc import Sequence
@@ -15,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import MechanicsError
+from turnout.integrate.places import Places, Terms, number_places, placed
 from turnout.law.shared import shared
 from turnout.law.table import LawTable
-from turnout.mechanism.condense import BlockModel, ModalModel, base_stiffness
+from turnout.mechanism.condense import BlockModel, base_stiffness
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -26,14 +28,18 @@ Ints = NDArray[np.int64]
 class System(NamedTuple):
     """What does not change during a run.
 
-    Block `b` has the ends ``end_start[b]`` to ``end_stop[b]``; the numbers from there to
-    ``end_start[b + 1]`` stand for its modes, so that one column tells what a force does to both.
-    Modes by themselves are numbered from ``mode_start[b]``. Arrays with two indices hold, for each
-    end or mode, the entries of its own block only, from the left: damping, the modes at the ends
-    and the residual flexibility between ends. ``diagonal`` blocks damp each mode by itself. The
-    pairs ``..._start`` / ``..._list`` are ragged lists in compressed form. ``pattern_at`` is the
-    pattern as places in its block; -1 in ``row_ends`` stands for no second end. ``timed_law``
-    lists the laws that do not act all the time.
+    Block `b` has the leading ends ``end_start[b]`` to ``end_stop[b]``; the places from there to
+    ``end_start[b + 1]`` are its modes, so that one column tells what a force does to both. Its
+    other ends are ``follower_start[b]`` to ``follower_start[b + 1]``. Modes by themselves are
+    numbered from ``mode_start[b]``. Arrays with two indices hold, for each end or mode, the entries
+    of its own block only, from the left: damping, the modes at the ends (and, transposed,
+    ``mode_ends``), and the residual flexibility to leading ends. ``diagonal`` blocks damp each mode
+    by itself. The pairs ``..._start`` / ``..._list`` are ragged lists in compressed form: what a
+    place behind the solved ones is the sum of (``derived``, from `solved` on, with weights); which
+    rows the deviation of a row depends on (``term``), and the same as leading ends (``pattern``),
+    with weights and their places in the block. -1 in ``row_ends`` stands for no end. ``row_place``
+    are the places of the mechanism's rows; ``timed_law`` lists the laws that do not act all the
+    time.
     """
 
     eigenvalues: Floats
@@ -41,17 +47,27 @@ class System(NamedTuple):
     damping: Floats
     end_load: Floats
     end_modes: Floats
+    mode_ends: Floats
     flexibility: Floats
     end_start: Ints
     end_stop: Ints
     mode_start: Ints
+    follower_start: Ints
+    slot_start: Ints
     diagonal: Ints
     block_of_end: Ints
     row_ends: Ints
-    joining_rows: Ints
+    row_place: Ints
+    derived_start: Ints
+    derived_list: Ints
+    derived_weight: Floats
+    term_start: Ints
+    term_list: Ints
     pattern_start: Ints
     pattern_list: Ints
     pattern_at: Ints
+    pattern_term: Ints
+    pattern_weight: Floats
     row_law_start: Ints
     row_law_list: Ints
     row_friction_start: Ints
@@ -65,81 +81,136 @@ class System(NamedTuple):
     timed_law: Ints
 
 
-def condensed_system(parts: Sequence[BlockModel], table: LawTable) -> System:
+def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> tuple[System, LawTable]:
     """Arrange modal models and their laws for the kernels.
 
     Parameters
     ----------
     parts : sequence of BlockModel
         Of the linear system with the base segments of the laws; every row has an end or two.
-    table : LawTable
+    laws : LawTable
         The laws.
 
     Returns
     -------
     System
+    LawTable
+        The laws, whose rows are places.
 
     Raises
     ------
     MechanicsError
         If the normal law of a friction is driven or can pull.
     """
-    _check_normals(table)
-    n_rows = 1 + max((int(part.block.rows.max(initial=-1)) for part in parts), default=-1)
+    _check_normals(laws)
+    places = number_places(parts)
+    table, count = placed(laws, places.of_row), places.row_ends.shape[0]
     models = [part.model for part in parts]
-    mode_start = np.cumsum([0, *(model.eigenvalues.size for model in models)])
-    end_stop = np.cumsum([part.block.rows.size for part in parts]) + mode_start[:-1]
-    end_start = np.concatenate(([0], end_stop + np.diff(mode_start)))
-    row_ends = np.full((n_rows, 2), -1, dtype=np.int64)
-    for part, first in zip(parts, end_start[:-1], strict=True):
-        for end, row in enumerate(part.block.rows, start=int(first)):
-            row_ends[row, int(row_ends[row, 0] >= 0)] = end
-    pattern: list[list[int]] = [[r] for r in range(n_rows)]
-    for row, normal in zip(table.friction_row, table.row[table.friction_normal], strict=True):
-        if normal not in pattern[row]:
-            pattern[row].append(int(normal))
-    pattern_start, pattern_list = _ragged(pattern)
-    block_of_end = np.repeat(np.arange(len(models)), np.diff(end_start))
-    first_ends = row_ends[pattern_list, 0]
-    row_law = _ragged(_inverted(table.row, n_rows))
-    row_friction = _ragged(_inverted(table.friction_row, n_rows))
+    row_law = _ragged(_inverted(table.row, count))
+    row_friction = _ragged(_inverted(table.friction_row, count))
     normal_friction = _ragged(_inverted(table.friction_normal, table.row.size))
-    pinned = np.zeros(n_rows, dtype=np.int64)
+    pinned = np.zeros(count, dtype=np.int64)
     driven = np.flatnonzero(table.input_index >= 0)
     pinned[table.row[driven]] = 1
-    return shared(
-        System(
-            eigenvalues=np.concatenate([model.eigenvalues for model in models]),
-            load=np.concatenate([model.load for model in models]),
-            damping=_stacked([model.damping for model in models]),
-            end_load=np.concatenate([_with_modes(model.row_load, model) for model in models]),
-            end_modes=_stacked([_with_modes(model.row_modes, model) for model in models]),
-            flexibility=_stacked([_with_modes(model.flexibility, model) for model in models]),
-            end_start=end_start,
-            end_stop=end_stop,
-            mode_start=mode_start,
-            diagonal=np.array([_is_diagonal(model.damping) for model in models], dtype=np.int64),
-            block_of_end=block_of_end,
-            row_ends=row_ends,
-            joining_rows=np.flatnonzero(row_ends[:, 1] >= 0),
-            pattern_start=pattern_start,
-            pattern_list=pattern_list,
-            pattern_at=first_ends - end_start[block_of_end[first_ends]],
-            row_law_start=row_law[0],
-            row_law_list=row_law[1],
-            row_friction_start=row_friction[0],
-            row_friction_list=row_friction[1],
-            normal_friction_start=normal_friction[0],
-            normal_friction_list=normal_friction[1],
-            base_slope=base_stiffness(table),
-            pinned=pinned,
-            input_law=driven.astype(np.int64),
-            input_row=np.unique(table.row[driven]),
-            timed_law=np.flatnonzero(
-                np.isfinite(table.appears) | np.isfinite(table.disappears) | (table.waits == 1)
-            ),
+    derived_start, derived = _ragged_terms(places.terms[places.solved :])
+    system = System(
+        eigenvalues=np.concatenate([model.eigenvalues for model in models]),
+        load=np.concatenate([model.load for model in models]),
+        damping=_stacked([model.damping for model in models]),
+        **_of_ends(parts, places),
+        end_start=places.end_start,
+        end_stop=places.end_stop,
+        mode_start=places.mode_start,
+        follower_start=places.follower_start,
+        slot_start=np.concatenate(([0], np.cumsum([p.block.rows.size for p in parts]))),
+        diagonal=np.array([_is_diagonal(model.damping) for model in models], dtype=np.int64),
+        block_of_end=_blocks(places),
+        row_ends=places.row_ends,
+        row_place=places.of_row,
+        derived_start=derived_start,
+        derived_list=np.array([place for place, _ in derived], dtype=np.int64),
+        derived_weight=np.array([weight for _, weight in derived], dtype=np.float64),
+        **_patterns(table, places),
+        row_law_start=row_law[0],
+        row_law_list=row_law[1],
+        row_friction_start=row_friction[0],
+        row_friction_list=row_friction[1],
+        normal_friction_start=normal_friction[0],
+        normal_friction_list=normal_friction[1],
+        base_slope=base_stiffness(table),
+        pinned=pinned,
+        input_law=driven.astype(np.int64),
+        input_row=np.unique(table.row[driven]),
+        timed_law=np.flatnonzero(
+            np.isfinite(table.appears) | np.isfinite(table.disappears) | (table.waits == 1)
+        ),
+    )
+    return shared(system), shared(table)
+
+
+def _of_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Floats]:
+    """Return what the linear system is at the ends, by place."""
+    n_modes = [part.model.eigenvalues.size for part in parts]
+    widest = max(part.leading.leaders.size for part in parts)
+    found = {
+        "end_load": np.zeros(places.row_ends.shape[0]),
+        "end_modes": np.zeros((places.row_ends.shape[0], max(n_modes))),
+        "mode_ends": np.zeros((sum(n_modes), widest)),
+        "flexibility": np.zeros((places.row_ends.shape[0], widest)),
+    }
+    for block, part in enumerate(parts):
+        at, model, leaders = places.of_end[block], part.model, part.leading.leaders
+        modes = slice(places.mode_start[block], places.mode_start[block + 1])
+        found["end_load"][at] = model.row_load
+        found["end_modes"][at, : n_modes[block]] = model.row_modes
+        found["mode_ends"][modes, : leaders.size] = model.row_modes[leaders].T
+        found["flexibility"][at, : leaders.size] = model.flexibility[:, leaders]
+    return found
+
+
+def _blocks(places: Places) -> Ints:
+    """Return the block of every end and mode."""
+    blocks = np.arange(places.end_stop.size)
+    return np.concatenate(
+        (
+            np.repeat(blocks, np.diff(places.end_start)),
+            np.repeat(blocks, np.diff(places.follower_start)),
         )
     )
+
+
+def _patterns(table: LawTable, places: Places) -> dict[str, NDArray[np.generic]]:
+    """Return the rows and leading ends that the deviation of every row depends on."""
+    rows: list[list[int]] = [[] for _ in range(places.row_ends.shape[0])]
+    for row in places.of_row.tolist():
+        rows[row].append(row)
+    normals = table.row[table.friction_normal]
+    for row, normal in zip(table.friction_row.tolist(), normals.tolist(), strict=True):
+        if normal not in rows[row]:
+            rows[row].append(normal)
+    patterns: list[Terms] = []
+    number: list[int] = []
+    for members in rows:
+        pattern: Terms = []
+        for term, row in enumerate(members):
+            joins = places.row_ends[row, 1] >= 0
+            of_row = [(row, 1.0)] if joins else places.terms[row]
+            pattern += of_row
+            number += [term] * len(of_row)
+        patterns.append(pattern)
+    start, flat = _ragged_terms(patterns)
+    ends = np.array([end for end, _ in flat], dtype=np.int64)
+    block = np.searchsorted(places.end_start, ends, side="right") - 1
+    term_start, term_list = _ragged(rows)
+    return {
+        "term_start": term_start,
+        "term_list": term_list,
+        "pattern_start": start,
+        "pattern_list": ends,
+        "pattern_at": np.where(ends < places.solved, ends - places.end_start[block], -1),
+        "pattern_term": np.array(number, dtype=np.int64),
+        "pattern_weight": np.array([weight for _, weight in flat], dtype=np.float64),
+    }
 
 
 def _check_normals(table: LawTable) -> None:
@@ -160,12 +231,6 @@ def _stacked(blocks: Sequence[Floats]) -> Floats:
     return np.ascontiguousarray(np.concatenate(padded))
 
 
-def _with_modes(of_ends: Floats, model: ModalModel) -> Floats:
-    """Append a row of zeros for each mode of a block."""
-    below = [(0, model.eigenvalues.size)] + [(0, 0)] * (of_ends.ndim - 1)
-    return np.pad(of_ends, below)
-
-
 def _is_diagonal(damping: Floats) -> bool:
     """Tell whether modes are damped each by itself, but for rounding."""
     of_modes = np.diagonal(damping)
@@ -182,3 +247,8 @@ def _inverted(targets: Ints, count: int) -> list[list[int]]:
 def _ragged(lists: list[list[int]]) -> tuple[Ints, Ints]:
     start = np.concatenate(([0], np.cumsum([len(x) for x in lists]))).astype(np.int64)
     return start, np.array([i for x in lists for i in x], dtype=np.int64)
+
+
+def _ragged_terms(lists: Sequence[Terms]) -> tuple[Ints, Terms]:
+    start = np.concatenate(([0], np.cumsum([len(x) for x in lists]))).astype(np.int64)
+    return start, [term for terms in lists for term in terms]

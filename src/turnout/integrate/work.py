@@ -14,8 +14,8 @@ class Work(NamedTuple):
 
     Except `push`, which is zero on rows without an input, `unsettled`, which flags the rows that
     still changed when a step was given up, and `stop`, which another thread sets to end the work
-    between two solutions. `q` to `damped`, `ends_start`, `g_start` and the two of the contact
-    set are the state at the start of a step.
+    between two solutions. `q` to `damped`, `g_start` and the two of the contact set
+    are the state at the start of a step.
     """
 
     row: Floats
@@ -38,7 +38,6 @@ class Work(NamedTuple):
     a: Floats
     acceleration: Floats
     damped: Floats
-    ends_start: Floats
     g: Floats
     g_start: Floats
     argument: Floats
@@ -48,7 +47,7 @@ class Work(NamedTuple):
     origin: Floats
     end_error: Floats
     modal_error: Floats
-    found_ends: Floats
+    found: Floats
     of_modes: Floats
     of_laws: Floats
     of_frictions: Floats
@@ -59,30 +58,30 @@ class Work(NamedTuple):
 
 def new_work(system: System, table: LawTable) -> Work:
     """Return scratch arrays that fit a system."""
-    n_rows, n_ends = system.row_ends.shape[0], system.end_load.size
+    n_rows = system.row_ends.shape[0]
     n_inputs = int(table.input_index.max(initial=-1)) + 1
 
     def modal() -> Floats:
         return np.zeros(system.eigenvalues.size)
 
-    def of_ends() -> Floats:
-        return np.zeros(n_ends)
+    def placed() -> Floats:
+        return np.zeros(n_rows)
 
     def flags() -> Ints:
         return np.zeros(n_rows, dtype=np.int64)
 
     return shared(
         Work(
-            row=np.zeros(max(n_rows, int(np.max(np.diff(system.pattern_start), initial=1)))),
+            row=np.zeros(n_rows + int(np.max(np.diff(system.pattern_start), initial=1))),
             predicted=modal(),
             velocity=modal(),
             damped_predicted=modal(),
             damped_velocity=modal(),
             right_side=modal(),
-            push=np.zeros(n_rows),
-            end_force=of_ends(),
-            slot_force=of_ends(),
-            joining=np.zeros(n_rows),
+            push=placed(),
+            end_force=placed(),
+            slot_force=np.zeros(system.slot_start[-1]),
+            joining=placed(),
             dirty=flags(),
             dirty_list=flags(),
             unsettled=flags(),
@@ -93,17 +92,16 @@ def new_work(system: System, table: LawTable) -> Work:
             a=modal(),
             acceleration=modal(),
             damped=np.zeros((4, system.eigenvalues.size)),
-            ends_start=of_ends(),
-            g=np.zeros(n_rows),
-            g_start=np.zeros(n_rows),
+            g=placed(),
+            g_start=placed(),
             argument=np.zeros(table.row.size),
             trial=np.zeros(table.friction_row.size),
             limit=np.zeros(table.friction_row.size),
             aim=modal(),
             origin=modal(),
-            end_error=of_ends(),
+            end_error=placed(),
             modal_error=modal(),
-            found_ends=of_ends(),
+            found=placed(),
             of_modes=modal(),
             of_laws=np.zeros(table.row.size),
             of_frictions=np.zeros(table.friction_row.size),

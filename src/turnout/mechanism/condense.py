@@ -23,6 +23,7 @@ from turnout.errors import MechanicsError
 from turnout.law.table import LawTable
 from turnout.mechanism.blocks import Block, split_blocks
 from turnout.mechanism.cache import remembered
+from turnout.mechanism.followers import Leading, leading_rows
 from turnout.mechanism.mechanism import Mechanism
 
 Floats = NDArray[np.float64]
@@ -145,12 +146,13 @@ def _remembered_model(
     damping: Floats,
     rows: Floats,
     at_rows: Floats,
+    first: NDArray[np.bool_],
     load: Floats,
     cutoff_frequency: float,
-) -> ModalModel:
-    """Return `modal_model` with stiffnesses at the rows folded in [N/m].
+) -> tuple[ModalModel, Leading]:
+    """Return `modal_model` with stiffnesses at the rows folded in [N/m], and `leading_rows`.
 
-    It is computed once for throws that differ in friction, objects or motion only.
+    They are computed once for throws that differ in friction, objects or motion only.
     """
 
     def compute() -> dict[str, Floats]:
@@ -162,18 +164,27 @@ def _remembered_model(
             load=load,
             cutoff_frequency=cutoff_frequency,
         )
-        return {item.name: getattr(model, item.name) for item in fields(model)}
+        leading = leading_rows(rows, first=first)
+        found = {item.name: getattr(model, item.name) for item in fields(model)}
+        of_rows = {"leaders": leading.leaders.astype(np.float64), "weights": leading.weights}
+        return found | of_rows
 
-    parts = (stiffness, mass, damping, rows, at_rows, load, cutoff_frequency)
-    return ModalModel(**remembered("modes", parts, compute, on_disk=False))
+    parts = (stiffness, mass, damping, rows, at_rows, first, load, cutoff_frequency)
+    kept = dict(remembered("modes", parts, compute, on_disk=False))
+    leading = Leading(kept.pop("leaders").astype(np.int64), kept.pop("weights"))
+    return ModalModel(**kept), leading
 
 
 @dataclass(frozen=True, slots=True)
 class BlockModel:
-    """A block of a mechanism and its modal model, whose rows are the block's ends."""
+    """A block of a mechanism and its modal model, whose rows are the block's ends.
+
+    `leading` are those ends from which the others follow.
+    """
 
     block: Block
     model: ModalModel
+    leading: Leading
 
 
 def condense_blocks(
@@ -187,19 +198,22 @@ def condense_blocks(
         If a block is not held.
     """
     at_rows = _row_stiffness(mechanism.rows.shape[0], laws)
+    rubs = np.zeros(at_rows.size, dtype=bool)
+    rubs[laws.friction_row] = rubs[laws.row[laws.friction_normal]] = True
     found = []
     for block in split_blocks(mechanism, laws):
         square = np.ix_(block.coordinates, block.coordinates)
-        model = _remembered_model(
+        model, leading = _remembered_model(
             mechanism.stiffness[square],
             mechanism.mass[square],
             damping=mechanism.damping[square],
             rows=mechanism.rows[np.ix_(block.rows, block.coordinates)],
             at_rows=at_rows[block.rows],
+            first=rubs[block.rows],
             load=mechanism.load[block.coordinates],
             cutoff_frequency=cutoff_frequency,
         )
-        found.append(BlockModel(block, model))
+        found.append(BlockModel(block, model, leading))
     return tuple(found)
 
 

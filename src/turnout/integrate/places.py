@@ -1,0 +1,124 @@
+"""Where every end, mode and row of a run stands in the vector of displacements.
+
+The vector holds, block by block, the leading ends and then the modes of the block; these are the
+*solved* places. Behind them stand the ends that follow from leading ones, and last the rows that
+join two blocks. A row with one end stands where that end does.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.law.table import LawTable
+from turnout.mechanism.condense import BlockModel
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Terms = list[tuple[int, float]]
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Numbers of the places.
+
+    Attributes
+    ----------
+    end_start, end_stop : ndarray of int, shape (n_blocks + 1,), (n_blocks,)
+        Leading ends of a block, which its modes follow.
+    mode_start : ndarray of int, shape (n_blocks + 1,)
+        Modes of a block, counted without ends.
+    follower_start : ndarray of int, shape (n_blocks + 1,)
+        Ends that follow, block by block.
+    of_row : ndarray of int, shape (n_rows,)
+        Place of every row of the mechanism.
+    row_ends : ndarray of int, shape (n_places, 2)
+        Ends of the row that stands there; -1 for none.
+    of_end : tuple of ndarray of int
+        For each block, the places of its ends in the order of the block.
+    terms : list of list of (int, float)
+        Every place as a sum of solved places with weights.
+    """
+
+    end_start: Ints
+    end_stop: Ints
+    mode_start: Ints
+    follower_start: Ints
+    of_row: Ints
+    row_ends: Ints
+    of_end: tuple[Ints, ...]
+    terms: list[Terms]
+
+    @property
+    def solved(self) -> int:
+        """How many places are solved for."""
+        return int(self.end_start[-1])
+
+
+def number_places(parts: Sequence[BlockModel]) -> Places:
+    """Number what blocks and their rows need."""
+    leading = np.array([part.leading.leaders.size for part in parts])
+    ends = np.array([part.block.rows.size for part in parts])
+    mode_start = _starts([part.model.eigenvalues.size for part in parts])
+    end_start = _starts(leading + np.diff(mode_start))
+    follower_start = end_start[-1] + _starts(ends - leading)
+    of_end = []
+    for block, part in enumerate(parts):
+        follows = np.ones(part.block.rows.size, dtype=bool)
+        follows[part.leading.leaders] = False
+        of_end.append(
+            np.where(
+                follows,
+                follower_start[block] + np.cumsum(follows) - 1,
+                end_start[block] + np.cumsum(~follows) - 1,
+            )
+        )
+    n_rows = 1 + max((int(part.block.rows.max(initial=-1)) for part in parts), default=-1)
+    row_ends = np.full((n_rows, 2), -1, dtype=np.int64)
+    for part, places in zip(parts, of_end, strict=True):
+        second = row_ends[part.block.rows, 0] >= 0
+        row_ends[part.block.rows, second.astype(int)] = places
+    joins = row_ends[:, 1] >= 0
+    of_row = np.where(joins, follower_start[-1] + np.cumsum(joins) - 1, row_ends[:, 0])
+    count = int(follower_start[-1] + joins.sum())
+    ends_at_place = np.full((count, 2), -1, dtype=np.int64)
+    ends_at_place[of_row] = row_ends
+    return Places(
+        end_start=end_start,
+        end_stop=end_start[:-1] + leading,
+        mode_start=mode_start,
+        follower_start=follower_start,
+        of_row=of_row,
+        row_ends=ends_at_place,
+        of_end=tuple(of_end),
+        terms=_terms(parts, of_end, ends_at_place, int(end_start[-1])),
+    )
+
+
+def placed(laws: LawTable, of_row: Ints) -> LawTable:
+    """Return laws whose rows are places, given the place of every row."""
+    return laws._replace(row=of_row[laws.row], friction_row=of_row[laws.friction_row])
+
+
+def _starts(counts: Sequence[int] | Ints) -> Ints:
+    return np.concatenate(([0], np.cumsum(np.asarray(counts, dtype=np.int64)))).astype(np.int64)
+
+
+def _terms(
+    parts: Sequence[BlockModel], of_end: Sequence[Ints], row_ends: Ints, solved: int
+) -> list[Terms]:
+    """Return every place as a sum of solved ones."""
+    terms: list[Terms] = [[(place, 1.0)] for place in range(solved)]
+    terms += [[] for _ in range(row_ends.shape[0] - solved)]
+    for part, places in zip(parts, of_end, strict=True):
+        leaders = places[part.leading.leaders]
+        for end in np.flatnonzero(places >= solved):
+            weights = part.leading.weights[end]
+            used = np.flatnonzero(weights)
+            terms[places[end]] = list(
+                zip(leaders[used].tolist(), weights[used].tolist(), strict=True)
+            )
+    for place in np.flatnonzero(row_ends[:, 1] >= 0):
+        terms[place] = [*terms[row_ends[place, 0]], *terms[row_ends[place, 1]]]
+    return terms
