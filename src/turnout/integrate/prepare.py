@@ -29,6 +29,8 @@ from turnout.mechanism.condense import BlockModel, condense_blocks
 from turnout.mechanism.mechanism import Mechanism
 
 Floats = NDArray[np.float64]
+LARGE_PAGE = 1 << 21
+"""Of memory, as processors have them [bytes]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,18 +98,35 @@ def prepare(
         positions=positions,
         record=shared(
             Record(
-                q=np.empty((n_stored, n_modes)),
-                g=np.empty((n_stored, system.row_place.size)),
-                friction=np.empty((n_stored, laws.friction_row.size)),
-                law=np.empty((n_stored, laws.row.size)),
-                stored=np.empty((n_stored, 4)),
-                ledger=np.empty((n_stored, 6)),
+                **_in_one_piece(
+                    n_stored,
+                    q=n_modes,
+                    g=system.row_place.size,
+                    friction=laws.friction_row.size,
+                    law=laws.row.size,
+                    stored=4,
+                    ledger=6,
+                ),
                 residual=np.zeros(1),
                 folded=np.zeros(1),
                 v=np.zeros((n_stored if filled_in and scheme.inertia else 1, n_modes)),
             )
         ),
     )
+
+
+def _in_one_piece(n_rows: int, **widths: int) -> dict[str, Floats]:
+    """Return empty arrays of so many rows in one piece of memory.
+
+    It starts where a large page of memory does, so that a run touches few pages for the first time.
+    """
+    page = LARGE_PAGE // 8
+    memory = np.empty(n_rows * sum(widths.values()) + 2 * page)
+    at, arrays = (-(memory.ctypes.data // 8)) % page, {}
+    for name, width in widths.items():
+        arrays[name] = memory[at : at + n_rows * width].reshape(n_rows, width)
+        at += n_rows * width
+    return arrays
 
 
 def start(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
