@@ -57,12 +57,14 @@ def _end_errors(system: System, state: State, force: Floats, error: Floats) -> f
 @compiled
 def _lead(system: System, force: Floats) -> None:
     """Hand forces on ends that follow, and on rows that join blocks, to the leading ends."""
-    solved = system.end_start[-1]
-    for place in range(solved, force.size):
-        if force[place] != 0.0:
-            number = place - solved
-            for k in range(system.derived_start[number], system.derived_start[number + 1]):
-                force[system.derived_list[k]] += system.derived_weight[k] * force[place]
+    ends = system.joining_ends
+    for row in range(ends.shape[1]):
+        for side in range(2):
+            force[ends[side, row]] += force[system.follower_start[-1] + row]
+    leaders, weights = system.follower_list, system.follower_weight
+    for term in range(leaders.shape[0]):
+        for end in range(leaders.shape[1]):
+            force[leaders[term, end]] += weights[term, end] * force[system.follower_start[0] + end]
 
 
 @compiled

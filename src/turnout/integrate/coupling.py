@@ -9,6 +9,8 @@ where :math:`g_0` are the joining displacements without the joining forces. The 
 by rows with partial pivoting, and kept until a column of an end changes.
 """
 
+import numpy as np
+
 from turnout.integrate.state import COUNT_JOINING, COUPLED, State
 from turnout.integrate.system import Floats, Ints, System
 from turnout.law.compiled import compiled
@@ -39,13 +41,15 @@ def couple(system: System, state: State) -> None:
 @compiled
 def at_end(system: System, column: Floats, end: int) -> float:
     """Return a column of a block at one of its ends."""
-    start, solved = system.end_start[system.block_of_end[end]], system.end_start[-1]
-    if end < solved:
+    start, follower = system.end_start[system.block_of_end[end]], end - system.follower_start[0]
+    if follower < 0:
         value: float = column[end - start]
         return value
     total = 0.0
-    for k in range(system.derived_start[end - solved], system.derived_start[end - solved + 1]):
-        total += system.derived_weight[k] * column[system.derived_list[k] - start]
+    for term in range(system.follower_list.shape[0]):
+        weight = system.follower_weight[term, follower]
+        if weight != 0.0:
+            total += weight * column[np.int64(system.follower_list[term, follower]) - start]
     return total
 
 

@@ -13,11 +13,10 @@ the change of potential where a law changes its segment within a step.
 
 import numpy as np
 
-from turnout.integrate.solution import deviation_forces
 from turnout.integrate.solve import mark_law
 from turnout.integrate.state import State, set_segment
 from turnout.integrate.system import Floats, System
-from turnout.integrate.vector import add, add_chosen, copy, dot, total
+from turnout.integrate.vector import add, copy, dot, total
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
 from turnout.law.kernel import STICK, law_argument, law_energy, law_force, segment_for
@@ -163,41 +162,38 @@ def stored_energy(
     """Write kinetic, strain, law (contact, bushing, stick) and gravity energy of the state [J].
 
     Strain is that of beams and linear supports: half of ``q Lambda q`` plus the residual part
-    ``lambda R lambda + 2 lambda r``, less what the base segments of the laws hold. Gravity and
-    strain leave out the same constant. Returns the energy of the linear system with the base
+    ``lambda R lambda + 2 lambda r = lambda (e + r) - (Phi^T lambda) q``, less what the base
+    segments of the laws hold, where ``Phi^T lambda`` is what keeps the modes in balance. Gravity
+    and strain leave out the same constant. Returns the energy of the linear system with the base
     segments of all laws.
     """
-    deviation_forces(system, table, state, work)
-    q, v, eigenvalues, load = state.q, state.v, system.eigenvalues, system.load
-    part = work.of_modes
+    q, v, g, part = state.q, state.v, state.g, work.of_modes
+    eigenvalues, load, viscous = system.eigenvalues, system.load, state.damped[1]
     for i in range(q.size):
         part[i] = eigenvalues[i] * q[i]
-    folded, strain, gravity = 0.5 * dot(part, q), 0.0, -dot(load, q)
-    g, end_load, end_modes, forces = state.g, system.end_load, system.end_modes, work.slot_force
-    end_of_slot = state.end_of_slot
-    part[:] = 0.0
-    for block in range(system.end_stop.size):
-        first = system.slot_start[block]
-        stop = first + state.slots[block]
-        of_block = part[system.mode_start[block] : system.mode_start[block + 1]]
-        add_chosen(forces[first:stop], end_modes, end_of_slot[first:stop], of_block)
-        for slot in range(first, stop):
-            end = end_of_slot[slot]
-            strain += 0.5 * forces[slot] * (g[end] + end_load[end])
-            gravity -= forces[slot] * end_load[end]
-    strain -= 0.5 * dot(part, q)
-    row, base_slope, of_law = table.row, system.base_slope, work.of_laws
+    folded = 0.5 * dot(part, q)
+    for i in range(q.size):  # what the laws push the modes with is what keeps them in balance
+        part[i] += state.acceleration[i] + viscous[i] - load[i]
+    strain, gravity = folded - 0.5 * dot(part, q), -dot(load, q)
+    row, base_slope, forces = table.row, system.base_slope, state.law_force
+    of_law, residual, end_load = work.of_laws, work.of_laws_alone, system.end_load
     for law in range(of_law.size):
-        of_law[law] = base_slope[law] * g[row[law]] ** 2
-    frictions, stiffness, of_friction = (
-        state.friction_force,
-        table.stick_stiffness,
-        work.of_frictions,
-    )
-    for friction in range(frictions.size):
-        of_friction[friction] = frictions[friction] ** 2 / stiffness[friction]
+        at, alone = g[row[law]], end_load[row[law]]
+        deviation = base_slope[law] * at - forces[law]
+        of_law[law] = deviation * (at + alone) - base_slope[law] * at**2
+        residual[law] = deviation * alone
+    strain += 0.5 * total(of_law)
+    gravity -= total(residual)
+    row, forces, stiffness = table.friction_row, state.friction_force, table.stick_stiffness
+    of_friction, residual = work.of_frictions, work.of_frictions_alone
+    stuck = work.of_frictions_stuck
+    for friction in range(of_friction.size):
+        at, alone, force = g[row[friction]], end_load[row[friction]], forces[friction]
+        of_friction[friction] = force * (at + alone)
+        residual[friction] = force * alone
+        stuck[friction] = force**2 / stiffness[friction]
     stored[KINETIC] = 0.5 * dot(v, v)
-    stored[STRAIN] = folded + strain - 0.5 * total(of_law)
-    stored[CONTACT] = total(state.law_energy) + 0.5 * total(of_friction)
-    stored[GRAVITY] = gravity
+    stored[STRAIN] = strain - 0.5 * total(of_friction)
+    stored[CONTACT] = total(state.law_energy) + 0.5 * total(stuck)
+    stored[GRAVITY] = gravity + total(residual)
     return folded

@@ -7,6 +7,7 @@ join two blocks. A row with one end stands where that end does.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,14 @@ from turnout.mechanism.condense import BlockModel
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Terms = list[tuple[int, float]]
+
+
+def unsigned(indices: Ints) -> Ints:
+    """Return indices that a kernel need not suspect of counting from the end.
+
+    They are for looking up alone: sums with others would be floating-point numbers in a kernel.
+    """
+    return cast("Ints", indices.astype(np.uint64))
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +47,7 @@ class Places:
     of_end : tuple of ndarray of int
         For each block, the places of its ends in the order of the block.
     terms : list of list of (int, float)
-        Every place as a sum of solved places with weights.
+        Every end and mode as a sum of solved places with weights.
     """
 
     end_start: Ints
@@ -92,13 +101,17 @@ def number_places(parts: Sequence[BlockModel]) -> Places:
         of_row=of_row,
         row_ends=ends_at_place,
         of_end=tuple(of_end),
-        terms=_terms(parts, of_end, ends_at_place, int(end_start[-1])),
+        terms=_terms(parts, of_end, int(end_start[-1]), int(follower_start[-1])),
     )
 
 
 def placed(laws: LawTable, of_row: Ints) -> LawTable:
-    """Return laws whose rows are places, given the place of every row."""
-    return laws._replace(row=of_row[laws.row], friction_row=of_row[laws.friction_row])
+    """Return laws for the kernels, whose rows are places, given the place of every row."""
+    return laws._replace(
+        row=unsigned(of_row[laws.row]),
+        friction_row=unsigned(of_row[laws.friction_row]),
+        friction_normal=unsigned(laws.friction_normal),
+    )
 
 
 def _starts(counts: Sequence[int] | Ints) -> Ints:
@@ -106,11 +119,11 @@ def _starts(counts: Sequence[int] | Ints) -> Ints:
 
 
 def _terms(
-    parts: Sequence[BlockModel], of_end: Sequence[Ints], row_ends: Ints, solved: int
+    parts: Sequence[BlockModel], of_end: Sequence[Ints], solved: int, count: int
 ) -> list[Terms]:
-    """Return every place as a sum of solved ones."""
+    """Return every end and mode as a sum of solved places."""
     terms: list[Terms] = [[(place, 1.0)] for place in range(solved)]
-    terms += [[] for _ in range(row_ends.shape[0] - solved)]
+    terms += [[] for _ in range(count - solved)]
     for part, places in zip(parts, of_end, strict=True):
         leaders = places[part.leading.leaders]
         for end in np.flatnonzero(places >= solved):
@@ -119,6 +132,4 @@ def _terms(
             terms[places[end]] = list(
                 zip(leaders[used].tolist(), weights[used].tolist(), strict=True)
             )
-    for place in np.flatnonzero(row_ends[:, 1] >= 0):
-        terms[place] = [*terms[row_ends[place, 0]], *terms[row_ends[place, 1]]]
     return terms

@@ -1,8 +1,8 @@
 """The solution of one implicit step for a given contact set; see `turnout.integrate.columns`."""
 
-from turnout.integrate.coupling import couple, solve_coupling
+from turnout.integrate.coupling import at_end, couple, solve_coupling
 from turnout.integrate.state import COUNT_JOINING, COUPLED, State
-from turnout.integrate.system import Floats, System
+from turnout.integrate.system import System
 from turnout.integrate.vector import add, add_rows, copy
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
@@ -43,17 +43,17 @@ def _push(system: System, table: LawTable, state: State, work: Work) -> None:
 @compiled
 def derive(system: System, state: State) -> None:
     """Take the ends that follow, and the rows that join blocks, from the leading ends."""
-    solved = system.end_start[-1]
-    for place in range(solved, state.g.size):
-        state.g[place] = _derived(system, state.g, place - solved)
-
-
-@compiled
-def _derived(system: System, g: Floats, number: int) -> float:
-    total = 0.0
-    for k in range(system.derived_start[number], system.derived_start[number + 1]):
-        total += system.derived_weight[k] * g[system.derived_list[k]]
-    return total
+    g, leaders, weights = state.g, system.follower_list, system.follower_weight
+    following = g[system.follower_start[0] : system.follower_start[-1]]
+    following[:] = 0.0
+    for term in range(leaders.shape[0]):
+        of_term, weight = leaders[term], weights[term]
+        for end in range(following.size):
+            following[end] += weight[end] * g[of_term[end]]
+    joining = g[system.follower_start[-1] :]
+    first, second = system.joining_ends[0], system.joining_ends[1]
+    for row in range(joining.size):
+        joining[row] = g[first[row]] + g[second[row]]
 
 
 @compiled
@@ -76,7 +76,11 @@ def exchange_forces(system: System, state: State, work: Work, constant: float) -
     force = work.joining[:count]
     for i in range(count):
         row = state.joining[i]
-        apart = _derived(system, state.g, row - system.end_start[-1])
+        apart = 0.0
+        for side in range(2):
+            end = system.row_ends[row, side]
+            first = system.end_start[system.block_of_end[end]]
+            apart += at_end(system, state.g[first:], end)
         entry = state.entries[system.pattern_start[row]]
         force[i] = constant * (state.shift[row] + work.push[row]) + entry * apart
     solve_coupling(state.coupling, state.exchange, force)

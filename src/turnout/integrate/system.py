@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import MechanicsError
-from turnout.integrate.places import Places, Terms, number_places, placed
+from turnout.integrate.places import Places, Terms, number_places, placed, unsigned
 from turnout.law.shared import shared
 from turnout.law.table import LawTable
 from turnout.mechanism.condense import BlockModel, base_stiffness
@@ -34,12 +34,13 @@ class System(NamedTuple):
     numbered from ``mode_start[b]``. Arrays with two indices hold, for each end or mode, the entries
     of its own block only, from the left: damping, the modes at the ends (and, transposed,
     ``mode_ends``), and the residual flexibility to leading ends. ``diagonal`` blocks damp each mode
-    by itself. The pairs ``..._start`` / ``..._list`` are ragged lists in compressed form: what a
-    place behind the solved ones is the sum of (``derived``, from `solved` on, with weights); which
-    rows the deviation of a row depends on (``term``), and the same as leading ends (``pattern``),
-    with weights and their places in the block. -1 in ``row_ends`` stands for no end. ``row_place``
-    are the places of the mechanism's rows; ``timed_law`` lists the laws that do not act all the
-    time.
+    by itself. What follows from leading ends is the sum over the rows of ``follower_list`` with
+    ``follower_weight``, a column for each end that follows; rows that join blocks are the sum over
+    ``joining_ends``. The pairs ``..._start`` / ``..._list`` are ragged lists in compressed form:
+    which rows the deviation of a row depends on (``term``), and the same as leading ends
+    (``pattern``), with weights and their places in the block. -1 in ``row_ends`` stands for no end.
+    ``row_place`` are the places of the mechanism's rows; ``timed_law`` lists the laws that do not
+    act all the time.
     """
 
     eigenvalues: Floats
@@ -58,9 +59,9 @@ class System(NamedTuple):
     block_of_end: Ints
     row_ends: Ints
     row_place: Ints
-    derived_start: Ints
-    derived_list: Ints
-    derived_weight: Floats
+    follower_list: Ints
+    follower_weight: Floats
+    joining_ends: Ints
     term_start: Ints
     term_list: Ints
     pattern_start: Ints
@@ -105,14 +106,15 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> tuple[Syste
     _check_normals(laws)
     places = number_places(parts)
     table, count = placed(laws, places.of_row), places.row_ends.shape[0]
+    row_place, joins = places.of_row, places.row_ends[:, 1] >= 0
     models = [part.model for part in parts]
-    row_law = _ragged(_inverted(table.row, count))
-    row_friction = _ragged(_inverted(table.friction_row, count))
-    normal_friction = _ragged(_inverted(table.friction_normal, table.row.size))
+    row_law = _ragged(_inverted(row_place[laws.row], count))
+    row_friction = _ragged(_inverted(row_place[laws.friction_row], count))
+    normal_friction = _ragged(_inverted(laws.friction_normal, laws.row.size))
     pinned = np.zeros(count, dtype=np.int64)
     driven = np.flatnonzero(table.input_index >= 0)
-    pinned[table.row[driven]] = 1
-    derived_start, derived = _ragged_terms(places.terms[places.solved :])
+    driven_rows = np.unique(row_place[laws.row[driven]])
+    pinned[driven_rows] = 1
     system = System(
         eigenvalues=np.concatenate([model.eigenvalues for model in models]),
         load=np.concatenate([model.load for model in models]),
@@ -126,21 +128,20 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> tuple[Syste
         diagonal=np.array([_is_diagonal(model.damping) for model in models], dtype=np.int64),
         block_of_end=_blocks(places),
         row_ends=places.row_ends,
-        row_place=places.of_row,
-        derived_start=derived_start,
-        derived_list=np.array([place for place, _ in derived], dtype=np.int64),
-        derived_weight=np.array([weight for _, weight in derived], dtype=np.float64),
-        **_patterns(table, places),
+        row_place=row_place,
+        **_followers(places),
+        joining_ends=unsigned(np.ascontiguousarray(places.row_ends[joins].T)),
+        **_patterns(laws, places),
         row_law_start=row_law[0],
         row_law_list=row_law[1],
         row_friction_start=row_friction[0],
         row_friction_list=row_friction[1],
         normal_friction_start=normal_friction[0],
         normal_friction_list=normal_friction[1],
-        base_slope=base_stiffness(table),
+        base_slope=base_stiffness(laws),
         pinned=pinned,
         input_law=driven.astype(np.int64),
-        input_row=np.unique(table.row[driven]),
+        input_row=driven_rows,
         timed_law=np.flatnonzero(
             np.isfinite(table.appears) | np.isfinite(table.disappears) | (table.waits == 1)
         ),
@@ -165,6 +166,8 @@ def _of_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Floats]:
         found["end_modes"][at, : n_modes[block]] = model.row_modes
         found["mode_ends"][modes, : leaders.size] = model.row_modes[leaders].T
         found["flexibility"][at, : leaders.size] = model.flexibility[:, leaders]
+    joins = places.row_ends[:, 1] >= 0
+    found["end_load"][joins] = found["end_load"][places.row_ends[joins]].sum(axis=1)
     return found
 
 
@@ -179,13 +182,25 @@ def _blocks(places: Places) -> Ints:
     )
 
 
-def _patterns(table: LawTable, places: Places) -> dict[str, NDArray[np.generic]]:
+def _followers(places: Places) -> dict[str, NDArray[np.generic]]:
+    """Return what ends that follow are sums of, with a term of no weight where there are fewer."""
+    sums = places.terms[places.solved :]
+    most, count = max((len(terms) for terms in sums), default=0), len(sums)
+    listed, weights = np.zeros((most, count), dtype=np.int64), np.zeros((most, count))
+    for end, terms in enumerate(sums):
+        for k, (leader, weight) in enumerate(terms):
+            listed[k, end], weights[k, end] = leader, weight
+    return {"follower_list": unsigned(listed), "follower_weight": weights}
+
+
+def _patterns(laws: LawTable, places: Places) -> dict[str, NDArray[np.generic]]:
     """Return the rows and leading ends that the deviation of every row depends on."""
     rows: list[list[int]] = [[] for _ in range(places.row_ends.shape[0])]
     for row in places.of_row.tolist():
         rows[row].append(row)
-    normals = table.row[table.friction_normal]
-    for row, normal in zip(table.friction_row.tolist(), normals.tolist(), strict=True):
+    normals = places.of_row[laws.row[laws.friction_normal]]
+    of_frictions = places.of_row[laws.friction_row]
+    for row, normal in zip(of_frictions.tolist(), normals.tolist(), strict=True):
         if normal not in rows[row]:
             rows[row].append(normal)
     patterns: list[Terms] = []

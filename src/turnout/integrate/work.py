@@ -50,7 +50,10 @@ class Work(NamedTuple):
     found: Floats
     of_modes: Floats
     of_laws: Floats
+    of_laws_alone: Floats
     of_frictions: Floats
+    of_frictions_alone: Floats
+    of_frictions_stuck: Floats
     inputs: Floats
     inputs_end: Floats
     stop: Ints
@@ -104,7 +107,10 @@ def new_work(system: System, table: LawTable) -> Work:
             found=placed(),
             of_modes=modal(),
             of_laws=np.zeros(table.row.size),
+            of_laws_alone=np.zeros(table.row.size),
             of_frictions=np.zeros(table.friction_row.size),
+            of_frictions_alone=np.zeros(table.friction_row.size),
+            of_frictions_stuck=np.zeros(table.friction_row.size),
             inputs=np.zeros(n_inputs),
             inputs_end=np.zeros(n_inputs),
             stop=np.zeros(1, dtype=np.int64),
