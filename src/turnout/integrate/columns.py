@@ -44,7 +44,7 @@ from turnout.integrate.state import (
     State,
 )
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import add, copy
+from turnout.integrate.vector import add, copy, spread
 from turnout.law.compiled import compiled
 from turnout.law.kernel import STICK
 from turnout.law.table import LawTable
@@ -130,7 +130,7 @@ def deactivate(system: System, state: State, end: int) -> None:
 def update_row(system: System, table: LawTable, state: State, row: int, scratch: Floats) -> None:
     """Bring one row to the present state of its laws.
 
-    `scratch` has room for the row's terms and entries.
+    `scratch` has room for the row's terms and entries, and for a column.
     """
     start, stop = system.pattern_start[row], system.pattern_start[row + 1]
     n_terms = system.term_start[row + 1] - system.term_start[row]
@@ -157,7 +157,8 @@ def update_row(system: System, table: LawTable, state: State, row: int, scratch:
     end = system.row_ends[row, 0]
     if state.slot_of_end[end] < 0:
         activate(system, state, end, row)
-    _update_columns(system, state, row, entries, gained)
+    rest = scratch[n_terms + stop - start :]
+    _update_columns(system, state, row, entries, rest, gained)
     if vanished:
         deactivate(system, state, end)
 
@@ -172,17 +173,19 @@ def _weight(change: Floats, at: Ints, column: Floats) -> float:
 
 
 @compiled
-def _update_columns(system: System, state: State, row: int, entries: Floats, gained: float) -> None:
+def _update_columns(
+    system: System, state: State, row: int, entries: Floats, scratch: Floats, gained: float
+) -> None:
     """Change the deviation of a row to new entries, with so much more of a constant force [N].
 
-    All columns of its block change with it.
+    All columns of its block change with it; `scratch` has room for one.
     """
     end = system.row_ends[row, 0]
     block = system.block_of_end[end]
     first = system.end_start[block]
     width = system.end_start[block + 1] - first
     slot = state.slot_of_end[end]
-    pivot = state.columns[slot, :width]
+    pivot, scaled = state.columns[slot, :width], scratch[:width]
     start = system.pattern_start[row]
     count = system.pattern_start[row + 1] - start
     denominator = 1.0
@@ -193,20 +196,17 @@ def _update_columns(system: System, state: State, row: int, entries: Floats, gai
         denominator -= delta * pivot[system.pattern_at[start + k]]
     at, change = system.pattern_at[start : start + count], entries[:count]
     constant = state.constant_column[first : first + width]
-    add((gained + _weight(change, at, constant)) / denominator, pivot, constant)
+    for i in range(width):
+        scaled[i] = pivot[i] / denominator
+    add(gained + _weight(change, at, constant), scaled, constant)
     if denominator == 1.0 and not np.any(change):
         return
-    columns, slots = state.columns, system.slot_start[block]
-    for other in range(slots, slots + state.slots[block]):
-        if other != slot:
-            column = columns[other, :width]
-            add(_weight(change, at, column) / denominator, pivot, column)
-    columns = state.mode_columns
-    for mode in range(system.mode_start[block], system.mode_start[block + 1]):
-        column = columns[mode, :width]
-        add(_weight(change, at, column) / denominator, pivot, column)
-    for i in range(width):
-        pivot[i] /= denominator
+    slots = system.slot_start[block]
+    spread(change, at, scaled, state.columns[slots:slot])
+    spread(change, at, scaled, state.columns[slot + 1 : slots + state.slots[block]])
+    modes = system.mode_start[block], system.mode_start[block + 1]
+    spread(change, at, scaled, state.mode_columns[modes[0] : modes[1]])
+    copy(scaled, pivot)
     state.drift[0] *= max(abs(denominator), 1.0 / abs(denominator))
     state.counters[COUPLED] = 0
 

@@ -16,15 +16,13 @@ import numpy as np
 from turnout.integrate.solve import mark_law
 from turnout.integrate.state import State, set_segment
 from turnout.integrate.system import Floats, System
-from turnout.integrate.vector import add, copy, dot, total
+from turnout.integrate.vector import add, copy, total
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
 from turnout.law.kernel import STICK, law_argument, law_energy, law_force, segment_for
 from turnout.law.table import LawTable
 
 MARKERS, FRICTION, DAMPING, SWITCHED, ALGORITHMIC, SEGMENTS = range(6)
-KINETIC, STRAIN, CONTACT, GRAVITY = range(4)
-
 
 LEAST_SCALE = 0.1
 """Where less than this has moved, rounding is compared with it: forces of 10 kN times 1e-12 m are a
@@ -73,36 +71,40 @@ def account_modal(state: State, work: Work) -> None:
 def account_laws(
     system: System, table: LawTable, state: State, work: Work, old_inputs: Floats, time: float
 ) -> None:
-    """Book marker work and segment losses; bring law forces, energies and arguments up to date.
+    """Book the work of the markers and what laws lose that change their segment.
 
-    ``work.argument`` is that of the solution.
+    A law that stays on its segment loses nothing: the mean force times the way is its change of
+    energy. ``work.argument`` is that of the solution, ``work.g_start`` are the displacements
+    before.
     """
+    g, old_g, argument, inputs = state.g, work.g_start, work.argument, state.inputs
     for k in range(system.input_law.size):
         law = system.input_law[k]
         index = table.input_index[law]
-        at = state.g[table.row[law]] - state.inputs[index]
-        force = state.slope[law] * at + state.constant[law]
-        mean = 0.5 * (force + state.law_force[law])
-        state.ledger[MARKERS] -= mean * (state.inputs[index] - old_inputs[index])
-    at, offset = work.argument, table.offset
-    slope, constant = state.slope, state.constant
-    intercept, potential = state.intercept, state.potential
-    forces, energies, arguments = state.law_force, state.law_energy, state.law_argument
-    lost = work.of_laws
-    for law in range(at.size):
-        force = slope[law] * at[law] + constant[law]
-        e = at[law] - offset[law]
-        energy = (0.5 * slope[law] * e + intercept[law]) * e + potential[law]
-        lost[law] = 0.5 * (force + forces[law]) * (e - arguments[law]) - (energy - energies[law])
-        forces[law] = force
-        energies[law] = energy
-        arguments[law] = e
-    state.ledger[SEGMENTS] += total(lost)
-    peak, first = state.law_peak, state.law_first
-    for law in range(at.size):
-        size = abs(forces[law])
-        peak[law] = max(peak[law], size)
-        first[law] = min(first[law], time if size > 0.0 else np.inf)
+        force = state.slope[law] * argument[law] + state.constant[law]
+        mean = 0.5 * (force + state.push_force[k])
+        state.ledger[MARKERS] -= mean * (inputs[index] - old_inputs[index])
+        state.push_force[k] = force
+    for k in range(system.timed_law.size):
+        law = system.timed_law[k]
+        size = abs(state.slope[law] * argument[law] + state.constant[law])
+        state.law_peak[law] = max(state.law_peak[law], size)
+        if size > 0.0:
+            state.law_first[law] = min(state.law_first[law], time)
+        if state.jump[law] != 0.0:
+            way = law_argument(table, law, g, inputs) - law_argument(table, law, old_g, old_inputs)
+            state.ledger[SEGMENTS] += 0.5 * state.jump[law] * way
+            state.jump[law] = 0.0
+    if work.changed[0]:
+        for law in range(argument.size):
+            if state.segment[law] != work.old_segment[law] and state.present[law]:
+                e, old = argument[law] - table.offset[law], work.old_segment[law]
+                before = law_argument(table, law, old_g, old_inputs)
+                force = state.slope[law] * e + state.intercept[law]
+                mean = 0.5 * (force + law_force(table, law, old, before))
+                change = law_energy(table, law, state.segment[law], e)
+                change -= law_energy(table, law, old, before)
+                state.ledger[SEGMENTS] += mean * (e - before) - change
 
 
 @compiled
@@ -110,18 +112,23 @@ def account_friction(table: LawTable, state: State, work: Work) -> None:
     """Book friction work; move the anchors of slipping feet so that force and spring agree.
 
     ``work.trial`` and ``work.limit`` are those of the solution, and are used up. A cut of the
-    limit at zero, where a contact pulls by a trace, would leave the books open.
+    limit at zero, where a contact pulls by a trace, would leave the books open. A foot that turns
+    round within a step slips against the force at its end; what the mean force would do less is
+    a loss of the scheme, like that of laws which change their segment.
     """
     trial, limit, branches = work.trial, work.limit, state.friction
     forces, stiffness = state.friction_force, table.stick_stiffness
-    lost = work.of_frictions
+    lost, turned = work.of_frictions, work.of_frictions_alone
     for friction in range(trial.size):
-        branch = branches[friction]
+        branch, old = branches[friction], forces[friction]
         force = trial[friction] if branch == STICK else branch * limit[friction]
         trial[friction] = (trial[friction] - force) / stiffness[friction]
         limit[friction] = force
-        lost[friction] = 0.5 * (force + forces[friction]) * trial[friction]
+        kept = old if old * force >= 0.0 else force
+        lost[friction] = 0.5 * (force + kept) * trial[friction]
+        turned[friction] = 0.5 * (old - kept) * trial[friction]
     state.ledger[FRICTION] += total(lost)
+    state.ledger[SEGMENTS] += total(turned)
     copy(limit, forces)
     add(1.0, trial, state.anchor)
 
@@ -145,55 +152,18 @@ def switch_laws(system: System, table: LawTable, state: State, work: Work, time:
             if table.waits[law] and law_force(table, law, segment, e) > 0.0:
                 continue
             state.law_placed[law] = time
+        force, energy = _present_law(state, law, e)
         state.present[law] = present
         set_segment(table, state, law, segment)
-        energy = law_energy(table, law, segment, e) if present else 0.0
-        state.ledger[SWITCHED] += energy - state.law_energy[law]
-        state.law_energy[law] = energy
-        state.law_argument[law] = e
+        new_force, new_energy = _present_law(state, law, e)
+        state.ledger[SWITCHED] += new_energy - energy
+        state.jump[law] += force - new_force
         count = mark_law(system, table, state, work, count, law)
     return count
 
 
 @compiled
-def stored_energy(
-    system: System, table: LawTable, state: State, work: Work, stored: Floats
-) -> float:
-    """Write kinetic, strain, law (contact, bushing, stick) and gravity energy of the state [J].
-
-    Strain is that of beams and linear supports: half of ``q Lambda q`` plus the residual part
-    ``lambda R lambda + 2 lambda r = lambda (e + r) - (Phi^T lambda) q``, less what the base
-    segments of the laws hold, where ``Phi^T lambda`` is what keeps the modes in balance. Gravity
-    and strain leave out the same constant. Returns the energy of the linear system with the base
-    segments of all laws.
-    """
-    q, v, g, part = state.q, state.v, state.g, work.of_modes
-    eigenvalues, load, viscous = system.eigenvalues, system.load, state.damped[1]
-    for i in range(q.size):
-        part[i] = eigenvalues[i] * q[i]
-    folded = 0.5 * dot(part, q)
-    for i in range(q.size):  # what the laws push the modes with is what keeps them in balance
-        part[i] += state.acceleration[i] + viscous[i] - load[i]
-    strain, gravity = folded - 0.5 * dot(part, q), -dot(load, q)
-    row, base_slope, forces = table.row, system.base_slope, state.law_force
-    of_law, residual, end_load = work.of_laws, work.of_laws_alone, system.end_load
-    for law in range(of_law.size):
-        at, alone = g[row[law]], end_load[row[law]]
-        deviation = base_slope[law] * at - forces[law]
-        of_law[law] = deviation * (at + alone) - base_slope[law] * at**2
-        residual[law] = deviation * alone
-    strain += 0.5 * total(of_law)
-    gravity -= total(residual)
-    row, forces, stiffness = table.friction_row, state.friction_force, table.stick_stiffness
-    of_friction, residual = work.of_frictions, work.of_frictions_alone
-    stuck = work.of_frictions_stuck
-    for friction in range(of_friction.size):
-        at, alone, force = g[row[friction]], end_load[row[friction]], forces[friction]
-        of_friction[friction] = force * (at + alone)
-        residual[friction] = force * alone
-        stuck[friction] = force**2 / stiffness[friction]
-    stored[KINETIC] = 0.5 * dot(v, v)
-    stored[STRAIN] = strain - 0.5 * total(of_friction)
-    stored[CONTACT] = total(state.law_energy) + 0.5 * total(stuck)
-    stored[GRAVITY] = gravity + total(residual)
-    return folded
+def _present_law(state: State, law: int, e: float) -> tuple[float, float]:
+    """Return force [N] and energy [J] of a law as it is; both are 0 where it is absent."""
+    slope, intercept = state.slope[law], state.intercept[law]
+    return slope * e + intercept, (0.5 * slope * e + intercept) * e + state.potential[law]

@@ -12,7 +12,6 @@ from turnout.integrate.energy import (
     account_friction,
     account_laws,
     account_modal,
-    stored_energy,
     switch_laws,
 )
 from turnout.integrate.follow import follow_path
@@ -25,10 +24,12 @@ from turnout.integrate.solve import (
     friction_trials,
     law_arguments,
     restore_set,
+    save_set,
     settle,
     update_marked,
 )
 from turnout.integrate.state import COUNT_HALVED, COUNT_RECENT, LEVEL, State
+from turnout.integrate.stored import stored_energy
 from turnout.integrate.step import Stepping, begin_step, coefficients, end_step
 from turnout.integrate.system import Floats, System
 from turnout.integrate.vector import copy
@@ -81,9 +82,7 @@ def _try_step(
     A `last` attempt follows the path where the contact set does not settle.
     """
     begin_step(system, state, work, stepping, h)
-    copy(state.g, work.g_start)
-    copy(state.segment, work.old_segment)
-    copy(state.friction, work.old_friction)
+    save_set(state, work)
     code = settle(system, table, state, work, tolerances)
     inertia, viscosity = coefficients(stepping, h)
     if code == NOT_CONVERGED and last:
@@ -171,8 +170,7 @@ def store(
     if at < record.v.shape[0]:
         copy(state.v, record.v[at])
     copy(state.friction_force, record.friction[at])
-    copy(state.law_force, record.law[at])
-    folded = stored_energy(system, table, state, work, record.stored[at])
+    folded = stored_energy(system, table, state, work, record.law[at], record.stored[at])
     record.folded[0] = max(record.folded[0], folded)
     copy(state.ledger, record.ledger[at])
 

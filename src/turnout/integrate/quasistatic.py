@@ -20,6 +20,7 @@ from turnout.integrate.solve import (
     Tolerances,
     friction_trials,
     law_arguments,
+    save_set,
 )
 from turnout.integrate.state import COUNT_ITERATIONS, State
 from turnout.integrate.system import Floats, System
@@ -67,6 +68,7 @@ def advance_static(
         state.counters[COUNT_ITERATIONS] += 1
         if any_not_finite(work.g):
             return NOT_FINITE
+        save_set(state, work)
         share, which, to = next_event(table, state, (work.g, there), tolerances)
         _rest(system, table, state, work, here, there, share)
         set_modes(system, state)

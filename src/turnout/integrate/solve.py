@@ -36,7 +36,8 @@ class Tolerances(NamedTuple):
 
 @compiled
 def mark_row(work: Work, count: int, row: int) -> int:
-    """Add a row to the list of rows to be updated, once."""
+    """Add a row to the list of rows to be updated, once; its laws have changed."""
+    work.changed[0] = 1
     if work.dirty[row]:
         return count
     work.dirty[row] = 1
@@ -191,6 +192,16 @@ def settle(
 
 
 @compiled
+def save_set(state: State, work: Work) -> None:
+    """Save the displacements, and the contact set if it has changed since it was saved."""
+    copy(state.g, work.g_start)
+    if work.changed[0]:
+        copy(state.segment, work.old_segment)
+        copy(state.friction, work.old_friction)
+        work.changed[0] = 0
+
+
+@compiled
 def restore_set(system: System, table: LawTable, state: State, work: Work) -> None:
     """Go back to the contact set saved in `work`."""
     count = 0
@@ -226,6 +237,10 @@ def row_forces(system: System, table: LawTable, state: State, force: Floats) -> 
     force[:] = 0.0
     for law in range(table.row.size):
         row = table.row[law]
-        force[row] += system.base_slope[law] * state.g[row] - state.law_force[law]
+        deviation = system.base_slope[law] - state.slope[law]
+        force[row] += deviation * state.g[row] - state.constant[law]
+    for k in range(system.input_law.size):
+        law = system.input_law[k]
+        force[table.row[law]] += state.slope[law] * state.inputs[table.input_index[law]]
     for friction in range(table.friction_row.size):
         force[table.friction_row[friction]] -= state.friction_force[friction]

@@ -24,7 +24,9 @@ class State(NamedTuple):
     `q`, `v`, `a` and `acceleration`.
     ``counters``: active rows that join blocks, flips since the last rebuild, flips in all,
     iterations in all, steps halved, rebuilds, the level, whether the coupling is up to date.
-    ``drift`` is the growth of rounding since it was last measured.
+    ``drift`` is the growth of rounding since it was last measured. ``push_force`` are the forces of
+    the driven laws at the last instant, ``jump`` is what a law that was switched lost there.
+    ``law_placed``, ``law_first`` and ``law_peak`` are of laws that do not act all the time.
     """
 
     segment: Ints
@@ -38,9 +40,8 @@ class State(NamedTuple):
     friction: Ints
     anchor: Floats
     friction_force: Floats
-    law_force: Floats
-    law_energy: Floats
-    law_argument: Floats
+    push_force: Floats
+    jump: Floats
     entries: Floats
     shift: Floats
     slot_of_end: Ints
@@ -120,6 +121,19 @@ def set_segments(table: LawTable, state: State, segments: Ints) -> None:
         set_segment(table, state, law, segments[law])
 
 
+def _whole_lines(count: int) -> int:
+    """Round a number of columns up, so that every row of a matrix begins a line of the cache."""
+    return -(-count // 8) * 8
+
+
+def _aligned(shape: tuple[int, ...]) -> Floats:
+    """Return zeros that begin with a line of the cache."""
+    size = int(np.prod(shape))
+    memory = np.zeros(size + 8)
+    first = (-(memory.ctypes.data // 8)) % 8
+    return memory[first : first + size].reshape(shape)
+
+
 def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) -> State:
     """Return a state at rest with every law on its base segment (or where its argument is 0).
 
@@ -130,7 +144,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
     """
     n_modes, n_places = system.eigenvalues.size, system.row_ends.shape[0]
     n_ends, n_slots = int(system.follower_start[-1]), int(system.slot_start[-1])
-    widest = int(np.max(np.diff(system.end_start), initial=0))
+    widest = _whole_lines(int(np.max(np.diff(system.end_start), initial=0)))
     n_laws, n_frictions = table.row.size, table.friction_row.size
     n_joining = int(np.sum(system.row_ends[:, 1] >= 0))
     modal, of_laws, of_frictions = np.zeros(n_modes), np.zeros(n_laws), np.zeros(n_frictions)
@@ -147,23 +161,22 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             friction=np.zeros(n_frictions, dtype=np.int64),
             anchor=of_frictions.copy(),
             friction_force=of_frictions.copy(),
-            law_force=of_laws.copy(),
-            law_energy=of_laws.copy(),
-            law_argument=of_laws.copy(),
+            push_force=np.zeros(system.input_law.size),
+            jump=of_laws.copy(),
             entries=np.zeros(system.pattern_list.size),
             shift=np.zeros(n_places),
             slot_of_end=np.full(n_ends, -1, dtype=np.int64),
             end_of_slot=np.full(n_slots, -1, dtype=np.int64),
             row_of_slot=np.full(n_slots, -1, dtype=np.int64),
             slots=np.zeros(system.end_stop.size, dtype=np.int64),
-            columns=np.zeros((n_slots, widest)),
+            columns=_aligned((n_slots, widest)),
             joining=np.full(n_joining, -1, dtype=np.int64),
             coupling=np.zeros((n_joining, n_joining)),
             exchange=np.zeros(n_joining, dtype=np.int64),
             made=np.zeros(levels, dtype=np.int64),
-            mode_columns=np.zeros((n_modes, widest)),
+            mode_columns=_aligned((n_modes, widest)),
             constant_column=np.zeros(system.end_start[-1]),
-            compliance=np.zeros((levels, n_ends, widest)),
+            compliance=_aligned((levels, n_ends, widest)),
             q=modal.copy(),
             v=modal.copy(),
             a=modal.copy(),

@@ -128,6 +128,38 @@ def add_chosen(weights: Floats, rows: Floats, chosen: Ints, total: Floats) -> No
 
 
 @compiled
+def spread(change: Floats, at: Ints, pivot: Floats, rows: Floats) -> None:
+    """Add to each row of a matrix, which may be wider, what it makes of a change times a pivot.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rows = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
+    >>> spread(np.array([10.0]), np.array([1]), np.array([1.0, 0.0]), rows)
+    >>> rows.tolist()
+    [[21.0, 2.0], [43.0, 4.0], [65.0, 6.0]]
+    """
+    n, width = rows.shape[0], pivot.size
+    r = 0
+    while r + 2 <= n:
+        first, second = rows[r], rows[r + 1]
+        a, b = 0.0, 0.0
+        for k in range(change.size):
+            a += change[k] * first[at[k]]
+            b += change[k] * second[at[k]]
+        if a != 0.0 or b != 0.0:
+            for i in range(width):
+                first[i] += a * pivot[i]
+                second[i] += b * pivot[i]
+        r += 2
+    if r < n:
+        a = 0.0
+        for k in range(change.size):
+            a += change[k] * rows[r, at[k]]
+        add(a, pivot, rows[r])
+
+
+@compiled
 def copy(a: Floats | Ints, to: Floats | Ints) -> None:
     """Write a vector, which may be longer, to another."""
     for i in range(to.size):

@@ -13,8 +13,8 @@ class Work(NamedTuple):
     """Scratch arrays of the kernels; their content means nothing between calls.
 
     Except `push`, which is zero on rows without an input, `unsettled`, which flags the rows that
-    still changed when a step was given up, and `stop`, which another thread sets to end the work
-    between two solutions. `q` to `damped`, `g_start` and the two of the contact set
+    still changed when a step was given up, `changed`, whether a law has changed since the contact
+    set was saved, and `stop`, which another thread sets to end the work between two solutions. `q` to `damped`, `g_start` and the two of the contact set
     are the state at the start of a step.
     """
 
@@ -51,11 +51,13 @@ class Work(NamedTuple):
     of_modes: Floats
     of_laws: Floats
     of_laws_alone: Floats
+    law_energy: Floats
     of_frictions: Floats
     of_frictions_alone: Floats
     of_frictions_stuck: Floats
     inputs: Floats
     inputs_end: Floats
+    changed: Ints
     stop: Ints
 
 
@@ -75,7 +77,7 @@ def new_work(system: System, table: LawTable) -> Work:
 
     return shared(
         Work(
-            row=np.zeros(n_rows + int(np.max(np.diff(system.pattern_start), initial=1))),
+            row=np.zeros(2 * n_rows + int(np.max(np.diff(system.pattern_start), initial=1))),
             predicted=modal(),
             velocity=modal(),
             damped_predicted=modal(),
@@ -108,11 +110,13 @@ def new_work(system: System, table: LawTable) -> Work:
             of_modes=modal(),
             of_laws=np.zeros(table.row.size),
             of_laws_alone=np.zeros(table.row.size),
+            law_energy=np.zeros(table.row.size),
             of_frictions=np.zeros(table.friction_row.size),
             of_frictions_alone=np.zeros(table.friction_row.size),
             of_frictions_stuck=np.zeros(table.friction_row.size),
             inputs=np.zeros(n_inputs),
             inputs_end=np.zeros(n_inputs),
+            changed=np.ones(1, dtype=np.int64),
             stop=np.zeros(1, dtype=np.int64),
         )
     )
