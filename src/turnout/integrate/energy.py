@@ -108,7 +108,7 @@ def account_laws(
 
 
 @compiled
-def account_friction(table: LawTable, state: State, work: Work) -> None:
+def account_friction(system: System, state: State, work: Work) -> None:
     """Book friction work; move the anchors of slipping feet so that force and spring agree.
 
     ``work.trial`` and ``work.limit`` are those of the solution, and are used up. A cut of the
@@ -117,12 +117,12 @@ def account_friction(table: LawTable, state: State, work: Work) -> None:
     a loss of the scheme, like that of laws which change their segment.
     """
     trial, limit, branches = work.trial, work.limit, state.friction
-    forces, stiffness = state.friction_force, table.stick_stiffness
-    lost, turned = work.of_frictions, work.of_frictions_alone
+    forces, flexibility = state.friction_force, system.stick_flexibility
+    lost, turned = work.of_frictions, work.turned
     for friction in range(trial.size):
         branch, old = branches[friction], forces[friction]
         force = trial[friction] if branch == STICK else branch * limit[friction]
-        trial[friction] = (trial[friction] - force) / stiffness[friction]
+        trial[friction] = (trial[friction] - force) * flexibility[friction]
         limit[friction] = force
         kept = old if old * force >= 0.0 else force
         lost[friction] = 0.5 * (force + kept) * trial[friction]

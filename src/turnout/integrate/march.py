@@ -153,7 +153,7 @@ def _advance(
         work.unsettled[:] = 0
         account_modal(state, work)
         account_laws(system, table, state, work, begin, time + share * stepping.step)
-        account_friction(table, state, work)
+        account_friction(system, state, work)
         position += size
     return CONVERGED
 

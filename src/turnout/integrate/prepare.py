@@ -148,7 +148,7 @@ def start(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
     law_arguments(system, table, state, work.argument)
     friction_trials(table, state, work.trial, work.limit)
     account_laws(system, table, state, work, state.inputs, 0.0)
-    account_friction(table, state, work)
+    account_friction(system, state, work)
     state.ledger[:] = 0.0
     damp_coordinates(system, state)
     if not run.stepping.inertia:

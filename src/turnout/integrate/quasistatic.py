@@ -77,7 +77,7 @@ def advance_static(
         friction_trials(table, state, work.trial, work.limit)
         time = times[0] + done * (times[1] - times[0])
         account_laws(system, table, state, work, here, time)
-        account_friction(table, state, work)
+        account_friction(system, state, work)
         copy(state.inputs, here)
         if share > LEAST_SHARE:
             stalled = 0

@@ -41,10 +41,13 @@ def stored_energy(
     strain = folded - 0.5 * dot(part, q)
     _law_work(system, table, state, work, forces)
     _friction_work(system, table, state, work)
+    of_laws, of_frictions = total(work.of_laws), total(work.of_frictions)
+    held = dot(state.friction_force, work.held)
+    height = dot(load, q) + dot(work.deviation, system.law_load)
     stored[KINETIC] = 0.5 * dot(v, v)
-    stored[STRAIN] = strain + 0.5 * (total(work.of_laws) - total(work.of_frictions))
-    stored[CONTACT] = total(work.law_energy) + 0.5 * total(work.of_frictions_stuck)
-    stored[GRAVITY] = total(work.of_frictions_alone) - total(work.of_laws_alone) - dot(load, q)
+    stored[STRAIN] = strain + 0.5 * (of_laws - of_frictions)
+    stored[CONTACT] = total(work.law_energy) + 0.5 * held
+    stored[GRAVITY] = dot(state.friction_force, system.friction_load) - height
     return folded
 
 
@@ -52,32 +55,44 @@ def stored_energy(
 def _law_work(
     system: System, table: LawTable, state: State, work: Work, forces: Floats
 ) -> None:
-    """Write forces and energies of the laws, and what their deviations do on the way and on `r`."""
-    row, g, base_slope, end_load = table.row, state.g, system.base_slope, system.end_load
-    argument, offset = work.argument, table.offset
+    """Write forces, energies and deviations of the laws, and what these do on the way and on `r`."""
+    argument, offset, load, base_slope = (
+        work.argument,
+        table.offset,
+        system.law_load,
+        system.base_slope,
+    )
     slope, constant = state.slope, state.constant
     intercept, potential = state.intercept, state.potential
-    deviations, alone, energies = work.of_laws, work.of_laws_alone, work.law_energy
+    deviation, done, energies = work.deviation, work.of_laws, work.law_energy
     for law in range(forces.size):
-        force = slope[law] * argument[law] + constant[law]
-        e = argument[law] - offset[law]
+        at = argument[law]
+        force = slope[law] * at + constant[law]
+        e = at - offset[law]
         energies[law] = (0.5 * slope[law] * e + intercept[law]) * e + potential[law]
         forces[law] = force
-    for law in range(forces.size):
-        at, of_load = g[row[law]], end_load[row[law]]
-        deviation = base_slope[law] * at - forces[law]
-        deviations[law] = deviation * (at + of_load) - base_slope[law] * at * at
-        alone[law] = deviation * of_load
+        held = base_slope[law] * at
+        deviation[law] = held - force
+        done[law] = (held - force) * (at + load[law]) - held * at
+    for k in range(system.input_law.size):  # of which the argument is not the displacement
+        law = system.input_law[k]
+        at = argument[law] + state.inputs[table.input_index[law]]
+        held = base_slope[law] * at
+        deviation[law] = held - forces[law]
+        done[law] = deviation[law] * (at + load[law]) - held * at
 
 
 @compiled
 def _friction_work(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Write what frictions do on the way and on `r`, and twice what their springs hold."""
-    row, g, end_load = table.friction_row, state.g, system.end_load
-    forces, stiffness = state.friction_force, table.stick_stiffness
-    done, alone, stuck = work.of_frictions, work.of_frictions_alone, work.of_frictions_stuck
+    """Write what frictions do on the way and on `r`, and how far their springs are drawn."""
+    row, g, load, flexibility = (
+        table.friction_row,
+        state.g,
+        system.friction_load,
+        system.stick_flexibility,
+    )
+    forces, done, held = state.friction_force, work.of_frictions, work.held
     for friction in range(forces.size):
-        at, of_load, force = g[row[friction]], end_load[row[friction]], forces[friction]
-        done[friction] = force * (at + of_load)
-        alone[friction] = force * of_load
-        stuck[friction] = force * force / stiffness[friction]
+        done[friction] = forces[friction] * (g[row[friction]] + load[friction])
+    for friction in range(forces.size):
+        held[friction] = forces[friction] * flexibility[friction]

@@ -39,8 +39,9 @@ class System(NamedTuple):
     ``joining_ends``. The pairs ``..._start`` / ``..._list`` are ragged lists in compressed form:
     which rows the deviation of a row depends on (``term``), and the same as leading ends
     (``pattern``), with weights and their places in the block. -1 in ``row_ends`` stands for no end.
-    ``row_place`` are the places of the mechanism's rows; ``timed_law`` lists the laws that do not
-    act all the time.
+    ``row_place`` are the places of the mechanism's rows, ``law_load`` and ``friction_load`` the
+    static share of the constant load there; ``timed_law`` lists the laws that do not act all the
+    time.
     """
 
     eigenvalues: Floats
@@ -76,6 +77,9 @@ class System(NamedTuple):
     normal_friction_start: Ints
     normal_friction_list: Ints
     base_slope: Floats
+    law_load: Floats
+    friction_load: Floats
+    stick_flexibility: Floats
     pinned: Ints
     input_law: Ints
     input_row: Ints
@@ -111,6 +115,7 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> tuple[Syste
     row_law = _ragged(_inverted(row_place[laws.row], count))
     row_friction = _ragged(_inverted(row_place[laws.friction_row], count))
     normal_friction = _ragged(_inverted(laws.friction_normal, laws.row.size))
+    of_ends = _of_ends(parts, places)
     pinned = np.zeros(count, dtype=np.int64)
     driven = np.flatnonzero(table.input_index >= 0)
     driven_rows = np.unique(row_place[laws.row[driven]])
@@ -119,7 +124,7 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> tuple[Syste
         eigenvalues=np.concatenate([model.eigenvalues for model in models]),
         load=np.concatenate([model.load for model in models]),
         damping=_stacked([model.damping for model in models]),
-        **_of_ends(parts, places),
+        **of_ends,
         end_start=places.end_start,
         end_stop=places.end_stop,
         mode_start=places.mode_start,
@@ -128,7 +133,7 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> tuple[Syste
         diagonal=np.array([_is_diagonal(model.damping) for model in models], dtype=np.int64),
         block_of_end=_blocks(places),
         row_ends=places.row_ends,
-        row_place=row_place,
+        row_place=unsigned(row_place),
         **_followers(places),
         joining_ends=unsigned(np.ascontiguousarray(places.row_ends[joins].T)),
         **_patterns(laws, places),
@@ -139,6 +144,9 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> tuple[Syste
         normal_friction_start=normal_friction[0],
         normal_friction_list=normal_friction[1],
         base_slope=base_stiffness(laws),
+        law_load=of_ends["end_load"][row_place[laws.row]],
+        friction_load=of_ends["end_load"][row_place[laws.friction_row]],
+        stick_flexibility=1.0 / laws.stick_stiffness,
         pinned=pinned,
         input_law=driven.astype(np.int64),
         input_row=driven_rows,

@@ -50,11 +50,11 @@ class Work(NamedTuple):
     found: Floats
     of_modes: Floats
     of_laws: Floats
-    of_laws_alone: Floats
+    deviation: Floats
     law_energy: Floats
     of_frictions: Floats
-    of_frictions_alone: Floats
-    of_frictions_stuck: Floats
+    turned: Floats
+    held: Floats
     inputs: Floats
     inputs_end: Floats
     changed: Ints
@@ -109,11 +109,11 @@ def new_work(system: System, table: LawTable) -> Work:
             found=placed(),
             of_modes=modal(),
             of_laws=np.zeros(table.row.size),
-            of_laws_alone=np.zeros(table.row.size),
+            deviation=np.zeros(table.row.size),
             law_energy=np.zeros(table.row.size),
             of_frictions=np.zeros(table.friction_row.size),
-            of_frictions_alone=np.zeros(table.friction_row.size),
-            of_frictions_stuck=np.zeros(table.friction_row.size),
+            turned=np.zeros(table.friction_row.size),
+            held=np.zeros(table.friction_row.size),
             inputs=np.zeros(n_inputs),
             inputs_end=np.zeros(n_inputs),
             changed=np.ones(1, dtype=np.int64),
