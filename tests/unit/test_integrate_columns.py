@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from turnout.errors import MechanicsError
-from turnout.integrate.columns import activate, deactivate, make_level, rebuild, update_row
+from turnout.integrate.columns import activate, deactivate, rebuild, update_row
+from turnout.integrate.compliance import make_level
 from turnout.integrate.solution import set_modes, solve_set
 from turnout.integrate.state import (
     COUNT_FLIPS,
@@ -29,6 +30,7 @@ from turnout.law.shared import shared
 from turnout.law.table import LawTable, LawTableBuilder
 from turnout.mechanism.blocks import Block
 from turnout.mechanism.condense import BlockModel, linear_stiffness, modal_model
+from turnout.mechanism.followers import leading_rows
 
 INERTIA, VISCOSITY = 3e4, 900.0
 TOLERANCE = 1e-9
@@ -44,6 +46,9 @@ class Setup(NamedTuple):
     state: State
     scratch: np.ndarray
     work: Work
+    laws: LawTable
+    parts: tuple[BlockModel, ...]
+    rows: list[int]
 
 
 def laws() -> LawTable:
@@ -78,15 +83,23 @@ def laws() -> LawTable:
     return builder.table()
 
 
+def follow(rows: np.ndarray) -> None:
+    """Let a contact, a driven row and rows that join follow from others, exactly."""
+    rows[5] = 0.5 * rows[6] - 0.25 * rows[0] + rows[1]
+    rows[10] = rows[7]
+    rows[14] = rows[13] * 2.0 if rows[2].any() else rows[12]
+    rows[15] += rows[0]
+
+
 def setup(cutoff_modes: int, seed: int) -> Setup:
     rng = np.random.default_rng(seed)
-    table = laws()
-    parts = []
+    given, parts = laws(), []
     for block, rows in enumerate((np.r_[:OWN_ROWS, JOINING], np.r_[12, JOINING])):
         a, b, c = rng.normal(size=(3, N_DOF, N_DOF))
         here = np.zeros((N_ROWS, N_DOF))
         here[rows] = rng.normal(size=(rows.size, N_DOF))
-        stiffness = linear_stiffness(2e5 * (a @ a.T + 4 * np.eye(N_DOF)), here, table)
+        follow(here)
+        stiffness = linear_stiffness(2e5 * (a @ a.T + 4 * np.eye(N_DOF)), here, given)
         mass = b @ b.T + 5 * np.eye(N_DOF)
         squares = np.sort(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real)
         model = modal_model(
@@ -98,23 +111,18 @@ def setup(cutoff_modes: int, seed: int) -> Setup:
             cutoff_frequency=1.0001 * np.sqrt(squares[cutoff_modes - 1]) / (2 * np.pi),
         )
         assert model.eigenvalues.size == cutoff_modes
-        parts.append(BlockModel(Block(np.arange(N_DOF) + block * N_DOF, rows), model))
-    system = condensed_system(parts, table)
-    table = shared(table)
+        rubs = np.isin(rows, [*FRICTION_ROWS, *CONTACTS])
+        leading = leading_rows(here[rows], first=rubs)
+        parts.append(BlockModel(Block(np.arange(N_DOF) + block * N_DOF, rows), model, leading))
+    assert [rows.size for rows in (part.leading.leaders for part in parts)] == [12, 3]
+    system, table = condensed_system(parts, given)
     assert system.diagonal.tolist() == [0, 1]
     state = fresh_state(system, table, n_inputs=len(DRIVEN), levels=2)
     work = new_work(system, table)
     make_level(system, state, 0, INERTIA, VISCOSITY)
     rebuild(system, table, state, 0, work.row)
-    return Setup(system, table, state, work.row, work)
-
-
-def ends_of_rows(system: System) -> np.ndarray:
-    """Return the matrix that takes ends to rows."""
-    rows = np.zeros((N_ROWS, system.end_load.size))
-    for row, ends in enumerate(system.row_ends):
-        rows[row, ends[ends >= 0]] = 1.0
-    return rows
+    places = system.row_place.astype(np.int64).tolist()
+    return Setup(system, table, state, work.row, work, given, tuple(parts), places)
 
 
 def flip(made: Setup, rng: np.random.Generator) -> None:
@@ -137,8 +145,8 @@ def flip(made: Setup, rng: np.random.Generator) -> None:
 
 
 def deviations(made: Setup) -> tuple[np.ndarray, np.ndarray]:
-    """Form D and b from the meaning of the table, not from the kernels."""
-    system, table, state, *_ = made
+    """Form D and b from the meaning of the laws, by the mechanism's rows, not from the kernels."""
+    state, table = made.state, made.laws
     n = N_ROWS
     matrix, constant = np.zeros((n, n)), np.zeros(n)
 
@@ -171,37 +179,37 @@ def deviations(made: Setup) -> tuple[np.ndarray, np.ndarray]:
 
 def dense_solution(made: Setup) -> tuple[np.ndarray, np.ndarray]:
     """Return rows and modal coordinates of the step from the whole system in one piece."""
-    system, table, state, _, work = made
+    system, table, state, work = made.system, made.laws, made.state, made.work
     matrix, constant = deviations(made)
     for law in system.input_law:
         constant[table.row[law]] += state.slope[law] * state.inputs[table.input_index[law]]
-    rows = ends_of_rows(system)
-    n, m = system.end_load.size, system.eigenvalues.size
-    modes, flexibility, dynamic = np.zeros((n, m)), np.zeros((n, n)), np.zeros((m, m))
-    for block in range(2):
-        ends = slice(system.end_start[block], system.end_stop[block])
+    m = system.eigenvalues.size
+    modes, flexibility = np.zeros((N_ROWS, m)), np.zeros((N_ROWS, N_ROWS))
+    load, dynamic = np.zeros(N_ROWS), np.zeros((m, m))
+    for block, part in enumerate(made.parts):
         mine = slice(system.mode_start[block], system.mode_start[block + 1])
-        width, count = ends.stop - ends.start, mine.stop - mine.start
-        modes[ends, mine] = system.end_modes[ends, :count]
-        flexibility[ends, ends] = system.flexibility[ends, :width]
-        dynamic[mine, mine] = VISCOSITY * system.damping[mine, :count]
+        rows, model = part.block.rows, part.model
+        modes[rows, mine] += model.row_modes
+        flexibility[np.ix_(rows, rows)] += model.flexibility
+        load[rows] += model.row_load
+        dynamic[mine, mine] = VISCOSITY * model.damping
     dynamic += np.diag(INERTIA + system.eigenvalues)
     inverse = np.linalg.inv(dynamic)
-    compliance = rows @ (flexibility + modes @ inverse @ modes.T) @ rows.T
-    free = rows @ (modes @ inverse @ work.right_side + system.end_load)
+    compliance = flexibility + modes @ inverse @ modes.T
+    free = modes @ inverse @ work.right_side + load
     g = np.linalg.solve(np.eye(N_ROWS) - compliance @ matrix, free + compliance @ constant)
     force = matrix @ g + constant
-    return g, inverse @ (work.right_side + modes.T @ (rows.T @ force))
+    return g, inverse @ (work.right_side + modes.T @ force)
 
 
 def check_against_dense(made: Setup) -> None:
-    system, table, state, _, work = made
+    system, table, state, work = made.system, made.table, made.state, made.work
     work.right_side[:] = np.linspace(-500.0, 900.0, work.right_side.size)
     state.inputs[:] = [2e-3, -1e-3]
     solve_set(system, table, state, work)
     set_modes(system, state)
     g, q = dense_solution(made)
-    np.testing.assert_allclose(state.g, g, rtol=0, atol=TOLERANCE * np.abs(g).max())
+    np.testing.assert_allclose(state.g[made.rows], g, rtol=0, atol=TOLERANCE * np.abs(g).max())
     np.testing.assert_allclose(state.q, q, rtol=0, atol=TOLERANCE * np.abs(q).max())
 
 
@@ -209,7 +217,7 @@ def active_rows(made: Setup) -> list[int]:
     """Return the row of every slot in use, joining rows twice."""
     _, _, state, *_ = made
     rows = []
-    for block, first in enumerate(made.system.end_start[:-1]):
+    for block, first in enumerate(made.system.slot_start[:-1]):
         used = state.row_of_slot[first : first + state.slots[block]]
         assert np.all(used >= 0)
         rows += used.tolist()
@@ -223,7 +231,7 @@ def check_bookkeeping(made: Setup) -> None:
     rows = active_rows(made)
     joining = state.joining[: state.counters[COUNT_JOINING]].tolist()
     assert len(set(joining)) == len(joining)
-    for row in range(N_ROWS):
+    for number, row in enumerate(made.rows):
         ends = system.row_ends[row][system.row_ends[row] >= 0]
         assert rows.count(row) in (0, ends.size)
         for end in ends:
@@ -232,10 +240,11 @@ def check_bookkeeping(made: Setup) -> None:
             assert slot < 0 or state.end_of_slot[slot] == end
         assert (row in joining) == (row in rows and ends.size == 2)
         pattern = slice(system.pattern_start[row], system.pattern_start[row + 1])
-        np.testing.assert_allclose(
-            state.entries[pattern], matrix[row, system.pattern_list[pattern]], rtol=1e-15, atol=1e-9
-        )
-        assert state.shift[row] == pytest.approx(constant[row], rel=1e-12, abs=1e-9)
+        terms = system.term_list[system.term_start[row] : system.term_start[row + 1]]
+        slopes = matrix[number, [made.rows.index(term) for term in terms]]
+        entries = system.pattern_weight[pattern] * slopes[system.pattern_term[pattern]]
+        np.testing.assert_allclose(state.entries[pattern], entries, rtol=1e-15, atol=1e-9)
+        assert state.shift[row] == pytest.approx(constant[number], rel=1e-12, abs=1e-9)
         if np.any(state.entries[pattern] != 0.0) or state.shift[row] != 0.0:
             assert row in rows
         elif not system.pinned[row]:
@@ -277,7 +286,7 @@ def test_rebuild_gives_the_same_columns_and_removes_drift() -> None:
 def test_a_row_without_a_change_costs_nothing() -> None:
     made = setup(7, seed=2)
     before = made.state.columns.copy(), made.state.counters.copy()
-    for row in range(N_ROWS):
+    for row in made.rows:
         update_row(*made[:3], row, made.scratch)
     np.testing.assert_array_equal(made.state.columns, before[0])
     assert made.state.counters[COUNT_FLIPS] == before[1][COUNT_FLIPS]
@@ -286,10 +295,10 @@ def test_a_row_without_a_change_costs_nothing() -> None:
 def test_a_column_dropped_from_the_middle_leaves_the_others_as_they_are() -> None:
     made = setup(7, seed=3)
     system, state = made.system, made.state
-    idle = system.row_ends[IDLE_ROW, 0]
+    idle = made.rows[IDLE_ROW]
     assert state.slot_of_end[idle] == -1
-    slot = activate(system, state, idle, IDLE_ROW)
-    assert state.row_of_slot[slot] == IDLE_ROW
+    slot = activate(system, state, idle, idle)
+    assert state.row_of_slot[slot] == idle
     check_against_dense(made)
     ends = state.end_of_slot[: state.slots[0]].tolist()
     columns = {end: state.columns[state.slot_of_end[end]].copy() for end in ends}
@@ -312,7 +321,7 @@ def test_kernels_equal_their_plain_functions() -> None:
             kernel = set_segment if made is compiled else set_segment.py_func
             kernel(made.table, made.state, law, int((made.state.segment[law] + 1) % count))
             made.state.friction[friction] = branch
-            for row in range(N_ROWS):
+            for row in made.rows:
                 update = update_row if made is compiled else update_row.py_func
                 update(*made[:3], row, made.scratch)
     for name in ("columns", "mode_columns", "constant_column", "entries", "shift"):
@@ -340,4 +349,5 @@ def test_a_driven_normal_law_is_refused() -> None:
         cutoff_frequency=1e3,
     )
     with pytest.raises(MechanicsError, match="cannot be driven by a marker"):
-        condensed_system([BlockModel(Block(np.arange(2), np.arange(2)), model)], table)
+        leading = leading_rows(rows, first=np.zeros(2, dtype=bool))
+        condensed_system([BlockModel(Block(np.arange(2), np.arange(2)), model, leading)], table)
