@@ -112,9 +112,10 @@ def account_friction(system: System, state: State, work: Work) -> None:
     """Book friction work; move the anchors of slipping feet so that force and spring agree.
 
     ``work.trial`` and ``work.limit`` are those of the solution, and are used up. A cut of the
-    limit at zero, where a contact pulls by a trace, would leave the books open. A foot that turns
-    round within a step slips against the force at its end; what the mean force would do less is
-    a loss of the scheme, like that of laws which change their segment.
+    limit at zero, where a contact pulls by a trace, would leave the books open. Work is the mean
+    force times the way, but a force of before that would push along the way, of a foot that turned
+    round within the step, does not count; what the mean would be less is a loss of the scheme, like
+    that of laws which change their segment.
     """
     trial, limit, branches = work.trial, work.limit, state.friction
     forces, flexibility = state.friction_force, system.stick_flexibility
@@ -122,11 +123,12 @@ def account_friction(system: System, state: State, work: Work) -> None:
     for friction in range(trial.size):
         branch, old = branches[friction], forces[friction]
         force = trial[friction] if branch == STICK else branch * limit[friction]
-        trial[friction] = (trial[friction] - force) * flexibility[friction]
+        way = (trial[friction] - force) * flexibility[friction]
+        kept = old if old * way >= 0.0 else force
+        lost[friction] = 0.5 * (force + kept) * way
+        turned[friction] = 0.5 * (old - kept) * way
+        trial[friction] = way
         limit[friction] = force
-        kept = old if old * force >= 0.0 else force
-        lost[friction] = 0.5 * (force + kept) * trial[friction]
-        turned[friction] = 0.5 * (old - kept) * trial[friction]
     state.ledger[FRICTION] += total(lost)
     state.ledger[SEGMENTS] += total(turned)
     copy(limit, forces)

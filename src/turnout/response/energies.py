@@ -5,16 +5,13 @@ from numpy.typing import NDArray
 
 from turnout.integrate.energy import (
     ALGORITHMIC,
-    CONTACT,
     DAMPING,
     FRICTION,
-    GRAVITY,
-    KINETIC,
     MARKERS,
     SEGMENTS,
-    STRAIN,
     SWITCHED,
 )
+from turnout.integrate.stored import CONTACT, GRAVITY, KINETIC, STRAIN
 from turnout.response.signals import Variable
 
 Floats = NDArray[np.float64]
