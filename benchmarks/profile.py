@@ -18,9 +18,10 @@ from benchmarks.machine import load, machine
 from benchmarks.page import write_section
 from benchmarks.schemes import MODES
 from turnout.integrate import energy, march, solution, solve, step
+from turnout.integrate.arrange import arranged
 from turnout.integrate.columns import update_row
 from turnout.integrate.interrupt import one_thread
-from turnout.integrate.prepare import Run, condensed, prepare, start
+from turnout.integrate.prepare import Run, prepare, start
 from turnout.integrate.scheme import Scheme
 from turnout.integrate.state import COUNT_FLIPS, COUNT_ITERATIONS
 from turnout.integrate.vector import add_rows
@@ -41,7 +42,7 @@ KERNELS = {
     "complete, damping": "step.end_step(s, st, w, sp, sp.step)",
     "books of modes": "energy.account_modal(st, w)",
     "books of laws": "energy.account_laws(s, t, st, w, w.inputs, 4.0)",
-    "books of friction": "energy.account_friction(t, st, w)",
+    "books of friction": "energy.account_friction(s, st, w)",
     "store an instant": "march.store(s, t, st, w, rec, 1)",
 }
 FLIP = "one flip"
@@ -68,8 +69,8 @@ def marched(name: str, scheme: Scheme, share: float, *, stride: int = 1) -> tupl
     times = scheme.step * np.arange(round(panel.schedule.end / scheme.step) + 1)
     positions = marker_positions(panel, times) + marker_offsets(panel)[:, np.newaxis]
     with one_blas_thread(), one_thread() as thread:
-        laws, parts = condensed(mechanism, scheme)
-        made = prepare(parts, laws, scheme, positions.T.copy(), times.size, filled_in=False)
+        positions = positions.T.copy()
+        made = prepare(arranged(mechanism, scheme), scheme, positions, times.size, filled_in=False)
         start(made, mechanism, thread)
         began = time.perf_counter()
         march.march(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.errors import MechanicsError
+from turnout.integrate.arrange import Arranged
 from turnout.integrate.columns import rebuild
 from turnout.integrate.compliance import make_level
 from turnout.integrate.energy import account_friction, account_laws
@@ -19,13 +19,11 @@ from turnout.integrate.scheme import AlphaCoefficients, Scheme
 from turnout.integrate.solve import Tolerances, equilibrium, friction_trials, law_arguments
 from turnout.integrate.state import LEVEL, State, fresh_state, set_segments
 from turnout.integrate.step import Stepping, damp_coordinates
-from turnout.integrate.system import System, condensed_system
+from turnout.integrate.system import System
 from turnout.integrate.work import Work, new_work
 from turnout.law.kernel import SLIP_FORWARD, STICK
 from turnout.law.shared import shared
 from turnout.law.table import LawTable
-from turnout.mechanism.blocks import without_joining_bases
-from turnout.mechanism.condense import BlockModel, condense_blocks
 from turnout.mechanism.mechanism import Mechanism
 
 Floats = NDArray[np.float64]
@@ -48,19 +46,8 @@ class Run:
     record: Record
 
 
-def condensed(mechanism: Mechanism, scheme: Scheme) -> tuple[LawTable, tuple[BlockModel, ...]]:
-    """Condense the rails apart from each other; in one piece if one is held by another only."""
-    laws = without_joining_bases(mechanism, mechanism.laws)
-    try:
-        return laws, condense_blocks(mechanism, laws, cutoff_frequency=scheme.cutoff_frequency)
-    except MechanicsError:
-        laws = mechanism.laws
-        return laws, condense_blocks(mechanism, laws, cutoff_frequency=scheme.cutoff_frequency)
-
-
 def prepare(
-    parts: tuple[BlockModel, ...],
-    laws: LawTable,
+    made: Arranged,
     scheme: Scheme,
     positions: Floats,
     n_stored: int,
@@ -71,7 +58,7 @@ def prepare(
 
     `filled_in` tells that instants between the steps are wanted.
     """
-    system, table = condensed_system(parts, laws)
+    system, laws, table = made.system, made.laws, made.table
     # one level a halving, and one without inertia
     state = fresh_state(system, table, n_inputs=positions.shape[1], levels=scheme.halvings + 2)
     state.inputs[:] = positions[0]

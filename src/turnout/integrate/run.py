@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from turnout.errors import SolverError
 from turnout.integrate.accuracy import equilibrium_residual
+from turnout.integrate.arrange import arranged
 from turnout.integrate.dense import fill_in
 from turnout.integrate.energy import closing_error
 from turnout.integrate.interrupt import heard, one_thread
 from turnout.integrate.march import Record, march, store
 from turnout.integrate.outcome import Code, Outcome
-from turnout.integrate.prepare import Run, condensed, prepare, start
+from turnout.integrate.prepare import Run, prepare, start
 from turnout.integrate.scheme import Scheme
 from turnout.integrate.state import (
     COUNT_FLIPS,
@@ -24,7 +25,7 @@ from turnout.integrate.state import (
     COUNT_ITERATIONS,
 )
 from turnout.law.table import LawTable
-from turnout.mechanism.condense import ModalModel, joined_model
+from turnout.mechanism.condense import ModalModel
 from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.threads import one_blas_thread
 
@@ -130,10 +131,10 @@ def _integrate(
 ) -> History:
     grid = _grid(mechanism, scheme, end)
     stride = grid.stride
-    laws, parts = condensed(mechanism, scheme)
+    made = arranged(mechanism, scheme)
     times = scheme.step * np.arange(grid.n_steps + 1, dtype=np.float64)
     positions = np.ascontiguousarray(inputs(times).T)
-    run = prepare(parts, laws, scheme, positions, grid.n_stored, filled_in=grid.filled_in)
+    run = prepare(made, scheme, positions, grid.n_stored, filled_in=grid.filled_in)
     _march(run, 0, 0)  # compiles, if need be, while Ctrl-C ends the program at once
     with one_thread() as thread:
         code, done = start(run, mechanism, thread), 0
@@ -151,7 +152,6 @@ def _integrate(
         contacts=_unsettled(mechanism, run),
     )
     kept = 0 if code == Code.NO_EQUILIBRIUM else done // stride + 1
-    model = joined_model(parts, mechanism)
     record = Record(*(getattr(run.record, name)[:kept] for name in Record._fields))
     instants = scheme.step * stride * np.arange(kept, dtype=np.float64)
     positions = positions[::stride][:kept]
@@ -159,9 +159,9 @@ def _integrate(
         count = int((min(grid.last, instants[-1]) + 1e-9) / scheme.output_interval) + 1
         instants = scheme.output_interval * np.arange(count, dtype=np.float64)
         positions = np.ascontiguousarray(inputs(instants).T)
-        made = {"instants": instants, "inputs": positions, "modes": model.row_modes}
-        record = fill_in(record, step=scheme.step, laws=laws, **made)
-    return _history(run, record, model, outcome, instants, positions)
+        given = {"instants": instants, "inputs": positions, "modes": made.model.row_modes}
+        record = fill_in(record, step=scheme.step, laws=made.laws, **given)
+    return _history(run, record, made.model, outcome, instants, positions)
 
 
 @dataclass(frozen=True, slots=True)

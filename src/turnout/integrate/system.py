@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import MechanicsError
-from turnout.integrate.places import Places, Terms, number_places, placed, unsigned
+from turnout.integrate.places import Places, Terms, number_places, unsigned
 from turnout.law.shared import shared
 from turnout.law.table import LawTable
 from turnout.mechanism.condense import BlockModel, base_stiffness
@@ -86,7 +86,7 @@ class System(NamedTuple):
     timed_law: Ints
 
 
-def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> tuple[System, LawTable]:
+def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
     """Arrange modal models and their laws for the kernels.
 
     Parameters
@@ -99,17 +99,9 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> tuple[Syste
     Returns
     -------
     System
-    LawTable
-        The laws, whose rows are places.
-
-    Raises
-    ------
-    MechanicsError
-        If the normal law of a friction is driven or can pull.
     """
-    _check_normals(laws)
     places = number_places(parts)
-    table, count = placed(laws, places.of_row), places.row_ends.shape[0]
+    count = places.row_ends.shape[0]
     row_place, joins = places.of_row, places.row_ends[:, 1] >= 0
     models = [part.model for part in parts]
     row_law = _ragged(_inverted(row_place[laws.row], count))
@@ -117,7 +109,7 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> tuple[Syste
     normal_friction = _ragged(_inverted(laws.friction_normal, laws.row.size))
     of_ends = _of_ends(parts, places)
     pinned = np.zeros(count, dtype=np.int64)
-    driven = np.flatnonzero(table.input_index >= 0)
+    driven = np.flatnonzero(laws.input_index >= 0)
     driven_rows = np.unique(row_place[laws.row[driven]])
     pinned[driven_rows] = 1
     system = System(
@@ -151,10 +143,10 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> tuple[Syste
         input_law=driven.astype(np.int64),
         input_row=driven_rows,
         timed_law=np.flatnonzero(
-            np.isfinite(table.appears) | np.isfinite(table.disappears) | (table.waits == 1)
+            np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1)
         ),
     )
-    return shared(system), shared(table)
+    return shared(system)
 
 
 def _of_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Floats]:
@@ -236,7 +228,14 @@ def _patterns(laws: LawTable, places: Places) -> dict[str, NDArray[np.generic]]:
     }
 
 
-def _check_normals(table: LawTable) -> None:
+def check_normals(table: LawTable) -> None:
+    """Refuse frictions whose normal law is no contact.
+
+    Raises
+    ------
+    MechanicsError
+        If the normal law of a friction is driven or can pull.
+    """
     normals = table.friction_normal
     if np.any(table.input_index[normals] >= 0):
         msg = "the normal law of a friction row cannot be driven by a marker"
