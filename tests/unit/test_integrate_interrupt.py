@@ -49,7 +49,8 @@ def test_ctrl_c_reaches_a_kernel_at_work() -> None:
 
 
 def test_a_step_ends_where_it_is_and_the_state_is_that_of_the_last_instant() -> None:
-    system, table, state, _, work = setup(7, seed=5)
+    made = setup(7, seed=5)
+    system, table, state, work = made.system, made.table, made.state, made.work
     stepping = Stepping(1e-3, 0.0, 1 / 3, 4 / 9, 5 / 6, 6, True, 1, True)
     markers = np.array([[0.0, 0.0], [5e-3, 1e-3], [9e-3, 2e-3]])
     shapes = [(3, 40)] * 6 + [1, 1, (1, 40)]
@@ -63,7 +64,8 @@ def test_a_step_ends_where_it_is_and_the_state_is_that_of_the_last_instant() -> 
 
 
 def test_the_walk_along_the_path_listens_too() -> None:
-    system, table, state, _, work = setup(7, seed=5)
+    made = setup(7, seed=5)
+    system, table, state, work = made.system, made.table, made.state, made.work
     work.stop[0] = 1
     inputs = (np.zeros(2), np.ones(2))
     given = (system, table, state, work, TOLERANCES, inputs, 3e4, 900.0)

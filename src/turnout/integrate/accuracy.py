@@ -14,8 +14,8 @@ in the step that the books of energy would notice, `LARGEST_LEAK`.
 
 from turnout.integrate.energy import MARKERS
 from turnout.integrate.solution import (
-    deviation_forces,
     derive,
+    deviation_forces,
     exchange_forces,
     set_modes,
 )
@@ -163,4 +163,3 @@ def equilibrium_residual(system: System, table: LawTable, state: State, work: Wo
     row_forces(system, table, state, work.end_force)
     _lead(system, work.end_force)
     return _end_errors(system, state, work.end_force, work.end_error)
-

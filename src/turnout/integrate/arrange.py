@@ -1,4 +1,4 @@
-"""Condense a mechanism and arrange it for the kernels, once for all runs that differ in values only.
+"""Condense a mechanism and arrange it for the kernels, once for runs that differ in values only.
 
 Friction, clearances, forces of saturation, times and motion change neither modes nor the structure
 of the laws. Mechanisms made of the same records share their matrices, which can then not be

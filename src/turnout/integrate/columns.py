@@ -257,8 +257,9 @@ def rebuild(system: System, table: LawTable, state: State, level: int, scratch: 
         stop, start = system.end_stop[block], system.mode_start[block]
         for mode in range(start, system.mode_start[block + 1]):
             copy(state.compliance[level, stop + mode - start], state.mode_columns[mode])
-    for place in system.row_place:
-        row = np.int64(place)
+    for row in range(system.row_ends.shape[0]):
+        if system.row_ends[row, 0] < 0:  # no row stands there
+            continue
         if system.pinned[row] and system.row_ends[row, 1] < 0:
             activate(system, state, system.row_ends[row, 0], row)
         elif system.pinned[row]:

@@ -29,10 +29,11 @@ def make_level(system: System, state: State, level: int, inertia: float, viscosi
         matrix = viscosity * system.damping[first:last, :n]
         for i in range(n):
             matrix[i, i] += inertia + system.eigenvalues[first + i]
+        inverse = np.full_like(matrix, np.nan)
         try:
-            inverse = np.linalg.inv(matrix)
+            inverse[:] = np.linalg.inv(matrix)
         except Exception:  # the only kind a kernel can name; a body that floats, or NaN before it
-            inverse = np.full_like(matrix, np.nan)
+            inverse[:] = np.nan
         start, stop = system.end_start[block], system.end_stop[block]
         width = stop - start
         modes = system.mode_ends[first:last]
@@ -47,9 +48,7 @@ def make_level(system: System, state: State, level: int, inertia: float, viscosi
 
 
 @compiled
-def _write_column(
-    system: System, end: int, inverse: Floats, modes: Floats, column: Floats
-) -> None:
+def _write_column(system: System, end: int, inverse: Floats, modes: Floats, column: Floats) -> None:
     """Write what a unit force on an end does to leading ends and modes."""
     n = inverse.shape[0]
     width = column.size - n

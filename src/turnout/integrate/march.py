@@ -29,8 +29,8 @@ from turnout.integrate.solve import (
     update_marked,
 )
 from turnout.integrate.state import COUNT_HALVED, COUNT_RECENT, LEVEL, State
-from turnout.integrate.stored import stored_energy
 from turnout.integrate.step import Stepping, begin_step, coefficients, end_step
+from turnout.integrate.stored import stored_energy
 from turnout.integrate.system import Floats, System
 from turnout.integrate.vector import copy
 from turnout.integrate.work import Work

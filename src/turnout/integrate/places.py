@@ -66,7 +66,7 @@ class Places:
 
 
 def number_places(parts: Sequence[BlockModel]) -> Places:
-    """Number what blocks and their rows need."""
+    """Give a place to every end and mode of the blocks, and to their rows."""
     leading = np.array([part.leading.leaders.size for part in parts])
     ends = np.array([part.block.rows.size for part in parts])
     mode_start = _starts([part.model.eigenvalues.size for part in parts])

@@ -272,9 +272,7 @@ def _books_close(run: Run) -> bool:
 def _unsettled(mechanism: Mechanism, run: Run) -> tuple[str, ...]:
     """Name the laws on rows that still changed when the last attempt ended."""
     rows, table = run.work.unsettled.astype(bool), run.table
-    names = [
-        name for name, row in zip(mechanism.law_names, table.row, strict=True) if rows[row]
-    ]
+    names = [name for name, row in zip(mechanism.law_names, table.row, strict=True) if rows[row]]
     names += [
         f"friction {name}"
         for name, row in zip(mechanism.friction_names, table.friction_row, strict=True)

@@ -20,8 +20,8 @@ class State(NamedTuple):
     ``entries`` and ``shift`` are the deviations of the rows; the columns, with their slots, and the
     coupling of the blocks are those of `turnout.integrate.columns`, for the step of ``level``; what
     depends on the length of the step alone (``compliance``) is kept level by level. ``g`` holds
-    the displacements of all places, `turnout.integrate.places`. ``damped`` is the damping matrix times
-    `q`, `v`, `a` and `acceleration`.
+    the displacements of all places, `turnout.integrate.places`. ``damped`` is the damping matrix
+    times `q`, `v`, `a` and `acceleration`.
     ``counters``: active rows that join blocks, flips since the last rebuild, flips in all,
     iterations in all, steps halved, rebuilds, the level, whether the coupling is up to date.
     ``drift`` is the growth of rounding since it was last measured. ``push_force`` are the forces of

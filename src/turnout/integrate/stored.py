@@ -52,10 +52,8 @@ def stored_energy(
 
 
 @compiled
-def _law_work(
-    system: System, table: LawTable, state: State, work: Work, forces: Floats
-) -> None:
-    """Write forces, energies and deviations of the laws, and what these do on the way and on `r`."""
+def _law_work(system: System, table: LawTable, state: State, work: Work, forces: Floats) -> None:
+    """Write forces, energies and deviations of the laws, and what these do on their way."""
     argument, offset, load, base_slope = (
         work.argument,
         table.offset,
@@ -84,7 +82,7 @@ def _law_work(
 
 @compiled
 def _friction_work(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Write what frictions do on the way and on `r`, and how far their springs are drawn."""
+    """Write what frictions do on their way, and how far their springs are drawn."""
     row, g, load, flexibility = (
         table.friction_row,
         state.g,

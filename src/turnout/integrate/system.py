@@ -10,7 +10,7 @@ laws. See `turnout.integrate.columns` for what is done with it.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,7 +149,7 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
     return shared(system)
 
 
-def _of_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Floats]:
+def _of_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Any]:
     """Return what the linear system is at the ends, by place."""
     n_modes = [part.model.eigenvalues.size for part in parts]
     widest = max(part.leading.leaders.size for part in parts)
@@ -182,7 +182,7 @@ def _blocks(places: Places) -> Ints:
     )
 
 
-def _followers(places: Places) -> dict[str, NDArray[np.generic]]:
+def _followers(places: Places) -> dict[str, Any]:
     """Return what ends that follow are sums of, with a term of no weight where there are fewer."""
     sums = places.terms[places.solved :]
     most, count = max((len(terms) for terms in sums), default=0), len(sums)
@@ -193,7 +193,7 @@ def _followers(places: Places) -> dict[str, NDArray[np.generic]]:
     return {"follower_list": unsigned(listed), "follower_weight": weights}
 
 
-def _patterns(laws: LawTable, places: Places) -> dict[str, NDArray[np.generic]]:
+def _patterns(laws: LawTable, places: Places) -> dict[str, Any]:
     """Return the rows and leading ends that the deviation of every row depends on."""
     rows: list[list[int]] = [[] for _ in range(places.row_ends.shape[0])]
     for row in places.of_row.tolist():

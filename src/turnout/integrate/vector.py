@@ -110,32 +110,6 @@ def add_rows(weights: Floats, rows: Floats, total: Floats) -> None:
 
 
 @compiled
-def add_chosen(weights: Floats, rows: Floats, chosen: Ints, total: Floats) -> None:
-    """Add a weighted sum of chosen rows of a matrix, which may be wider, to a vector.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> total = np.zeros(2)
-    >>> add_chosen(np.array([1.0, 10.0]), np.arange(9.0).reshape(3, 3), np.array([2, 0]), total)
-    >>> total.tolist()
-    [6.0, 17.0]
-    """
-    n, width = chosen.size, total.size
-    r = 0
-    while r + 4 <= n:
-        a, b, c, d = weights[r], weights[r + 1], weights[r + 2], weights[r + 3]
-        first, second = rows[chosen[r]], rows[chosen[r + 1]]
-        third, fourth = rows[chosen[r + 2]], rows[chosen[r + 3]]
-        for i in range(width):
-            total[i] += (a * first[i] + b * second[i]) + (c * third[i] + d * fourth[i])
-        r += 4
-    while r < n:
-        add(weights[r], rows[chosen[r]], total)
-        r += 1
-
-
-@compiled
 def spread(change: Floats, at: Ints, pivot: Floats, rows: Floats) -> None:
     """Add to each row of a matrix, which may be wider, what it makes of a change times a pivot.
 

@@ -14,8 +14,8 @@ class Work(NamedTuple):
 
     Except `push`, which is zero on rows without an input, `unsettled`, which flags the rows that
     still changed when a step was given up, `changed`, whether a law has changed since the contact
-    set was saved, and `stop`, which another thread sets to end the work between two solutions. `q` to `damped`, `g_start` and the two of the contact set
-    are the state at the start of a step.
+    set was saved, and `stop`, which another thread sets to end the work between two solutions.
+    `q` to `damped`, `g_start` and the two of the contact set are the state at the start of a step.
     """
 
     row: Floats
