@@ -22,7 +22,8 @@ from tests.verification.resumable import Record, command_line, put_section
 from turnout.errors import TurnoutError
 from turnout.measurement.campaign import build_campaign
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.response.store import save_response
+from turnout.plot.validation import plot_comparison, plot_error_map
+from turnout.response.store import open_response, save_response
 from turnout.study.calibration.calibrate import calibrate
 from turnout.study.calibration.evaluate import Evaluator
 from turnout.study.calibration.stage import default_plan
@@ -42,7 +43,9 @@ SEED = 20251105
 TRUTH = 0.12
 PLACES = ("drive 1", "sleeper 3", "sleeper 6", "sleeper 9", "drive 2")
 SIZES = (0.008, 0.013, 0.020)
-HELD_PLACES, HELD_FREE = ("sleeper 6", "sleeper 9"), 3
+HELD_PLACES = ("sleeper 6", "sleeper 9")
+# Repeats in each direction as in the published campaign; from this one on they are held back.
+REPEATS, HELD_FREE = 5, 4
 MOST = 12
 
 
@@ -95,7 +98,7 @@ def result_of(index: int) -> Record:
         places=PLACES,
         sizes=SIZES,
         at_least=max(SIZES),
-        object_free=HELD_FREE,
+        object_free=REPEATS,
         formats=(".csv",),
         seed=SEED + number,
     )
@@ -156,7 +159,7 @@ def section(records: list[Record]) -> list[str]:
     """Return the part of the page that this job writes."""
     good = [record for record in records if not record["failure"]]
     lines = [
-        f"{len(records)} campaigns of 6 movements without an object and up to "
+        f"{len(records)} campaigns of {2 * REPEATS} movements without an object and up to "
         f"{len(PLACES) * len(SIZES)} with one, seed {SEED}; {len(records) - len(good)} of them not "
         f"calibrated. Panel `{NAME}`; written by "
         "`python -m tests.verification.validation_verdicts report DIR`.",
@@ -191,13 +194,17 @@ def _range(values: list[float], form: str) -> str:
 
 
 def report(records: list[Record]) -> None:
-    """Write the table into its page."""
+    """Write the table into its page, and draw the first campaign for the guide."""
     put_section(
         PAGE,
         name="verdicts",
         heading="Does a validation tell the right switch from another?",
         lines=section(records),
     )
+    drawn = open_response(Path(sys.argv[-1]) / "000" / "validation.nc")
+    figures = PAGE.parent / "figures"
+    plot_comparison(drawn, place="sleeper 6").savefig(figures / "validation_comparison.png", dpi=90)
+    plot_error_map(drawn).savefig(figures / "validation_errors.png", dpi=90)
 
 
 if __name__ == "__main__":
