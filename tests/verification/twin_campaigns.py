@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from turnout.measurement.campaign_dataset import stacked
 from turnout.measurement.movement import Throw
@@ -63,6 +64,9 @@ class Twin:
         Places and sizes of closing movements.
     scheme : Scheme
         With which the truth is integrated.
+    mixing : sequence of ndarray, shape (n, n)
+        For each movement: what each force channel, drives and then the load cell, takes up of
+        each; none for perfect sensitivities.
     """
 
     panel: LoadedPanel = field(default_factory=lambda: short_sb1())
@@ -70,6 +74,7 @@ class Twin:
     plan: Plan = field(default_factory=lambda: Plan(places=("drive 1",), window=WINDOW))
     cases: Sequence[tuple[str, float]] = SB1_CASES
     scheme: Scheme = field(default_factory=Scheme)
+    mixing: Sequence[NDArray[np.float64]] = ()
 
 
 def campaign(twin: Twin) -> xr.Dataset:
@@ -101,6 +106,8 @@ def _member(twin: Twin, panel: LoadedPanel, case: Case) -> tuple[object, Piece]:
         window=window,
         build_up_lag={twin.plan.defects.drive: lag} if lag else None,
     )
+    if twin.mixing:
+        true = _mixed(true, twin.mixing[case.repeat - 1])
     seen = disturbed(true, rng=rng, disturbance=twin.plan.disturbance)
     # Forces are told from the rest before the onset, as a build takes zeros.
     throw = Throw(
@@ -113,3 +120,14 @@ def _member(twin: Twin, panel: LoadedPanel, case: Case) -> tuple[object, Piece]:
         "closing",
     )
     return true_run(Thrown(case, f"{case.name}.csv", False)), Piece(seen, throw, "", ())
+
+
+def _mixed(true: xr.Dataset, matrix: NDArray[np.float64]) -> xr.Dataset:
+    """Return a recording whose force channels are wrong in sensitivity and take up each other."""
+    rods = true["drive_force"].transpose("drive", "time")
+    forces = np.vstack([rods.values, np.nan_to_num(true["object_force"].values)])
+    seen = matrix @ forces
+    return true.assign(
+        drive_force=rods.copy(data=seen[:-1]),
+        object_force=true["object_force"].copy(data=seen[-1]),
+    )

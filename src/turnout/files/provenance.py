@@ -3,9 +3,11 @@
 import hashlib
 import json
 import platform
+from functools import cache
 from importlib import metadata
 
 
+@cache
 def version() -> str:
     """Give the version of the installed program, or "unknown" where it is not installed."""
     try:

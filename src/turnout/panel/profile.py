@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -38,11 +39,17 @@ def evaluate_profile(profile: float | Profile, x: npt.ArrayLike) -> FloatArray:
     position = np.asarray(x, dtype=np.float64)
     if not isinstance(profile, Profile):
         return np.full(position.shape, profile, dtype=np.float64)
-    stations, values = np.asarray(profile.x), np.asarray(profile.value)
+    stations, values = tuple(profile.x), tuple(profile.value)
     if profile.interpolation == "linear" or len(stations) < 3:
         return np.asarray(np.interp(position, stations, values), dtype=np.float64)
     held = np.clip(position, stations[0], stations[-1])
-    return np.asarray(CubicSpline(stations, values, bc_type="not-a-knot")(held), dtype=np.float64)
+    return np.asarray(_spline(stations, values)(held), dtype=np.float64)
+
+
+@lru_cache(maxsize=64)
+def _spline(stations: tuple[float, ...], values: tuple[float, ...]) -> CubicSpline:
+    """Return the spline of a table; a throw asks for its value at every stop and object."""
+    return CubicSpline(stations, values, bc_type="not-a-knot")
 
 
 def stock_rail_gap(rail: Rail, x: npt.ArrayLike) -> FloatArray | None:

@@ -163,7 +163,7 @@ def calibrate(
         about={
             **provenance(),
             "written": datetime.now(UTC).isoformat(timespec="seconds"),
-            "scheme": (scheme or Scheme()).describe(),
+            "scheme": f"{(scheme or Scheme()).describe()}; compared at last with half the step",
             "synthetic": str(dataset.attrs.get("synthetic", "")),
         },
         posterior=sampled,
@@ -224,7 +224,7 @@ class _Run:
                 values = dict(final.values)
                 if last:
                     start = replace(misfit, base=values)
-                    final = fit(start, parameters, values, told=self.watch.found)
+                    final = fit(start, parameters, values, near=final, told=self.watch.found)
                     values = dict(final.values)
                 scatter = dict(final.misfit.comparison.scatter)
             made = self.evaluator.made - before

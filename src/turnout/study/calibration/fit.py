@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from turnout.study.calibration.misfit import Frame, Local, Misfit, framed, jacobian
+from turnout.study.calibration.misfit import Frame, Local, Misfit, framed, jacobian, slopes_of
 from turnout.study.calibration.noise import missed_by_model
+from turnout.study.calibration.observed import BIN
 from turnout.study.calibration.parameter import Parameter, coordinates, values_at
 from turnout.study.calibration.predict import compared, predicted
 from turnout.study.calibration.view import Key
@@ -17,24 +18,24 @@ Floats = NDArray[np.float64]
 MOST_STEPS = 12
 # Noise of the turns of a rough fit, as a share of what the model misses at the start [-].
 LOOSE = (1.0,)
-TIGHTENING = (1.0, 0.1, 0.01)
+TIGHTENING = (1.0, 0.1)
 MOST_PASSES = 4
 # Longest step of a coordinate; half a unit is a factor of 1.6.
 LONGEST_STEP = 0.5
-# Within this the sensitivities are not simulated anew [coordinate].
-SAME_SLOPE = 0.015
 # Steps below this cannot be told from the noise of the solver [coordinate].
 SHORTEST_STEP = 1e-4
 # A step that promises less than this is not worth throws [square of a standard deviation].
 LEAST_GAIN = 0.05
-# Of a stage that others follow: how few steps, and which share of the cost one must promise.
-ROUGH_STEPS, ROUGH_GAIN = 6, 0.01
+# Of a stage that others follow: how few steps, how few of them in vain, and which share of the cost
+# one must promise.
+ROUGH_STEPS, ROUGH_REFUSED, ROUGH_GAIN = 6, 2, 0.01
 # How many movements the expected scatter counts for beside those that were measured.
 SCATTER_WEIGHT = 2.0
 # What the noise may change before the fit is done again with it [-].
 SAME_NOISE = 0.25
-# How far a movement's own value may be from where it is thrown [share].
-SAME_OWN = 2e-3
+# How far a movement's own value may be from where it is thrown, how often it is thrown anew where
+# it is further, and by how much at most it then changes [share].
+SAME_OWN, OWN_TURNS, LONGEST_OWN = 2e-3, 6, 0.04
 # Residuals beyond this many standard deviations, such as at an impact, count less once near.
 OUTLYING = 3.0
 # From the median of absolute values to the standard deviation of a normal distribution [-].
@@ -101,6 +102,7 @@ def fit(
     *,
     rough: bool = False,
     loose_shares: Sequence[float] = LOOSE,
+    near: Fit | None = None,
     told: Callable[[float], None] | None = None,
 ) -> Fit:
     """Fit parameters to movements, and the noise and scatter to what is left over.
@@ -117,6 +119,8 @@ def fit(
         Whether others follow, so that nearby is good enough, and the noise begins loosened.
     loose_shares : sequence of float
         For each turn of a rough fit, which share of what the start misses is taken as noise [-].
+    near : Fit, optional
+        A rough fit that ended at the values: its movements' own values are gone on with.
     told : callable, optional
         Called with the root mean square of the residuals after each step.
 
@@ -129,24 +133,26 @@ def fit(
     SolverError
         When a movement cannot be simulated at the start.
     """
-    iterations = 0
+    iterations, own = 0, near.misfit.own if near else {}
+    local = near.local if near else None
     if rough:
         loose = loosened(misfit, parameters, values)
         for share in loose_shares:
-            tighter = tightened(loose, misfit, share)
-            found = _least_squares(tighter, tuple(parameters), values, rough=True, told=told)
+            tighter = replace(tightened(loose, misfit, share), own=own)
+            found = _least_squares(tighter, parameters, values, rough=True, told=told, local=local)
             iterations += found.iterations
-            values = found.values
+            values, own, local = found.values, found.misfit.own, found.local
         return replace(found, misfit=relearned(found, misfit), iterations=iterations)
-    first = misfit
-    for _ in range(MOST_PASSES):
-        found = _least_squares(misfit, tuple(parameters), values, rough=rough, told=told)
+    first, misfit = misfit, replace(misfit, own=own)
+    for number in range(MOST_PASSES):
+        misfit = replace(misfit, fine=number > 0)
+        found = _least_squares(misfit, parameters, values, rough=False, told=told, local=local)
         iterations += found.iterations
-        values = found.values
+        values, local = found.values, found.local
         better = relearned(found, first)
-        same = _alike(misfit, better)
+        same = _alike(found.misfit, better)
         misfit = better
-        if same:
+        if same and number > 0:
             break
     return replace(found, iterations=iterations)
 
@@ -179,42 +185,49 @@ def loosened(
     noise = dict(misfit.comparison.noise)
     for key, rows in squares.items():
         size = float(np.sqrt(np.mean(np.concatenate(rows))))
-        noise[key] = replace(noise[key], missed=size)
+        if size > noise[key].missed:
+            noise[key] = replace(noise[key], missed=size, missed_length=BIN)
     return replace(misfit, comparison=replace(misfit.comparison, noise=noise), frame=None)
 
 
 def tightened(loose: Misfit, first: Misfit, share: float) -> Misfit:
     """Return a misfit with a share of the loosened noise beside that of the measurement."""
-    noise = {
-        key: replace(own, missed=share * loose.comparison.noise[key].missed)
-        for key, own in first.comparison.noise.items()
-    }
+    noise = dict(first.comparison.noise)
+    for key, own in noise.items():
+        size = share * loose.comparison.noise[key].missed
+        if size > own.missed:
+            noise[key] = replace(own, missed=size, missed_length=BIN)
     return replace(first, comparison=replace(first.comparison, noise=noise), frame=None)
 
 
 def _least_squares(
     misfit: Misfit,
-    parameters: tuple[Parameter, ...],
+    parameters: Sequence[Parameter],
     values: Mapping[str, float],
     *,
     rough: bool,
     told: Callable[[float], None] | None,
+    local: Local | None = None,
 ) -> Fit:
     """Levenberg-Marquardt within bounds, in one state of noise and scatter."""
     names = [item.name for item in parameters]
-    local = misfit.local(values, names)
+    if local is None or not set(names) <= set(local.moved):
+        local = misfit.local(values, names)
+    else:
+        whole = {**misfit.base, **values}
+        local = replace(local, values=whole, here=tuple(misfit.responses([whole])[0]))
     damping, iterations = 1e-4, 0
-    most = ROUGH_STEPS if rough else MOST_STEPS
+    most, most_refused = (ROUGH_STEPS, ROUGH_REFUSED) if rough else (MOST_STEPS, MOST_STEPS)
     message, converged = f"ended after {most} steps; more may improve it", rough
     while True:
-        frame = framed(local, misfit)
+        misfit, local, frame = _settled(misfit, local, names, turns=1 if rough else OWN_TURNS)
         residuals = misfit.residuals_of(local.here, frame)
         slopes = jacobian(local, frame, names)
         cost = float(residuals @ residuals)
         if told is not None:
             told(float(np.sqrt(cost / max(residuals.size, 1))))
-        moved = False
-        while iterations < most:
+        moved, refused = False, 0
+        while iterations < most and refused < most_refused:
             iterations += 1
             step, gain = _step(residuals, slopes, parameters, local.values, damping)
             least = max(LEAST_GAIN, ROUGH_GAIN * cost) if rough else LEAST_GAIN
@@ -223,25 +236,23 @@ def _least_squares(
                 break
             point = coordinates(parameters, local.values) + step
             trial = {**local.values, **values_at(parameters, point)}
-            here = tuple(misfit.responses([trial])[0])
-            at_trial = misfit.residuals_of(here, frame)
-            ahead = float(at_trial @ at_trial)
-            if np.isfinite(ahead) and ahead < cost:
-                damping, moved = 0.1 * damping, True
+            ahead = replace(misfit, own=_own_after(misfit, local, frame, names, step))
+            here = tuple(ahead.responses([trial])[0])
+            at_trial = ahead.residuals_of(here, frame)
+            left = float(at_trial @ at_trial)
+            if np.isfinite(left) and left < cost:
+                damping, moved, misfit = 0.1 * damping, True, ahead
                 break
-            damping = max(10.0 * damping, 1e-3)
+            damping, refused = max(10.0 * damping, 1e-3), refused + 1
             if np.abs(step).max() < 10 * SHORTEST_STEP:
                 message, converged = "converged to the noise of the solver", True
                 break
         if not moved:
             break
-        if np.abs(step).max() <= SAME_SLOPE:
-            local = replace(local, values=trial, here=here)
-        else:
-            local = misfit.local(trial, names)
+        local = replace(local, values=trial, here=here)
     return Fit(
         misfit=misfit,
-        parameters=parameters,
+        parameters=tuple(parameters),
         values=local.values,
         local=local,
         frame=frame,
@@ -251,6 +262,63 @@ def _least_squares(
         message=message,
         converged=converged,
     )
+
+
+def _settled(
+    misfit: Misfit, local: Local, names: Sequence[str], *, turns: int
+) -> tuple[Misfit, Local, Frame]:
+    """Throw movements at their own values, until these are where the measurement has them.
+
+    What a movement's own value changes is linear over a part of a per cent only. Told from further
+    away it would bend the common values and, as what is left over is large, count as noise.
+    """
+    frame = framed(local, misfit)
+    for _ in range(turns):
+        own = _clipped(misfit, [view.estimates for view in frame.views])
+        if _furthest(misfit, own) <= SAME_OWN:
+            break
+        misfit = replace(misfit, own=own)
+        local = replace(local, here=tuple(misfit.responses([local.values])[0]))
+        frame = framed(local, misfit)
+    known = local.moved
+    local = misfit.local_near(local.values, names, local)
+    return misfit, local, frame if local.moved is known else framed(local, misfit)
+
+
+def _own_after(
+    misfit: Misfit, local: Local, frame: Frame, names: Sequence[str], step: Floats
+) -> dict[str, tuple[float, ...]]:
+    """Return the movements' own values as they are expected after a step of the common ones."""
+    slopes = slopes_of(local, frame, names)
+    expected = []
+    for view, slope, response in zip(frame.views, slopes, local.here, strict=True):
+        found = view.own_after(view.measured - view.of(response) - slope @ step)
+        expected.append({name: (value, 0.0) for name, value in found.items()})
+    return _clipped(misfit, expected)
+
+
+def _clipped(
+    misfit: Misfit, estimates: Sequence[Mapping[str, tuple[float, float]]]
+) -> dict[str, tuple[float, ...]]:
+    """Return own values that are no further than the longest step from those of a misfit."""
+    own = {}
+    for name in misfit.comparison.scatter:
+        shares = []
+        for number, found in enumerate(estimates):
+            before = misfit.share(name, number)
+            after = found[name][0] if name in found else 0.0
+            shares.append(float(np.clip(after, before - LONGEST_OWN, before + LONGEST_OWN)))
+        own[name] = tuple(shares)
+    return own
+
+
+def _furthest(misfit: Misfit, own: Mapping[str, tuple[float, ...]]) -> float:
+    shifts = [
+        abs(share - misfit.share(name, number))
+        for name, shares in own.items()
+        for number, share in enumerate(shares)
+    ]
+    return max(shifts, default=0.0)
 
 
 def _step(
@@ -299,7 +367,8 @@ def relearned(found: Fit, first: Misfit) -> Misfit:
     noise = dict(first.comparison.noise)
     for key, rows in series.items():
         size, length = missed_by_model(rows, noise[key])
-        noise[key] = replace(noise[key], missed=size, missed_length=length)
+        if size > noise[key].missed:
+            noise[key] = replace(noise[key], missed=size, missed_length=length)
     scatter = {}
     for name, expected in first.comparison.scatter.items():
         estimates = [v.estimates[name] for v in found.frame.views if name in v.estimates]
@@ -307,12 +376,8 @@ def relearned(found: Fit, first: Misfit) -> Misfit:
         total = squares + SCATTER_WEIGHT * expected**2
         # One movement's worth is used up by the common value itself.
         scatter[name] = float(np.sqrt(total / (max(len(estimates) - 1, 0) + SCATTER_WEIGHT)))
-    own = {
-        name: tuple(v.estimates[name][0] if name in v.estimates else 0.0 for v in found.frame.views)
-        for name in scatter
-    }
     comparison = replace(first.comparison, noise=noise, scatter=scatter, outlying=OUTLYING)
-    return replace(found.misfit, comparison=comparison, own=own, frame=None)
+    return replace(found.misfit, comparison=comparison, frame=None)
 
 
 def _alike(before: Misfit, after: Misfit) -> bool:

@@ -1,7 +1,8 @@
 """Weighted residuals of measured movements against simulated ones, over any set of movements."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,13 @@ from turnout.study.calibration.parameter import Parameter, overrides_of
 from turnout.study.calibration.view import Comparison, Sensitivity, View, view_of
 
 Floats = NDArray[np.float64]
-# Far enough for the noise of the solver, near enough for a straight line [coordinate].
-DIFFERENCE = 0.01
+T = TypeVar("T")
+# Far enough for the noise of the solver, near enough for a straight line [coordinate]: of quick
+# throws, and of those whose slopes must hold where little is left over but noise.
+DIFFERENCE, FINE_DIFFERENCE = 0.01, 0.003
+# Within this, steps aside are not simulated anew [coordinate]: of quick throws, and of those whose
+# small rest, once doubts are taken out, has to point the right way.
+SAME_SLOPE, SAME_FINE_SLOPE = 0.015, 0.003
 # A drive that stays this far below its slip level does not feel it [-].
 UNTOUCHED = 0.98
 
@@ -43,7 +49,9 @@ class Misfit:
     shape : callable, optional
         From a response and the values by name to the response as it is compared.
     quick : bool
-        Whether all throws are quick; else only those aside, whose differences alone count.
+        Whether throws are quick, and slopes taken over wider differences.
+    fine : bool
+        Whether throws have shorter steps, those aside excepted, whose differences alone count.
     """
 
     evaluator: Evaluator
@@ -55,6 +63,7 @@ class Misfit:
     law: Callable[[Mapping[str, float]], dict[str, object]] | None = None
     shape: Callable[[Response, Mapping[str, float]], Response] | None = None
     quick: bool = False
+    fine: bool = False
     frame: "Frame | None" = None
 
     def residuals(self, values: Mapping[str, float]) -> Floats:
@@ -78,21 +87,22 @@ class Misfit:
         return self.residuals_of(self.responses([values])[0], self.frame)
 
     def residuals_of(self, responses: Sequence[Response], frame: "Frame") -> Floats:
-        """Return the whitened residuals of the response to each movement."""
+        """Return the whitened residuals of the response to each movement, thrown at its own."""
         rows = []
-        for view, response in zip(frame.views, responses, strict=True):
-            rows.append(view.whitened(view.measured - view.of(response)))
+        for number, (view, response) in enumerate(zip(frame.views, responses, strict=True)):
+            own = {name: self.share(name, number) for name in view.own}
+            rows.append(view.whitened(view.measured - view.of(response, own)))
         return np.concatenate(rows) if rows else np.zeros(0)
 
-    def responses(
-        self, points: Sequence[Mapping[str, float]], *, quick: bool = False
-    ) -> list[list[Response]]:
+    def share(self, name: str, number: int) -> float:
+        """Return how far a movement's own value of a parameter is from the common one."""
+        return self.own[name][number] if name in self.own else 0.0
+
+    def responses(self, points: Sequence[Mapping[str, float]]) -> list[list[Response]]:
         """Return the response to each movement at each of several points, thrown together."""
         whole = [{**self.base, **point} for point in points]
         throws = [
-            self._throw(number, values, quick=quick or self.quick)
-            for values in whole
-            for number in range(len(self.movements))
+            self._throw(number, values) for values in whole for number in range(len(self.movements))
         ]
         count = len(self.movements)
         made = self.evaluator.responses(throws)
@@ -104,7 +114,7 @@ class Misfit:
             for row, values in zip(rows, whole, strict=True)
         ]
 
-    def _throw(self, number: int, values: Mapping[str, float], *, quick: bool = True) -> Throw:
+    def _throw(self, number: int, values: Mapping[str, float]) -> Throw:
         movement = self.movements[number]
         mine = {
             name: values[name] * (1.0 + shares[number])
@@ -114,7 +124,13 @@ class Misfit:
         overrides: dict[str, object] = dict(overrides_of(self.parameters, {**values, **mine}))
         if self.law is not None:
             overrides |= self.law(values)
-        return Throw(overrides=overrides, place=movement.place, size=movement.size, quick=quick)
+        return Throw(
+            overrides=overrides,
+            place=movement.place,
+            size=movement.size,
+            quick=self.quick,
+            fine=self.fine,
+        )
 
     def local(self, values: Mapping[str, float], vary: Sequence[str]) -> "Local":
         """Simulate about values: responses there, and one step aside for each parameter.
@@ -137,12 +153,23 @@ class Misfit:
             if response.failure:
                 message = f"{movement.text}: cannot be simulated: {response.failure}"
                 raise SolverError(message)
-        aside = {p.name: stepped_value(p, whole[p.name]) for p in stepped}
-        # Differences of two quick throws are good slopes; quick against exact would be none.
-        origin = self.responses([whole], quick=True)[0] if stepped else here
-        moved = self._moved(whole, stepped, aside, origin)
-        steps = {p.name: p.coordinate(aside[p.name]) - p.coordinate(whole[p.name]) for p in stepped}
-        shares = {name: value / whole[name] - 1.0 for name, value in aside.items()}
+        difference = DIFFERENCE if self.quick else FINE_DIFFERENCE
+        aside = {p.name: stepped_value(p, whole[p.name], difference) for p in stepped}
+        plain = replace(self, fine=False)
+        origin = plain.responses([whole])[0] if self.fine and stepped else here
+        moved = plain._moved(whole, stepped, aside, origin)
+        count = len(self.movements)
+        steps = {
+            p.name: (p.coordinate(aside[p.name]) - p.coordinate(whole[p.name]),) * count
+            for p in stepped
+        }
+        shares = {
+            p.name: tuple(
+                (aside[p.name] / whole[p.name] - 1.0) * (1.0 + self.share(p.name, n))
+                for n in range(count)
+            )
+            for p in stepped
+        }
         return Local(
             values=whole,
             here=tuple(here),
@@ -150,6 +177,44 @@ class Misfit:
             moved=moved,
             steps=steps,
             shares=shares,
+            about=tuple(self._thrown_at(whole, n) for n in range(len(self.movements))),
+            quick=self.quick,
+        )
+
+    def local_near(
+        self, values: Mapping[str, float], vary: Sequence[str], known: "Local"
+    ) -> "Local":
+        """Return what `local` does; steps aside that were taken near by are not simulated anew.
+
+        Near is told movement by movement, as each is thrown at its own values.
+        """
+        whole = {**self.base, **values}
+        most = SAME_SLOPE if self.quick else SAME_FINE_SLOPE
+        stale = [n for n in range(len(self.movements)) if self._shift(whole, n, known) > most]
+        same = set(vary) <= set(known.moved) and known.quick == self.quick
+        if not same or len(stale) == len(self.movements):
+            return self.local(whole, vary)
+        here = tuple(self.responses([whole])[0])
+        found = replace(known, values=whole, here=here)
+        if not stale:
+            return found
+        part = replace(
+            self,
+            movements=tuple(self.movements[n] for n in stale),
+            own={name: tuple(row[n] for n in stale) for name, row in self.own.items()},
+        )
+        return found.with_movements(stale, part.local(whole, vary))
+
+    def _thrown_at(self, values: Mapping[str, float], number: int) -> dict[str, float]:
+        return {name: value * (1.0 + self.share(name, number)) for name, value in values.items()}
+
+    def _shift(self, values: Mapping[str, float], number: int, known: "Local") -> float:
+        """Return how far a movement is thrown from where its steps aside were taken."""
+        before, now = known.about[number], self._thrown_at(values, number)
+        return max(
+            abs(p.coordinate(now[p.name]) - p.coordinate(before[p.name]))
+            for p in self.parameters
+            if p.name in known.moved
         )
 
     def _moved(
@@ -188,13 +253,13 @@ class Misfit:
         return {name: tuple(row) for name, row in found.items()}
 
 
-def stepped_value(parameter: Parameter, value: float) -> float:
+def stepped_value(parameter: Parameter, value: float, difference: float = DIFFERENCE) -> float:
     """Return a value one difference aside, on the side with more room."""
     here = parameter.coordinate(value)
-    up = parameter.value(here + DIFFERENCE)
-    if parameter.coordinate(up) - here >= 0.5 * DIFFERENCE:
+    up = parameter.value(here + difference)
+    if parameter.coordinate(up) - here >= 0.5 * difference:
         return up
-    return parameter.value(here - DIFFERENCE)
+    return parameter.value(here - difference)
 
 
 def _touches(parameter: Parameter, value: float, response: Response) -> bool:
@@ -223,21 +288,49 @@ class Local:
     here : tuple of Response
         To each movement.
     origin : tuple of Response
-        Where the steps aside were taken, as they were: here, or near by; thrown quickly.
+        Where the steps aside were taken, as they were: here, or near by.
     moved : mapping of str to tuple of Response
         By parameter.
-    steps : mapping of str to float
-        How far aside, in the coordinate.
-    shares : mapping of str to float
-        How far aside, as a share of the value.
+    steps : mapping of str to tuple of float
+        How far aside for each movement, in the coordinate.
+    shares : mapping of str to tuple of float
+        How far aside, as a share of the common value.
+    about : tuple of mapping of str to float
+        Values of each movement where its steps aside were taken.
+    quick : bool
+        Whether the steps aside were thrown quickly.
     """
 
     values: Mapping[str, float]
     here: tuple[Response, ...]
     origin: tuple[Response, ...]
     moved: Mapping[str, tuple[Response, ...]]
-    steps: Mapping[str, float]
-    shares: Mapping[str, float]
+    steps: Mapping[str, tuple[float, ...]]
+    shares: Mapping[str, tuple[float, ...]]
+    about: tuple[Mapping[str, float], ...]
+    quick: bool
+
+    def with_movements(self, numbers: Sequence[int], other: "Local") -> "Local":
+        """Return this with some movements of another one, in the order of the numbers."""
+        place = {number: n for n, number in enumerate(numbers)}
+
+        def joined(mine: tuple[T, ...], others: tuple[T, ...]) -> tuple[T, ...]:
+            return tuple(others[place[n]] if n in place else item for n, item in enumerate(mine))
+
+        def by_name(
+            mine: Mapping[str, tuple[T, ...]], others: Mapping[str, tuple[T, ...]]
+        ) -> dict[str, tuple[T, ...]]:
+            return {name: joined(row, others[name]) for name, row in mine.items() if name in others}
+
+        return replace(
+            self,
+            here=joined(self.here, other.here),
+            origin=joined(self.origin, other.origin),
+            moved=by_name(self.moved, other.moved),
+            steps=by_name(self.steps, other.steps),
+            shares=by_name(self.shares, other.shares),
+            about=joined(self.about, other.about),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -259,18 +352,16 @@ class Frame:
 def framed(local: Local, misfit: Misfit) -> Frame:
     """Make the views of all movements about a point."""
     views = []
-    zeros = (0.0,) * len(misfit.movements)
     for number, movement in enumerate(misfit.movements):
         sensitivities = {
             name: Sensitivity(
                 here=local.origin[number],
                 aside=local.moved[name][number],
-                step=local.shares[name] * (1.0 + own),
-                own=own,
+                step=local.shares[name][number],
+                own=misfit.share(name, number),
             )
             for name, share in misfit.comparison.scatter.items()
             if share > 0 and name in local.moved
-            for own in [misfit.own.get(name, zeros)[number]]
         }
         views.append(
             view_of(
@@ -283,6 +374,25 @@ def framed(local: Local, misfit: Misfit) -> Frame:
     return Frame(values=local.values, views=tuple(views))
 
 
+def slopes_of(local: Local, frame: Frame, names: Sequence[str]) -> list[Floats]:
+    """Return the change of each movement's prediction with each coordinate.
+
+    Returns
+    -------
+    list of ndarray, shape (n, len(names))
+    """
+    found = []
+    for number, view in enumerate(frame.views):
+        here = view.plain(local.origin[number])
+        block = np.zeros((here.size, len(names)))
+        for column, name in enumerate(names):
+            moved = local.moved[name][number]
+            if moved is not local.origin[number]:
+                block[:, column] = (view.plain(moved) - here) / local.steps[name][number]
+        found.append(block)
+    return found
+
+
 def jacobian(local: Local, frame: Frame, names: Sequence[str]) -> Floats:
     """Return the change of the whitened residuals with each coordinate.
 
@@ -290,14 +400,12 @@ def jacobian(local: Local, frame: Frame, names: Sequence[str]) -> Floats:
     -------
     ndarray, shape (n, len(names))
     """
+    return _whitened_slopes(slopes_of(local, frame, names), frame)
+
+
+def _whitened_slopes(slopes: Sequence[Floats], frame: Frame) -> Floats:
     blocks = []
-    for number, view in enumerate(frame.views):
-        here = view.plain(local.origin[number])
-        columns = [
-            -view.whitened(view.plain(local.moved[name][number]) - here) / local.steps[name]
-            if local.moved[name][number] is not local.origin[number]
-            else np.zeros(here.size)
-            for name in names
-        ]
-        blocks.append(np.column_stack(columns) if columns else np.zeros((here.size, 0)))
+    for view, slope in zip(frame.views, slopes, strict=True):
+        columns = [-view.whitened(column) for column in slope.T]
+        blocks.append(np.column_stack(columns) if columns else slope)
     return np.concatenate(blocks)

@@ -7,11 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky
 
-from turnout.study.calibration.observed import BIN, Movement
+from turnout.study.calibration.observed import BIN, OBJECT_FORCE, Movement
 
 Floats = NDArray[np.float64]
 # The solver itself is not surer than this share of a channel's largest value [-].
 FLOOR = 2e-4
+# After an impact an object is held by friction that depends on every detail of it: steps of 1 and
+# 0.25 ms leave forces that differ by this share of the channel's largest value, for good [-], [s].
+AGREEMENT, AGREEMENT_TIME = {OBJECT_FORCE: 1e-3}, 1.0
 # Rest before the onset, as the onset may have been found late [s].
 REST_END = -0.1
 LEAST_REST = 10
@@ -29,7 +32,7 @@ class Noise:
     slow, slow_length : float
         Of what decays exponentially over time: standard deviation, and time to a third [s].
     missed, missed_length : float
-        The same of what the model misses; 0 before anything was fitted.
+        The same of what the model misses; before anything was fitted, what two solvers would.
     """
 
     white: float
@@ -70,7 +73,7 @@ def measured_noise(movements: Sequence[Movement]) -> dict[tuple[str, str], Noise
     Returns
     -------
     dict of (channel, drive) to Noise
-        Never below the floor of the solver.
+        Never below what the solver itself is sure of.
     """
     rests: dict[tuple[str, str], list[Floats]] = {}
     peaks: dict[tuple[str, str], float] = {}
@@ -85,7 +88,13 @@ def measured_noise(movements: Sequence[Movement]) -> dict[tuple[str, str], Noise
     for key, peak in peaks.items():
         least = FLOOR * max(peak, 1.0)
         white, slow, length = _split(rests.get(key, []))
-        found[key] = Noise(white=float(np.hypot(white, least)), slow=slow, slow_length=length)
+        found[key] = Noise(
+            white=float(np.hypot(white, least)),
+            slow=slow,
+            slow_length=length,
+            missed=AGREEMENT.get(key[0], 0.0) * max(peak, 1.0),
+            missed_length=AGREEMENT_TIME,
+        )
     return found
 
 

@@ -49,7 +49,7 @@ class Doubt:
     gain: float = 1e-3
     common_gain: float = 1e-3
     cross_talk: float = 5e-4
-    solver: float = 5e-4
+    solver: float = 3e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,12 +113,17 @@ class View:
         All parts in a row.
     shift : float
         How much later than marked the movement began, as estimated [s].
-    centre : ndarray, shape (n,)
-        What the estimates of onset and scatter, where throws are made, add to the prediction.
+    columns : ndarray, shape (n, 1 + s)
+        Change of the prediction with the onset [1/s] and with the share of each scattering
+        parameter.
+    own : mapping of str to float
+        By scattering parameter: where throws are made, as a share of the common value.
     factors : tuple of ndarray
         Cholesky factor of the noise of each part.
     basis, shrink : ndarray, shape (n, q) and (q,)
         Directions in which the movement is in doubt, whitened, and how far they are shrunk.
+    doubts : ndarray, shape (1 + s, n)
+        From a row with its noise made independent to the estimates.
     estimates : mapping of str to float
         Of what is in doubt: "onset" [s], scattering parameters as shares.
     """
@@ -127,15 +132,31 @@ class View:
     parts: list[tuple[Signal, NDArray[np.intp]]]
     measured: Floats
     shift: float
-    centre: Floats
+    columns: Floats
+    own: Mapping[str, float]
     factors: tuple[Floats, ...]
     basis: Floats
     shrink: Floats
+    doubts: Floats
     estimates: Mapping[str, tuple[float, float]]
 
-    def of(self, response: Response) -> Floats:
-        """Return the prediction of a response, brought back to doubts about zero."""
-        return _row(response, self.movement, self.parts, self.shift) - self.centre
+    def of(self, response: Response, own: Mapping[str, float] | None = None) -> Floats:
+        """Return the prediction of a response, brought back to doubts about zero.
+
+        Parameters
+        ----------
+        response : Response
+            To the movement.
+        own : mapping of str to float, optional
+            Where it was thrown; default as the view was made.
+        """
+        places = [self.shift, *(own if own is not None else self.own).values()]
+        return self.plain(response) - self.columns @ np.array(places)
+
+    def own_after(self, row: Floats) -> dict[str, float]:
+        """Return the estimates of scattering parameters from a row of measured less `of`."""
+        found = self.doubts @ self.noise_whitened(row)
+        return {name: float(found[n]) for n, name in enumerate(self.own, 1)}
 
     def plain(self, response: Response) -> Floats:
         """Return the prediction of a response at the estimated onset."""
@@ -248,10 +269,11 @@ def _aligned(
         doubts = np.column_stack([*(c * s for c, s in zip(columns, scales, strict=True)), *zeros])
         clean = np.column_stack([_unnoised(column, factors) for column in doubts.T])
         places = np.array([shift, *(s.own for s in sensitivities.values())])
-        centre = np.column_stack(columns) @ places
-        rest = measured - _row(response, movement, parts, shift) + centre
+        plain = np.column_stack(columns)
+        rest = measured - _row(response, movement, parts, shift) + plain @ places
         inverse = np.linalg.inv(np.eye(clean.shape[1]) + clean.T @ clean)
-        found = inverse @ (clean.T @ _unnoised(rest, factors))
+        solve = inverse @ clean.T
+        found = solve @ _unnoised(rest, factors)
         before, shift = shift, float(np.clip(found[0] * spread, -MOST_SHIFT, MOST_SHIFT))
         if abs(shift - before) < 1e-4:
             break
@@ -261,10 +283,12 @@ def _aligned(
         parts=parts,
         measured=measured,
         shift=before,
-        centre=centre,
+        columns=plain,
+        own={name: s.own for name, s in sensitivities.items()},
         factors=factors,
         basis=basis,
         shrink=1.0 - 1.0 / np.sqrt(1.0 + sizes**2),
+        doubts=np.array(scales)[:, None] * solve[: len(scales)],
         estimates={
             name: (float(found[n] * scale), float(np.sqrt(inverse[n, n]) * scale))
             for n, (name, scale) in enumerate(zip(names, scales, strict=True))
