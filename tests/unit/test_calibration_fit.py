@@ -12,6 +12,7 @@ from turnout.panel.load import load_panel
 from turnout.study.calibration.covariance import spread_of
 from turnout.study.calibration.evaluate import CELL, Evaluator, Response, Throw, packed, unpacked
 from turnout.study.calibration.fit import _least_squares, fit, loosened
+from turnout.study.calibration.local import FINE_DIFFERENCE
 from turnout.study.calibration.misfit import Misfit, framed, jacobian
 from turnout.study.calibration.noise import Noise, measured_noise, missed_by_model
 from turnout.study.calibration.observed import BIN, Movement, Signal
@@ -178,30 +179,91 @@ def test_a_fit_begins_with_the_noise_of_what_it_misses() -> None:
     assert near.total < 2.0 * whole.comparison.noise["drive_force", "1"].total
 
 
-def test_only_throws_aside_are_quick_at_the_end() -> None:
-    whole = misfit([movement("m", rng=np.random.default_rng(2))])
-    asked: list[tuple[bool, float]] = []
+def listened(whole: Misfit) -> list[tuple[Throw, float]]:
+    """Write down what a misfit throws from now on, each with its stiffness."""
+    asked: list[tuple[Throw, float]] = []
     answer = whole.evaluator.responses
 
     def listening(throws: Sequence[Throw]) -> list[Response]:
-        asked.extend((throw.quick, float(throw.overrides["k"])) for throw in throws)
+        asked.extend((throw, float(str(throw.overrides["k"]))) for throw in throws)
         return answer(throws)
 
     whole.evaluator = SimpleNamespace(responses=listening)
+    return asked
+
+
+def test_steps_are_fine_where_a_fit_is_and_plain_aside() -> None:
+    whole = misfit([movement("m", rng=np.random.default_rng(2))])
+    asked = listened(whole)
+    whole.fine = True
     whole.local(TRUE, ("k",))
-    assert [value for quick, value in asked if not quick] == [TRUE["k"]]
-    assert [quick for quick, value in asked if value != TRUE["k"]] == [True]
+    assert [value for throw, value in asked if throw.fine] == [TRUE["k"]]
+    assert {value for throw, value in asked if not throw.fine} > {TRUE["k"]}
+    assert not any(throw.quick for throw, _ in asked)
     asked.clear()
-    whole.quick = True
+    whole.fine, whole.quick = False, True
     whole.local(TRUE, ("k",))
-    assert all(quick for quick, _ in asked)
+    assert all(throw.quick for throw, _ in asked)
+
+
+def test_slopes_are_thrown_anew_only_for_movements_that_went_away() -> None:
+    rng = np.random.default_rng(2)
+    whole = misfit([movement("m", rng=rng), movement("n", rng=rng)])
+    known = whole.local(TRUE, ("k",))
+    asked = listened(whole)
+    near = whole.local_near({**TRUE, "k": TRUE["k"] * 1.002}, ("k",), known)
+    assert near.moved is known.moved
+    assert len(asked) == 2
+    asked.clear()
+    whole.own = {"mu": (0.0, 0.01)}
+    part = whole.local_near(TRUE, ("k",), known)
+    assert part.moved["k"][0] is known.moved["k"][0]
+    assert part.moved["k"][1] is not known.moved["k"][1]
+    assert len(asked) == 2 + 3
+    asked.clear()
+    whole.local_near({**TRUE, "k": TRUE["k"] * 1.01}, ("k",), known)
+    assert len(asked) == 2 * 3
+    asked.clear()
+    whole.own, whole.quick = {}, True
+    assert whole.local_near(TRUE, ("k",), known).quick
+    assert len(asked) == 2 * 3
+
+
+class Steep(MadeUp):
+    """Friction that enters with its fifth power: a few per cent are no straight line."""
+
+    def responses(self, throws: Sequence[Throw]) -> list[Response]:
+        found = []
+        for throw in throws:
+            mu = float(str(throw.overrides["mu"]))
+            found.append(response({**throw.overrides, "mu": steep(mu)}))
+        return found
+
+
+def steep(mu: float) -> float:
+    return TRUE["mu"] * (mu / TRUE["mu"]) ** 5
+
+
+def test_movements_are_thrown_at_their_own_values_however_far_these_are() -> None:
+    owns = np.array([-0.06, -0.03, 0.0, 0.02, 0.07])
+    rng = np.random.default_rng(9)
+    measured = [
+        movement(f"m{n}", rng=rng, own=steep(TRUE["mu"] * (1.0 + own)) / TRUE["mu"] - 1.0)
+        for n, own in enumerate(owns)
+    ]
+    whole = misfit(measured)
+    whole.evaluator = Steep(load_panel("sb1"))
+    found = fit(whole, PARAMETERS, {"mu": 0.33, "k": 850e3})
+    thrown = found.values["mu"] * (1.0 + np.array(found.misfit.own["mu"]))
+    np.testing.assert_allclose(thrown, TRUE["mu"] * (1.0 + owns), rtol=2e-3)
+    assert found.values["k"] == pytest.approx(TRUE["k"], rel=1e-3)
+    assert 0.8 < found.rms < 1.2
 
 
 def test_a_quick_throw_is_kept_apart_from_an_exact_one() -> None:
     with Evaluator(load_panel("sb1")) as evaluator:
-        assert evaluator._key(Throw(overrides={})) != evaluator._key(
-            Throw(overrides={}, quick=True)
-        )
+        kinds = [{}, {"quick": True}, {"fine": True}]
+        assert len({evaluator._key(Throw(overrides={}, **kind)) for kind in kinds}) == 3
 
 
 def test_a_parameter_that_does_nothing_is_not_identified() -> None:
@@ -228,8 +290,10 @@ def test_sensitivities_are_those_of_the_residuals() -> None:
     local = whole.local(TRUE, ("mu", "k"))
     frame = framed(local, whole)
     slopes = jacobian(local, frame, ("mu", "k"))
-    ahead = whole.residuals_of(whole.responses([{**TRUE, "k": TRUE["k"] * np.exp(0.01)}])[0], frame)
-    change = (ahead - whole.residuals_of(local.here, frame)) / 0.01
+    ahead = whole.residuals_of(
+        whole.responses([{**TRUE, "k": TRUE["k"] * np.exp(FINE_DIFFERENCE)}])[0], frame
+    )
+    change = (ahead - whole.residuals_of(local.here, frame)) / FINE_DIFFERENCE
     np.testing.assert_allclose(slopes[:, 1], change, atol=1e-6 * np.abs(change).max())
 
 

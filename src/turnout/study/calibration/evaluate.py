@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field, replace
 from multiprocessing.pool import Pool
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -278,7 +278,7 @@ def kept(panel: LoadedPanel, solved: Solved) -> Response:
         return _failed(history.outcome.message())
     edges = np.linspace(time[0], time[-1], max(2, round((time[-1] - time[0]) / CELL) + 1))
 
-    def means(values: Floats) -> NDArray[np.float32]:
+    def means(values: Floats) -> Floats:
         steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)
         total = np.concatenate(([0.0], np.cumsum(steps)))
         return _small(np.diff(np.interp(edges, time, total)) / np.diff(edges))
@@ -298,13 +298,9 @@ def kept(panel: LoadedPanel, solved: Solved) -> Response:
 
 
 def _failed(reason: str) -> Response:
+    none = np.zeros(0)
     return Response(
-        time=np.zeros(0),
-        drive_force={},
-        marker={},
-        object_force=np.zeros(0),
-        onsets={},
-        failure=reason,
+        time=none, drive_force={}, marker={}, object_force=none, onsets={}, failure=reason
     )
 
 
@@ -328,9 +324,9 @@ def packed(response: Response) -> bytes:
     return content.getvalue()
 
 
-def _small(values: object) -> NDArray[np.float32]:
-    """Return values in half the room; they keep seven digits."""
-    return np.asarray(values, dtype=np.float32)
+def _small(values: object) -> Floats:
+    """Return values in half the room, in single precision; they keep seven digits."""
+    return cast("Floats", np.asarray(values, dtype=np.float32))
 
 
 def unpacked(content: bytes) -> Response:

@@ -7,9 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from turnout.study.calibration.misfit import Frame, Local, Misfit, framed, jacobian, slopes_of
+from turnout.study.calibration.local import Local
+from turnout.study.calibration.misfit import Frame, Misfit, jacobian
 from turnout.study.calibration.noise import missed_by_model
 from turnout.study.calibration.observed import BIN
+from turnout.study.calibration.own import OWN_TURNS, own_after, settled
 from turnout.study.calibration.parameter import Parameter, coordinates, values_at
 from turnout.study.calibration.predict import compared, predicted
 from turnout.study.calibration.view import Key
@@ -33,9 +35,6 @@ ROUGH_STEPS, ROUGH_REFUSED, ROUGH_GAIN = 6, 2, 0.01
 SCATTER_WEIGHT = 2.0
 # What the noise may change before the fit is done again with it [-].
 SAME_NOISE = 0.25
-# How far a movement's own value may be from where it is thrown, how often it is thrown anew where
-# it is further, and by how much at most it then changes [share].
-SAME_OWN, OWN_TURNS, LONGEST_OWN = 2e-3, 6, 0.04
 # Residuals beyond this many standard deviations, such as at an impact, count less once near.
 OUTLYING = 3.0
 # From the median of absolute values to the standard deviation of a normal distribution [-].
@@ -220,7 +219,7 @@ def _least_squares(
     most, most_refused = (ROUGH_STEPS, ROUGH_REFUSED) if rough else (MOST_STEPS, MOST_STEPS)
     message, converged = f"ended after {most} steps; more may improve it", rough
     while True:
-        misfit, local, frame = _settled(misfit, local, names, turns=1 if rough else OWN_TURNS)
+        misfit, local, frame = settled(misfit, local, names, turns=1 if rough else OWN_TURNS)
         residuals = misfit.residuals_of(local.here, frame)
         slopes = jacobian(local, frame, names)
         cost = float(residuals @ residuals)
@@ -236,7 +235,7 @@ def _least_squares(
                 break
             point = coordinates(parameters, local.values) + step
             trial = {**local.values, **values_at(parameters, point)}
-            ahead = replace(misfit, own=_own_after(misfit, local, frame, names, step))
+            ahead = replace(misfit, own=own_after(misfit, local, frame, names, step))
             here = tuple(ahead.responses([trial])[0])
             at_trial = ahead.residuals_of(here, frame)
             left = float(at_trial @ at_trial)
@@ -262,63 +261,6 @@ def _least_squares(
         message=message,
         converged=converged,
     )
-
-
-def _settled(
-    misfit: Misfit, local: Local, names: Sequence[str], *, turns: int
-) -> tuple[Misfit, Local, Frame]:
-    """Throw movements at their own values, until these are where the measurement has them.
-
-    What a movement's own value changes is linear over a part of a per cent only. Told from further
-    away it would bend the common values and, as what is left over is large, count as noise.
-    """
-    frame = framed(local, misfit)
-    for _ in range(turns):
-        own = _clipped(misfit, [view.estimates for view in frame.views])
-        if _furthest(misfit, own) <= SAME_OWN:
-            break
-        misfit = replace(misfit, own=own)
-        local = replace(local, here=tuple(misfit.responses([local.values])[0]))
-        frame = framed(local, misfit)
-    known = local.moved
-    local = misfit.local_near(local.values, names, local)
-    return misfit, local, frame if local.moved is known else framed(local, misfit)
-
-
-def _own_after(
-    misfit: Misfit, local: Local, frame: Frame, names: Sequence[str], step: Floats
-) -> dict[str, tuple[float, ...]]:
-    """Return the movements' own values as they are expected after a step of the common ones."""
-    slopes = slopes_of(local, frame, names)
-    expected = []
-    for view, slope, response in zip(frame.views, slopes, local.here, strict=True):
-        found = view.own_after(view.measured - view.of(response) - slope @ step)
-        expected.append({name: (value, 0.0) for name, value in found.items()})
-    return _clipped(misfit, expected)
-
-
-def _clipped(
-    misfit: Misfit, estimates: Sequence[Mapping[str, tuple[float, float]]]
-) -> dict[str, tuple[float, ...]]:
-    """Return own values that are no further than the longest step from those of a misfit."""
-    own = {}
-    for name in misfit.comparison.scatter:
-        shares = []
-        for number, found in enumerate(estimates):
-            before = misfit.share(name, number)
-            after = found[name][0] if name in found else 0.0
-            shares.append(float(np.clip(after, before - LONGEST_OWN, before + LONGEST_OWN)))
-        own[name] = tuple(shares)
-    return own
-
-
-def _furthest(misfit: Misfit, own: Mapping[str, tuple[float, ...]]) -> float:
-    shifts = [
-        abs(share - misfit.share(name, number))
-        for name, shares in own.items()
-        for number, share in enumerate(shares)
-    ]
-    return max(shifts, default=0.0)
 
 
 def _step(

@@ -2,27 +2,26 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import SolverError
 from turnout.study.calibration.evaluate import Evaluator, Response, Throw
+from turnout.study.calibration.local import (
+    DIFFERENCE,
+    FINE_DIFFERENCE,
+    SAME_FINE_SLOPE,
+    SAME_SLOPE,
+    Local,
+    stepped_value,
+    touches,
+)
 from turnout.study.calibration.observed import Movement
 from turnout.study.calibration.parameter import Parameter, overrides_of
 from turnout.study.calibration.view import Comparison, Sensitivity, View, view_of
 
 Floats = NDArray[np.float64]
-T = TypeVar("T")
-# Far enough for the noise of the solver, near enough for a straight line [coordinate]: of quick
-# throws, and of those whose slopes must hold where little is left over but noise.
-DIFFERENCE, FINE_DIFFERENCE = 0.01, 0.003
-# Within this, steps aside are not simulated anew [coordinate]: of quick throws, and of those whose
-# small rest, once doubts are taken out, has to point the right way.
-SAME_SLOPE, SAME_FINE_SLOPE = 0.015, 0.003
-# A drive that stays this far below its slip level does not feel it [-].
-UNTOUCHED = 0.98
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -132,7 +131,7 @@ class Misfit:
             fine=self.fine,
         )
 
-    def local(self, values: Mapping[str, float], vary: Sequence[str]) -> "Local":
+    def local(self, values: Mapping[str, float], vary: Sequence[str]) -> Local:
         """Simulate about values: responses there, and one step aside for each parameter.
 
         Parameters that scatter are always among those that are stepped.
@@ -181,9 +180,7 @@ class Misfit:
             quick=self.quick,
         )
 
-    def local_near(
-        self, values: Mapping[str, float], vary: Sequence[str], known: "Local"
-    ) -> "Local":
+    def local_near(self, values: Mapping[str, float], vary: Sequence[str], known: Local) -> Local:
         """Return what `local` does; steps aside that were taken near by are not simulated anew.
 
         Near is told movement by movement, as each is thrown at its own values.
@@ -208,7 +205,7 @@ class Misfit:
     def _thrown_at(self, values: Mapping[str, float], number: int) -> dict[str, float]:
         return {name: value * (1.0 + self.share(name, number)) for name, value in values.items()}
 
-    def _shift(self, values: Mapping[str, float], number: int, known: "Local") -> float:
+    def _shift(self, values: Mapping[str, float], number: int, known: Local) -> float:
         """Return how far a movement is thrown from where its steps aside were taken."""
         before, now = known.about[number], self._thrown_at(values, number)
         return max(
@@ -231,7 +228,7 @@ class Misfit:
         for p in stepped:
             values = {**whole, p.name: aside[p.name]}
             for number in range(len(self.movements)):
-                if _touches(p, whole[p.name], here[number]):
+                if touches(p, whole[p.name], here[number]):
                     wanted.append((p.name, number))
                     throws.append(self._throw(number, values))
         made = self.evaluator.responses(throws)
@@ -251,86 +248,6 @@ class Misfit:
                     )
                     found[p.name] = [self.shape(item, values) for item in raw]
         return {name: tuple(row) for name, row in found.items()}
-
-
-def stepped_value(parameter: Parameter, value: float, difference: float = DIFFERENCE) -> float:
-    """Return a value one difference aside, on the side with more room."""
-    here = parameter.coordinate(value)
-    up = parameter.value(here + difference)
-    if parameter.coordinate(up) - here >= 0.5 * difference:
-        return up
-    return parameter.value(here - difference)
-
-
-def _touches(parameter: Parameter, value: float, response: Response) -> bool:
-    """Tell whether a parameter can change a response: a slip level that is not reached cannot."""
-    if not parameter.keys:
-        return False
-    levels = [key.split(".") for key in parameter.keys]
-    if not all(
-        len(parts) == 3 and parts[0] == "drive" and parts[2] == "saturation_force"
-        for parts in levels
-    ):
-        return True
-    return any(
-        float(np.abs(response.drive_force[parts[1]]).max()) >= UNTOUCHED * value for parts in levels
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Local:
-    """Responses at a point and one step aside for each parameter.
-
-    Attributes
-    ----------
-    values : mapping of str to float
-        The point.
-    here : tuple of Response
-        To each movement.
-    origin : tuple of Response
-        Where the steps aside were taken, as they were: here, or near by.
-    moved : mapping of str to tuple of Response
-        By parameter.
-    steps : mapping of str to tuple of float
-        How far aside for each movement, in the coordinate.
-    shares : mapping of str to tuple of float
-        How far aside, as a share of the common value.
-    about : tuple of mapping of str to float
-        Values of each movement where its steps aside were taken.
-    quick : bool
-        Whether the steps aside were thrown quickly.
-    """
-
-    values: Mapping[str, float]
-    here: tuple[Response, ...]
-    origin: tuple[Response, ...]
-    moved: Mapping[str, tuple[Response, ...]]
-    steps: Mapping[str, tuple[float, ...]]
-    shares: Mapping[str, tuple[float, ...]]
-    about: tuple[Mapping[str, float], ...]
-    quick: bool
-
-    def with_movements(self, numbers: Sequence[int], other: "Local") -> "Local":
-        """Return this with some movements of another one, in the order of the numbers."""
-        place = {number: n for n, number in enumerate(numbers)}
-
-        def joined(mine: tuple[T, ...], others: tuple[T, ...]) -> tuple[T, ...]:
-            return tuple(others[place[n]] if n in place else item for n, item in enumerate(mine))
-
-        def by_name(
-            mine: Mapping[str, tuple[T, ...]], others: Mapping[str, tuple[T, ...]]
-        ) -> dict[str, tuple[T, ...]]:
-            return {name: joined(row, others[name]) for name, row in mine.items() if name in others}
-
-        return replace(
-            self,
-            here=joined(self.here, other.here),
-            origin=joined(self.origin, other.origin),
-            moved=by_name(self.moved, other.moved),
-            steps=by_name(self.steps, other.steps),
-            shares=by_name(self.shares, other.shares),
-            about=joined(self.about, other.about),
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

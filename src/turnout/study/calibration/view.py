@@ -151,7 +151,7 @@ class View:
             Where it was thrown; default as the view was made.
         """
         places = [self.shift, *(own if own is not None else self.own).values()]
-        return self.plain(response) - self.columns @ np.array(places)
+        return np.asarray(self.plain(response) - self.columns @ np.array(places))
 
     def own_after(self, row: Floats) -> dict[str, float]:
         """Return the estimates of scattering parameters from a row of measured less `of`."""

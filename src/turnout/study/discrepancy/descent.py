@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from turnout.study.calibration.misfit import Local, Misfit, framed, jacobian
+from turnout.study.calibration.local import Local
+from turnout.study.calibration.misfit import Misfit, framed, jacobian
 from turnout.study.calibration.noise import Noise, missed_by_model
 from turnout.study.calibration.observed import Movement
 from turnout.study.calibration.parameter import Parameter, coordinates, values_at

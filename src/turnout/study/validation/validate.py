@@ -23,7 +23,7 @@ from turnout.panel.load import LoadedPanel
 from turnout.schema.channels import SCHEMA_VERSION
 from turnout.study.calibration.entries import unusable
 from turnout.study.calibration.evaluate import Evaluator, Throw
-from turnout.study.calibration.misfit import stepped_value
+from turnout.study.calibration.local import stepped_value
 from turnout.study.calibration.noise import measured_noise
 from turnout.study.calibration.observed import BIN, Movement, observe
 from turnout.study.calibration.parameter import Parameter
