@@ -14,6 +14,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 
 from turnout.errors import FileError
+from turnout.response.simulate import compile_kernels
 from turnout.study.sweep_batch import batch_variables, batches_of, throw_batch
 from turnout.study.sweep_file import file_bytes, write_batch
 from turnout.study.sweep_folder import BATCHES, code_digest, kept_study
@@ -82,7 +83,7 @@ def make_batch(folder: str, digest: str, code: str, number: int) -> BatchDone:
         message = "a worker has other sources of turnout than the run; install the same on both"
         raise FileError(message)
     with _one_at_a_time:
-        keep_memory()
+        get_ready()
         began, used = time.perf_counter(), time.process_time()
         place = Path(folder)
         study = kept_study(place, digest)
@@ -105,6 +106,12 @@ def make_batch(folder: str, digest: str, code: str, number: int) -> BatchDone:
 
 
 @cache
+def get_ready() -> None:
+    """Load the kernels, so that no throw waits for them, and keep memory from now on."""
+    keep_memory()
+    compile_kernels()
+
+
 def keep_memory() -> None:
     """Let this process keep the memory of a throw for the next one, where the C library can.
 
