@@ -34,6 +34,7 @@ from turnout.study.calibration.posterior import posterior_of
 from turnout.study.calibration.progress import State, Watch, planned_throws
 from turnout.study.calibration.record import Calibration, StageLog
 from turnout.study.calibration.room import with_room
+from turnout.study.calibration.slip import told_from_above
 from turnout.study.calibration.stage import Plan, Stage, default_plan
 from turnout.study.calibration.sweep import Sweep, sweep
 from turnout.study.calibration.view import Comparison, Doubt
@@ -134,6 +135,8 @@ def calibrate(
         evaluator.told = lambda: watch.tell(evaluator)
         run = _Run(plan, panel, movements, comparison, evaluator, watch)
         logs, sweeps, warnings, final = run.stages()
+        final, untold = told_from_above(final)
+        warnings += untold
         spread = spread_of(final)
         warnings = [*unusable(dataset), *roomless, *warnings, *warnings_of(final, spread)]
         findings = list(spread.findings)

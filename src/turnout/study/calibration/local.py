@@ -85,16 +85,18 @@ def stepped_value(parameter: Parameter, value: float, difference: float = DIFFER
     return parameter.value(here - difference)
 
 
+def is_slip_level(parameter: Parameter) -> bool:
+    """Tell whether a parameter is nothing but the force at which drives slip."""
+    parts = [key.split(".") for key in parameter.keys]
+    return bool(parts) and all(
+        len(part) == 3 and part[0] == "drive" and part[2] == "saturation_force" for part in parts
+    )
+
+
 def touches(parameter: Parameter, value: float, response: Response) -> bool:
     """Tell whether a parameter can change a response: a slip level that is not reached cannot."""
-    if not parameter.keys:
-        return False
-    levels = [key.split(".") for key in parameter.keys]
-    if not all(
-        len(parts) == 3 and parts[0] == "drive" and parts[2] == "saturation_force"
-        for parts in levels
-    ):
-        return True
-    return any(
-        float(np.abs(response.drive_force[parts[1]]).max()) >= UNTOUCHED * value for parts in levels
-    )
+    if not is_slip_level(parameter):
+        return bool(parameter.keys)
+    drives = [key.split(".")[1] for key in parameter.keys]
+    largest = [float(np.abs(response.drive_force[name]).max()) for name in drives]
+    return max(largest) >= UNTOUCHED * value

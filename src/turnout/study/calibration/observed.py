@@ -168,8 +168,23 @@ def selected(
         found = [item for item in found if abs(item.size - nearest) < 1e-6]
     if selection.most and len(found) > selection.most:
         found.sort(key=lambda item: (item.size > 0, item.x if item.size else 0.0, item.size))
-        found = [found[number] for number in spread(len(found), selection.most)]
+        # Where a drive pushes hardest tells the force at which it slips, or that it does not.
+        hardest = {_hardest(found, name) for name in panel.drive}
+        rest = [number for number in range(len(found)) if number not in hardest]
+        evenly = spread(len(rest), max(selection.most - len(hardest), 1))
+        found = [found[n] for n in sorted(hardest | {rest[number] for number in evenly})]
     return tuple(found)
+
+
+def _hardest(movements: Sequence[Movement], drive: str) -> int:
+    """Return which movement has the largest force of a drive."""
+    return int(np.argmax([largest_force(item, drive) for item in movements]))
+
+
+def largest_force(movement: Movement, drive: str) -> float:
+    """Return the largest force of a drive in a movement, 0 where none was measured [N]."""
+    values = [s.values for s in movement.signals if (s.channel, s.drive) == ("drive_force", drive)]
+    return float(np.nanmax(np.abs(values))) if values else 0.0
 
 
 def place_of(panel: LoadedPanel, place: str) -> float:
