@@ -191,9 +191,10 @@ def movement_features(
     ndarray, shape (n_features,)
         In the order of `FEATURES`; NaN for what cannot be said.
     """
-    if elapsed.size < 3 or not np.isfinite(effort).any():
+    known = np.isfinite(effort)
+    if elapsed.size < 3 or not known.any():
         return np.full(len(FEATURES), np.nan)
-    at = int(np.nanargmax(effort))
+    at = int(np.argmax(effort) if known.all() else np.nanargmax(effort))
     slips = np.flatnonzero(effort >= limit)
     step = (elapsed[-1] - elapsed[0]) / (elapsed.size - 1)
     held = max(1, round(FILTER_WINDOW / step))

@@ -27,6 +27,7 @@ SMALL = 2048
 
 _NAME = re.compile(r"(\d{6,})-([0-9a-f]{32})\.nc")
 _TEXT = h5py.string_dtype()
+_TEXT_KIND, _SINGLE = h5t.py_create(_TEXT, logical=True), h5s.create(h5s.SCALAR)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,8 +106,7 @@ def _stored(file: h5py.File, name: str, variable: Stored) -> h5d.DatasetID:
 
 def _attach(stored: h5d.DatasetID, key: str, value: str) -> None:
     """Give a variable an attribute."""
-    kind = h5t.py_create(_TEXT, logical=True)
-    attribute = h5a.create(stored, key.encode(), kind, h5s.create(h5s.SCALAR))
+    attribute = h5a.create(stored, key.encode(), _TEXT_KIND, _SINGLE)
     attribute.write(np.array(value, dtype=_TEXT))
 
 

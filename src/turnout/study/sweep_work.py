@@ -1,6 +1,7 @@
 """What a worker of a sweep does: throw a batch, write it, and tell how it went."""
 
 import ctypes
+import gc
 import multiprocessing
 import os
 import signal
@@ -141,6 +142,7 @@ def worker_processes(workers: int) -> ProcessPoolExecutor:
 def _begin_worker() -> None:
     """Be deaf to Ctrl-C, which is for the run, and end when the run does, however it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.freeze()  # what was imported stays; to look through it once takes as long as ten throws
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
