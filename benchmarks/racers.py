@@ -41,14 +41,14 @@ class Racer:
     quoted: str = ""
 
 
-STEPS = (1.0, 2.0, 4.0)
+STEPS = (1.0, 2.0, 3.0, 4.0, 5.0)
 """What every rival is tried with [ms]."""
 
 CANDIDATES = tuple(
     Scheme(step=step, cutoff_frequency=cutoff, spectral_radius=radius)
-    for step, cutoffs in ((4e-3, (50.0, 100.0)), (2e-3, (100.0, 200.0)), (1e-3, (200.0, 300.0)))
-    for cutoff in cutoffs
-    for radius in (0.5, 1.0)
+    for step in (5e-3, 4e-3, 3e-3, 2e-3, 1e-3)
+    for cutoff in (30.0, 100.0, 300.0)
+    for radius in (0.5, 0.9)
 )
 """Of turnout's choices, those tried for the least that agrees, as rivals try their steps."""
 

@@ -19,6 +19,7 @@ from turnout.integrate.scheme import AlphaCoefficients, Scheme
 from turnout.integrate.solve import Tolerances, equilibrium, friction_trials, law_arguments
 from turnout.integrate.state import LEVEL, State, fresh_state, set_segments
 from turnout.integrate.step import Stepping, damp_coordinates
+from turnout.integrate.stored import rest_at
 from turnout.integrate.system import System
 from turnout.integrate.work import Work, new_work
 from turnout.law.kernel import SLIP_FORWARD, STICK
@@ -138,6 +139,7 @@ def start(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
     account_friction(system, state, work)
     state.ledger[:] = 0.0
     damp_coordinates(system, state)
+    rest_at(system, table, state)
     if not run.stepping.inertia:
         rebuild(system, table, state, state.counters[LEVEL], work.row)
     return Code.COMPLETE

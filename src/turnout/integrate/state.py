@@ -26,6 +26,7 @@ class State(NamedTuple):
     iterations in all, steps halved, rebuilds, the level, whether the coupling is up to date.
     ``drift`` is the growth of rounding since it was last measured. ``push_force`` are the forces of
     the driven laws at the last instant, ``jump`` is what a law that was switched lost there.
+    ``resting``, ``law_apart`` and ``friction_apart`` are those of `turnout.integrate.stored`.
     ``law_placed``, ``law_first`` and ``law_peak`` are of laws that do not act all the time.
     """
 
@@ -42,6 +43,9 @@ class State(NamedTuple):
     friction_force: Floats
     push_force: Floats
     jump: Floats
+    resting: Floats
+    law_apart: Floats
+    friction_apart: Floats
     entries: Floats
     shift: Floats
     slot_of_end: Ints
@@ -163,6 +167,9 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             friction_force=of_frictions.copy(),
             push_force=np.zeros(system.input_law.size),
             jump=of_laws.copy(),
+            resting=modal.copy(),
+            law_apart=of_laws.copy(),
+            friction_apart=of_frictions.copy(),
             entries=np.zeros(system.pattern_list.size),
             shift=np.zeros(n_places),
             slot_of_end=np.full(n_ends, -1, dtype=np.int64),
