@@ -77,8 +77,8 @@ def section(folder: Path) -> str:
         f"Written by `python -m benchmarks.race` on {machine()}, at a load of up to "
         f"{max(row['load'] for row in rows):.1f}. Processor seconds: median (least to largest).",
         "",
-        "One full cycle, both switch rails, every step kept. *Solution* is from the mechanism to the",
-        "history, *before steps* its part for arrangement and equilibrium, where the condensed rails",
+        "One full cycle, both switch rails, every step kept. *Solution* is from the mechanism to",
+        "the history, *before steps* its part for arrangement and equilibrium; condensed rails",
         "are in memory from a run before (else some 10 ms more); *dataset* is from the panel's",
         "record to labelled channels and energies. *Real time* is how many times faster than the",
         "railway the solution is, and its steps alone. SB2 is judged by the checks of the",
@@ -102,7 +102,8 @@ def _row(row: dict[str, object]) -> str:
         checks += f"; not {', '.join(row['failed'])}"  # type: ignore[arg-type]
     cells = (
         row["panel"], row["object"], row["mode"], told(seconds),  # type: ignore[arg-type]
-        figure(1e3 * start), figure(1e3 * (whole - start)), figure(end / whole), figure(end / (whole - start)),  # type: ignore[operator]
+        figure(1e3 * start), figure(1e3 * (whole - start)),  # type: ignore[operator]
+        figure(end / whole), figure(end / (whole - start)),  # type: ignore[operator]
         told(row["dataset"]), checks,  # type: ignore[arg-type]
     )  # fmt: skip
     return "| " + " | ".join(f"{cell}" for cell in cells) + " |"

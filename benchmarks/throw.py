@@ -85,6 +85,30 @@ def command() -> float:
     return float(run.stderr) / 1024
 
 
+FIRST_STEP = """
+import sys, time
+from turnout.cli.main import main
+from turnout.integrate import run
+march = run._march_in_chunks
+def first(*given):
+    sys.stderr.write(f"{time.time()}")
+    run._march_in_chunks = march
+    return march(*given)
+run._march_in_chunks = first
+main()
+"""
+
+
+def first_step() -> float:
+    """Return the seconds from the start of a command to its first step."""
+    began = time.time()
+    arguments = ("simulate", PANEL, "--object", "13mm@sleeper6", "--quiet")
+    run = subprocess.run(
+        [sys.executable, "-c", FIRST_STEP, *arguments], check=True, capture_output=True, text=True
+    )
+    return float(run.stderr) - began
+
+
 def row(what: str, seconds: list[float]) -> str:
     """Return one line of the table."""
     least, largest = min(seconds), max(seconds)
@@ -103,6 +127,10 @@ def main() -> None:
         "|---|---:|---:|",
         row("solution: panel to history, one core", repeated(solution)),
         row("dataset: panel to labelled channels", repeated(dataset)),
+        row(
+            "command: `turnout simulate`, until the first step",
+            [first_step() for _ in range(6)][1:],
+        ),
         row("command: `turnout simulate` to result file and figure", repeated(command, count=5)),
         "",
     ]

@@ -93,7 +93,6 @@ def simulate_command(
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     theirs = _overlaid(overlay, plot)
     try:
-        threading.Thread(target=_rehearse, args=(plot is not None,), daemon=True).start()
         dataset, failed = _run(
             panel,
             objects,
@@ -102,6 +101,7 @@ def simulate_command(
             also=also,
             scheme=lambda: _scheme(mode, step=step, cutoff=cutoff, every=every),
             quiet=quiet,
+            plots=plot is not None,
         )
         written = _write(dataset, out=out, plot=plot, overlay=theirs)
     except KeyboardInterrupt:
@@ -116,7 +116,10 @@ def simulate_command(
 
 
 def _rehearse(plots: bool) -> None:
-    """Write a small dataset to nowhere, so that all that loads for it does while kernels work."""
+    """Write a small dataset to nowhere, so that all that loads for it does while kernels work.
+
+    It begins with the steps and not before: what loads at the same time only waits for each other.
+    """
     import xarray as xr
 
     from turnout.response.store import response_bytes
@@ -135,6 +138,7 @@ def _run(
     also: list[str],
     scheme: Callable[[], "Scheme"],
     quiet: bool,
+    plots: bool,
 ) -> tuple["xr.Dataset", bool]:
     """Return the dataset, whole or partial, and whether the run ended early."""
     from turnout.cli.watch import watched
@@ -151,14 +155,22 @@ def _run(
     from turnout.response.placed import check_placed
     from turnout.response.simulate import simulate
 
+    rehearsal = threading.Thread(target=_rehearse, args=(plots,), daemon=True)
+
     with watched(f"simulating {panel.name}", quiet=quiet) as watch:
+
+        def report(done: int, steps: int) -> None:
+            if rehearsal.ident is None:
+                rehearsal.start()
+            watch.report(done, steps)
+
         dataset = simulate(
             panel,
             foreign_object=foreign,
             scheme=chosen,
             save=save,
             throw=False,
-            report=watch.report,
+            report=report,
         )
     check_placed(dataset)
     return dataset, not dataset.attrs["complete"]

@@ -5,14 +5,17 @@ whose shape under forces at the drives is a cubic spline. For a tapered rail thi
 """
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
 
 from turnout.panel.model import Panel
 from turnout.panel.motion import marker_level, ordered_movements, start_offset
 from turnout.panel.profile import stock_rail_gap
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -98,7 +101,9 @@ def _beam_shape(places: dict[float, float], held: float | None, x: FloatArray) -
 
 
 @lru_cache(maxsize=64)
-def _unit_shapes(knots: tuple[float, ...], held: float) -> CubicSpline:
+def _unit_shapes(knots: tuple[float, ...], held: float) -> "CubicSpline":
     """Return the shapes of a beam that is moved by one at each knot, and clamped at a place."""
+    from scipy.interpolate import CubicSpline  # takes as long to load as a throw
+
     moved = np.eye(len(knots) + 1, len(knots))
     return CubicSpline([*knots, held], moved, bc_type=("natural", "clamped"))
