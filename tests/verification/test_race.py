@@ -100,7 +100,7 @@ def test_ratios_are_of_agreeing_runs():
     assert "| 800 ms (700 to 900) |" in table
     assert "| yes | 400 | 3.5 s |" in table
     assert "| **no** | 200 |  |" in table
-    assert "- banded, all coordinates, 1 ms: 400\n" in race.summary("A", lines)
+    assert "- banded, all coordinates, 1 ms: 400, of steps alone 800\n" in race.summary("A", lines)
 
 
 def test_what_is_measured_is_kept(tmp_path):
