@@ -49,7 +49,7 @@ class Doubt:
     gain: float = 1e-3
     common_gain: float = 1e-3
     cross_talk: float = 5e-4
-    solver: float = 1.5e-4
+    solver: float = 1.2e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
