@@ -140,3 +140,14 @@ def test_a_link_stays_and_its_target_is_written(tmp_path: Path) -> None:
     assert target.read_text(encoding="utf-8") == "second"
     assert [path.name for path in tmp_path.iterdir() if not path.is_dir()] == ["run.txt"]
     assert [path.name for path in target.parent.iterdir()] == ["run.txt"]
+
+
+@pytest.mark.parametrize(("durable", "waits"), [(True, True), (False, False)])
+def test_what_can_be_made_again_does_not_wait_for_the_disk(
+    durable: bool, waits: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[int] = []
+    monkeypatch.setattr("os.fsync", calls.append)
+    write_atomic(tmp_path / "a.txt", "whole", durable=durable)
+    assert (tmp_path / "a.txt").read_text(encoding="utf-8") == "whole"
+    assert bool(calls) == waits

@@ -14,7 +14,7 @@ _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 @contextmanager
-def atomic_path(target: Path | str) -> Iterator[Path]:
+def atomic_path(target: Path | str, *, durable: bool = True) -> Iterator[Path]:
     """Give a temporary path to write to, which becomes the target when the block succeeds.
 
     The temporary file is in the target's folder and has its suffix; it is removed whatever goes
@@ -25,6 +25,8 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
     ----------
     target : Path or str
         The file to write.
+    durable : bool
+        Whether to wait until the disk has it. What can be made again, many times over, need not.
 
     Yields
     ------
@@ -51,10 +53,12 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
     temporary = _temporary(path)
     try:
         yield temporary
-        _flush(temporary)
+        if durable:
+            _flush(temporary)
         _adopt_mode(temporary, path)
         os.replace(temporary, path)
-        _flush_folder(path.parent)
+        if durable:
+            _flush_folder(path.parent)
     except OSError as error:
         raise FileError(write_fault(path, error)) from error
     finally:
@@ -62,10 +66,10 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
-def write_atomic(target: Path | str, content: str | bytes) -> None:
+def write_atomic(target: Path | str, content: str | bytes, *, durable: bool = True) -> None:
     """Write a text (as UTF-8) or bytes to a file, completely or not at all."""
     data = content.encode() if isinstance(content, str) else content
-    with atomic_path(target) as temporary:
+    with atomic_path(target, durable=durable) as temporary:
         temporary.write_bytes(data)
 
 

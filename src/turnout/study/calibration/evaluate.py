@@ -226,7 +226,8 @@ class Evaluator:
         # A folder that may not be written to costs time after a stop, never a result.
         if self.folder is not None:
             with suppress(FileError):
-                write_atomic(self.folder / f"{key[:40]}.npz", content)
+                # A throw that a power cut tears is thrown again; waiting for the disk takes longer.
+                write_atomic(self.folder / f"{key[:40]}.npz", content, durable=False)
 
 
 def _plain(value: object) -> object:
