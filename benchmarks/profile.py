@@ -133,7 +133,7 @@ def profile(name: str, scheme: Scheme) -> Profile:
     needed += sum(int(modes[b] ** 2) for b in blocks if not system.diagonal[b])
     return Profile(
         kernels=found,
-        least=seconds(products, run) / (40 * width),
+        least=seconds(products, run) / (min(40, run.work.predicted.size) * width),
         marched=taken,
         unstored=unstored,
         steps=run.positions.shape[0] - 1,

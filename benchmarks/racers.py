@@ -65,15 +65,17 @@ RACERS = {
 
 
 def measure_turnout(name: str, case: str, repeats: int) -> dict[str, object]:
-    """Measure turnout; of several candidates, the one of least median that agrees."""
+    """Measure turnout; of several candidates, the one that agrees and was ever the quickest."""
     mode = name.removeprefix("turnout-")
     if mode != "least":
         return measure_scheme(MODES[mode], case, repeats)
     tried = [(measure_scheme(scheme, case, 9), scheme) for scheme in CANDIDATES]
     agreeing = [(min(found["seconds"]), n) for n, (found, _) in enumerate(tried)
                 if found["agrees"]]  # type: ignore[call-overload]  # fmt: skip
-    least = min(agreeing or [(0.0, len(tried) - 1)])[1]
-    return measure_scheme(tried[least][1], case, repeats)
+    if not agreeing:
+        message = f"no choice of turnout's agrees on case {case}"
+        raise SystemExit(message)
+    return measure_scheme(tried[min(agreeing)[1]][1], case, repeats)
 
 
 def measure_scheme(scheme: Scheme, case: str, repeats: int) -> dict[str, object]:

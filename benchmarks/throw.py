@@ -21,7 +21,7 @@ from turnout.integrate.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
-from turnout.panel.motion import marker_positions
+from turnout.panel.motion import marker_offsets, marker_positions
 from turnout.response.simulate import simulate
 
 PANEL = "uic60-760-1-15"
@@ -44,10 +44,11 @@ def solution() -> None:
     panel = load_panel(PANEL)
     objects = resolve_objects(panel, [ForeignObject(0.013, "sleeper 6")])
     mechanism = build_mechanism(panel, objects)
+    offsets = marker_offsets(panel)[:, None]
     integrate(
         mechanism,
         Scheme(),
-        inputs=lambda times: marker_positions(panel, times),
+        inputs=lambda times: marker_positions(panel, times) + offsets,
         end=panel.schedule.end,
     )
 

@@ -46,6 +46,28 @@ def test_a_block_follows_the_bilinear_loop_whatever_the_pieces(step: float) -> N
     assert history.ledger[-1, 5] == pytest.approx(0.0, abs=1e-12)
 
 
+def test_an_object_that_goes_while_it_is_pressed_leaves_the_books_closed() -> None:
+    """Rails snap to another equilibrium; what the snap loses is booked, and what was switched."""
+    laws = LawTableBuilder()
+    spring, stiffness, size = 2e5, 5e4, 0.013
+    linear_spring(laws, 0, spring, input_index=0)
+    laws.add_contact(0, stiffness=stiffness, clearance=-size, appears=0.5, disappears=1.25)
+    history = integrate(
+        hand_made(laws, mass=[1.0], damping=np.array([[300.0]])),
+        STATIC,
+        inputs=lambda t: 0.004 * np.sin(2.2 * t)[np.newaxis],
+        end=2.0,
+    )
+    assert history.outcome.complete
+    away = 0.004 * np.sin(2.2 * 1.25)
+    pressed = (spring * away - stiffness * size) / (spring + stiffness)
+    gone = np.searchsorted(history.time, 1.255)
+    assert history.g[gone - 2, 0] == pytest.approx(pressed, abs=1e-4)
+    assert history.g[gone, 0] == pytest.approx(history.inputs[gone, 0], rel=1e-9)
+    assert history.ledger[-1, 5] > 0.1  # two snaps lose energy
+    assert energy_residual(history) < 1e-12
+
+
 def self_locking(mode: str) -> History:
     """Push a block that rises when pushed: once it moves, nothing holds it back.
 

@@ -1,5 +1,6 @@
 """The command `turnout simulate`."""
 
+import contextlib
 import importlib
 import math
 import threading
@@ -119,14 +120,16 @@ def _rehearse(plots: bool) -> None:
     """Write a small dataset to nowhere, so that all that loads for it does while kernels work.
 
     It begins with the steps and not before: what loads at the same time only waits for each other.
+    What fails here fails again, and is told, when the file is written.
     """
-    import xarray as xr
+    with contextlib.suppress(Exception):
+        import xarray as xr
 
-    from turnout.response.store import response_bytes
+        from turnout.response.store import response_bytes
 
-    response_bytes(xr.Dataset({"time": ("time", [0.0])}))
-    if plots:
-        importlib.import_module("turnout.plot.throw")
+        response_bytes(xr.Dataset({"time": ("time", [0.0])}))
+        if plots:
+            importlib.import_module("turnout.plot.throw")
 
 
 def _run(
@@ -172,6 +175,8 @@ def _run(
             throw=False,
             report=report,
         )
+    if rehearsal.ident is not None:
+        rehearsal.join()  # files are written by one at a time
     check_placed(dataset)
     return dataset, not dataset.attrs["complete"]
 

@@ -121,7 +121,8 @@ def _key(mechanism: Mechanism, scheme: Scheme) -> Hashable | None:
         laws.stick_stiffness,
     )
     same = tuple(id(matrix) for matrix in matrices)
-    return (*same, scheme.cutoff_frequency, *(part.tobytes() for part in structure))
+    rails = tuple((rail.first, rail.count) for rail in mechanism.rails)
+    return (*same, rails, scheme.cutoff_frequency, *(part.tobytes() for part in structure))
 
 
 def _made(mechanism: Mechanism, scheme: Scheme) -> _Kept:

@@ -87,9 +87,7 @@ def account_laws(
         state.push_force[k] = force
     for k in range(system.timed_law.size):
         law = system.timed_law[k]
-        size = abs(state.slope[law] * argument[law] + state.constant[law])
-        state.law_peak[law] = max(state.law_peak[law], size)
-        if size > 0.0:
+        if state.slope[law] * argument[law] + state.constant[law] != 0.0:
             state.law_first[law] = min(state.law_first[law], time)
         if state.jump[law] != 0.0:
             way = law_argument(table, law, g, inputs) - law_argument(table, law, old_g, old_inputs)

@@ -23,7 +23,8 @@ Terms = list[tuple[int, float]]
 def unsigned(indices: Ints) -> Ints:
     """Return indices that a kernel need not suspect of counting from the end.
 
-    They are for looking up alone: sums with others would be floating-point numbers in a kernel.
+    They are for looking up alone: NumPy makes floating-point numbers of sums with signed ones, so
+    that a kernel run as a plain function would fail.
     """
     return cast("Ints", indices.astype(np.uint64))
 

@@ -70,7 +70,7 @@ def prepare(
         laws=laws,
         table=table,
         state=state,
-        work=new_work(system, laws),
+        work=new_work(system, table),
         tolerances=Tolerances(scheme.gap_tolerance, scheme.force_tolerance, scheme.iterations),
         stepping=Stepping(
             scheme.step,
@@ -109,7 +109,7 @@ def _in_one_piece(n_rows: int, **widths: int) -> dict[str, Floats]:
     It starts where a large page of memory does, so that a run touches few pages for the first time.
     """
     page = LARGE_PAGE // 8
-    memory = np.empty(n_rows * sum(widths.values()) + 2 * page)
+    memory = np.empty(n_rows * sum(widths.values()) + page)
     at, arrays = (-(memory.ctypes.data // 8)) % page, {}
     for name, width in widths.items():
         arrays[name] = memory[at : at + n_rows * width].reshape(n_rows, width)

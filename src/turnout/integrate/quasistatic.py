@@ -59,6 +59,7 @@ def advance_static(
     copy(inputs[1], there)
     copy(system.load, work.right_side)
     done, stalled = 0.0, 0
+    save_set(state, work)
     while stalled < EVENTS_AT_ONE_PLACE:
         if work.stop[0]:
             return STOPPED
@@ -68,7 +69,6 @@ def advance_static(
         state.counters[COUNT_ITERATIONS] += 1
         if any_not_finite(work.g):
             return NOT_FINITE
-        save_set(state, work)
         share, which, to = next_event(table, state, (work.g, there), tolerances)
         _rest(system, table, state, work, here, there, share)
         set_modes(system, state)
@@ -86,6 +86,7 @@ def advance_static(
             stalled += 1
         if which < 0:
             return CONVERGED
+        save_set(state, work)  # as it was booked
         take_event(system, table, state, work, which, to)
     return NO_CONTINUATION
 

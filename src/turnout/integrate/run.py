@@ -57,10 +57,10 @@ class History:
     law_force, friction_force : ndarray, shape (n, n_laws), (n, n_frictions)
         Forces with which laws and frictions resist [N].
     stored, ledger : ndarray, shape (n, 4), (n, 6)
-        Energies, see `turnout.integrate.energy` for the columns [J].
-    law_placed, law_first, law_peak : ndarray, shape (n_laws,)
-        When a law began to act (nan: there was never room for it), when it first had a force
-        (nan: never) [s], and its largest force [N]; from every step.
+        Energies, see `turnout.integrate.stored` and `turnout.integrate.energy` for the columns [J].
+    law_placed, law_first : ndarray, shape (n_laws,)
+        When a law began to act (nan: there was never room for it), and when it first had a force,
+        from every step; of laws that do not act all the time (objects), nan for all others [s].
     model : ModalModel
         The condensed system, for the recovery of shapes.
     laws : LawTable
@@ -81,7 +81,6 @@ class History:
     ledger: Floats
     law_placed: Floats
     law_first: Floats
-    law_peak: Floats
     model: ModalModel
     laws: LawTable
     outcome: Outcome
@@ -216,7 +215,6 @@ def _history(
         ledger=record.ledger,
         law_placed=state.law_placed,
         law_first=np.where(np.isinf(state.law_first), np.nan, state.law_first),
-        law_peak=state.law_peak,
         model=model,
         laws=run.laws,
         outcome=outcome,

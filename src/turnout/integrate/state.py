@@ -27,7 +27,7 @@ class State(NamedTuple):
     ``drift`` is the growth of rounding since it was last measured. ``push_force`` are the forces of
     the driven laws at the last instant, ``jump`` is what a law that was switched lost there.
     ``resting``, ``law_apart`` and ``friction_apart`` are those of `turnout.integrate.stored`.
-    ``law_placed``, ``law_first`` and ``law_peak`` are of laws that do not act all the time.
+    ``law_placed`` and ``law_first`` are of laws that do not act all the time.
     """
 
     segment: Ints
@@ -72,7 +72,6 @@ class State(NamedTuple):
     drift: Floats
     law_placed: Floats
     law_first: Floats
-    law_peak: Floats
 
 
 @compiled
@@ -196,7 +195,6 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             drift=np.ones(1),
             law_placed=np.full(n_laws, np.nan),
             law_first=np.full(n_laws, np.inf),
-            law_peak=np.zeros(n_laws),
         )
     )
     set_home_segments(table, state)

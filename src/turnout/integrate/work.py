@@ -63,21 +63,21 @@ class Work(NamedTuple):
 
 def new_work(system: System, table: LawTable) -> Work:
     """Return scratch arrays that fit a system."""
-    n_rows = system.row_ends.shape[0]
+    n_places = system.row_ends.shape[0]
     n_inputs = int(table.input_index.max(initial=-1)) + 1
 
     def modal() -> Floats:
         return np.zeros(system.eigenvalues.size)
 
     def placed() -> Floats:
-        return np.zeros(n_rows)
+        return np.zeros(n_places)
 
     def flags() -> Ints:
-        return np.zeros(n_rows, dtype=np.int64)
+        return np.zeros(n_places, dtype=np.int64)
 
     return shared(
         Work(
-            row=np.zeros(2 * n_rows + int(np.max(np.diff(system.pattern_start), initial=1))),
+            row=np.zeros(2 * n_places + int(np.max(np.diff(system.pattern_start), initial=1))),
             predicted=modal(),
             velocity=modal(),
             damped_predicted=modal(),

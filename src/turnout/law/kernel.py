@@ -1,7 +1,9 @@
 """Compiled evaluation of the law table: arguments, segments, forces, friction.
 
-Arrays are float64, indices int64. Arguments grow in the direction that a contact closes; forces `F`
-are what the law resists with, so that the structure feels ``-F`` along the law's row.
+Arrays are float64, indices int64; in the table for the kernels, `turnout.integrate.places.placed`,
+rows are places, and they and the normals of frictions are unsigned. Arguments grow in the direction
+that a contact closes; forces `F` are what the law resists with, so that the structure feels ``-F``
+along the law's row.
 """
 
 import numpy as np

@@ -41,7 +41,7 @@ def energy_channels(stored: Floats, ledger: Floats) -> dict[str, Variable]:
     Parameters
     ----------
     stored : ndarray, shape (n_times, 4)
-        Columns of `turnout.integrate.energy`, kinetic first [J].
+        Columns of `turnout.integrate.stored`, kinetic first [J].
     ledger : ndarray, shape (n_times, 6)
         Columns of `turnout.integrate.energy`, work of markers first [J].
 
