@@ -30,7 +30,7 @@ from turnout.study.virtual_noise import Disturbance
 from turnout.study.virtual_plan import Plan
 from turnout.study.virtual_truth import finer_panel, finer_scheme
 
-SEED = 20261121
+SEED = 20261122
 CASES = (
     ("none", 0.0),
     ("drive 1", 0.029),
