@@ -92,8 +92,13 @@ def gap_rows(
     faced = [(name, stock) for name, stock in panel.stock_rail.items() if stock.faces == rail]
     named = [record, bodies[rail].recovery]
     named += [item for name, stock in faced for item in (stock, _stock(bodies, name).recovery)]
-    key = (*map(id, named), x.tobytes(), z.tobytes())
-    if key not in _rows:
+    involved = [bodies[rail], *(_stock(bodies, name) for name, _ in faced)]
+    # an object on another rail moves the places of these among all coordinates
+    whole = motion.history.model.residual_load.size
+    where = (whole, *((body.first, body.count) for body in involved))
+    key = (*map(id, named), where, x.tobytes(), z.tobytes())
+    found = _rows.get(key)
+    if found is None:
         rows = whole_rows(motion, rail, lateral_rows(bodies[rail], x, z))
         for name, stock in faced:  # beyond its ends it is held
             inside = np.clip(x, stock.start, stock.end)
@@ -103,11 +108,10 @@ def gap_rows(
         made = stock_gap(panel, rail, x), SIDE[record.closes] * rows
         for array in made:
             array.flags.writeable = False
-        _rows[key] = *made, named
+        found = _rows[key] = *made, named
         while len(_rows) > MOST_ROWS:
             _rows.popitem(last=False)
-    start, rows, _ = _rows[key]
-    return start, rows
+    return found[0], found[1]
 
 
 def _stock(bodies: Mapping[str, RailBody], name: str) -> RailBody:
