@@ -280,11 +280,14 @@ def _stopped_at_once(pool: Executor) -> Iterator[Executor]:
     except BaseException:
         if isinstance(pool, ProcessPoolExecutor):
             processes = list((pool._processes or {}).values())
+            manager = getattr(pool, "_executor_manager_thread", None)
             pool.shutdown(wait=False, cancel_futures=True)
             for process in processes:
                 process.terminate()
             for process in processes:
                 process.join(5.0)
+            if manager is not None:  # which Python would wake up at its end, closed or not
+                manager.join(5.0)
         else:
             pool.shutdown(wait=False)
         raise
