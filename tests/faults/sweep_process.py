@@ -1,31 +1,19 @@
 """The program as a user starts it on a small sweep, to be ended in all ways."""
 
-import os
-import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
+from tests.faults.terminal import started_in_terminal
 from tests.unit.sweeps import batch_names
 
 PATIENCE = 300.0
 
 
 def started(study: Path, folder: Path, *options: str) -> subprocess.Popen[str]:
-    """Start the program in a group of its own, as a terminal does."""
-    command = [sys.executable, "-m", "turnout", "sweep", "run", str(study), "-o", str(folder)]
-    path = os.pathsep.join(map(os.path.abspath, sys.path))
-    return subprocess.Popen(
-        [*command, *(options or ("--workers", "2"))],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        # A shell in the background has Ctrl-C ignored, and its children inherit that.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-        env={**os.environ, "PYTHONPATH": path},
-    )
+    """Start a sweep, in two processes unless told otherwise."""
+    chosen = options or ("--workers", "2")
+    return started_in_terminal("sweep", "run", str(study), "-o", str(folder), *chosen)
 
 
 def finished(study: Path, folder: Path, *options: str) -> str:

@@ -3,34 +3,22 @@
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
+
+from tests.faults.terminal import started_in_terminal
 
 from turnout.study.virtual_series import STATE
 
 PATIENCE = 300.0
 
 
-def command(folder: Path) -> list[str]:
+def started(folder: Path) -> subprocess.Popen[str]:
+    """Start a virtual campaign at two places."""
     options = "--panel sb2 --repeats 3 --size 13mm --format h5 --workers 2"
     places = ["--place", "sleeper 6", "--place", "sleeper 3"]
-    program = [sys.executable, "-m", "turnout", "campaign", "virtual"]
-    return [*program, *options.split(), *places, "--out", str(folder)]
-
-
-def started(folder: Path) -> subprocess.Popen[str]:
-    """Start the program in a group of its own, as a terminal does."""
-    path = os.pathsep.join(map(os.path.abspath, sys.path))
-    return subprocess.Popen(
-        command(folder),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        # A shell in the background has Ctrl-C ignored, and its children inherit that.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-        env={**os.environ, "PYTHONPATH": path},
+    return started_in_terminal(
+        "campaign", "virtual", *options.split(), *places, "--out", str(folder)
     )
 
 
