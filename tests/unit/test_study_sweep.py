@@ -236,12 +236,41 @@ def test_the_rest_of_a_chain_is_left_out(study: Study) -> None:
     assert "scenario 1" in rows[2].reason
 
 
+def test_labels_that_nobody_asked_for_are_not_read(whole: Path) -> None:
+    every, some = read_labels(whole), read_labels(whole, names=("peak_force", "outcome"))
+    assert set(some.data_vars) == {"peak_force"}
+    assert {"outcome", "chair.friction_coefficient", "drive"} <= set(some.coords)
+    assert "attempts" in every.coords
+    assert "attempts" not in some.coords
+    np.testing.assert_array_equal(some["peak_force"], every["peak_force"])
+
+
+def test_a_batch_is_read_as_its_format_says(whole: Path) -> None:
+    """What the variables are like is read without the layers that xarray reads a file with."""
+    path = sorted(whole.glob("batches/*.nc"))[0]
+    options = {"decode_times": False, "decode_timedelta": False, "mask_and_scale": False}
+    with xr.open_dataset(path, engine="h5netcdf", **options) as plain:
+        mine = open_sweep(whole).isel(scenario=slice(plain.sizes["scenario"])).load()
+        assert set(mine.variables) == set(plain.variables)
+        assert set(mine.coords) == set(plain.coords)
+        for name, variable in plain.variables.items():
+            assert mine[name].variable.identical(variable.load()), name
+
+
 def test_batches_depend_on_the_study_alone_and_split_no_chain(study: Study) -> None:
     batches = batches_of(study)
     assert [index for batch in batches for chain in batch for index in chain] == list(range(20))
     campaign = load_study("paper-campaign")
     chains = [chain for batch in batches_of(campaign) for chain in batch]
     assert chains == list(campaign.chains)
+
+
+def test_batches_grow_small_towards_the_end(study: Study) -> None:
+    many = replace(study, design=replace(study.design, draws=1000))
+    sizes = [len(batch) for batch in batches_of(many)]
+    assert sum(sizes) == many.count == 1000
+    assert sizes == [64] * 8 + sorted(sizes[8:], reverse=True)
+    assert sizes[-1] <= 8
 
 
 def test_all_scenarios_of_a_condition_are_in_one_split(whole: Path) -> None:
@@ -304,7 +333,8 @@ from turnout.study.sweep_work import make_batch
 from pathlib import Path
 study = kept_study(Path({str(whole)!r}), {study.digest!r})
 print(len(file_bytes(batch_variables(study, throw_batch(study, [[0]])))) > 1000)
-print(*[name for name in ("xarray", "pandas", "dask", "scipy.stats") if name in sys.modules])
+unwanted = "xarray", "pandas", "dask", "scipy.stats", "scipy.special", "scipy.interpolate"
+print(*[name for name in unwanted if name in sys.modules])
 """
     path = ":".join(sys.path)
     command = [sys.executable, "-c", script]

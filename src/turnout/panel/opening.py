@@ -5,7 +5,6 @@ whose shape under forces at the drives is a cubic spline. For a tapered rail thi
 """
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +12,7 @@ import numpy.typing as npt
 from turnout.panel.model import Panel
 from turnout.panel.motion import marker_level, ordered_movements, start_offset
 from turnout.panel.profile import stock_rail_gap
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
+from turnout.panel.spline import Spline, cubic_spline
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -96,14 +93,12 @@ def _beam_shape(places: dict[float, float], held: float | None, x: FloatArray) -
         return np.asarray(np.interp(x, knots, values), dtype=np.float64)
     spline = _unit_shapes(knots, held)
     shapes = spline(np.clip(x, knots[0], held))
-    shapes += np.minimum(x - knots[0], 0.0)[:, np.newaxis] * spline(knots[0], 1)
+    shapes += np.minimum(x - knots[0], 0.0)[:, np.newaxis] * spline.slopes[0]
     return np.where(x >= held, 0.0, shapes @ values)
 
 
 @lru_cache(maxsize=64)
-def _unit_shapes(knots: tuple[float, ...], held: float) -> "CubicSpline":
+def _unit_shapes(knots: tuple[float, ...], held: float) -> Spline:
     """Return the shapes of a beam that is moved by one at each knot, and clamped at a place."""
-    from scipy.interpolate import CubicSpline  # takes as long to load as a throw
-
     moved = np.eye(len(knots) + 1, len(knots))
-    return CubicSpline([*knots, held], moved, bc_type=("natural", "clamped"))
+    return cubic_spline([*knots, held], moved, ends=("natural", "clamped"))

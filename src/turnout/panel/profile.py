@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -11,9 +10,7 @@ import numpy.typing as npt
 from turnout.panel.model import Panel
 from turnout.panel.rail_records import Profile, Rail, RunningEdge
 from turnout.panel.section_records import SectionTable
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
+from turnout.panel.spline import Spline, cubic_spline
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -50,11 +47,9 @@ def evaluate_profile(profile: float | Profile, x: npt.ArrayLike) -> FloatArray:
 
 
 @lru_cache(maxsize=64)
-def _spline(stations: tuple[float, ...], values: tuple[float, ...]) -> "CubicSpline":
+def _spline(stations: tuple[float, ...], values: tuple[float, ...]) -> Spline:
     """Return the spline of a table; a throw asks for its value at every stop and object."""
-    from scipy.interpolate import CubicSpline  # takes as long to load as a throw
-
-    return CubicSpline(stations, values, bc_type="not-a-knot")
+    return cubic_spline(stations, values, ends=("not-a-knot", "not-a-knot"))
 
 
 def stock_rail_gap(rail: Rail, x: npt.ArrayLike) -> FloatArray | None:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import special
 
 from turnout.study.scenario import Value
 
@@ -110,6 +109,32 @@ class Choice:
         return self.values[min(found, len(self.values) - 1)]
 
 
+def normal_share(score: FloatArray) -> FloatArray:
+    """Return the share of standard normal numbers below some.
+
+    Examples
+    --------
+    >>> normal_share(np.zeros(1)).tolist()
+    [0.5]
+    """
+    from scipy import special  # takes as long to load as some throws; many studies need none
+
+    return np.asarray(special.ndtr(score), dtype=np.float64)
+
+
+def normal_score(share: FloatArray) -> FloatArray:
+    """Return the standard normal numbers below which these shares of all lie.
+
+    Examples
+    --------
+    >>> normal_score(np.array([0.5])).tolist()
+    [0.0]
+    """
+    from scipy import special
+
+    return np.asarray(special.ndtri(share), dtype=np.float64)
+
+
 def parameter_faults(kind: str, parameters: Parameters) -> list[tuple[str, str]]:
     """Find what is wrong with the parameters of a distribution: the parameter and a text for each.
 
@@ -150,13 +175,13 @@ def _limits(kind: str, p: Parameters) -> FloatArray:
         ]
     else:
         scores = [(x - p["mean"]) / p["standard_deviation"] for x in (low, high)]
-    return np.asarray(special.ndtr(scores), dtype=np.float64)
+    return normal_share(np.array(scores))
 
 
 def _within(u: FloatArray, kind: str, p: Parameters) -> FloatArray:
     """Return normal scores of shares of what is left between the bounds."""
     below, above = _limits(kind, p)
-    return np.asarray(special.ndtri(below + u * (above - below)), dtype=np.float64)
+    return normal_score(below + u * (above - below))
 
 
 def _truncated(values: FloatArray, p: Parameters) -> FloatArray:
@@ -173,7 +198,7 @@ def _log_uniform(u: FloatArray, p: Parameters) -> FloatArray:
 
 
 def _normal(u: FloatArray, p: Parameters) -> FloatArray:
-    return np.asarray(p["mean"] + p["standard_deviation"] * special.ndtri(u))
+    return p["mean"] + p["standard_deviation"] * normal_score(u)
 
 
 def _truncated_normal(u: FloatArray, p: Parameters) -> FloatArray:
@@ -195,6 +220,8 @@ def _triangular(u: FloatArray, p: Parameters) -> FloatArray:
 
 
 def _beta(u: FloatArray, p: Parameters) -> FloatArray:
+    from scipy import special
+
     share = special.betaincinv(p["alpha"], p["beta"], u)
     return np.asarray(p["minimum"] + (p["maximum"] - p["minimum"]) * share)
 

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import special
 
-from turnout.study.distribution import EDGE, Distribution
+from turnout.study.distribution import EDGE, Distribution, normal_share
 
 FloatArray = npt.NDArray[np.float64]
 CORRELATIONS = ("exponential", "gaussian")
@@ -63,7 +62,7 @@ class RandomField:
         root = correlation_root(
             np.array(self.x), length=self.correlation_length, kind=self.correlation
         )
-        shares = special.ndtr(root @ rng.standard_normal(len(self.x)))
+        shares = normal_share(root @ rng.standard_normal(len(self.x)))
         drawn = self.distribution.quantile(np.clip(shares, EDGE, 1.0 - EDGE))
         return dict(zip(self.members, drawn.tolist(), strict=True))
 

@@ -10,9 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy import special
 
-from turnout.study.distribution import EDGE
+from turnout.study.distribution import EDGE, normal_score, normal_share
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -121,7 +120,7 @@ def correlated(shares: FloatArray, *, factor: FloatArray) -> FloatArray:
     >>> correlated(np.array([0.3, 0.9]), factor=np.eye(2)).round(12).tolist()
     [0.3, 0.9]
     """
-    joined = special.ndtr(factor @ special.ndtri(shares))
+    joined = normal_share(factor @ normal_score(shares))
     return np.clip(joined, EDGE, 1.0 - EDGE)
 
 

@@ -25,8 +25,9 @@ from turnout.study.sweep_row import (
     throw_scenario,
 )
 
-SMALLEST_BATCH, LARGEST_BATCH, MOST_BATCHES = 8, 64, 64
-"""Scenarios in a batch, and how many batches there are before they grow."""
+SMALLEST_BATCH, LARGEST_BATCH, SHARE_OF_REST = 8, 64, 0.125
+"""Scenarios in a batch, which is otherwise a share of those that are left: towards the end of a
+sweep batches are small, so that no worker waits long for the last one."""
 
 UNKNOWN = -1
 """Stands for a logical value of a scenario that is not complete."""
@@ -48,16 +49,15 @@ def batches_of(study: Study) -> list[tuple[Sequence[int], ...]]:
     list of tuple of sequences of int
         Chains are never split.
     """
-    largest = min(LARGEST_BATCH, max(SMALLEST_BATCH, math.ceil(study.count / MOST_BATCHES)))
     batches: list[tuple[Sequence[int], ...]] = []
     held: list[Sequence[int]] = []
-    size = 0
+    size, rest = 0, study.count
     for chain in study.chains:
         held.append(chain)
         size += len(chain)
-        if size >= largest:
+        if size >= min(LARGEST_BATCH, max(SMALLEST_BATCH, math.ceil(SHARE_OF_REST * rest))):
             batches.append(tuple(held))
-            held, size = [], 0
+            held, size, rest = [], 0, rest - size
     if held:
         batches.append(tuple(held))
     return batches

@@ -14,6 +14,7 @@ from turnout.study.sweep_read import read_labels
 from turnout.study.sweep_row import OUTCOMES
 
 CARD = "README.md"
+_TOLD = frozenset(("outcome", "reason", "attempts", "condition", "split", *FEATURES))
 MOST_REASONS = 10
 MOST_TEXTS = 16
 
@@ -28,7 +29,7 @@ def write_card(folder: Path, study: Study) -> None:
     study : Study
         What was thrown.
     """
-    write_atomic(folder / CARD, card(read_labels(folder), study))
+    write_atomic(folder / CARD, card(read_labels(folder, names=_TOLD), study))
 
 
 def card(labels: xr.Dataset, study: Study) -> str:

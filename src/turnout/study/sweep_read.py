@@ -1,6 +1,6 @@
 """The batches of a sweep as ONE dataset, read from its files only where it is looked at."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -8,17 +8,22 @@ from typing import Any
 import h5py
 import numpy as np
 import xarray as xr
+from h5py import h5d, h5s
 from numpy.typing import NDArray
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
 from turnout.errors import FileError
-from turnout.response.store import ENGINE
 from turnout.study.sweep_batch import UNKNOWN
 from turnout.study.sweep_file import written_batches
 from turnout.study.sweep_folder import BATCHES, read_identity
 
 Ints = NDArray[np.int64]
+
+_OF_THE_FORMAT = frozenset(
+    ("CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "_Netcdf4Dimid", "coordinates")
+)
+"""Attributes of a stored variable that are no part of what it means."""
 
 
 def open_sweep(folder: Path | str) -> xr.Dataset:
@@ -53,13 +58,15 @@ def open_sweep(folder: Path | str) -> xr.Dataset:
     return _whole(index, variables)
 
 
-def read_labels(folder: Path | str) -> xr.Dataset:
+def read_labels(folder: Path | str, *, names: Collection[str] | None = None) -> xr.Dataset:
     """Read all that has no time: inputs, outcomes, labels and features, in one pass.
 
     Parameters
     ----------
     folder : path-like
         Of `turnout sweep run`.
+    names : collection of str, optional
+        What is wanted besides the inputs, so that the rest need not be read; default all.
 
     Returns
     -------
@@ -72,12 +79,12 @@ def read_labels(folder: Path | str) -> xr.Dataset:
         As `open_sweep`.
     """
     index = _indexed(Path(folder))
-    names = [
-        name
+    arrays = {
+        name: _Stacked(index, name, like)
         for name, like in index.like.items()
         if like.dims[:1] == ("scenario",) and "time" not in like.dims and name != "scenario"
-    ]
-    arrays = {name: _Stacked(index, name, index.like[name]) for name in names}
+        if names is None or name in names or "input" in like.attrs
+    }
     values = {name: array.empty(index.scenario.size) for name, array in arrays.items()}
     for number, path in enumerate(index.paths):
         at = np.flatnonzero(index.file == number)
@@ -86,7 +93,7 @@ def read_labels(folder: Path | str) -> xr.Dataset:
                 array.fill(values[name], at, file, index.row[at])
     variables = {
         name: xr.Variable(index.like[name].dims, values[name], index.like[name].attrs)
-        for name in names
+        for name in arrays
     }
     variables |= {
         name: like
@@ -122,11 +129,10 @@ def _indexed(folder: Path) -> _Index:
     coordinates: set[str] = set()
     for path in paths:
         with _opened(path) as file:
-            numbers.append(np.asarray(file["scenario"][:], dtype=np.int64))
+            numbers.append(_values(file, "scenario").astype(np.int64))
             longer = "time" in file and file["time"].size > like.get("time", np.empty(0)).size
-            new = longer or bool(set(file) - set(like))
-        if new:
-            _learn(path, like, coordinates)
+            if longer or not like.keys() >= set(file):
+                _learn(file, like, coordinates)
     scenario = np.concatenate(numbers)
     file_of = np.repeat(np.arange(len(paths)), [n.size for n in numbers])
     row = np.concatenate([np.arange(n.size) for n in numbers])
@@ -138,34 +144,40 @@ def _indexed(folder: Path) -> _Index:
         scenario[order],
         file_of[order],
         row[order],
-        {name: variable for name, variable in like.items() if name in coordinates | set(like)},
+        like,
         frozenset(coordinates),
         attributes,
     )
 
 
-def _learn(path: Path, like: dict[str, xr.Variable], coordinates: set[str]) -> None:
-    """Take up the variables of a file that are new, and longer times."""
-    with xr.open_dataset(
-        path, engine=ENGINE, decode_times=False, decode_timedelta=False, mask_and_scale=False
-    ) as dataset:
-        for name, variable in dataset.variables.items():
-            key = str(name)
-            if key == "time" or ("time" in variable.dims and key in like):
-                longer = key not in like or variable.size > like[key].size
-                if key != "time" or longer:
-                    like[key] = variable.load() if key == "time" else _shape_of(variable)
-            elif key not in like:
-                whole = variable.dims[:1] != ("scenario",)
-                like[key] = variable.load() if whole else _shape_of(variable)
-        coordinates |= {str(name) for name in dataset.coords}
+def _learn(file: "h5py.File", like: dict[str, xr.Variable], coordinates: set[str]) -> None:
+    """Take up the variables of a file that are new, and longer times.
+
+    It is read as it was written; to have it read by layers above takes as long as all labels do.
+    """
+    for name, stored in file.items():
+        dims = tuple(axis[0].name.lstrip("/") for axis in stored.dims if len(axis)) or (name,)
+        if name in like and not ("time" in dims and stored.shape[-1] > like[name].shape[-1]):
+            continue
+        about = {k: v for k, v in stored.attrs.items() if k not in _OF_THE_FORMAT}
+        if dims[0] == "scenario":
+            values = np.broadcast_to(np.zeros((), dtype=stored.dtype), (1, *stored.shape[1:]))
+        else:
+            values = _values(file, name)
+        like[name] = xr.Variable(dims if stored.shape else (), values, about)
+        named = str(stored.attrs.get("coordinates", "")).split()
+        coordinates |= {name, *named} if dims == (name,) else set(named)
 
 
-def _shape_of(variable: xr.Variable) -> xr.Variable:
-    """Return a variable with its type, attributes and shape for one scenario, without memory."""
-    kind = variable.dtype
-    empty = np.broadcast_to(np.zeros((), dtype=kind), (1, *variable.shape[1:]))
-    return xr.Variable(variable.dims, empty, variable.attrs)
+def _values(file: "h5py.File", name: str) -> NDArray[Any]:
+    """Read a whole variable; texts become objects."""
+    stored = h5d.open(file.id, name.encode())
+    values = np.empty(stored.shape, dtype=stored.dtype)
+    stored.read(h5s.ALL, h5s.ALL, values)
+    if values.dtype.kind == "O":
+        values = np.array([text.decode() for text in values.flat], dtype=object)
+        return values.reshape(stored.shape)
+    return values
 
 
 def _whole(index: _Index, variables: Mapping[str, xr.Variable]) -> xr.Dataset:
@@ -179,7 +191,7 @@ class _Stacked(BackendArray):
     """One variable over all batches, as xarray's lazy indexing wants it."""
 
     def __init__(self, index: _Index, name: str, like: xr.Variable) -> None:
-        self._index, self._name = index, name
+        self._index, self._name, self._short = index, name, "time" not in like.dims
         longest = index.like["time"].size if "time" in like.dims else 0
         rest = tuple(
             longest if dim == "time" else n
@@ -204,11 +216,11 @@ class _Stacked(BackendArray):
         """Put some rows of a file where they belong."""
         if self._name not in file or not rows.size:
             return
-        stored = file[self._name]
-        if self.dtype.kind == "O":
-            stored = stored.asstr()
-        first, last = int(rows.min()), int(rows.max()) + 1
-        found = np.asarray(stored[first:last])[rows - first]
+        if self._short:
+            found = _values(file, self._name)[rows]
+        else:
+            first, last = int(rows.min()), int(rows.max()) + 1
+            found = np.asarray(file[self._name][first:last])[rows - first]
         place: tuple[Ints | slice, ...] = (at, *(slice(n) for n in found.shape[1:]))
         values[place] = found
 

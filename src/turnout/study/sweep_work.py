@@ -5,6 +5,7 @@ import gc
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Sequence
@@ -12,7 +13,11 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.process import BaseProcess
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 from turnout.errors import FileError
 from turnout.response.simulate import compile_kernels
@@ -132,11 +137,32 @@ def kept_batches(folder: Path, digest: str) -> list[tuple[Sequence[int], ...]]:
     return batches_of(kept_study(folder, digest))
 
 
+class _Process(SpawnProcess):
+    """A fresh process that does not import the program which started it.
+
+    All that it calls is in this module; the program would take time to load, or start another
+    sweep if it is a script without a guard.
+    """
+
+    @staticmethod
+    def _Popen(process_obj: BaseProcess) -> Any:  # noqa: N802 - named by the library
+        main = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            return SpawnProcess._Popen(process_obj)
+        finally:
+            sys.modules["__main__"] = main
+
+
+class _Context(SpawnContext):
+    """Starts such processes."""
+
+    Process = _Process
+
+
 def worker_processes(workers: int) -> ProcessPoolExecutor:
     """Return an executor of fresh processes on this machine, which end when this one does."""
-    return ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker
-    )
+    return ProcessPoolExecutor(workers, mp_context=_Context(), initializer=_begin_worker)
 
 
 def _begin_worker() -> None:
