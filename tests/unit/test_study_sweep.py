@@ -19,12 +19,13 @@ from turnout.integrate.outcome import Code, Outcome
 from turnout.integrate.scheme import Scheme
 from turnout.metric.features import FEATURES, features
 from turnout.metric.movement import Span
-from turnout.response.simulate import Solved, simulate, solve
+from turnout.response.simulate import Solved, simulate, solve_placed
 from turnout.study import sweep_folder, sweep_row
 from turnout.study.study import Study, load_study
 from turnout.study.sweep_batch import batch_variables, batches_of, throw_batch
 from turnout.study.sweep_file import file_bytes
 from turnout.study.sweep_folder import locked_folder
+from turnout.study.sweep_labels import object_labels
 from turnout.study.sweep_read import open_sweep, read_labels
 from turnout.study.sweep_run import State, run_sweep
 
@@ -78,7 +79,7 @@ def test_a_study_chooses_its_mode_and_a_rate_between_the_steps(tmp_path: Path) -
     assert (usual.scheme, usual.output.rate) == (Scheme.of("quick"), pytest.approx(125.0))
     between = small_study(tmp_path, more='[scheme]\nmode = "quick"\n[output]\nrate = "100 Hz"\n')
     assert between.scheme.mode == "quick"
-    row = sweep_row.throw_scenario(between, between.scenario(0))
+    (row,) = sweep_row.throw_scenarios(between, [between.scenario(0)])
     run = simulate(
         between.panel.with_overrides(dict(row.scenario.overrides)),
         scheme=Scheme.of("quick", output_interval=0.01),
@@ -186,8 +187,8 @@ def test_a_failed_throw_is_made_again_with_half_the_step(
     steps: list[float] = []
     friction = [study.scenario(index).inputs["chair.friction_coefficient"] for index in range(3)]
 
-    def failing(panel: Any, *, foreign_object: Any, scheme: Scheme) -> Solved:
-        solved = solve(panel, foreign_object=foreign_object, scheme=scheme)
+    def failing(panel: Any, objects: Any, *, scheme: Scheme) -> Solved:
+        solved = solve_placed(panel, objects, scheme=scheme)
         at = friction.index(panel.chair["1"].friction_coefficient)
         steps.append(scheme.step)
         if at == 0 or (at == 1 and scheme.step < study.scheme.step):
@@ -195,7 +196,7 @@ def test_a_failed_throw_is_made_again_with_half_the_step(
         outcome = Outcome(Code.NOT_CONVERGED, 0.5, 500, 1e-3, ("chair 1",))
         return replace(solved, history=replace(solved.history, outcome=outcome))
 
-    monkeypatch.setattr(sweep_row, "solve", failing)
+    monkeypatch.setattr(sweep_row, "solve_placed", failing)
     rows = throw_batch(study, [[0], [1], [2]])
     assert steps == [1e-3, 1e-3, 5e-4, 1e-3, 5e-4]
     assert [row.outcome for row in rows] == ["complete", "complete", "failed"]
@@ -209,7 +210,7 @@ def test_a_failed_throw_is_made_again_with_half_the_step(
 
 def test_a_scenario_that_cannot_be_says_why(study: Study) -> None:
     scenario = replace(study.scenario(0), overrides={"chair.friction_coefficient": -1.0})
-    row = sweep_row.throw_scenario(study, scenario)
+    (row,) = sweep_row.throw_scenarios(study, [scenario])
     assert row.outcome == "invalid"
     assert "friction_coefficient" in row.reason
 
@@ -318,7 +319,7 @@ def test_slips_with_and_without_an_object(
         "contact_time": ((), np.array(later)),
     }
     spans = [Span("a", "open", opening, opening + 2.0), Span("b", "closed", closing, closing + 2.0)]
-    labels = sweep_row.object_labels(time, every, spans=spans)
+    labels = object_labels(time, every, spans=spans)
     assert (bool(labels["slipped"][1]), bool(labels["slipped_free"][1])) == found
 
 

@@ -5,18 +5,21 @@ a foreign object) are *blocks* of their own: their modes, flexibility and column
 that reaches into two blocks has an *end* in each; all other rows have one end.
 """
 
+from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+MOST_KEPT = 32
+"""So many mechanisms are known by their rows, the latest made."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +56,7 @@ def split_blocks(mechanism: Mechanism, laws: LawTable) -> tuple[Block, ...]:
     size, n_rows = mechanism.stiffness.shape[0], mechanism.rows.shape[0]
     if len(mechanism.rails) < 2:
         return (Block(np.arange(size), np.arange(n_rows)),)
-    touched = np.array(
-        [
-            np.any(mechanism.rows[:, rail.first : rail.first + rail.count] != 0.0, axis=1)
-            for rail in mechanism.rails
-        ]
-    ).T
+    touched = _touched(mechanism)
     groups = _groups(touched, laws)
     first_touched = np.where(touched.any(axis=1), groups[touched.argmax(axis=1)], 0)
     blocks = []
@@ -83,15 +81,30 @@ def without_joining_bases(mechanism: Mechanism, laws: LawTable) -> LawTable:
     """Return the laws with no base segment where a law joins two rails."""
     if len(mechanism.rails) < 2:
         return laws
-    count = sum(
-        np.any(mechanism.rows[:, rail.first : rail.first + rail.count] != 0.0, axis=1).astype(int)
-        for rail in mechanism.rails
-    )
-    joins = np.asarray(count)[laws.row] > 1
+    joins = _touched(mechanism).sum(axis=1)[laws.row] > 1
     return laws._replace(base_segment=np.where(joins, -1, laws.base_segment))
 
 
-def _groups(touched: NDArray[np.bool_], laws: LawTable) -> Ints:
+# Rows are shared by many throws, and kept here so that no others take their place.
+_memory: OrderedDict[tuple[int, tuple[tuple[int, int], ...]], tuple[Floats, Flags]] = OrderedDict()
+
+
+def _touched(mechanism: Mechanism) -> Flags:
+    """Return which rails each row reaches into, shape (n_rows, n_rails)."""
+    places = tuple((rail.first, rail.count) for rail in mechanism.rails)
+    key = (id(mechanism.rows), places)
+    if key in _memory:
+        return _memory[key][1]
+    used = mechanism.rows != 0.0
+    found = np.array([used[:, first : first + count].any(axis=1) for first, count in places]).T
+    if not mechanism.rows.flags.writeable:
+        _memory[key] = mechanism.rows, found
+        while len(_memory) > MOST_KEPT:
+            _memory.popitem(last=False)
+    return found
+
+
+def _groups(touched: Flags, laws: LawTable) -> Ints:
     """Return the block of every rail; rails that must be solved together share one."""
     together = np.concatenate(
         (
@@ -100,7 +113,9 @@ def _groups(touched: NDArray[np.bool_], laws: LawTable) -> Ints:
             touched[touched.sum(axis=1) > 2],
         )
     )
-    joined = np.eye(touched.shape[1], dtype=bool)
-    for rails in np.unique(together, axis=0):
-        joined[np.ix_(rails, rails)] = True
-    return np.asarray(connected_components(csr_array(joined), directed=False)[1], dtype=np.int64)
+    group = np.arange(touched.shape[1])
+    bits = np.unique(together @ (1 << group))  # of the rails that must be, once each
+    for rails in (bits[:, np.newaxis] >> group) & 1 == 1:
+        if rails.any():
+            group[np.isin(group, group[rails])] = group[rails].min()
+    return np.unique(group, return_inverse=True)[1].astype(np.int64)

@@ -4,6 +4,7 @@ A stop, the foot on a slide chair and the edges of that foot are points of one s
 first does follows from the others. Only *leading* rows need columns of their own.
 """
 
+from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,8 @@ EXACT = 1e-12
 """What is left of a row that follows, as a share of its size [-]."""
 LARGEST_WEIGHT = 100.0
 """Rows that follow as small differences of large numbers lead instead [-]."""
+MOST_KEPT = 48
+"""So many choices are kept in memory, the latest used: stiffnesses do not change them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +36,9 @@ class Leading:
 
     leaders: Ints
     weights: Floats
+
+
+_memory: OrderedDict[tuple[tuple[int, ...], bytes, bytes], Leading] = OrderedDict()
 
 
 def leading_rows(rows: Floats, *, first: NDArray[np.bool_]) -> Leading:
@@ -57,6 +63,17 @@ def leading_rows(rows: Floats, *, first: NDArray[np.bool_]) -> Leading:
     >>> found.leaders.tolist(), found.weights.tolist()
     ([1, 2], [[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     """
+    key = (rows.shape, rows.tobytes(), first.tobytes())
+    found = _memory.get(key)
+    if found is None:
+        found = _memory[key] = _chosen(rows, first)
+        while len(_memory) > MOST_KEPT:
+            _memory.popitem(last=False)
+    _memory.move_to_end(key)
+    return found
+
+
+def _chosen(rows: Floats, first: NDArray[np.bool_]) -> Leading:
     count = rows.shape[0]
     basis, shares = np.zeros_like(rows), np.zeros((count, count))
     independent: list[int] = []
@@ -77,4 +94,6 @@ def leading_rows(rows: Floats, *, first: NDArray[np.bool_]) -> Leading:
     of_leaders = np.zeros((count, leaders.size))
     of_leaders[:, np.searchsorted(leaders, independent)] = weights
     of_leaders[leaders] = np.eye(leaders.size)
+    for array in (leaders, of_leaders):
+        array.flags.writeable = False
     return Leading(leaders, of_leaders)

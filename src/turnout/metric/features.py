@@ -148,15 +148,14 @@ def run_features(
         sign, column = (1.0, 1) if span.to == "closed" else (-1.0, 0)
         first, last = np.searchsorted(time, [span.start - TIME_TOLERANCE, until - TIME_TOLERANCE])
         part = slice(int(first), int(last))
-        for row in range(force.shape[0]):
-            values[:, row, column] = movement_features(
-                time[part] - span.start,
-                sign * force[row, part],
-                travel=None if travel is None else sign * travel[row, part],
-                current=None if current is None else current[row, part],
-                limit=limits[row],
-                length=span.end - span.start,
-            )
+        values[:, :, column] = _features(
+            time[part] - span.start,
+            sign * force[:, part],
+            travel=None if travel is None else sign * travel[:, part],
+            current=None if current is None else current[:, part],
+            limits=limits,
+            length=span.end - span.start,
+        )
     return values
 
 
@@ -191,52 +190,94 @@ def movement_features(
     ndarray, shape (n_features,)
         In the order of `FEATURES`; NaN for what cannot be said.
     """
-    known = np.isfinite(effort)
-    if elapsed.size < 3 or not known.any():
-        return np.full(len(FEATURES), np.nan)
-    at = int(np.argmax(effort) if known.all() else np.nanargmax(effort))
-    slips = np.flatnonzero(effort >= limit)
-    step = (elapsed[-1] - elapsed[0]) / (elapsed.size - 1)
-    held = max(1, round(FILTER_WINDOW / step))
-    duration = _duration(elapsed, travel, current, length=length)
-    low, high = np.searchsorted(elapsed, [share * duration for share in MIDDLE])
-    plateau = float(np.median(effort[low:high])) if high > low else np.nan
-    onset, slope = _build_up(elapsed, effort, plateau=plateau)
-    work = np.nan if travel is None else float(np.trapezoid(effort, travel))
-    return np.array(
-        [
-            *(onset, slope, effort[at], elapsed[at], plateau, float(np.mean(effort[-held:]))),
-            *(work, duration, elapsed[slips[0]] if slips.size else np.nan),
-        ]
+    found = _features(
+        elapsed,
+        effort[np.newaxis],
+        travel=None if travel is None else travel[np.newaxis],
+        current=None if current is None else current[np.newaxis],
+        limits=np.array([limit]),
+        length=length,
     )
+    one: Floats = found[:, 0]
+    return one
 
 
-def _build_up(elapsed: Floats, effort: Floats, *, plateau: float) -> tuple[float, float]:
-    """Return onset [s] and slope [N/s] of the last rise to the largest filtered effort."""
-    smooth = filtered_values(effort, time=elapsed)
-    top = int(np.argmax(smooth))
-    rise = float(smooth[top]) - plateau
-    if not rise >= LEAST_RISE:
-        return np.nan, np.nan
-    below = np.flatnonzero(smooth[: top + 1] <= plateau + LOW * rise)
-    if not below.size:
-        return np.nan, np.nan
-    first = int(below[-1])
-    last = first + int(np.argmax(smooth[first : top + 1] >= plateau + HIGH * rise))
-    slope = float((smooth[last] - smooth[first]) / (elapsed[last] - elapsed[first]))
-    return float(elapsed[first]), slope
-
-
-def _duration(
-    elapsed: Floats, travel: Floats | None, current: Floats | None, *, length: float
-) -> float:
+def _features(
+    elapsed: Floats,
+    effort: Floats,
+    *,
+    travel: Floats | None,
+    current: Floats | None,
+    limits: Floats,
+    length: float,
+) -> Floats:
+    """Return the features of many drives in one movement at once, shape (n_features, n_drives)."""
+    found = np.full((len(FEATURES), effort.shape[0]), np.nan)
+    known = np.isfinite(effort)
+    some = known.any(axis=1)
+    if elapsed.size < 3 or not some.any():
+        return found
+    rows = np.arange(effort.shape[0])
+    at = np.argmax(np.where(known, effort, -np.inf), axis=1)
+    slips = effort >= limits[:, np.newaxis]
+    held = max(1, round(FILTER_WINDOW * (elapsed.size - 1) / (elapsed[-1] - elapsed[0])))
+    duration = _durations(elapsed, travel, current, lengths=np.full(rows.size, length))
+    plateau = _plateaus(elapsed, effort, duration)
+    onset, slope = _build_ups(elapsed, effort, plateau)
+    found[:6] = onset, slope, effort[rows, at], elapsed[at], plateau, effort[:, -held:].mean(axis=1)
     if travel is not None:
-        moving = np.flatnonzero(np.abs(travel - travel[-1]) > ARRIVED)
-        return float(elapsed[min(moving[-1] + 1, elapsed.size - 1)]) if moving.size else 0.0
+        found[6] = np.trapezoid(effort, travel, axis=1)
+    found[7] = duration
+    found[8] = np.where(slips.any(axis=1), elapsed[np.argmax(slips, axis=1)], np.nan)
+    found[:, ~some] = np.nan
+    return found
+
+
+def _plateaus(elapsed: Floats, effort: Floats, duration: Floats) -> Floats:
+    """Return the median in the middle of the movement of each row [N]."""
+    found = np.full(duration.size, np.nan)
+    ends = np.searchsorted(elapsed, np.outer(duration, MIDDLE))
+    for low, high in np.unique(ends, axis=0):
+        if high > low:
+            alike = (ends == (low, high)).all(axis=1)
+            found[alike] = np.median(effort[alike, low:high], axis=1)
+    return found
+
+
+def _build_ups(elapsed: Floats, effort: Floats, plateau: Floats) -> tuple[Floats, Floats]:
+    """Return onset [s] and slope [N/s] of the last rise of each row to its largest filtered effort.
+
+    NaN where there is none.
+    """
+    smooth = filtered_values(effort, time=elapsed)
+    rows, index = np.arange(plateau.size), np.arange(elapsed.size)
+    top = np.argmax(smooth, axis=1)
+    rise = smooth[rows, top] - plateau
+    before = index <= top[:, np.newaxis]
+    below = before & (smooth <= (plateau + LOW * rise)[:, np.newaxis])
+    first = elapsed.size - 1 - np.argmax(below[:, ::-1], axis=1)
+    reached = before & (smooth >= (plateau + HIGH * rise)[:, np.newaxis])
+    last = np.argmax(reached & (index >= first[:, np.newaxis]), axis=1)
+    risen = (rise >= LEAST_RISE) & below.any(axis=1)
+    first, last = np.where(risen, first, 0), np.where(risen, last, 1)
+    slope = (smooth[rows, last] - smooth[rows, first]) / (elapsed[last] - elapsed[first])
+    return np.where(risen, elapsed[first], np.nan), np.where(risen, slope, np.nan)
+
+
+def _durations(
+    elapsed: Floats, travel: Floats | None, current: Floats | None, *, lengths: Floats
+) -> Floats:
+    """Return how long each row's movement took [s]."""
+    if travel is not None:
+        moving = np.abs(travel - travel[:, -1:]) > ARRIVED
+        last = elapsed.size - 1 - np.argmax(moving[:, ::-1], axis=1)
+        arrived = elapsed[np.minimum(last + 1, elapsed.size - 1)]
+        return np.where(moving.any(axis=1), arrived, 0.0)
     if current is not None:
-        running = np.flatnonzero((current > 0) & (elapsed >= 0))
-        return float(elapsed[running[-1]]) if running.size else np.nan
-    return length
+        running = (current > 0) & (elapsed >= 0)
+        last = elapsed.size - 1 - np.argmax(running[:, ::-1], axis=1)
+        return np.where(running.any(axis=1), elapsed[last], np.nan)
+    return lengths
 
 
 def _of_campaign(dataset: "xr.Dataset") -> "xr.Dataset":

@@ -172,7 +172,11 @@ def _alike(one: BaseModel | Partial, other: BaseModel, unasked: frozenset[str]) 
     if isinstance(one, Partial) or not unasked:
         return False
     values = other.__dict__
-    return all(value is values[key] or key in unasked for key, value in one.__dict__.items())
+    # a record that was read anew has equal numbers, not the same ones
+    return all(
+        value is values[key] or key in unasked or value == values[key]
+        for key, value in one.__dict__.items()
+    )
 
 
 @cache
@@ -278,7 +282,9 @@ def _taken_over(
     changed = {key: (key, id(value)) for key, value in values.items() if value is not before[key]}
     if not all(place in read for place in changed.values()):
         return None
-    return made.model_copy(update={key: read[place] for key, place in changed.items()})
+    again = copy(made)  # half of what `model_copy` takes, which looks at more than values
+    again.__dict__.update({key: read[place] for key, place in changed.items()})
+    return again
 
 
 def _merged(family: str, found: dict[Problem, list[str]], document: Document) -> list[Problem]:

@@ -11,7 +11,7 @@ from turnout.mechanism.build_rails import fastening_offset
 from turnout.mechanism.mechanism import RailBody
 from turnout.panel.model import Panel
 from turnout.panel.support_records import Fastening
-from turnout.response.recovery import Motion, row_motion, whole_rows
+from turnout.response.recovery import Motion, row_motion
 from turnout.response.save import Save
 from turnout.response.signals import Variable
 
@@ -37,7 +37,7 @@ def fastening_signals(panel: Panel, motion: Motion, save: Save) -> dict[str, Var
                 continue
             offset = fastening_offset(panel, rail, fastening)
             rows = _rows(body, fastening, offset=offset)
-            moved = row_motion(motion, whole_rows(motion, rail, rows))
+            moved = row_motion(motion, [(body, rows)])
             spring = np.array(
                 [
                     *(fastening.stiffness_x, fastening.stiffness_y, fastening.stiffness_z),

@@ -1,21 +1,23 @@
 """Open distances between switch rails and stock rails, and the flangeway behind them."""
 
 from collections import OrderedDict
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.mechanism.mechanism import RailBody
 from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
 from turnout.panel.profile import running_edge_distance, stock_rail_gap
 from turnout.response.recovery import (
     Ints,
     Motion,
+    Parts,
+    Seen,
     lateral_rows,
     row_motion,
-    whole_rows,
+    seen_by,
+    seen_motion,
 )
 from turnout.response.route import Throw, open_rail, wanted_closed
 
@@ -27,7 +29,7 @@ MOST_ROWS = 64
 
 # Rails are shared by many throws. What rows depend on is named by identity, and kept beside them so
 # that nothing else takes its place.
-_rows: OrderedDict[Hashable, tuple[Floats, Floats, list[object]]] = OrderedDict()
+_rows: OrderedDict[Hashable, tuple[Floats, list[Floats], list[object]]] = OrderedDict()
 
 
 def contact_height(panel: Panel, rail: str, x: Floats) -> Floats:
@@ -71,51 +73,42 @@ def rail_gap(
 
     A flexible stock rail takes part with its own displacement at the same height.
     """
-    start, rows = gap_rows(panel, motion, rail, x, z)
-    gap: Floats = start[:, np.newaxis] - row_motion(motion, rows, at=at)
+    start, parts = gap_rows(panel, motion, rail, x, z)
+    gap: Floats = start[:, np.newaxis] - row_motion(motion, parts, at=at)
     return gap
 
 
-def gap_rows(
-    panel: Panel, motion: Motion, rail: str, x: Floats, z: Floats
-) -> tuple[Floats, Floats]:
-    """Return open distances of the unloaded rail, and rows by which all coordinates lessen them.
+def gap_rows(panel: Panel, motion: Motion, rail: str, x: Floats, z: Floats) -> tuple[Floats, Parts]:
+    """Return open distances of the unloaded rail, and rows by which coordinates lessen them.
 
     Returns
     -------
     start : ndarray, shape (n_points,)
         [m]
-    rows : ndarray, shape (n_points, n)
-        Over the reduced coordinates of all rails; shared and therefore not writeable.
+    parts : sequence of (RailBody, ndarray)
+        Rows, shape (n_points, body.count), over the coordinates of the rail and of stock rails that
+        bend with it; shared and therefore not writeable.
     """
     record, bodies = panel.rail[rail], motion.rails
     faced = [(name, stock) for name, stock in panel.stock_rail.items() if stock.faces == rail]
-    named = [record, bodies[rail].recovery]
-    named += [item for name, stock in faced for item in (stock, _stock(bodies, name).recovery)]
-    involved = [bodies[rail], *(_stock(bodies, name) for name, _ in faced)]
-    # an object on another rail moves the places of these among all coordinates
-    whole = motion.history.model.residual_load.size
-    where = (whole, *((body.first, body.count) for body in involved))
-    key = (*map(id, named), where, x.tobytes(), z.tobytes())
+    involved = [bodies[rail], *(bodies[f"stock rail {name}"] for name, _ in faced)]
+    named = [record, *(stock for _, stock in faced), *(body.recovery for body in involved)]
+    key = (*map(id, named), x.tobytes(), z.tobytes())
     found = _rows.get(key)
     if found is None:
-        rows = whole_rows(motion, rail, lateral_rows(bodies[rail], x, z))
-        for name, stock in faced:  # beyond its ends it is held
-            inside = np.clip(x, stock.start, stock.end)
-            body = _stock(bodies, name)
-            moved = lateral_rows(body, inside, z - stock.foot_height)
-            rows -= whole_rows(motion, body.name, moved)
-        made = stock_gap(panel, rail, x), SIDE[record.closes] * rows
-        for array in made:
+        side = SIDE[record.closes]
+        rows = [side * lateral_rows(bodies[rail], x, z)]
+        for (_, stock), body in zip(faced, involved[1:], strict=True):
+            inside = np.clip(x, stock.start, stock.end)  # beyond its ends it is held
+            rows.append(-side * lateral_rows(body, inside, z - stock.foot_height))
+        start = stock_gap(panel, rail, x)
+        for array in (start, *rows):
             array.flags.writeable = False
-        found = _rows[key] = *made, named
+        found = _rows[key] = start, rows, named
         while len(_rows) > MOST_ROWS:
             _rows.popitem(last=False)
-    return found[0], found[1]
-
-
-def _stock(bodies: Mapping[str, RailBody], name: str) -> RailBody:
-    return bodies[f"stock rail {name}"]
+    start, rows, _ = found
+    return start, list(zip(involved, rows, strict=True))
 
 
 def drive_and_sensor_gaps(panel: Panel, motion: Motion, time: Floats) -> tuple[Floats, Floats]:
@@ -136,9 +129,8 @@ def drive_and_sensor_gaps(panel: Panel, motion: Motion, time: Floats) -> tuple[F
     rails = wanted_closed(panel, time)
     sensors = [(s.rail, np.array([s.x]), np.array([s.height])) for s in panel.sensor.values()]
     found = open_distances(panel, motion, [*((rail, x, z) for rail, _ in rails), *sensors])
-    at_drives = np.full((x.size, time.size), np.nan)
-    for (_, when), distance in zip(rails, found, strict=False):
-        at_drives[:, when] = distance[:, when]
+    # at any instant one of the two is wanted closed
+    at_drives = np.where(rails[0][1], found[0], found[1])
     at_sensors = found[len(rails) :]
     return at_drives, np.concatenate(at_sensors) if at_sensors else np.empty((0, time.size))
 
@@ -161,8 +153,14 @@ def open_distances(
         [m]
     """
     found = [gap_rows(panel, motion, *place) for place in places]
-    start = np.concatenate([start for start, _ in found])[:, np.newaxis]
-    gap = start - row_motion(motion, np.concatenate([rows for _, rows in found]))
+    start = np.concatenate([start for start, _ in found])
+    seen = [seen_by(motion, parts) for _, parts in found]
+    together = Seen(
+        np.concatenate([each.modes for each in seen]),
+        np.concatenate([each.shapes for each in seen]),
+        np.concatenate([each.load for each in seen]),
+    )
+    gap = start[:, np.newaxis] - seen_motion(motion, together)
     return np.split(gap, np.cumsum([start.size for start, _ in found])[:-1])
 
 

@@ -58,11 +58,13 @@ def force_margins(panel: Panel, *, time: Floats, drive_force: Floats) -> Floats:
     limits = np.array([drive.saturation_force for drive in panel.drive.values()])
     margins = np.full((limits.size, len(DIRECTIONS)), np.nan)
     for throw in throws(panel):
-        during = (time >= throw.start - TIME_TOLERANCE) & (time < throw.until - TIME_TOLERANCE)
-        if not during.any():
+        bounds = (throw.start - TIME_TOLERANCE, throw.until - TIME_TOLERANCE)
+        first, last = np.searchsorted(time, bounds)
+        if first == last:
             continue
-        effort = drive_force[:, during] * (1.0 if throw.to == "closed" else -1.0)
-        margin = limits - np.max(effort, axis=1, initial=0.0)
+        during = drive_force[:, first:last]
+        effort = during.max(axis=1) if throw.to == "closed" else -during.min(axis=1)
+        margin = limits - np.maximum(effort, 0.0)
         column = DIRECTIONS.index(throw.direction)
         margins[:, column] = np.fmin(margins[:, column], margin)
     return margins

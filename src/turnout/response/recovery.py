@@ -10,6 +10,7 @@ their share of the constant load. :math:`\lambda` is what the laws add to the li
 matrix then gives its nodes.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,9 @@ from turnout.mechanism.mechanism import Mechanism, RailBody
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+Parts = Sequence[tuple[RailBody, Floats]]
+"""Rails, and rows over the reduced coordinates of each; what they come to is summed."""
 
 UY, RX, PER_NODE = 1, 3, 6
 PLACE_TOLERANCE = 1e-6
@@ -129,27 +133,19 @@ def lateral_displacement(
     ndarray, shape (n_points, n_times)
         [m]; NaN beyond the rail.
     """
-    rows = lateral_rows(motion.rails[rail], x, z)
-    return row_motion(motion, whole_rows(motion, rail, rows), at=at)
-
-
-def whole_rows(motion: Motion, rail: str, rows: Floats) -> Floats:
-    """Return rows over the coordinates of one rail as rows over those of all rails."""
     body = motion.rails[rail]
-    whole = np.zeros((rows.shape[0], motion.history.model.residual_load.size))
-    whole[:, body.first : body.first + body.count] = rows
-    return whole
+    return row_motion(motion, [(body, lateral_rows(body, x, z))], at=at)
 
 
-def row_motion(motion: Motion, rows: Floats, *, at: Ints | None = None) -> Floats:
-    """Return what rows over the reduced coordinates of all rails come to over time.
+def row_motion(motion: Motion, parts: Parts, *, at: Ints | None = None) -> Floats:
+    """Return what rows over the reduced coordinates of some rails come to over time.
 
     Parameters
     ----------
     motion : Motion
         The run.
-    rows : ndarray, shape (n_rows, n)
-        Over all coordinates; see `whole_rows` for those of one rail.
+    parts : sequence of (RailBody, ndarray)
+        Rails, and rows over the coordinates of each, shape (n_rows, body.count), that are summed.
     at : ndarray of int, optional
         Indices of the wanted instants; default all.
 
@@ -157,26 +153,70 @@ def row_motion(motion: Motion, rows: Floats, *, at: Ints | None = None) -> Float
     -------
     ndarray, shape (n_rows, n_times)
     """
-    history, model = motion.history, motion.history.model
     # Whichever of rows and instants are fewer meet the large matrices first.
-    if at is not None and at.size < rows.shape[0]:
-        return rows @ _coordinates_at(motion, at)
-    displacement: Floats = (rows @ model.modes) @ _at(history.q, at).T
-    displacement += force_motion(motion, rows @ model.residual_shapes, at=at)
-    displacement += (rows @ model.residual_load)[:, np.newaxis]
-    return displacement
+    if at is not None and at.size < parts[0][1].shape[0]:
+        return _motion_at(motion, parts, at)
+    return seen_motion(motion, seen_by(motion, parts), at=at)
 
 
-def _coordinates_at(motion: Motion, at: Ints) -> Floats:
-    """Return the reduced coordinates of all rails at a few instants, shape (n, n_times)."""
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """Rows in terms of what a run has kept.
+
+    Attributes
+    ----------
+    modes : ndarray, shape (n_rows, n_modes)
+        For unit modal coordinates.
+    shapes : ndarray, shape (n_rows, n_law_rows)
+        For unit forces of the laws, above the modes.
+    load : ndarray, shape (n_rows,)
+        Under the constant load, above the modes.
+    """
+
+    modes: Floats
+    shapes: Floats
+    load: Floats
+
+
+def seen_by(motion: Motion, parts: Parts) -> Seen:
+    """Return rows of some rails in terms of what a run has kept."""
+    model = motion.history.model
+    found = []
+    for body, rows in parts:
+        own = slice(body.first, body.first + body.count)
+        found.append(
+            (
+                rows @ model.modes[own],
+                rows @ model.residual_shapes[own],
+                rows @ model.residual_load[own],
+            )
+        )
+    modes, shapes, load = (sum(part[1:], start=part[0]) for part in zip(*found, strict=True))
+    return Seen(modes, shapes, load)
+
+
+def seen_motion(motion: Motion, seen: Seen, *, at: Ints | None = None) -> Floats:
+    """Return what such rows come to over time, shape (n_rows, n_times)."""
+    moved: Floats = seen.modes @ _at(motion.history.q, at).T
+    moved += force_motion(motion, seen.shapes, at=at)
+    moved += seen.load[:, np.newaxis]
+    return moved
+
+
+def _motion_at(motion: Motion, parts: Parts, at: Ints) -> Floats:
+    """Return what many rows come to at a few instants, by the coordinates of the rails there."""
     history = motion.history
     model, laws = history.model, history.laws
     force = history.g[at].T * motion.slope[:, np.newaxis]
     np.subtract.at(force, laws.row, history.law_force[at].T)
     np.subtract.at(force, laws.friction_row, history.friction_force[at].T)
-    found: Floats = model.modes @ history.q[at].T + model.residual_shapes @ force
-    found += model.residual_load[:, np.newaxis]
-    return found
+    modal = history.q[at].T
+    moved = np.zeros((parts[0][1].shape[0], at.size))
+    for body, rows in parts:
+        own = slice(body.first, body.first + body.count)
+        coordinates = model.modes[own] @ modal + model.residual_shapes[own] @ force
+        moved += rows @ (coordinates + model.residual_load[own, np.newaxis])
+    return moved
 
 
 def _at(values: Floats, at: Ints | None) -> Floats:

@@ -190,6 +190,17 @@ def solve(
         When a foreign object does not fit the panel.
     """
     objects = tuple(resolve_objects(panel, _as_objects(foreign_object)))
+    return solve_placed(panel, objects, scheme=scheme, report=report)
+
+
+def solve_placed(
+    panel: LoadedPanel,
+    objects: tuple[PlacedObject, ...],
+    *,
+    scheme: Scheme,
+    report: Callable[[int, int], None] | None = None,
+) -> Solved:
+    """Do what `solve` does with all objects in their places, those of the panel among them."""
     began = time.perf_counter()
     if must_compile():
         compile_kernels()

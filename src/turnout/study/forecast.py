@@ -9,7 +9,7 @@ import numpy as np
 from turnout.study.study import Study
 from turnout.study.sweep_batch import batch_variables, batches_of
 from turnout.study.sweep_file import file_bytes
-from turnout.study.sweep_row import COMPLETE, throw_scenario
+from turnout.study.sweep_row import COMPLETE, throw_scenarios
 
 TRIALS = 3
 
@@ -84,13 +84,13 @@ def forecast(
         Called with throws done and throws in all.
     """
     chosen = trial_scenarios(study, trials)
-    throw_scenario(study, study.scenario(chosen[0]))
+    throw_scenarios(study, [study.scenario(chosen[0])])
     rows, spent = [], 0.0
     for number, index in enumerate(chosen):
         if report is not None:
             report(number + 1, len(chosen) + 1)
         began = time.perf_counter()
-        row = throw_scenario(study, study.scenario(index))
+        (row,) = throw_scenarios(study, [study.scenario(index)])
         spent += time.perf_counter() - began
         rows.append(row)
     # The head of a file is there once, so it is the second and later throws that tell.

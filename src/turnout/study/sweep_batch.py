@@ -14,15 +14,17 @@ import numpy as np
 from turnout.metric.features import FEATURES
 from turnout.response.signals import Variable
 from turnout.schema.channels import known_channel
+from turnout.study.scenario import Rule
 from turnout.study.study import Study
 from turnout.study.sweep_file import Stored
+from turnout.study.sweep_labels import LABELS
 from turnout.study.sweep_row import (
     COMPLETE,
-    LABELS,
+    MOST_TOGETHER,
     Row,
     labels_of,
     skipped,
-    throw_scenario,
+    throw_scenarios,
 )
 
 SMALLEST_BATCH, LARGEST_BATCH, SHARE_OF_REST = 8, 64, 0.125
@@ -66,18 +68,30 @@ def batches_of(study: Study) -> list[tuple[Sequence[int], ...]]:
 def throw_batch(study: Study, chains: Sequence[Sequence[int]]) -> list[Row]:
     """Throw the scenarios of a batch; return them in the order of their numbers."""
     rows: list[Row] = []
-    for chain in chains:
-        reason = ""
-        for index in chain:
-            scenario = study.scenario(index)
-            if reason:
-                rows.append(skipped(scenario, reason=reason))
-                continue
-            row = throw_scenario(study, scenario)
-            rows.append(row)
-            if study.rule and row.outcome == COMPLETE and study.rule.stops(labels_of(row)):
-                reason = f"a drive slipped in scenario {index}"
+    if study.rule is not None:
+        for chain in chains:
+            rows += _thrown_chain(study, study.rule, chain)
+    else:
+        indices = [index for chain in chains for index in chain]
+        for first in range(0, len(indices), MOST_TOGETHER):
+            few = [study.scenario(index) for index in indices[first : first + MOST_TOGETHER]]
+            rows += throw_scenarios(study, few)
     return sorted(rows, key=lambda row: row.scenario.index)
+
+
+def _thrown_chain(study: Study, rule: Rule, chain: Sequence[int]) -> list[Row]:
+    """Throw scenarios one by one until the rule leaves out the rest."""
+    rows: list[Row] = []
+    reason = ""
+    for index in chain:
+        scenario = study.scenario(index)
+        if reason:
+            rows.append(skipped(scenario, reason=reason))
+            continue
+        rows += throw_scenarios(study, [scenario])
+        if rows[-1].outcome == COMPLETE and rule.stops(labels_of(rows[-1])):
+            reason = f"a drive slipped in scenario {index}"
+    return rows
 
 
 def batch_variables(study: Study, rows: Sequence[Row]) -> dict[str, Stored]:

@@ -1,7 +1,9 @@
-"""One scenario of a sweep thrown and boiled down to what is stored of it.
+"""Scenarios of a sweep thrown and boiled down to what is stored of them.
 
 Labels and features are taken from every instant that the solver kept, histories at the rate of the
-study. What is not asked for is never computed.
+study. What is not asked for is never computed. A throw ends with little more than its history in
+the processor's caches: what need not be done beside it is done before and after, for many throws at
+once, which takes half the time.
 """
 
 import math
@@ -15,17 +17,20 @@ from turnout.errors import FileError, PanelError, TurnoutError
 from turnout.integrate.outcome import Code
 from turnout.integrate.run import History
 from turnout.integrate.scheme import Scheme
+from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.threads import one_blas_thread
-from turnout.metric.features import FEATURES, run_features
-from turnout.metric.movement import Span
+from turnout.panel.foreign_object import PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.response.dataset import coordinates_of, response_channels
-from turnout.response.route import throws
+from turnout.response.gaps import drive_and_sensor_gaps
+from turnout.response.labels import contact_labels, flangeway_labels
+from turnout.response.recovery import recover_motion
 from turnout.response.save import Save
-from turnout.response.signals import Variable
-from turnout.response.simulate import Solved, solve
+from turnout.response.signals import Variable, drive_signals, object_signals
+from turnout.response.simulate import Solved, solve_placed
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
+from turnout.study.sweep_labels import Taken, floats, labels_of_many
 
 Floats = NDArray[np.float64]
 Variables = dict[str, Variable]
@@ -35,21 +40,11 @@ OUTCOMES = ("complete", "failed", "invalid", "skipped")
 rule of its chain."""
 COMPLETE, FAILED, INVALID, SKIPPED = OUTCOMES
 
-FORCES = (
-    *("drive_force", "drive_displacement", "drive_slipping", "object_force", "force_margin"),
-    *("object_placed", "object_touched", "contact_time", "least_flangeway", "least_flangeway_x"),
-)
-"""What is made of every instant, or of some that need not be kept."""
-ENDS = ("end_gap", "locked", "in_control")
-LABELS = {
-    "object_force_peak": ("N", "largest force on foreign objects"),
-    "object_force_end": ("N", "force on foreign objects at the end"),
-    "slipped": ("1", "whether a drive slipped in the last movement"),
-    "slipped_free": ("1", "whether a drive slipped before any object was touched"),
-    "end_locked": ("1", "lock rule met at the end"),
-    "end_in_control": ("1", "sensor gap below its limit at the end"),
-}
-"""Unit and meaning of the labels that only a sweep has."""
+MOST_TOGETHER = 16
+"""So many throws are looked at together; more would not fit the processor's caches."""
+
+SINGLE = ("object_placed", "object_touched", "contact_time", "least_flangeway", "least_flangeway_x")
+"""Stored of each throw as they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,46 +100,172 @@ class Row:
         return bool(self.variables["slipped"][1])
 
 
-def throw_scenario(study: Study, scenario: Scenario) -> Row:
-    """Throw one scenario, a second time with half the step if the first does not get to its end.
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """A scenario that can be thrown, or why it cannot.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        What is to be thrown.
+    panel : LoadedPanel
+        With the changes of the scenario.
+    objects : tuple of PlacedObject
+        All that is trapped.
+    fault : str
+        What is wrong with it, else empty.
+    """
+
+    scenario: Scenario
+    panel: LoadedPanel
+    objects: tuple[PlacedObject, ...]
+    fault: str
+
+
+@dataclass(frozen=True, slots=True)
+class Thrown:
+    """A scenario after its throw; `taken` is None unless it is complete."""
+
+    scenario: Scenario
+    outcome: str
+    reason: str
+    attempts: int
+    taken: Taken | None
+    solver: Spent
+
+
+def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Row]:
+    """Throw some scenarios, a second time with half the step if the first does not get to its end.
 
     Parameters
     ----------
     study : Study
         Panel, scheme, and what is kept.
-    scenario : Scenario
-        One of its own.
+    scenarios : sequence of Scenario
+        Of its own; a few of them at a time, since their panels are all made first.
 
     Returns
     -------
-    Row
+    list of Row
+        In the same order.
 
     Raises
     ------
     KeyboardInterrupt
         On Ctrl-C.
     """
-    reason, attempts = "", 0
+    return rows_of([thrown(study, ready) for ready in [made_ready(study, s) for s in scenarios]])
+
+
+def made_ready(study: Study, scenario: Scenario) -> Ready:
+    """Make the panel of a scenario and place its objects."""
+    panel = study.panel
     try:
-        panel = study.panel
         if scenario.overrides:
             panel = panel.with_overrides(dict(scenario.overrides))
+        return Ready(scenario, panel, resolve_objects(panel, scenario.foreign_objects), "")
+    except PanelError as error:
+        return Ready(scenario, panel, (), "; ".join(error.problems))
+
+
+def thrown(study: Study, ready: Ready) -> Thrown:
+    """Throw a scenario, if need be twice, and take from its history what is needed later.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        On Ctrl-C.
+    """
+    scenario, reason, attempts = ready.scenario, ready.fault, 0
+    if reason:
+        return Thrown(scenario, INVALID, reason, attempts, None, Spent())
+    try:
         for scheme in (study.scheme, tighter(study.scheme)):
             attempts += 1
-            solved = solve(panel, foreign_object=scenario.foreign_objects, scheme=scheme)
+            solved = solve_placed(ready.panel, ready.objects, scheme=scheme)
             outcome = solved.history.outcome
             if outcome.code is Code.INTERRUPTED:
                 raise KeyboardInterrupt
             if outcome.complete:
-                variables, coordinates = boiled_down(study, panel, solved)
                 spent = Spent(solved.solver_time, solved.processor_time, solved.build_time)
-                return Row(scenario, COMPLETE, "", attempts, variables, coordinates, spent)
+                taken = taken_from(study, ready.panel, solved)
+                return Thrown(scenario, COMPLETE, "", attempts, taken, spent)
             reason = outcome.message()
     except PanelError as error:
-        return Row(scenario, INVALID, "; ".join(error.problems), attempts, {}, {}, Spent())
+        return Thrown(scenario, INVALID, "; ".join(error.problems), attempts, None, Spent())
     except TurnoutError as error:
-        return Row(scenario, FAILED, str(error), attempts, {}, {}, Spent())
-    return Row(scenario, FAILED, reason, attempts, {}, {}, Spent())
+        return Thrown(scenario, FAILED, str(error), attempts, None, Spent())
+    return Thrown(scenario, FAILED, reason, attempts, None, Spent())
+
+
+def taken_from(study: Study, panel: LoadedPanel, solved: Solved) -> Taken:
+    """Return what is stored of a complete throw and what its labels are made of.
+
+    Parameters
+    ----------
+    study : Study
+        What is kept, at which rate.
+    panel : LoadedPanel
+        What was thrown.
+    solved : Solved
+        The throw.
+    """
+    given, every, stride = (panel, solved.mechanism), solved.history, stride_of(study)
+    signals = drive_signals(*given, every) | object_signals(solved.mechanism, every)
+    signals |= contact_labels(solved.mechanism, every)
+    wanted = study.output.channels
+    sparse = at_instants(every, slice(None, None, stride))
+    kept = {
+        name: (dims, values[..., ::stride])
+        for name, (dims, values) in signals.items()
+        if name in wanted and "time" in dims
+    }
+    with one_blas_thread():
+        signals |= flangeway_labels(panel, recover_motion(solved.mechanism, every), every.time)
+        gaps = [name for name in ("drive_gap", "sensor_gap") if name in wanted]
+        found = _gaps(*given, sparse) if gaps else None
+        if found is not None:
+            kept |= {name: found[name] for name in gaps if found[name][1].size}
+        further = tuple(name for name in wanted if name not in {*signals, *gaps})
+        if further:
+            kept |= response_channels(*given, sparse, save=Save(fields=further))
+        if found is None or (every.time.size - 1) % stride:
+            found = _gaps(*given, at_instants(every, slice(-1, None)))
+    ends = floats(found["drive_gap"])[:, -1:], floats(found["sensor_gap"])[:, -1:]
+    small = {name: (dims, _small(values)) for name, (dims, values) in kept.items()}
+    return Taken(panel, solved.mechanism, every.time, signals, small, ends)
+
+
+def _gaps(panel: LoadedPanel, mechanism: Mechanism, history: History) -> Variables:
+    """Return gaps at drives and sensors at all instants of a history."""
+    motion = recover_motion(mechanism, history)
+    at_drives, at_sensors = drive_and_sensor_gaps(panel, motion, history.time)
+    return {
+        "drive_gap": (("drive", "time"), at_drives),
+        "sensor_gap": (("sensor", "time"), at_sensors),
+    }
+
+
+def rows_of(throws: Sequence[Thrown]) -> list[Row]:
+    """Return what is stored of some throws."""
+    complete = [item.taken for item in throws if item.taken is not None]
+    labels: list[Variables] = []
+    for first in range(0, len(complete), MOST_TOGETHER):
+        labels += labels_of_many(complete[first : first + MOST_TOGETHER])
+    rows, made = [], iter(labels)
+    for item in throws:
+        about = (item.scenario, item.outcome, item.reason, item.attempts)
+        if item.taken is None:
+            rows.append(Row(*about, {}, {}, item.solver))
+            continue
+        taken = item.taken
+        variables = {**taken.kept, **{name: taken.signals[name] for name in SINGLE}, **next(made)}
+        coordinates = coordinates_of(
+            variables, taken.panel, taken.mechanism, time=taken.time, save=Save()
+        )
+        del coordinates["time"]  # of the solver, not of what is kept
+        rows.append(Row(*about, variables, coordinates, item.solver))
+    return rows
 
 
 def skipped(scenario: Scenario, *, reason: str) -> Row:
@@ -161,102 +282,6 @@ def tighter(scheme: Scheme) -> Scheme:
         halvings=scheme.halvings + 2,
         output_interval=scheme.output_interval,
     )
-
-
-def boiled_down(study: Study, panel: LoadedPanel, solved: Solved) -> tuple[Variables, Variables]:
-    """Return what is stored of a complete throw, and its coordinates.
-
-    Parameters
-    ----------
-    study : Study
-        What is kept, at which rate.
-    panel : LoadedPanel
-        What was thrown.
-    solved : Solved
-        The throw.
-    """
-    given = panel, solved.mechanism
-    every, stride = solved.history, stride_of(study)
-    sparse, end = (
-        at_instants(every, part) for part in (slice(None, None, stride), slice(-1, None))
-    )
-    wanted = study.output.channels
-    with one_blas_thread():
-        forces = response_channels(*given, every, save=Save(fields=FORCES))
-        further = tuple(name for name in wanted if name not in forces)
-        kept = response_channels(*given, sparse, save=Save(fields=further)) if further else {}
-        last = response_channels(*given, end, save=Save(fields=ENDS))
-    kept |= {
-        name: (dims, values[..., ::stride])
-        for name, (dims, values) in forces.items()
-        if name in wanted and "time" in dims
-    }
-    variables = {name: (dims, _small(values)) for name, (dims, values) in kept.items()}
-    variables |= {name: value for name, value in forces.items() if "time" not in value[0]}
-    variables["end_gap"] = last["end_gap"]
-    for name in ("locked", "in_control"):
-        if name in last:
-            dims, values = last[name]
-            variables[f"end_{name}"] = (dims[:-1], np.asarray(values[..., -1]))
-    variables |= force_labels(panel, every.time, forces)
-    coordinates = coordinates_of(variables, *given, time=every.time, save=Save())
-    del coordinates["time"]  # of the solver, not of what is kept
-    return variables, coordinates
-
-
-def force_labels(panel: LoadedPanel, time: Floats, every: Variables) -> Variables:
-    """Return features of each drive and movement, and what `object_labels` tells.
-
-    Parameters
-    ----------
-    panel : LoadedPanel
-        What was thrown.
-    time : ndarray, shape (n_times,)
-        [s]
-    every : dict
-        As for `object_labels`.
-    """
-    spans = [Span(throw.name, throw.to, throw.start, throw.end) for throw in throws(panel)]
-    found = run_features(
-        time,
-        _floats(every["drive_force"]),
-        spans=spans,
-        limits=np.array([drive.saturation_force for drive in panel.drive.values()]),
-        travel=_floats(every["drive_displacement"]),
-    )
-    dims = ("drive", "direction")
-    features: Variables = {name: (dims, row) for name, row in zip(FEATURES, found, strict=True)}
-    return features | object_labels(time, every, spans=spans)
-
-
-def object_labels(time: Floats, every: Variables, *, spans: Sequence[Span]) -> Variables:
-    """Return the largest and last force on the objects, and whether drives slipped.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n_times,)
-        [s]
-    every : dict
-        `object_force`, `drive_force`, `drive_slipping` and `contact_time` as bare arrays.
-    spans : sequence of Span
-        The movements.
-    """
-    force = _floats(every["object_force"])
-    sense, onset = np.zeros(time.size), 0.0
-    for span in spans:
-        onset = span.start - 1e-9
-        sense[time >= onset] = 1.0 if span.to == "closed" else -1.0
-    # At the onset of a movement a drive may still hold with the force of the one before.
-    working = sense * _floats(every["drive_force"]) > 0
-    slipping = np.any(every["drive_slipping"][1].astype(np.bool_) & working, axis=0)
-    contact = float(_floats(every["contact_time"]))
-    alone = time < (contact if np.isfinite(contact) else np.inf)
-    return {
-        "object_force_peak": ((), np.asarray(np.max(force, initial=0.0))),
-        "object_force_end": ((), np.asarray(force[-1])),
-        "slipped": ((), np.asarray(slipping[time >= onset].any())),
-        "slipped_free": ((), np.asarray(slipping[alone].any())),
-    }
 
 
 def at_instants(history: History, index: NDArray[np.int64] | slice) -> History:
@@ -290,10 +315,6 @@ def stride_of(study: Study) -> int:
 def _small(values: NDArray[np.generic]) -> NDArray[np.generic]:
     """Return numbers in single precision; logical values stay."""
     return values.astype(np.float32) if values.dtype.kind == "f" else values
-
-
-def _floats(variable: Variable) -> Floats:
-    return np.asarray(variable[1], dtype=np.float64)
 
 
 def labels_of(row: Row) -> Mapping[str, object]:
