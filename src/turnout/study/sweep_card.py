@@ -1,17 +1,20 @@
 """The card of a dataset: what it is, how it was made, its ranges, versions and splits."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from turnout.files.atomic import write_atomic
 from turnout.files.provenance import provenance
 from turnout.metric.features import FEATURES
 from turnout.study.study import Study
 from turnout.study.sweep_batch import SPLITS
-from turnout.study.sweep_read import read_labels
+from turnout.study.sweep_file import Stored
+from turnout.study.sweep_index import Index, index_of, label_arrays
 from turnout.study.sweep_row import OUTCOMES
+
+Labels = Mapping[str, Stored]
 
 CARD = "README.md"
 _TOLD = frozenset(("outcome", "reason", "attempts", "condition", "split", *FEATURES))
@@ -29,27 +32,30 @@ def write_card(folder: Path, study: Study) -> None:
     study : Study
         What was thrown.
     """
-    write_atomic(folder / CARD, card(read_labels(folder, names=_TOLD), study))
+    index = index_of(folder)
+    write_atomic(folder / CARD, card(index, label_arrays(index, names=_TOLD), study))
 
 
-def card(labels: xr.Dataset, study: Study) -> str:
+def card(index: Index, labels: Labels, study: Study) -> str:
     """Return the card as Markdown.
 
     Parameters
     ----------
-    labels : xarray.Dataset
-        From `read_labels`.
+    index : Index
+        Of the sweep.
+    labels : mapping of str to Stored
+        From `label_arrays`.
     study : Study
         What was thrown.
     """
     made = provenance()
-    known = labels.attrs
+    known = index.attributes
     kept = ", ".join(f"`{name}`" for name in study.output.channels) or "none"
     return f"""# {study.name}
 
 {study.description or "No description was given."}
 
-**Simulated, not measured.** {labels.sizes["scenario"]} throws of panel `{study.panel.name}`
+**Simulated, not measured.** {index.scenario.size} throws of panel `{study.panel.name}`
 (hash {study.panel.hash[:12]}), one a scenario. Made with turnout {known["version"]} (sources
 {known["code"]}), Python {made["python"]} on {made["platform"]}.
 
@@ -65,7 +71,7 @@ scenario and time. Where a scenario is not complete numbers are NaN and logical 
 
 ## Outcomes
 
-{_outcomes(labels)}
+{_outcomes(labels, missing=known["missing"])}
 
 ## Inputs
 
@@ -86,11 +92,11 @@ test sees no switch that was trained on. A part is chosen by a hash of the condi
 """
 
 
-def _outcomes(labels: xr.Dataset) -> str:
+def _outcomes(labels: Labels, *, missing: int) -> str:
     outcome, reason = labels["outcome"].values, labels["reason"].values
     lines = ["| outcome | scenarios |", "|---|---|"]
     lines += [f"| {name} | {int((outcome == name).sum())} |" for name in OUTCOMES]
-    lines.append(f"| not thrown yet | {labels.attrs['missing']} |")
+    lines.append(f"| not thrown yet | {missing} |")
     again = int((labels["attempts"].values > 1).sum())
     lines += ["", f"{again} scenarios took a second attempt."]
     bad = reason[np.isin(outcome, OUTCOMES[1:3])]
@@ -100,13 +106,13 @@ def _outcomes(labels: xr.Dataset) -> str:
     return "\n".join(lines)
 
 
-def _inputs(labels: xr.Dataset) -> str:
+def _inputs(labels: Labels) -> str:
     lines = ["| input | unit | least | largest | values |", "|---|---|---|---|---|"]
-    for name, variable in labels.variables.items():
-        if "input" not in variable.attrs:
+    for name, variable in labels.items():
+        if "input" not in variable.attributes:
             continue
         values = variable.values
-        units = str(variable.attrs["units"])
+        units = str(variable.attributes["units"])
         if values.dtype.kind == "O":
             texts = sorted(set(values.tolist()))
             shown = ", ".join(texts[:MOST_TEXTS]) + (" ..." if len(texts) > MOST_TEXTS else "")
@@ -118,7 +124,7 @@ def _inputs(labels: xr.Dataset) -> str:
     return "\n".join(lines)
 
 
-def _features(labels: xr.Dataset) -> str:
+def _features(labels: Labels) -> str:
     lines = ["| feature | unit | meaning | least | largest |", "|---|---|---|---|---|"]
     for name, feature in FEATURES.items():
         values = labels[name].values if name in labels else np.array([np.nan])
@@ -128,7 +134,7 @@ def _features(labels: xr.Dataset) -> str:
     return "\n".join(lines)
 
 
-def _splits(labels: xr.Dataset) -> str:
+def _splits(labels: Labels) -> str:
     split, condition = labels["split"].values, labels["condition"].values
     lines = ["| split | conditions | scenarios |", "|---|---|---|"]
     for name in SPLITS:

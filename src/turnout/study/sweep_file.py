@@ -11,6 +11,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -47,7 +48,7 @@ class Stored:
     """
 
     dims: tuple[str, ...]
-    values: NDArray[np.generic]
+    values: NDArray[Any]
     attributes: Mapping[str, str]
     coordinate: bool
 
