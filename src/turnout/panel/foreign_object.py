@@ -216,6 +216,7 @@ def resolve_objects(
     given += [(str(number), item) for number, item in enumerate(objects, 1)]
     placed, problems = [], []
     for name, item in given:
+        item = _filled(panel, item)
         faults = object_faults(panel, item)
         problems += [f"object {name}: {key}{text}" for key, text in faults]
         if not faults:
@@ -239,7 +240,7 @@ def from_record(record: PanelObject) -> ForeignObject:
 
 
 def _families(panel: Panel) -> dict[str, Any]:
-    return {name: getattr(panel, name) for name in type(panel).model_fields}
+    return panel.__dict__
 
 
 def _filled(panel: Panel, item: ForeignObject) -> ForeignObject:
@@ -247,21 +248,21 @@ def _filled(panel: Panel, item: ForeignObject) -> ForeignObject:
     defaults = panel.object_defaults
     names = ("rail", "height", "stiffness", "appears", "disappears")
     missing = {name: getattr(defaults, name) for name in names if getattr(item, name) is None}
-    return replace(item, **missing)
+    return replace(item, **missing) if missing else item
 
 
 def _place(panel: Panel, name: str, item: ForeignObject) -> PlacedObject:
-    whole = _filled(panel, item)
-    rail = str(whole.rail)
+    """Place an object that leaves out no more than times."""
+    rail = str(item.rail)
     return PlacedObject(
         name=name,
-        size=float(whole.size),
-        x=find_place(_families(panel), whole.at).x,
+        size=float(item.size),
+        x=find_place(_families(panel), item.at).x,
         rail=rail,
-        height=float(whole.height or 0.0),
-        stiffness=float(whole.stiffness or 0.0),
-        appears=_onset(panel, rail) if whole.appears is None else float(whole.appears),
-        disappears=math.inf if whole.disappears is None else float(whole.disappears),
+        height=float(item.height or 0.0),
+        stiffness=float(item.stiffness or 0.0),
+        appears=_onset(panel, rail) if item.appears is None else float(item.appears),
+        disappears=math.inf if item.disappears is None else float(item.disappears),
     )
 
 

@@ -16,8 +16,6 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.io import loadmat, savemat
-from scipy.io.matlab import MatReadError
 
 from turnout.errors import FileError
 from turnout.files.problems import choices, nearest
@@ -62,6 +60,8 @@ def matrices_bytes(matrices: RailMatrices, *, extra: Mapping[str, object]) -> by
         content["rows"] = sp.csc_matrix(matrices.rows)
     stream = io.BytesIO()
     target: Any = stream
+    from scipy.io import savemat  # takes long to load, and few panels have matrices
+
     savemat(target, content, format="5", do_compression=True, oned_as="column")
     return stream.getvalue()
 
@@ -81,6 +81,9 @@ def read_rail_matrices(path: Path) -> tuple[RailMatrices | None, list[str]]:
     problems : list of str
         Everything that is, each with its remedy.
     """
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
     try:
         content = read_bytes(path, largest=LARGEST)
     except FileError as error:

@@ -30,6 +30,7 @@ MOST_ROWS = 64
 # Rails are shared by many throws. What rows depend on is named by identity, and kept beside them so
 # that nothing else takes its place.
 _rows: OrderedDict[Hashable, tuple[Floats, list[Floats], list[object]]] = OrderedDict()
+_heights: OrderedDict[Hashable, tuple[Floats, list[object]]] = OrderedDict()
 
 
 def contact_height(panel: Panel, rail: str, x: Floats) -> Floats:
@@ -58,6 +59,17 @@ def contact_height(panel: Panel, rail: str, x: Floats) -> Floats:
     places, heights = np.array(found).T
     height: Floats = np.interp(x, places, heights)
     return height
+
+
+def _kept_height(panel: Panel, rail: str, x: Floats) -> Floats:
+    """Return `contact_height` at the nodes of a rail, found once for all throws that share them."""
+    named = [panel.stop, panel.stud, panel.object_defaults, x]
+    key = (*map(id, named), rail)
+    if key not in _heights:
+        _heights[key] = contact_height(panel, rail, x), named
+        while len(_heights) > MOST_ROWS:
+            _heights.popitem(last=False)
+    return _heights[key][0]
 
 
 def stock_gap(panel: Panel, rail: str, x: Floats) -> Floats:
@@ -152,16 +164,24 @@ def open_distances(
     list of ndarray, each of shape (n_points, n_times)
         [m]
     """
-    found = [gap_rows(panel, motion, *place) for place in places]
-    start = np.concatenate([start for start, _ in found])
-    seen = [seen_by(motion, parts) for _, parts in found]
+    order: list[int] = []
+    starts: list[Floats] = []
+    seen: list[Seen] = []
+    for rail in dict.fromkeys(rail for rail, _, _ in places):  # large matrices once a rail
+        mine = [number for number, place in enumerate(places) if place[0] == rail]
+        x, z = (np.concatenate([places[number][axis] for number in mine]) for axis in (1, 2))
+        start, parts = gap_rows(panel, motion, rail, x, z)
+        order += mine
+        starts.append(start)
+        seen.append(seen_by(motion, parts))
     together = Seen(
         np.concatenate([each.modes for each in seen]),
         np.concatenate([each.shapes for each in seen]),
         np.concatenate([each.load for each in seen]),
     )
-    gap = start[:, np.newaxis] - seen_motion(motion, together)
-    return np.split(gap, np.cumsum([start.size for start, _ in found])[:-1])
+    gap = np.concatenate(starts)[:, np.newaxis] - seen_motion(motion, together)
+    found = np.split(gap, np.cumsum([places[number][1].size for number in order])[:-1])
+    return [found[order.index(number)] for number in range(len(places))]
 
 
 def least_flangeway(
@@ -193,7 +213,7 @@ def least_flangeway(
     if rail.running_edge is None or rail.head_width is None or rail.stock_rail_gap is None:
         return None
     x = motion.rails[name].x
-    z = contact_height(panel, name, x)
+    z = _kept_height(panel, name, x)
     gap = rail_gap(panel, motion, name, x=x, z=z, at=np.array([at]))[:, 0]
     beyond = running_edge_distance(rail.running_edge, x) - rail.head_width
     flangeway = gap + np.maximum(beyond, 0.0)

@@ -17,14 +17,13 @@ from turnout.errors import FileError, PanelError, TurnoutError
 from turnout.integrate.outcome import Code
 from turnout.integrate.run import History
 from turnout.integrate.scheme import Scheme
-from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.threads import one_blas_thread
 from turnout.panel.foreign_object import PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.response.dataset import coordinates_of, response_channels
 from turnout.response.gaps import drive_and_sensor_gaps
 from turnout.response.labels import contact_labels, flangeway_labels
-from turnout.response.recovery import recover_motion
+from turnout.response.recovery import Motion, recover_motion
 from turnout.response.save import Save
 from turnout.response.signals import Variable, drive_signals, object_signals
 from turnout.response.simulate import Solved, solve_placed
@@ -221,25 +220,26 @@ def taken_from(study: Study, panel: LoadedPanel, solved: Solved) -> Taken:
         if name in wanted and "time" in dims
     }
     with one_blas_thread():
-        signals |= flangeway_labels(panel, recover_motion(solved.mechanism, every), every.time)
+        motion = recover_motion(solved.mechanism, every)
+        signals |= flangeway_labels(panel, motion, every.time)
         gaps = [name for name in ("drive_gap", "sensor_gap") if name in wanted]
-        found = _gaps(*given, sparse) if gaps else None
+        found = _gaps(panel, replace(motion, history=sparse)) if gaps else None
         if found is not None:
             kept |= {name: found[name] for name in gaps if found[name][1].size}
         further = tuple(name for name in wanted if name not in {*signals, *gaps})
         if further:
             kept |= response_channels(*given, sparse, save=Save(fields=further))
         if found is None or (every.time.size - 1) % stride:
-            found = _gaps(*given, at_instants(every, slice(-1, None)))
+            last = at_instants(every, slice(-1, None))
+            found = _gaps(panel, replace(motion, history=last))
     ends = floats(found["drive_gap"])[:, -1:], floats(found["sensor_gap"])[:, -1:]
     small = {name: (dims, _small(values)) for name, (dims, values) in kept.items()}
     return Taken(panel, solved.mechanism, every.time, signals, small, ends)
 
 
-def _gaps(panel: LoadedPanel, mechanism: Mechanism, history: History) -> Variables:
+def _gaps(panel: LoadedPanel, motion: Motion) -> Variables:
     """Return gaps at drives and sensors at all instants of a history."""
-    motion = recover_motion(mechanism, history)
-    at_drives, at_sensors = drive_and_sensor_gaps(panel, motion, history.time)
+    at_drives, at_sensors = drive_and_sensor_gaps(panel, motion, motion.history.time)
     return {
         "drive_gap": (("drive", "time"), at_drives),
         "sensor_gap": (("sensor", "time"), at_sensors),
