@@ -7,14 +7,14 @@ measured is kept in FOLDER/measured.json and written on the page. The ideal rate
 that do nothing else: workers over the mean time in which these very throws were solved, while the
 same number of workers ran. Solving is what `simulate` tells as `solver_time`: the mechanism built,
 its equilibrium, the integration. The share of the solver in processor time says the same whatever
-else the machine does.
+else the machine does. The published campaign is run by its command.
 """
 
 import argparse
 import json
 import os
-import platform
 import resource
+import shutil
 import subprocess
 import sys
 import time
@@ -22,6 +22,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from benchmarks.sweep_page import page
 from turnout.response.simulate import compile_kernels
 from turnout.study.study import Study, load_study
 from turnout.study.study_read import scheme_for
@@ -95,8 +96,6 @@ maximum = 0.4
 [sampling]
 count = {count}
 """
-# The wanted share of the ideal rate, and scenarios within an hour on so many cores.
-SHARE, HOUR, CORES = 0.9, 100_000, 2
 
 
 def study_in(folder: Path, text: str, *, name: str, count: int) -> Study:
@@ -108,9 +107,11 @@ def study_in(folder: Path, text: str, *, name: str, count: int) -> Study:
 
 def timed_run(study: Study, folder: Path, *, workers: int) -> dict[str, Any]:
     """Throw what is missing; return rates of this call, and sizes of the whole."""
+    load, own = os.getloadavg()[0], time.process_time()
     began, used = time.perf_counter(), used_by_workers()
     finished = run_sweep(study, folder, workers=workers, report=Told())
     wall, used = time.perf_counter() - began, used_by_workers() - used
+    used += time.process_time() - own
     batches = finished.batches
     count = read_labels(folder).sizes["scenario"]
     size = sum(path.stat().st_size for path in (folder / "batches").iterdir())
@@ -127,6 +128,7 @@ def timed_run(study: Study, folder: Path, *, workers: int) -> dict[str, Any]:
         "stored": count,
         "bytes": size / count,
         "log": (folder / JOURNAL).stat().st_size,
+        "load_before": load,
         "load": os.getloadavg()[0],
     }
 
@@ -213,90 +215,22 @@ def reading(folder: Path) -> dict[str, float]:
     }
 
 
-def page(kept: dict[str, Any]) -> str:
-    """Return the page."""
-    full, small = kept["full"], kept["small"]
-    thrown, workers = full["thrown"], full["workers"]
-    alone = full["solver"] / thrown
-    ideal, rate = workers / alone, thrown / full["wall"]
-    each = full["processor"] / thrown
-    hours = HOUR * each / CORES / 3600.0
-    curve = "\n".join(f"| {n} | {run:.0f} | {worker:.0f} |" for n, run, worker in thinned(small))
-    store = "\n".join(f"| {name} | {size / 1e3:.1f} |" for name, size in kept["sizes"].items())
-    look = "\n".join(f"| {name} | {seconds:.3f} |" for name, seconds in kept["reading"].items())
-    return f"""# Performance of sweeps
-
-Written by `python -m benchmarks.sweep` on {platform.machine()} with {os.cpu_count()} cores and
-Python {platform.python_version()}; load {full["load"]:.1f} at the end of the full-panel sweep. A
-load above {workers} means that others used the machine: then times by the clock are too
-long by about load over cores, and single throws wait for each other; the share of the solver in
-processor time is the measure that does not depend on it.
-
-## Rate
-
-{thrown} throws of the default panel in {workers} processes, each with its own
-friction, drive stiffness, object size and place. A throw is solved in what `simulate` tells as its
-`solver_time`: the mechanism built, its equilibrium found, the motion integrated.
-
-| what | value |
-|---|---|
-| solved in, mean a throw | {1e3 * alone:.1f} ms |
-| of that the mechanism built in | {1e3 * full["build"] / thrown:.2f} ms |
-| ideal rate: {workers} solvers that do nothing else | {ideal:.2f} a second |
-| rate of the whole run, with start, writing and card | {rate:.2f} a second |
-| share of the ideal, whole run | {share(rate / ideal)} |
-| share of the ideal while workers are at work, writing included | \
-{share(full["solver"] / full["busy"])} |
-| the same as processor time: that of the solver of all | \
-{share(full["solver_processor"] / full["busy_processor"])} |
-| spent beside solving, a throw, by the clock | \
-{1e3 * (full["busy"] - full["solver"]) / thrown:.1f} ms |
-| spent beside solving, a throw, processor time | \
-{1e3 * (full["busy_processor"] - full["solver_processor"]) / thrown:.1f} ms |
-| solved in, mean a throw, processor time | {1e3 * full["solver_processor"] / thrown:.1f} ms |
-| processor time a throw, all of it with the start of the workers | {1e3 * each:.1f} ms |
-| {HOUR} throws on {CORES} cores of their own, from processor time | {60 * hours:.0f} min |
-
-The start of a worker (imports, kernels from their files, the first rails) takes some seconds of
-processor time; it weighs the more the fewer throws there are.
-
-## Memory
-
-{small["stored"]} small throws (`sb1`, cut short) in {small["workers"]} processes.
-
-| batches written | run [MB] | largest worker [MB] |
-|---|---|---|
-{curve}
-
-## Disk
-
-| kept of a throw of the default panel | kB |
-|---|---|
-{store}
-
-## Reading
-
-The sweep of {small["stored"]} small throws.
-
-| what | seconds |
-|---|---|
-{look}
-"""
-
-
-def share(value: float) -> str:
-    """Return a share of the ideal rate and whether it is enough."""
-    verdict = "meets" if value >= SHARE else "MISSES"
-    return f"{100 * value:.1f} % ({verdict} the aim of {100 * SHARE:.0f} %)"
-
-
-def thinned(small: dict[str, Any]) -> list[list[float]]:
-    """Return about ten points of the curve of memory, the last one among them."""
-    # Before the first batch workers start, after the last one they have ended.
-    last = max((point[0] for point in small["curve"]), default=0)
-    curve: list[list[float]] = [point for point in small["curve"] if 0 < point[0] < last]
-    every = max(1, len(curve) // 10)
-    return [*curve[:-1:every], curve[-1]] if curve else []
+def campaign(folder: Path, *, workers: int) -> dict[str, Any]:
+    """Run the published campaign by its command; return what it took."""
+    shutil.rmtree(folder, ignore_errors=True)
+    command = [sys.executable, "-m", "turnout", "sweep", "run", "paper-campaign"]
+    began, used = time.perf_counter(), used_by_workers()
+    subprocess.run([*command, "-o", str(folder), "--workers", str(workers), "--quiet"], check=True)
+    wall, used = time.perf_counter() - began, used_by_workers() - used
+    outcome = read_labels(folder)["outcome"].values.astype(str)
+    return {
+        "wall": wall,
+        "processor": used,
+        "thrown": int((outcome == "complete").sum()),
+        "skipped": int((outcome == "skipped").sum()),
+        "workers": workers,
+        "load": os.getloadavg()[0],
+    }
 
 
 def main() -> None:
@@ -328,6 +262,8 @@ def main() -> None:
     result = timed_run(full, folder / "full", workers=chosen.workers)
     if result["thrown"]:
         keep("full", result)
+    if "campaign" not in kept:
+        keep("campaign", campaign(folder / "campaign", workers=chosen.workers))
     if "sizes" not in kept:
         keep("sizes", sizes(full, count=chosen.store))
     small = study_in(folder, SMALL, name="small", count=chosen.small)
