@@ -1,5 +1,6 @@
 """Open distances between switch rails and stock rails, and the flangeway behind them."""
 
+import itertools
 from collections import OrderedDict
 from collections.abc import Hashable, Sequence
 
@@ -164,24 +165,37 @@ def open_distances(
     list of ndarray, each of shape (n_points, n_times)
         [m]
     """
-    order: list[int] = []
-    starts: list[Floats] = []
-    seen: list[Seen] = []
+    key = tuple((rail, x.tobytes(), z.tobytes()) for rail, x, z in places)
+    found = motion.seen.get(key)
+    if found is None:
+        found = motion.seen[key] = _seen_together(panel, motion, places)
+    start, seen = found
+    gap = start[:, np.newaxis] - seen_motion(motion, seen)
+    ends = [0, *itertools.accumulate(x.size for _, x, _ in places)]
+    return [gap[first:last] for first, last in itertools.pairwise(ends)]
+
+
+def _seen_together(
+    panel: Panel, motion: Motion, places: Sequence[tuple[str, Floats, Floats]]
+) -> tuple[Floats, Seen]:
+    """Return unloaded distances of some points of several rails, and rows that lessen them."""
+    found: dict[int, tuple[Floats, Seen]] = {}
     for rail in dict.fromkeys(rail for rail, _, _ in places):  # large matrices once a rail
         mine = [number for number, place in enumerate(places) if place[0] == rail]
         x, z = (np.concatenate([places[number][axis] for number in mine]) for axis in (1, 2))
         start, parts = gap_rows(panel, motion, rail, x, z)
-        order += mine
-        starts.append(start)
-        seen.append(seen_by(motion, parts))
+        seen, first = seen_by(motion, parts), 0
+        for number in mine:
+            own = slice(first, first := first + places[number][1].size)
+            part = Seen(seen.modes[own], seen.shapes[own], seen.load[own])
+            found[number] = start[own], part
+    ordered = [found[number] for number in range(len(places))]
     together = Seen(
-        np.concatenate([each.modes for each in seen]),
-        np.concatenate([each.shapes for each in seen]),
-        np.concatenate([each.load for each in seen]),
+        np.concatenate([seen.modes for _, seen in ordered]),
+        np.concatenate([seen.shapes for _, seen in ordered]),
+        np.concatenate([seen.load for _, seen in ordered]),
     )
-    gap = np.concatenate(starts)[:, np.newaxis] - seen_motion(motion, together)
-    found = np.split(gap, np.cumsum([places[number][1].size for number in order])[:-1])
-    return [found[order.index(number)] for number in range(len(places))]
+    return np.concatenate([start for start, _ in ordered]), together
 
 
 def least_flangeway(

@@ -10,8 +10,8 @@ their share of the constant load. :math:`\lambda` is what the laws add to the li
 matrix then gives its nodes.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,11 +42,14 @@ class Motion:
         The run, whose model has modes and static shapes of the whole mechanism.
     slope : ndarray, shape (n_rows,)
         Stiffness at each row that the linear system holds already [N/m].
+    seen : dict
+        Rows that were looked at before, of this run at these or at other instants.
     """
 
     rails: dict[str, RailBody]
     history: History
     slope: Floats
+    seen: dict[Hashable, "tuple[Floats, Seen]"] = field(default_factory=dict)
 
 
 def recover_motion(mechanism: Mechanism, history: History) -> Motion:
