@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from turnout.mechanism import followers
 from turnout.mechanism.followers import LARGEST_WEIGHT, leading_rows
 
 
@@ -57,3 +58,18 @@ def test_a_row_that_never_moves_follows_from_none() -> None:
     found = leading_rows(np.array([[0.0, 0.0], [0.0, 2.0]]), first=np.zeros(2, dtype=bool))
     assert found.leaders.tolist() == [1]
     assert found.weights.tolist() == [[0.0], [1.0]]
+
+
+def test_what_was_chosen_is_found_again_but_not_for_other_rows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rows = rows_of_a_section(np.random.default_rng(3), 3)
+    first = np.tile([False, True, True, True], 3)
+    found = leading_rows(rows, first=first)
+    assert leading_rows(rows.copy(), first=first.copy()) is found
+    assert not found.weights.flags.writeable
+    other = leading_rows(rows, first=~first)
+    assert other.leaders.tolist() != found.leaders.tolist()
+    monkeypatch.setattr(followers, "MOST_KEPT", 1)
+    leading_rows(2.0 * rows, first=first)
+    assert leading_rows(rows, first=first) is not found, "older ones are forgotten"

@@ -209,6 +209,30 @@ def test_a_failed_throw_is_made_again_with_half_the_step(
     assert file_bytes(batch_variables(study, rows[2:])), "a batch without any complete scenario"
 
 
+def test_throws_that_differ_in_time_and_movement_are_looked_at_like_each_alone(
+    tmp_path: Path,
+) -> None:
+    """Two with the same instants, one that ends later, one whose rail moves later."""
+    changes: list[dict[str, Any]] = [
+        {},
+        {"chair.friction_coefficient": 0.3},
+        {"schedule.end": 1.2},
+        {"movement.return.start": 0.5},
+    ]
+    study = small_study(tmp_path, count=4)
+    scenarios = [
+        replace(study.scenario(number), overrides=changed) for number, changed in enumerate(changes)
+    ]
+    together = sweep_row.throw_scenarios(study, scenarios)
+    assert len({row.variables["drive_force"][1].tobytes() for row in together}) == len(changes)
+    for row, scenario in zip(together, scenarios, strict=True):
+        (alone,) = sweep_row.throw_scenarios(study, [scenario])
+        assert row.variables.keys() == alone.variables.keys()
+        for name, (dims, values) in row.variables.items():
+            assert dims == alone.variables[name][0]
+            np.testing.assert_array_equal(values, alone.variables[name][1], err_msg=name)
+
+
 def test_a_scenario_that_cannot_be_says_why(study: Study) -> None:
     scenario = replace(study.scenario(0), overrides={"chair.friction_coefficient": -1.0})
     (row,) = sweep_row.throw_scenarios(study, [scenario])
