@@ -39,8 +39,7 @@ KERNELS = {
     "columns times right side": "solution.solve_set(s, t, st, w)",
     "check of contacts and stops": "solve.check_segments(s, t, st, w, 1e-11, False)",
     "check of friction": "solve.check_frictions(t, st, w, 0, 1e-6, False)",
-    "complete, damping": "step.end_step(s, st, w, sp, sp.step)",
-    "books of modes": "energy.account_modal(st, w)",
+    "complete, books of modes": "step.complete_step(s, st, w, sp, sp.step)",
     "books of laws": "energy.account_laws(s, t, st, w, w.inputs, 4.0)",
     "books of friction": "energy.account_friction(s, st, w)",
     "store an instant": "march.store(s, t, st, w, rec, 1)",
@@ -130,7 +129,6 @@ def profile(name: str, scheme: Scheme) -> Profile:
     blocks = range(system.mode_start.size - 1)
     modes, ends = np.diff(system.mode_start), np.diff(system.end_start)
     needed = sum(int(modes[b] * ends[b]) for b in blocks)
-    needed += sum(int(modes[b] ** 2) for b in blocks if not system.diagonal[b])
     return Profile(
         kernels=found,
         least=seconds(products, run) / (min(40, run.work.predicted.size) * width),

@@ -81,8 +81,8 @@ def _modal_errors(
         q, error = state.q[first:last], work.modal_error[first:last]
         for i in range(last - first):
             mode = first + i
-            total = (inertia + system.eigenvalues[mode]) * q[i]
-            total += viscosity * dot(q, system.damping[mode])
+            total = (inertia + viscosity * system.damping[mode]) * q[i]
+            total += dot(q, system.stiffness[mode])
             error[i] = work.right_side[mode] - total
         for end in range(system.end_start[block], system.end_stop[block]):
             if force[end] != 0.0:

@@ -2,7 +2,7 @@ r"""Solved columns of the implicit step and their rank-one updates.
 
 The implicit step asks for
 
-.. math:: A q = p + \Phi^T\lambda,\quad A = \iota I + \nu C + \Lambda,\qquad
+.. math:: A q = p + \Phi^T\lambda,\quad A = \iota I + \nu C + K,\qquad
           e = \Phi q + R\lambda + r,\qquad \lambda = D g + b
 
 with modes and residual flexibility of a block at its ends `e`. Modes count as ends, on which `p` is

@@ -15,7 +15,7 @@ from turnout.law.compiled import compiled, compiled_with_memory
 
 @compiled_with_memory
 def make_level(system: System, state: State, level: int, inertia: float, viscosity: float) -> None:
-    """Invert ``inertia I + viscosity C + Lambda`` block by block, and what follows from it.
+    """Invert ``inertia I + viscosity C + K`` block by block, and what follows from it.
 
     Once for each length of a step. Where the matrix is singular everything is NaN.
     """
@@ -26,9 +26,9 @@ def make_level(system: System, state: State, level: int, inertia: float, viscosi
     for block in range(system.end_stop.size):
         first, last = system.mode_start[block], system.mode_start[block + 1]
         n = last - first
-        matrix = viscosity * system.damping[first:last, :n]
+        matrix = system.stiffness[first:last, :n].copy()
         for i in range(n):
-            matrix[i, i] += inertia + system.eigenvalues[first + i]
+            matrix[i, i] += inertia + viscosity * system.damping[first + i]
         inverse = np.full_like(matrix, np.nan)
         try:
             inverse[:] = np.linalg.inv(matrix)

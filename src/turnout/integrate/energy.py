@@ -16,7 +16,7 @@ import numpy as np
 from turnout.integrate.solve import mark_law
 from turnout.integrate.state import State, set_segment
 from turnout.integrate.system import Floats, System
-from turnout.integrate.vector import add, copy, total
+from turnout.integrate.vector import two_totals
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
 from turnout.law.kernel import STICK, law_argument, law_energy, law_force, segment_for
@@ -53,41 +53,27 @@ def closing_error(stored: Floats, ledger: Floats, *, folded: float = 0.0) -> flo
 
 
 @compiled
-def account_modal(state: State, work: Work) -> None:
-    """Book damping and the scheme's own loss between the saved and the present state."""
-    q, v, acceleration, force = state.q, state.v, state.acceleration, state.damped[1]
-    old_q, old_v, old_acceleration = work.q, work.v, work.acceleration
-    old_force, part = work.damped[1], work.of_modes
-    for i in range(q.size):
-        part[i] = 0.5 * (force[i] + old_force[i]) * (q[i] - old_q[i])
-    state.ledger[DAMPING] += total(part)
-    for i in range(q.size):
-        inertial = 0.5 * (acceleration[i] + old_acceleration[i]) * (q[i] - old_q[i])
-        part[i] = inertial - 0.5 * (v[i] + old_v[i]) * (v[i] - old_v[i])
-    state.ledger[ALGORITHMIC] += total(part)
-
-
-@compiled
 def account_laws(
     system: System, table: LawTable, state: State, work: Work, old_inputs: Floats, time: float
 ) -> None:
     """Book the work of the markers and what laws lose that change their segment.
 
     A law that stays on its segment loses nothing: the mean force times the way is its change of
-    energy. ``work.argument`` is that of the solution, ``work.g_start`` are the displacements
-    before.
+    energy. ``work.argument`` and ``work.force`` are those of the solution, ``work.g_start`` are the
+    displacements before.
     """
     g, old_g, argument, inputs = state.g, work.g_start, work.argument, state.inputs
+    forces = work.force
     for k in range(system.input_law.size):
         law = system.input_law[k]
         index = table.input_index[law]
-        force = state.slope[law] * argument[law] + state.constant[law]
+        force = forces[law]
         mean = 0.5 * (force + state.push_force[k])
         state.ledger[MARKERS] -= mean * (inputs[index] - old_inputs[index])
         state.push_force[k] = force
     for k in range(system.timed_law.size):
         law = system.timed_law[k]
-        if state.slope[law] * argument[law] + state.constant[law] != 0.0:
+        if forces[law] != 0.0:
             state.law_first[law] = min(state.law_first[law], time)
         if state.jump[law] != 0.0:
             way = law_argument(table, law, g, inputs) - law_argument(table, law, old_g, old_inputs)
@@ -109,14 +95,14 @@ def account_laws(
 def account_friction(system: System, state: State, work: Work) -> None:
     """Book friction work; move the anchors of slipping feet so that force and spring agree.
 
-    ``work.trial`` and ``work.limit`` are those of the solution, and are used up. A cut of the
+    ``work.trial`` and ``work.limit`` are those of the solution. A cut of the
     limit at zero, where a contact pulls by a trace, would leave the books open. Work is the mean
     force times the way, but a force of before that would push along the way, of a foot that turned
     round within the step, does not count; what the mean would be less is a loss of the scheme, like
     that of laws which change their segment.
     """
     trial, limit, branches = work.trial, work.limit, state.friction
-    forces, flexibility = state.friction_force, system.stick_flexibility
+    forces, anchor, flexibility = state.friction_force, state.anchor, system.stick_flexibility
     lost, turned = work.of_frictions, work.turned
     for friction in range(trial.size):
         branch, old = branches[friction], forces[friction]
@@ -125,12 +111,11 @@ def account_friction(system: System, state: State, work: Work) -> None:
         kept = old if old * way >= 0.0 else force
         lost[friction] = 0.5 * (force + kept) * way
         turned[friction] = 0.5 * (old - kept) * way
-        trial[friction] = way
-        limit[friction] = force
-    state.ledger[FRICTION] += total(lost)
-    state.ledger[SEGMENTS] += total(turned)
-    copy(limit, forces)
-    add(1.0, trial, state.anchor)
+        forces[friction] = force
+        anchor[friction] += way
+    of_friction, of_turns = two_totals(lost, turned)
+    state.ledger[FRICTION] += of_friction
+    state.ledger[SEGMENTS] += of_turns
 
 
 @compiled

@@ -13,8 +13,7 @@ from turnout.integrate.solve import (
     NOT_CONVERGED,
     STOPPED,
     Tolerances,
-    friction_trials,
-    law_arguments,
+    evaluate,
     mark_law,
     mark_row,
     update_marked,
@@ -42,8 +41,8 @@ def _start_of_path(
         q, side = state.q[first:last], work.origin[first:last]
         for i in range(last - first):
             mode = first + i
-            side[i] = (inertia + system.eigenvalues[mode]) * q[i]
-            side[i] += viscosity * dot(q, system.damping[mode])
+            side[i] = (inertia + viscosity * system.damping[mode]) * q[i]
+            side[i] += dot(q, system.stiffness[mode])
         start = system.slot_start[block]
         for slot in range(start, start + state.slots[block]):
             add(-work.slot_force[slot], system.end_modes[state.end_of_slot[slot]], side)
@@ -199,8 +198,7 @@ def follow_path(
         if which < 0:
             _place(system, table, state, work, inputs, 1.0)
             set_modes(system, state)
-            law_arguments(system, table, state, work.argument)
-            friction_trials(table, state, work.trial, work.limit)
+            evaluate(system, table, state, work)
             return CONVERGED
         stalled = stalled + 1 if nearest * (1.0 - share) < 1e-12 else 0
         share += nearest * (1.0 - share)

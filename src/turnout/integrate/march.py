@@ -11,7 +11,6 @@ from turnout.integrate.compliance import make_level
 from turnout.integrate.energy import (
     account_friction,
     account_laws,
-    account_modal,
     switch_laws,
 )
 from turnout.integrate.follow import follow_path
@@ -21,16 +20,15 @@ from turnout.integrate.solve import (
     NOT_CONVERGED,
     STOPPED,
     Tolerances,
-    friction_trials,
-    law_arguments,
+    evaluate,
     restore_set,
     save_set,
     settle,
     update_marked,
 )
 from turnout.integrate.state import COUNT_HALVED, COUNT_RECENT, LEVEL, State
-from turnout.integrate.step import Stepping, begin_step, coefficients, end_step
-from turnout.integrate.stored import stored_energy
+from turnout.integrate.step import Stepping, begin_step, coefficients, complete_step
+from turnout.integrate.stored import folded_energy, store_energy
 from turnout.integrate.system import Floats, System
 from turnout.integrate.vector import copy
 from turnout.integrate.work import Work
@@ -39,6 +37,8 @@ from turnout.law.table import LawTable
 
 MEASURE_EVERY = 100
 """After so many steps a solution is measured whatever has happened."""
+FOLDED_EVERY = 25
+"""Of so many stored instants one tells the energy in the folded linear system, which is slow."""
 
 
 class Record(NamedTuple):
@@ -103,11 +103,9 @@ def _try_step(
             state.drift[0] = DRIFTS
         if code == CONVERGED and is_inaccurate(system, table, state, work, inertia, viscosity):
             correct(system, state, work)
-            law_arguments(system, table, state, work.argument)
-            friction_trials(table, state, work.trial, work.limit)
+            evaluate(system, table, state, work)
             state.drift[0] = DRIFTS
     if code == CONVERGED:
-        end_step(system, state, work, stepping, h)
         return code
     copy(work.q, state.q)
     copy(work.g_start, state.g)
@@ -151,7 +149,7 @@ def _advance(
             change_level(system, table, state, work, stepping, level)
             continue
         work.unsettled[:] = 0
-        account_modal(state, work)
+        complete_step(system, state, work, stepping, h)
         account_laws(system, table, state, work, begin, time + share * stepping.step)
         account_friction(system, state, work)
         position += size
@@ -170,8 +168,10 @@ def store(
     if at < record.v.shape[0]:
         copy(state.v, record.v[at])
     copy(state.friction_force, record.friction[at])
-    folded = stored_energy(system, table, state, work, record.law[at], record.stored[at])
-    record.folded[0] = max(record.folded[0], folded)
+    copy(work.force, record.law[at])
+    store_energy(system, table, state, work, record.stored[at])
+    if at % FOLDED_EVERY == 0:
+        record.folded[0] = max(record.folded[0], folded_energy(system, state, work))
     copy(state.ledger, record.ledger[at])
 
 

@@ -16,9 +16,9 @@ from turnout.integrate.march import Record
 from turnout.integrate.outcome import Code
 from turnout.integrate.places import placed
 from turnout.integrate.scheme import AlphaCoefficients, Scheme
-from turnout.integrate.solve import Tolerances, equilibrium, friction_trials, law_arguments
+from turnout.integrate.solve import Tolerances, equilibrium, evaluate
 from turnout.integrate.state import LEVEL, State, fresh_state, set_segments
-from turnout.integrate.step import Stepping, damp_coordinates
+from turnout.integrate.step import Stepping
 from turnout.integrate.stored import rest_at
 from turnout.integrate.system import System
 from turnout.integrate.work import Work, new_work
@@ -63,7 +63,7 @@ def prepare(
     # one level a halving, and one without inertia
     state = fresh_state(system, table, n_inputs=positions.shape[1], levels=scheme.halvings + 2)
     state.inputs[:] = positions[0]
-    n_modes = system.eigenvalues.size
+    n_modes = system.load.size
     alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
     return Run(
         system=system,
@@ -133,12 +133,10 @@ def start(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
             return Code.NO_EQUILIBRIUM
     state.friction[:] = STICK
     state.anchor[:] = state.g[table.friction_row]
-    law_arguments(system, table, state, work.argument)
-    friction_trials(table, state, work.trial, work.limit)
+    evaluate(system, table, state, work)
     account_laws(system, table, state, work, state.inputs, 0.0)
     account_friction(system, state, work)
     state.ledger[:] = 0.0
-    damp_coordinates(system, state)
     rest_at(system, table, state)
     if not run.stepping.inertia:
         rebuild(system, table, state, state.counters[LEVEL], work.row)

@@ -18,8 +18,7 @@ from turnout.integrate.solve import (
     NOT_FINITE,
     STOPPED,
     Tolerances,
-    friction_trials,
-    law_arguments,
+    evaluate,
     save_set,
 )
 from turnout.integrate.state import COUNT_ITERATIONS, State
@@ -73,8 +72,7 @@ def advance_static(
         _rest(system, table, state, work, here, there, share)
         set_modes(system, state)
         done += share * (1.0 - done)
-        law_arguments(system, table, state, work.argument)
-        friction_trials(table, state, work.trial, work.limit)
+        evaluate(system, table, state, work)
         time = times[0] + done * (times[1] - times[0])
         account_laws(system, table, state, work, here, time)
         account_friction(system, state, work)

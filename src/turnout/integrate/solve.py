@@ -68,23 +68,54 @@ def update_marked(system: System, table: LawTable, state: State, work: Work, cou
 
 
 @compiled
-def law_arguments(system: System, table: LawTable, state: State, at: Floats) -> None:
-    """Write the displacement of every law's row, less its input [m]."""
-    g, row = state.g, table.row
+def evaluate_laws(system: System, table: LawTable, state: State, work: Work) -> None:
+    """Write the displacement of every law's row, less its input [m], and what it resists with [N].
+
+    The force is that of the present segment, as in the solution: a contact that ends within the
+    overlooked gap pulls by a trace.
+    """
+    g, row, at, force = state.g, table.row, work.argument, work.force
+    slope, constant = state.slope, state.constant
     for law in range(at.size):
         at[law] = g[row[law]]
     for k in range(system.input_law.size):
         law = system.input_law[k]
         at[law] -= state.inputs[table.input_index[law]]
+    for law in range(at.size):
+        force[law] = slope[law] * at[law] + constant[law]
+
+
+@compiled
+def evaluate_frictions(table: LawTable, state: State, work: Work) -> None:
+    """Write the elastic force of every friction and the limit from its normal law [N].
+
+    ``work.force`` is that of the solution.
+    """
+    g, friction_row, normals = state.g, table.friction_row, table.friction_normal
+    coefficient, stiffness, anchor = table.friction_coefficient, table.stick_stiffness, state.anchor
+    trial, limit, force = work.trial, work.limit, work.force
+    for friction in range(trial.size):
+        limit[friction] = coefficient[friction] * force[normals[friction]]
+        trial[friction] = stiffness[friction] * (g[friction_row[friction]] - anchor[friction])
+
+
+@compiled
+def evaluate(system: System, table: LawTable, state: State, work: Work) -> None:
+    """Write what laws and frictions make of the present displacements."""
+    evaluate_laws(system, table, state, work)
+    evaluate_frictions(table, state, work)
 
 
 @compiled
 def check_segments(
     system: System, table: LawTable, state: State, work: Work, gap: float, one_at_a_time: bool
 ) -> int:
-    """Move laws whose argument has left its segment; return how many rows are marked."""
+    """Move laws whose argument has left its segment; return how many rows are marked.
+
+    Their forces become those of the new segment.
+    """
+    evaluate_laws(system, table, state, work)
     at, lower, upper = work.argument, state.lower, state.upper
-    law_arguments(system, table, state, at)
     outside = 0
     for law in range(at.size):
         outside += (at[law] > upper[law] + gap) | (at[law] < lower[law] - gap)
@@ -99,6 +130,7 @@ def check_segments(
             # to the neighbour only: a jump over a segment can go back and forth for ever
             segment = min(max(segment, present - 1), present + 1)
             set_segment(table, state, law, segment)
+            work.force[law] = state.slope[law] * at[law] + state.constant[law]
             count = mark_law(system, table, state, work, count, law)
             if one_at_a_time:
                 return count
@@ -106,28 +138,11 @@ def check_segments(
 
 
 @compiled
-def friction_trials(table: LawTable, state: State, trial: Floats, limit: Floats) -> None:
-    """Write the elastic force of every friction and the limit from its normal law [N].
-
-    The limit follows the normal law on its segment, as the solution does: a contact that ends
-    within the overlooked gap pulls by a trace.
-    """
-    g, friction_row, normals = state.g, table.friction_row, table.friction_normal
-    anchor, normal_row, slope, constant = state.anchor, table.row, state.slope, state.constant
-    coefficient, stiffness = table.friction_coefficient, table.stick_stiffness
-    for friction in range(trial.size):
-        normal = normals[friction]
-        resistance = slope[normal] * g[normal_row[normal]] + constant[normal]
-        limit[friction] = coefficient[friction] * resistance
-        trial[friction] = stiffness[friction] * (g[friction_row[friction]] - anchor[friction])
-
-
-@compiled
 def check_frictions(
     table: LawTable, state: State, work: Work, count: int, force: float, one_at_a_time: bool
 ) -> int:
     """Move friction laws between stick and slip; return how many rows are marked in all."""
-    friction_trials(table, state, work.trial, work.limit)
+    evaluate_frictions(table, state, work)
     trial, limit, branches = work.trial, work.limit, state.friction
     contradicted = 0
     for friction in range(trial.size):

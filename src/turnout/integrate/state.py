@@ -20,13 +20,12 @@ class State(NamedTuple):
     ``entries`` and ``shift`` are the deviations of the rows; the columns, with their slots, and the
     coupling of the blocks are those of `turnout.integrate.columns`, for the step of ``level``; what
     depends on the length of the step alone (``compliance``) is kept level by level. ``g`` holds
-    the displacements of all places, `turnout.integrate.places`. ``damped`` is the damping matrix
-    times `q`, `v`, `a` and `acceleration`.
+    the displacements of all places, `turnout.integrate.places`.
     ``counters``: active rows that join blocks, flips since the last rebuild, flips in all,
     iterations in all, steps halved, rebuilds, the level, whether the coupling is up to date.
     ``drift`` is the growth of rounding since it was last measured. ``push_force`` are the forces of
     the driven laws at the last instant, ``jump`` is what a law that was switched lost there.
-    ``resting``, ``law_apart`` and ``friction_apart`` are those of `turnout.integrate.stored`.
+    ``resting``, ``held_at_rest``, ``law_apart`` and ``friction_apart`` are those of `turnout.integrate.stored`.
     ``law_placed`` and ``law_first`` are of laws that do not act all the time.
     """
 
@@ -44,6 +43,7 @@ class State(NamedTuple):
     push_force: Floats
     jump: Floats
     resting: Floats
+    held_at_rest: Floats
     law_apart: Floats
     friction_apart: Floats
     entries: Floats
@@ -64,7 +64,6 @@ class State(NamedTuple):
     v: Floats
     a: Floats
     acceleration: Floats
-    damped: Floats
     g: Floats
     inputs: Floats
     ledger: Floats
@@ -145,7 +144,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
     levels : int
         How many lengths of a step there are.
     """
-    n_modes, n_places = system.eigenvalues.size, system.row_ends.shape[0]
+    n_modes, n_places = system.load.size, system.row_ends.shape[0]
     n_ends, n_slots = int(system.follower_start[-1]), int(system.slot_start[-1])
     widest = _whole_lines(int(np.max(np.diff(system.end_start), initial=0)))
     n_laws, n_frictions = table.row.size, table.friction_row.size
@@ -167,6 +166,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             push_force=np.zeros(system.input_law.size),
             jump=of_laws.copy(),
             resting=modal.copy(),
+            held_at_rest=modal.copy(),
             law_apart=of_laws.copy(),
             friction_apart=of_frictions.copy(),
             entries=np.zeros(system.pattern_list.size),
@@ -187,7 +187,6 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             v=modal.copy(),
             a=modal.copy(),
             acceleration=modal.copy(),
-            damped=np.zeros((4, n_modes)),
             g=np.zeros(n_places),
             inputs=np.zeros(n_inputs),
             ledger=np.zeros(6),

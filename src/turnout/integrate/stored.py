@@ -4,7 +4,7 @@ import numpy as np
 
 from turnout.integrate.state import State
 from turnout.integrate.system import Floats, System
-from turnout.integrate.vector import dot, total
+from turnout.integrate.vector import add_rows, dot, total, two_totals
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
 from turnout.law.table import LawTable
@@ -29,85 +29,87 @@ def rest_at(system: System, table: LawTable, state: State) -> None:
             modes[first:last] = system.end_modes[first:last, : q.size] @ q
     modes[system.follower_start[-1] :] = modes[system.joining_ends].sum(axis=0)
     state.resting[:] = state.q
+    _hold(system, state.q, state.held_at_rest)
     state.law_apart[:] = system.law_load - modes[table.row]
     state.friction_apart[:] = system.friction_load - modes[table.friction_row]
 
 
 @compiled
-def stored_energy(
-    system: System, table: LawTable, state: State, work: Work, forces: Floats, stored: Floats
-) -> float:
-    """Write the forces of the laws [N] and the energies of the present instant [J].
+def _hold(system: System, q: Floats, force: Floats) -> None:
+    """Write the forces that hold the modes at `q`."""
+    force[:] = 0.0
+    for block in range(system.mode_start.size - 1):
+        first, last = system.mode_start[block], system.mode_start[block + 1]
+        add_rows(q[first:last], system.stiffness[first:last], force[first:last])
+
+
+@compiled
+def folded_energy(system: System, state: State, work: Work) -> float:
+    """Return the energy of the linear system with the base segments of all laws [J]."""
+    _hold(system, state.q, work.of_modes)
+    return 0.5 * dot(work.of_modes, state.q)
+
+
+@compiled
+def store_energy(
+    system: System, table: LawTable, state: State, work: Work, stored: Floats
+) -> None:
+    """Write the energies of the present instant [J].
 
     Strain is that of beams and linear supports, by Clapeyron's theorem: half of what all forces on
     a linear body in balance, those of inertia and damping included, do on its displacement. What
     modes do is counted from where they rested at first, and the laws push at their rows, where the
     load has moved what lies above the modes by `r`; see `rest_at`. Gravity and strain leave out the
-    same constant.
-
-    Parameters
-    ----------
-    work : Work
-        ``work.argument`` is that of the solution.
-
-    Returns
-    -------
-    float
-        The energy of the linear system with the base segments of all laws [J].
+    same constant. ``work.argument`` and ``work.force`` are those of the solution.
     """
-    q, v, part = state.q, state.v, work.of_modes
-    eigenvalues, load, viscous = system.eigenvalues, system.load, state.damped[1]
+    q, v, acceleration, resting = state.q, state.v, state.acceleration, state.resting
+    held, load, damping = state.held_at_rest, system.load, system.damping
+    done, height = work.of_modes, work.of_modes_too
     for i in range(q.size):
-        part[i] = eigenvalues[i] * q[i]
-    folded = 0.5 * dot(part, q)
-    work_at_rest = dot(part, state.resting)
-    for i in range(q.size):
-        force = load[i] - state.acceleration[i] - viscous[i]
-        part[i] = force * (q[i] - state.resting[i])
-    _law_work(system, table, state, work, forces)
+        force = load[i] - acceleration[i] - damping[i] * v[i]
+        done[i] = held[i] * q[i] + force * (q[i] - resting[i])
+        height[i] = load[i] * q[i]
+    of_modes, lifted = two_totals(done, height)
+    _law_work(system, table, state, work)
+    of_laws, of_contacts = two_totals(work.of_laws, work.law_energy)
     _friction_work(system, table, state, work)
-    of_laws, of_frictions = total(work.of_laws), total(work.of_frictions)
-    held = dot(state.friction_force, work.held)
-    height = dot(load, q) + dot(work.deviation, system.law_load)
+    of_frictions, of_springs = two_totals(work.of_frictions, work.held)
+    lowered = dot(state.friction_force, system.friction_load) - total(work.raised)
     stored[KINETIC] = 0.5 * dot(v, v)
-    stored[STRAIN] = 0.5 * (work_at_rest + total(part) - of_laws - of_frictions)
-    stored[CONTACT] = total(work.law_energy) + 0.5 * held
-    stored[GRAVITY] = dot(state.friction_force, system.friction_load) - height
-    return folded
+    stored[STRAIN] = 0.5 * (of_modes - of_laws - of_frictions)
+    stored[CONTACT] = of_contacts + 0.5 * of_springs
+    stored[GRAVITY] = lowered - lifted
 
 
 @compiled
-def _law_work(system: System, table: LawTable, state: State, work: Work, forces: Floats) -> None:
-    """Write forces, energies and deviations of the laws, and what these do on their way."""
-    argument, offset, apart = work.argument, table.offset, state.law_apart
-    base_slope = system.base_slope
-    slope, constant = state.slope, state.constant
-    intercept, potential = state.intercept, state.potential
-    deviation, done, energies = work.deviation, work.of_laws, work.law_energy
-    for law in range(forces.size):
+def _law_work(system: System, table: LawTable, state: State, work: Work) -> None:
+    """Write energies of the laws, what they do on their way, and what they raise."""
+    argument, force, offset, apart = work.argument, work.force, table.offset, state.law_apart
+    base_slope, load = system.base_slope, system.law_load
+    slope, intercept, potential = state.slope, state.intercept, state.potential
+    raised, done, energies = work.raised, work.of_laws, work.law_energy
+    for law in range(force.size):
         at = argument[law]
-        force = slope[law] * at + constant[law]
         e = at - offset[law]
         energies[law] = (0.5 * slope[law] * e + intercept[law]) * e + potential[law]
-        forces[law] = force
         held = base_slope[law] * at
-        deviation[law] = held - force
-        done[law] = force * (at + apart[law]) - held * apart[law]
+        raised[law] = (held - force[law]) * load[law]
+        done[law] = force[law] * (at + apart[law]) - held * apart[law]
     for k in range(system.input_law.size):  # of which the argument is not the displacement
         law = system.input_law[k]
         at = argument[law] + state.inputs[table.input_index[law]]
         held = base_slope[law] * at
-        deviation[law] = held - forces[law]
-        done[law] = forces[law] * (at + apart[law]) - held * apart[law]
+        raised[law] = (held - force[law]) * load[law]
+        done[law] = force[law] * (at + apart[law]) - held * apart[law]
 
 
 @compiled
 def _friction_work(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Write what frictions do on their way, and how far their springs are drawn."""
+    """Write what frictions do on their way, and twice the energy of their springs."""
     row, g, apart = table.friction_row, state.g, state.friction_apart
     flexibility = system.stick_flexibility
     forces, done, held = state.friction_force, work.of_frictions, work.held
     for friction in range(forces.size):
-        done[friction] = forces[friction] * (g[row[friction]] + apart[friction])
-    for friction in range(forces.size):
-        held[friction] = forces[friction] * flexibility[friction]
+        force = forces[friction]
+        done[friction] = force * (g[row[friction]] + apart[friction])
+        held[friction] = force * force * flexibility[friction]

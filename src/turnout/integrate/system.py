@@ -31,10 +31,9 @@ class System(NamedTuple):
     Block `b` has the leading ends ``end_start[b]`` to ``end_stop[b]``; the places from there to
     ``end_start[b + 1]`` are its modes, so that one column tells what a force does to both. Its
     other ends are ``follower_start[b]`` to ``follower_start[b + 1]``. Modes by themselves are
-    numbered from ``mode_start[b]``. Arrays with two indices hold, for each end or mode, the entries
-    of its own block only, from the left: damping, the modes at the ends (and, transposed,
-    ``mode_ends``), and the residual flexibility to leading ends. ``diagonal`` blocks damp each mode
-    by itself. What follows from leading ends is the sum over the rows of ``follower_list`` with
+    numbered from ``mode_start[b]``; each is damped by itself. Arrays with two indices hold, for each
+    end or mode, the entries of its own block only, from the left: stiffness, the modes at the ends
+    (and, transposed, ``mode_ends``), and the residual flexibility to leading ends. What follows from leading ends is the sum over the rows of ``follower_list`` with
     ``follower_weight``, a column for each end that follows; rows that join blocks are the sum over
     ``joining_ends``. The pairs ``..._start`` / ``..._list`` are ragged lists in compressed form:
     which rows the deviation of a row depends on (``term``), and the same as leading ends
@@ -44,8 +43,8 @@ class System(NamedTuple):
     time.
     """
 
-    eigenvalues: Floats
     load: Floats
+    stiffness: Floats
     damping: Floats
     end_load: Floats
     end_modes: Floats
@@ -56,7 +55,6 @@ class System(NamedTuple):
     mode_start: Ints
     follower_start: Ints
     slot_start: Ints
-    diagonal: Ints
     block_of_end: Ints
     row_ends: Ints
     row_place: Ints
@@ -113,16 +111,15 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
     driven_rows = np.unique(row_place[laws.row[driven]])
     pinned[driven_rows] = 1
     system = System(
-        eigenvalues=np.concatenate([model.eigenvalues for model in models]),
         load=np.concatenate([model.load for model in models]),
-        damping=_stacked([model.damping for model in models]),
+        stiffness=_stacked([model.stiffness for model in models]),
+        damping=np.concatenate([np.diagonal(model.damping) for model in models]),
         **of_ends,
         end_start=places.end_start,
         end_stop=places.end_stop,
         mode_start=places.mode_start,
         follower_start=places.follower_start,
         slot_start=np.concatenate(([0], np.cumsum([p.block.rows.size for p in parts]))),
-        diagonal=np.array([_is_diagonal(model.damping) for model in models], dtype=np.int64),
         block_of_end=_blocks(places),
         row_ends=places.row_ends,
         row_place=unsigned(row_place),
@@ -251,12 +248,6 @@ def _stacked(blocks: Sequence[Floats]) -> Floats:
     widest = max(block.shape[1] for block in blocks)
     padded = [np.pad(block, ((0, 0), (0, widest - block.shape[1]))) for block in blocks]
     return np.ascontiguousarray(np.concatenate(padded))
-
-
-def _is_diagonal(damping: Floats) -> bool:
-    """Tell whether modes are damped each by itself, but for rounding."""
-    of_modes = np.diagonal(damping)
-    return bool(np.all(np.abs(damping - np.diag(of_modes)) <= 1e-13 * of_modes.max(initial=0.0)))
 
 
 def _inverted(targets: Ints, count: int) -> list[list[int]]:

@@ -67,6 +67,37 @@ def total(values: Floats) -> float:
 
 
 @compiled
+def two_totals(a: Floats, b: Floats) -> tuple[float, float]:
+    """Return the sums of two vectors; the second may be longer.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> two_totals(np.arange(9.0), np.ones(9))
+    (36.0, 9.0)
+    """
+    n = a.size
+    a0, a1, a2, a3, a4, a5, a6, a7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    b0, b1, b2, b3, b4, b5, b6, b7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    i = 0
+    while i + 8 <= n:
+        a0, b0 = a0 + a[i], b0 + b[i]
+        a1, b1 = a1 + a[i + 1], b1 + b[i + 1]
+        a2, b2 = a2 + a[i + 2], b2 + b[i + 2]
+        a3, b3 = a3 + a[i + 3], b3 + b[i + 3]
+        a4, b4 = a4 + a[i + 4], b4 + b[i + 4]
+        a5, b5 = a5 + a[i + 5], b5 + b[i + 5]
+        a6, b6 = a6 + a[i + 6], b6 + b[i + 6]
+        a7, b7 = a7 + a[i + 7], b7 + b[i + 7]
+        i += 8
+    while i < n:
+        a0, b0 = a0 + a[i], b0 + b[i]
+        i += 1
+    of_a = ((a0 + a4) + (a1 + a5)) + ((a2 + a6) + (a3 + a7))
+    return of_a, ((b0 + b4) + (b1 + b5)) + ((b2 + b6) + (b3 + b7))
+
+
+@compiled
 def add(weight: float, a: Floats, total: Floats) -> None:
     """Add a multiple of a vector to another; the added one may be longer.
 

@@ -15,14 +15,13 @@ class Work(NamedTuple):
     Except `push`, which is zero on rows without an input, `unsettled`, which flags the rows that
     still changed when a step was given up, `changed`, whether a law has changed since the contact
     set was saved, and `stop`, which another thread sets to end the work between two solutions.
-    `q` to `damped`, `g_start` and the two of the contact set are the state at the start of a step.
+    `q`, `g_start` and the two of the contact set are the state at the start of a step; `argument`,
+    `force`, `trial` and `limit` are of the last solution, `turnout.integrate.solve`.
     """
 
     row: Floats
     predicted: Floats
     velocity: Floats
-    damped_predicted: Floats
-    damped_velocity: Floats
     right_side: Floats
     push: Floats
     end_force: Floats
@@ -34,13 +33,10 @@ class Work(NamedTuple):
     old_segment: Ints
     old_friction: Ints
     q: Floats
-    v: Floats
-    a: Floats
-    acceleration: Floats
-    damped: Floats
     g: Floats
     g_start: Floats
     argument: Floats
+    force: Floats
     trial: Floats
     limit: Floats
     aim: Floats
@@ -49,8 +45,9 @@ class Work(NamedTuple):
     modal_error: Floats
     found: Floats
     of_modes: Floats
+    of_modes_too: Floats
     of_laws: Floats
-    deviation: Floats
+    raised: Floats
     law_energy: Floats
     of_frictions: Floats
     turned: Floats
@@ -67,7 +64,7 @@ def new_work(system: System, table: LawTable) -> Work:
     n_inputs = int(table.input_index.max(initial=-1)) + 1
 
     def modal() -> Floats:
-        return np.zeros(system.eigenvalues.size)
+        return np.zeros(system.load.size)
 
     def placed() -> Floats:
         return np.zeros(n_places)
@@ -80,8 +77,6 @@ def new_work(system: System, table: LawTable) -> Work:
             row=np.zeros(2 * n_places + int(np.max(np.diff(system.pattern_start), initial=1))),
             predicted=modal(),
             velocity=modal(),
-            damped_predicted=modal(),
-            damped_velocity=modal(),
             right_side=modal(),
             push=placed(),
             end_force=placed(),
@@ -93,13 +88,10 @@ def new_work(system: System, table: LawTable) -> Work:
             old_segment=np.zeros(table.row.size, dtype=np.int64),
             old_friction=np.zeros(table.friction_row.size, dtype=np.int64),
             q=modal(),
-            v=modal(),
-            a=modal(),
-            acceleration=modal(),
-            damped=np.zeros((4, system.eigenvalues.size)),
             g=placed(),
             g_start=placed(),
             argument=np.zeros(table.row.size),
+            force=np.zeros(table.row.size),
             trial=np.zeros(table.friction_row.size),
             limit=np.zeros(table.friction_row.size),
             aim=modal(),
@@ -108,8 +100,9 @@ def new_work(system: System, table: LawTable) -> Work:
             modal_error=modal(),
             found=placed(),
             of_modes=modal(),
+            of_modes_too=modal(),
             of_laws=np.zeros(table.row.size),
-            deviation=np.zeros(table.row.size),
+            raised=np.zeros(table.row.size),
             law_energy=np.zeros(table.row.size),
             of_frictions=np.zeros(table.friction_row.size),
             turned=np.zeros(table.friction_row.size),

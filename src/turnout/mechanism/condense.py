@@ -13,7 +13,7 @@ semi-definite, free of the cancellation of "static minus modal" flexibility.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +40,9 @@ class ModalModel:
     ----------
     eigenvalues : ndarray, shape (n_modes,)
         Squared angular frequencies of the kept modes [1/s2].
-    damping : ndarray, shape (n_modes, n_modes)
-        Damping matrix in kept modes, not diagonal in general [1/s].
+    stiffness, damping : ndarray, shape (n_modes, n_modes)
+        Stiffness and damping matrix in the shapes that span the kept modes; at most one of them is
+        not diagonal, `damped_apart` [1/s2, 1/s].
     modes : ndarray, shape (n_dof, n_modes)
         Mass-normalised shapes.
     row_modes : ndarray, shape (n_rows, n_modes)
@@ -59,6 +60,7 @@ class ModalModel:
     """
 
     eigenvalues: Floats
+    stiffness: Floats
     damping: Floats
     modes: Floats
     row_modes: Floats
@@ -112,8 +114,7 @@ def modal_model(
             "clamp the heel or add fastenings"
         )
         raise MechanicsError(msg)
-    at = np.argmax(np.abs(shapes), axis=0)
-    shapes = shapes * np.sign(shapes[at, np.arange(shapes.shape[1])])
+    shapes = _upright(shapes)
     limit = (2.0 * np.pi * cutoff_frequency) ** 2
     kept = max(int(np.searchsorted(eigenvalues, limit, side="right")), 1)
     low, high = shapes[:, :kept], shapes[:, kept:]
@@ -122,6 +123,7 @@ def modal_model(
     residual_load = scaled @ (high.T @ load)
     return ModalModel(
         eigenvalues=eigenvalues[:kept].copy(),
+        stiffness=np.diag(eigenvalues[:kept]),
         damping=low.T @ damping @ low,
         modes=np.ascontiguousarray(low),
         row_modes=_each_by_itself(rows, low.T),
@@ -131,6 +133,43 @@ def modal_model(
         residual_load=residual_load,
         row_load=_each_by_itself(rows, residual_load[np.newaxis])[:, 0].copy(),
     )
+
+
+def damped_apart(model: ModalModel) -> ModalModel:
+    """Return a model in other shapes of the same modes, each of which is damped by itself.
+
+    Kept modes may be combined at will as long as they stay orthogonal in the mass. Stiffness is
+    asked for once for each length of a step, damping in every step.
+
+    Examples
+    --------
+    >>> spring = np.array([[2.0, -1.0], [-1.0, 2.0]])
+    >>> given = {"rows": np.eye(2), "load": np.zeros(2), "cutoff_frequency": 10.0}
+    >>> model = modal_model(spring, np.eye(2), damping=np.diag([0.0, 0.5]), **given)
+    >>> damped_apart(model).damping.round(9).tolist()
+    [[0.0, 0.0], [0.0, 0.5]]
+    """
+    of_shapes = np.diagonal(model.damping)
+    if np.all(np.abs(model.damping - np.diag(of_shapes)) <= 1e-13 * of_shapes.max(initial=0.0)):
+        return replace(model, damping=np.diag(of_shapes))
+    of_shapes, turn = eigh(model.damping, check_finite=True)
+    turn = _upright(turn)
+    stiffness = (turn.T * model.eigenvalues) @ turn
+    return replace(
+        model,
+        stiffness=0.5 * (stiffness + stiffness.T),
+        damping=np.diag(np.maximum(of_shapes, 0.0)),
+        modes=np.ascontiguousarray(model.modes @ turn),
+        row_modes=_each_by_itself(model.row_modes, turn.T),
+        load=turn.T @ model.load,
+    )
+
+
+def _upright(shapes: Floats) -> Floats:
+    """Return shapes with the sign that makes the largest entry of each positive."""
+    at = np.argmax(np.abs(shapes), axis=0)
+    found: Floats = shapes * np.sign(shapes[at, np.arange(shapes.shape[1])])
+    return found
 
 
 def _each_by_itself(a: Floats, b: Floats) -> Floats:
@@ -152,6 +191,8 @@ def _remembered_model(
 ) -> tuple[ModalModel, Leading]:
     """Return `modal_model` with stiffnesses at the rows folded in [N/m], and `leading_rows`.
 
+    Its shapes are damped each by itself.
+
     They are computed once for throws that differ in friction, objects or motion only.
     """
 
@@ -164,6 +205,7 @@ def _remembered_model(
             load=load,
             cutoff_frequency=cutoff_frequency,
         )
+        model = damped_apart(model)
         leading = leading_rows(rows, first=first)
         found = {item.name: getattr(model, item.name) for item in fields(model)}
         of_rows = {"leaders": leading.leaders.astype(np.float64), "weights": leading.weights}
@@ -223,6 +265,7 @@ def joined_model(parts: Sequence[BlockModel], mechanism: Mechanism) -> ModalMode
     modes = np.cumsum([0, *(part.model.eigenvalues.size for part in parts)])
     whole = ModalModel(
         eigenvalues=np.concatenate([part.model.eigenvalues for part in parts]),
+        stiffness=np.zeros((modes[-1], modes[-1])),
         damping=np.zeros((modes[-1], modes[-1])),
         modes=np.zeros((n, modes[-1])),
         row_modes=np.zeros((n_rows, modes[-1])),
@@ -234,6 +277,7 @@ def joined_model(parts: Sequence[BlockModel], mechanism: Mechanism) -> ModalMode
     )
     for part, first, last in zip(parts, modes[:-1], modes[1:], strict=True):
         rows, at, model = part.block.rows, part.block.coordinates, part.model
+        whole.stiffness[first:last, first:last] = model.stiffness
         whole.damping[first:last, first:last] = model.damping
         whole.modes[at, first:last] = model.modes
         whole.row_modes[rows, first:last] = model.row_modes
@@ -280,6 +324,7 @@ def free_model(stiffness: Floats, mass: Floats, *, damping: Floats) -> ModalMode
     none = np.zeros((0, eigenvalues.size))
     return ModalModel(
         eigenvalues=eigenvalues,
+        stiffness=np.diag(eigenvalues),
         damping=shapes.T @ damping @ shapes,
         modes=shapes,
         row_modes=none,
