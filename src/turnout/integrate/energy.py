@@ -15,10 +15,10 @@ import numpy as np
 
 from turnout.integrate.solve import mark_law
 from turnout.integrate.state import State, set_segment
-from turnout.integrate.system import Floats, System
+from turnout.integrate.system import Floats, Ints, System
 from turnout.integrate.vector import two_totals
 from turnout.integrate.work import Work
-from turnout.law.compiled import compiled
+from turnout.law.compiled import compiled, compiled_loop
 from turnout.law.kernel import STICK, law_argument, law_energy, law_force, segment_for
 from turnout.law.table import LawTable
 
@@ -101,9 +101,27 @@ def account_friction(system: System, state: State, work: Work) -> None:
     round within the step, does not count; what the mean would be less is a loss of the scheme, like
     that of laws which change their segment.
     """
-    trial, limit, branches = work.trial, work.limit, state.friction
-    forces, anchor, flexibility = state.friction_force, state.anchor, system.stick_flexibility
     lost, turned = work.of_frictions, work.turned
+    _slip(
+        state.friction, work.trial, work.limit, system.stick_flexibility, state.friction_force,
+        state.anchor, lost, turned,
+    )  # fmt: skip
+    of_friction, of_turns = two_totals(lost, turned)
+    state.ledger[FRICTION] += of_friction
+    state.ledger[SEGMENTS] += of_turns
+
+
+@compiled_loop
+def _slip(
+    branches: Ints,
+    trial: Floats,
+    limit: Floats,
+    flexibility: Floats,
+    forces: Floats,
+    anchor: Floats,
+    lost: Floats,
+    turned: Floats,
+) -> None:
     for friction in range(trial.size):
         branch, old = branches[friction], forces[friction]
         force = trial[friction] if branch == STICK else branch * limit[friction]
@@ -113,9 +131,6 @@ def account_friction(system: System, state: State, work: Work) -> None:
         turned[friction] = 0.5 * (old - kept) * way
         forces[friction] = force
         anchor[friction] += way
-    of_friction, of_turns = two_totals(lost, turned)
-    state.ledger[FRICTION] += of_friction
-    state.ledger[SEGMENTS] += of_turns
 
 
 @compiled

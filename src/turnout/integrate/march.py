@@ -30,7 +30,7 @@ from turnout.integrate.state import COUNT_HALVED, COUNT_RECENT, LEVEL, State
 from turnout.integrate.step import Stepping, begin_step, coefficients, complete_step
 from turnout.integrate.stored import folded_energy, store_energy
 from turnout.integrate.system import Floats, System
-from turnout.integrate.vector import copy
+from turnout.integrate.vector import copy, gather
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
 from turnout.law.table import LawTable
@@ -162,9 +162,7 @@ def store(
 ) -> None:
     """Store the present instant."""
     copy(state.q, record.q[at])
-    of_rows, place = record.g[at], system.row_place
-    for row in range(place.size):
-        of_rows[row] = state.g[place[row]]
+    gather(state.g, system.row_place, record.g[at])
     if at < record.v.shape[0]:
         copy(state.v, record.v[at])
     copy(state.friction_force, record.friction[at])

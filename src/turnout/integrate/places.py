@@ -1,7 +1,8 @@
 """Where every end, mode and row of a run stands in the vector of displacements.
 
 The vector holds, block by block, the leading ends and then the modes of the block; these are the
-*solved* places. Behind them stand the ends that follow from leading ones, and last the rows that
+*solved* places. Each block fills whole lines of the cache; what stands in a place that is left over
+is zero. Behind them stand the ends that follow from leading ones, and last the rows that
 join two blocks. A row with one end stands where that end does.
 """
 
@@ -18,6 +19,9 @@ from turnout.mechanism.condense import BlockModel
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Terms = list[tuple[int, float]]
+
+LINE = 8
+"""So many numbers fill a line of the cache."""
 
 
 def unsigned(indices: Ints) -> Ints:
@@ -71,7 +75,7 @@ def number_places(parts: Sequence[BlockModel]) -> Places:
     leading = np.array([part.leading.leaders.size for part in parts])
     ends = np.array([part.block.rows.size for part in parts])
     mode_start = _starts([part.model.eigenvalues.size for part in parts])
-    end_start = _starts(leading + np.diff(mode_start))
+    end_start = _starts(whole_lines(leading + np.diff(mode_start)))
     follower_start = end_start[-1] + _starts(ends - leading)
     of_end = []
     for block, part in enumerate(parts):
@@ -113,6 +117,17 @@ def placed(laws: LawTable, of_row: Ints) -> LawTable:
         friction_row=unsigned(of_row[laws.friction_row]),
         friction_normal=unsigned(laws.friction_normal),
     )
+
+
+def whole_lines(counts: Ints) -> Ints:
+    """Round numbers of places up to whole lines of the cache.
+
+    Examples
+    --------
+    >>> whole_lines(np.array([1, 8, 9])).tolist()
+    [8, 8, 16]
+    """
+    return -(-counts // LINE) * LINE
 
 
 def _starts(counts: Sequence[int] | Ints) -> Ints:

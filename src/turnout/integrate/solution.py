@@ -2,10 +2,10 @@
 
 from turnout.integrate.coupling import at_end, couple, solve_coupling
 from turnout.integrate.state import COUNT_JOINING, COUPLED, State
-from turnout.integrate.system import System
+from turnout.integrate.system import Floats, Ints, System
 from turnout.integrate.vector import add, add_rows, copy
 from turnout.integrate.work import Work
-from turnout.law.compiled import compiled
+from turnout.law.compiled import compiled, compiled_loop
 from turnout.law.table import LawTable
 
 
@@ -45,15 +45,23 @@ def derive(system: System, state: State) -> None:
     """Take the ends that follow, and the rows that join blocks, from the leading ends."""
     g, leaders, weights = state.g, system.follower_list, system.follower_weight
     following = g[system.follower_start[0] : system.follower_start[-1]]
-    following[:] = 0.0
+    solved = g[: system.follower_start[0]]
     for term in range(leaders.shape[0]):
-        of_term, weight = leaders[term], weights[term]
-        for end in range(following.size):
-            following[end] += weight[end] * g[of_term[end]]
+        _follow(solved, leaders[term], weights[term], following, term == 0)
     joining = g[system.follower_start[-1] :]
     first, second = system.joining_ends[0], system.joining_ends[1]
     for row in range(joining.size):
         joining[row] = g[first[row]] + g[second[row]]
+
+
+@compiled_loop
+def _follow(g: Floats, leader: Ints, weight: Floats, following: Floats, anew: bool) -> None:
+    if anew:
+        for end in range(following.size):
+            following[end] = weight[end] * g[leader[end]]
+    else:
+        for end in range(following.size):
+            following[end] += weight[end] * g[leader[end]]
 
 
 @compiled

@@ -11,10 +11,10 @@ from typing import NamedTuple
 from turnout.integrate.columns import update_row
 from turnout.integrate.solution import set_modes, solve_set
 from turnout.integrate.state import COUNT_ITERATIONS, State, set_segment
-from turnout.integrate.system import Floats, System
-from turnout.integrate.vector import copy
+from turnout.integrate.system import Floats, Ints, System
+from turnout.integrate.vector import copy, gather
 from turnout.integrate.work import Work
-from turnout.law.compiled import compiled
+from turnout.law.compiled import compiled, compiled_loop
 from turnout.law.kernel import (
     STICK,
     any_not_finite,
@@ -76,12 +76,16 @@ def evaluate_laws(system: System, table: LawTable, state: State, work: Work) -> 
     """
     g, row, at, force = state.g, table.row, work.argument, work.force
     slope, constant = state.slope, state.constant
-    for law in range(at.size):
-        at[law] = g[row[law]]
+    gather(g, row, at)
     for k in range(system.input_law.size):
         law = system.input_law[k]
         at[law] -= state.inputs[table.input_index[law]]
-    for law in range(at.size):
+    _resist(slope, constant, at, force)
+
+
+@compiled_loop
+def _resist(slope: Floats, constant: Floats, at: Floats, force: Floats) -> None:
+    for law in range(force.size):
         force[law] = slope[law] * at[law] + constant[law]
 
 
@@ -91,9 +95,24 @@ def evaluate_frictions(table: LawTable, state: State, work: Work) -> None:
 
     ``work.force`` is that of the solution.
     """
-    g, friction_row, normals = state.g, table.friction_row, table.friction_normal
-    coefficient, stiffness, anchor = table.friction_coefficient, table.stick_stiffness, state.anchor
-    trial, limit, force = work.trial, work.limit, work.force
+    _hold(
+        work.force, table.friction_normal, table.friction_coefficient, state.g, table.friction_row,
+        state.anchor, table.stick_stiffness, work.trial, work.limit,
+    )  # fmt: skip
+
+
+@compiled_loop
+def _hold(
+    force: Floats,
+    normals: Ints,
+    coefficient: Floats,
+    g: Floats,
+    friction_row: Ints,
+    anchor: Floats,
+    stiffness: Floats,
+    trial: Floats,
+    limit: Floats,
+) -> None:
     for friction in range(trial.size):
         limit[friction] = coefficient[friction] * force[normals[friction]]
         trial[friction] = stiffness[friction] * (g[friction_row[friction]] - anchor[friction])

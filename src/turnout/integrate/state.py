@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from turnout.integrate.places import LINE
 from turnout.integrate.system import Floats, Ints, System
 from turnout.law.compiled import compiled
 from turnout.law.kernel import segment_for
@@ -123,16 +124,11 @@ def set_segments(table: LawTable, state: State, segments: Ints) -> None:
         set_segment(table, state, law, segments[law])
 
 
-def _whole_lines(count: int) -> int:
-    """Round a number of columns up, so that every row of a matrix begins a line of the cache."""
-    return -(-count // 8) * 8
-
-
 def _aligned(shape: tuple[int, ...]) -> Floats:
     """Return zeros that begin with a line of the cache."""
     size = int(np.prod(shape))
-    memory = np.zeros(size + 8)
-    first = (-(memory.ctypes.data // 8)) % 8
+    memory = np.zeros(size + LINE)
+    first = (-(memory.ctypes.data // 8)) % LINE
     return memory[first : first + size].reshape(shape)
 
 
@@ -146,7 +142,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
     """
     n_modes, n_places = system.load.size, system.row_ends.shape[0]
     n_ends, n_slots = int(system.follower_start[-1]), int(system.slot_start[-1])
-    widest = _whole_lines(int(np.max(np.diff(system.end_start), initial=0)))
+    widest = int(np.max(np.diff(system.end_start), initial=0))
     n_laws, n_frictions = table.row.size, table.friction_row.size
     n_joining = int(np.sum(system.row_ends[:, 1] >= 0))
     modal, of_laws, of_frictions = np.zeros(n_modes), np.zeros(n_laws), np.zeros(n_frictions)
@@ -181,13 +177,13 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             exchange=np.zeros(n_joining, dtype=np.int64),
             made=np.zeros(levels, dtype=np.int64),
             mode_columns=_aligned((n_modes, widest)),
-            constant_column=np.zeros(system.end_start[-1]),
+            constant_column=_aligned((int(system.end_start[-1]),)),
             compliance=_aligned((levels, n_ends, widest)),
             q=modal.copy(),
             v=modal.copy(),
             a=modal.copy(),
             acceleration=modal.copy(),
-            g=np.zeros(n_places),
+            g=_aligned((n_places,)),
             inputs=np.zeros(n_inputs),
             ledger=np.zeros(6),
             counters=np.zeros(8, dtype=np.int64),

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 from turnout.integrate.energy import ALGORITHMIC, DAMPING
 from turnout.integrate.state import State
-from turnout.integrate.system import System
+from turnout.integrate.system import Floats, System
 from turnout.integrate.vector import two_totals
 from turnout.integrate.work import Work
-from turnout.law.compiled import compiled
+from turnout.law.compiled import compiled, compiled_loop
 
 
 class Stepping(NamedTuple):
@@ -41,13 +41,36 @@ def coefficients(stepping: Stepping, h: float) -> tuple[float, float]:
 @compiled
 def begin_step(system: System, state: State, work: Work, stepping: Stepping, h: float) -> None:
     """Save the coordinates; predict the step without new acceleration, and write its right side."""
+    _predict(
+        stepping,
+        h,
+        (state.q, state.v, state.a, state.acceleration),
+        system.damping,
+        system.load,
+        work.q,
+        work.predicted,
+        work.velocity,
+        work.right_side,
+    )
+
+
+@compiled_loop
+def _predict(
+    stepping: Stepping,
+    h: float,
+    motion: tuple[Floats, Floats, Floats, Floats],
+    damping: Floats,
+    load: Floats,
+    saved: Floats,
+    predicted: Floats,
+    velocity: Floats,
+    side: Floats,
+) -> None:
     inertia, viscosity = coefficients(stepping, h)
     share = 1.0 / (1.0 - stepping.alpha_m)
     old, older = share * stepping.alpha_f, -share * stepping.alpha_m
     beta, gamma = stepping.beta, stepping.gamma
-    q, v, a, acceleration = state.q, state.v, state.a, state.acceleration
-    damping, load = system.damping, system.load
-    saved, predicted, velocity, side = work.q, work.predicted, work.velocity, work.right_side
+    q, v, a, acceleration = motion
     for i in range(side.size):
         known = old * acceleration[i] + older * a[i]
         there = q[i] + h * v[i] + h * h * ((0.5 - beta) * a[i] + beta * known)
@@ -64,13 +87,34 @@ def complete_step(system: System, state: State, work: Work, stepping: Stepping, 
 
     Damping and the scheme's own loss are booked, `turnout.integrate.energy`.
     """
+    damped, lost = work.of_modes, work.of_modes_too
+    before = (work.q, work.predicted, work.velocity)
+    _complete(
+        stepping, h, before, system.damping, state.q, state.v, state.a, state.acceleration,
+        damped, lost,
+    )  # fmt: skip
+    of_damping, of_scheme = two_totals(damped, lost)
+    state.ledger[DAMPING] += of_damping
+    state.ledger[ALGORITHMIC] += of_scheme
+
+
+@compiled_loop
+def _complete(
+    stepping: Stepping,
+    h: float,
+    before: tuple[Floats, Floats, Floats],
+    damping: Floats,
+    q: Floats,
+    v: Floats,
+    a: Floats,
+    acceleration: Floats,
+    damped: Floats,
+    lost: Floats,
+) -> None:
     inertia, viscosity = coefficients(stepping, h)
     share = 1.0 / (1.0 - stepping.alpha_m)
     new, old, older = 1.0 - stepping.alpha_f, stepping.alpha_f, stepping.alpha_m
-    q, v, a, acceleration = state.q, state.v, state.a, state.acceleration
-    damping = system.damping
-    saved, predicted, velocity = work.q, work.predicted, work.velocity
-    damped, lost = work.of_modes, work.of_modes_too
+    saved, predicted, velocity = before
     for i in range(q.size):
         change, way = q[i] - predicted[i], q[i] - saved[i]
         fast, push = velocity[i] + viscosity * change, inertia * change
@@ -80,6 +124,3 @@ def complete_step(system: System, state: State, work: Work, stepping: Stepping, 
         a[i] = share * (new * push + old * acceleration[i] - older * a[i])
         v[i] = fast
         acceleration[i] = push
-    of_damping, of_scheme = two_totals(damped, lost)
-    state.ledger[DAMPING] += of_damping
-    state.ledger[ALGORITHMIC] += of_scheme

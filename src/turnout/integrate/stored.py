@@ -4,9 +4,9 @@ import numpy as np
 
 from turnout.integrate.state import State
 from turnout.integrate.system import Floats, System
-from turnout.integrate.vector import add_rows, dot, total, two_totals
+from turnout.integrate.vector import add_rows, dot, gather, total, two_totals
 from turnout.integrate.work import Work
-from turnout.law.compiled import compiled
+from turnout.law.compiled import compiled, compiled_loop
 from turnout.law.table import LawTable
 
 KINETIC, STRAIN, CONTACT, GRAVITY = range(4)
@@ -62,13 +62,10 @@ def store_energy(
     load has moved what lies above the modes by `r`; see `rest_at`. Gravity and strain leave out the
     same constant. ``work.argument`` and ``work.force`` are those of the solution.
     """
-    q, v, acceleration, resting = state.q, state.v, state.acceleration, state.resting
-    held, load, damping = state.held_at_rest, system.load, system.damping
-    done, height = work.of_modes, work.of_modes_too
-    for i in range(q.size):
-        force = load[i] - acceleration[i] - damping[i] * v[i]
-        done[i] = held[i] * q[i] + force * (q[i] - resting[i])
-        height[i] = load[i] * q[i]
+    v, done, height = state.v, work.of_modes, work.of_modes_too
+    motion = (state.q, v, state.acceleration)
+    rest = (state.resting, state.held_at_rest)
+    _modal_work(motion, rest, system.load, system.damping, done, height)
     of_modes, lifted = two_totals(done, height)
     _law_work(system, table, state, work)
     of_laws, of_contacts = two_totals(work.of_laws, work.law_energy)
@@ -81,20 +78,31 @@ def store_energy(
     stored[GRAVITY] = lowered - lifted
 
 
+@compiled_loop
+def _modal_work(
+    motion: tuple[Floats, Floats, Floats],
+    rest: tuple[Floats, Floats],
+    load: Floats,
+    damping: Floats,
+    done: Floats,
+    height: Floats,
+) -> None:
+    q, v, acceleration = motion
+    resting, held = rest
+    for i in range(q.size):
+        force = load[i] - acceleration[i] - damping[i] * v[i]
+        done[i] = held[i] * q[i] + force * (q[i] - resting[i])
+        height[i] = load[i] * q[i]
+
+
 @compiled
 def _law_work(system: System, table: LawTable, state: State, work: Work) -> None:
     """Write energies of the laws, what they do on their way, and what they raise."""
-    argument, force, offset, apart = work.argument, work.force, table.offset, state.law_apart
-    base_slope, load = system.base_slope, system.law_load
-    slope, intercept, potential = state.slope, state.intercept, state.potential
-    raised, done, energies = work.raised, work.of_laws, work.law_energy
-    for law in range(force.size):
-        at = argument[law]
-        e = at - offset[law]
-        energies[law] = (0.5 * slope[law] * e + intercept[law]) * e + potential[law]
-        held = base_slope[law] * at
-        raised[law] = (held - force[law]) * load[law]
-        done[law] = force[law] * (at + apart[law]) - held * apart[law]
+    argument, force, base_slope, load = work.argument, work.force, system.base_slope, system.law_load
+    raised, done, apart = work.raised, work.of_laws, state.law_apart
+    energy = (state.slope, state.intercept, state.potential)
+    _energy_of_laws(argument, table.offset, energy, work.law_energy)
+    _work_at_rows(argument, force, base_slope, load, apart, raised, done)
     for k in range(system.input_law.size):  # of which the argument is not the displacement
         law = system.input_law[k]
         at = argument[law] + state.inputs[table.input_index[law]]
@@ -103,13 +111,45 @@ def _law_work(system: System, table: LawTable, state: State, work: Work) -> None
         done[law] = force[law] * (at + apart[law]) - held * apart[law]
 
 
+@compiled_loop
+def _energy_of_laws(
+    argument: Floats, offset: Floats, energy: tuple[Floats, Floats, Floats], energies: Floats
+) -> None:
+    slope, intercept, potential = energy
+    for law in range(energies.size):
+        e = argument[law] - offset[law]
+        energies[law] = (0.5 * slope[law] * e + intercept[law]) * e + potential[law]
+
+
+@compiled_loop
+def _work_at_rows(
+    at: Floats,
+    force: Floats,
+    base_slope: Floats,
+    load: Floats,
+    apart: Floats,
+    raised: Floats,
+    done: Floats,
+) -> None:
+    for law in range(force.size):
+        held = base_slope[law] * at[law]
+        raised[law] = (held - force[law]) * load[law]
+        done[law] = force[law] * (at[law] + apart[law]) - held * apart[law]
+
+
 @compiled
 def _friction_work(system: System, table: LawTable, state: State, work: Work) -> None:
     """Write what frictions do on their way, and twice the energy of their springs."""
-    row, g, apart = table.friction_row, state.g, state.friction_apart
-    flexibility = system.stick_flexibility
-    forces, done, held = state.friction_force, work.of_frictions, work.held
+    gather(state.g, table.friction_row, work.of_frictions)
+    forces, apart, flexibility = state.friction_force, state.friction_apart, system.stick_flexibility
+    _work_of_frictions(forces, apart, flexibility, work.of_frictions, work.held)
+
+
+@compiled_loop
+def _work_of_frictions(
+    forces: Floats, apart: Floats, flexibility: Floats, done: Floats, held: Floats
+) -> None:
     for friction in range(forces.size):
         force = forces[friction]
-        done[friction] = force * (g[row[friction]] + apart[friction])
+        done[friction] = force * (done[friction] + apart[friction])
         held[friction] = force * force * flexibility[friction]

@@ -5,10 +5,10 @@ A loop over ``array[first + j]`` stays slow, since an index could be negative; v
 """
 
 from turnout.integrate.system import Floats, Ints
-from turnout.law.compiled import compiled
+from turnout.law.compiled import compiled, compiled_loop
 
 
-@compiled
+@compiled_loop
 def dot(a: Floats, b: Floats) -> float:
     """Return the product of two vectors; the second may be longer.
 
@@ -37,7 +37,7 @@ def dot(a: Floats, b: Floats) -> float:
     return ((s0 + s4) + (s1 + s5)) + ((s2 + s6) + (s3 + s7))
 
 
-@compiled
+@compiled_loop
 def total(values: Floats) -> float:
     """Return the sum of a vector.
 
@@ -66,7 +66,7 @@ def total(values: Floats) -> float:
     return ((s0 + s4) + (s1 + s5)) + ((s2 + s6) + (s3 + s7))
 
 
-@compiled
+@compiled_loop
 def two_totals(a: Floats, b: Floats) -> tuple[float, float]:
     """Return the sums of two vectors; the second may be longer.
 
@@ -97,7 +97,7 @@ def two_totals(a: Floats, b: Floats) -> tuple[float, float]:
     return of_a, ((b0 + b4) + (b1 + b5)) + ((b2 + b6) + (b3 + b7))
 
 
-@compiled
+@compiled_loop
 def add(weight: float, a: Floats, total: Floats) -> None:
     """Add a multiple of a vector to another; the added one may be longer.
 
@@ -172,7 +172,23 @@ def spread(change: Floats, at: Ints, pivot: Floats, rows: Floats) -> None:
         add(a, pivot, rows[r])
 
 
-@compiled
+@compiled_loop
+def gather(a: Floats, at: Ints, to: Floats) -> None:
+    """Write chosen entries of a vector to another.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> chosen = np.zeros(2)
+    >>> gather(np.arange(5.0), np.array([3, 1]), chosen)
+    >>> chosen.tolist()
+    [3.0, 1.0]
+    """
+    for i in range(to.size):
+        to[i] = a[at[i]]
+
+
+@compiled_loop
 def copy(a: Floats | Ints, to: Floats | Ints) -> None:
     """Write a vector, which may be longer, to another."""
     for i in range(to.size):

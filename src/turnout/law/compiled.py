@@ -67,6 +67,15 @@ def _prepare_numba() -> Any:
 _numba = _prepare_numba()
 
 
+class _WithoutOverlap(_numba.core.compiler.CompilerBase):  # type: ignore[misc]
+    """Numba's own way of compiling, told that arrays do not overlap."""
+
+    def define_pipelines(self) -> list[Any]:
+        """Return the one way."""
+        self.state.flags.noalias = True
+        return [_numba.core.compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)]
+
+
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
     """Compile a kernel to machine code on its first call and keep it in the cache.
 
@@ -78,13 +87,25 @@ def compiled(function: Callable[P, T]) -> Callable[P, T]:
     return _compiled(function, memory=False)
 
 
+def compiled_loop(function: Callable[P, T]) -> Callable[P, T]:
+    """Compile a short loop over arrays into each kernel that calls it.
+
+    The arrays that it writes must not overlap with each other or with those that it reads: it is
+    compiled without looking.
+    """
+    return _compiled(function, memory=False, loop=True)
+
+
 def compiled_with_memory(function: Callable[P, T]) -> Callable[P, T]:
     """Compile a kernel that makes arrays of its own; for rare calls."""
     return _compiled(function, memory=True)
 
 
-def _compiled(function: Callable[P, T], *, memory: bool) -> Callable[P, T]:
-    kernel: Callable[P, T] = _numba.njit(cache=True, error_model="numpy", nogil=True, _nrt=memory)(
-        function
-    )
+def _compiled(
+    function: Callable[P, T], *, memory: bool, loop: bool = False
+) -> Callable[P, T]:
+    options = {"pipeline_class": _WithoutOverlap, "forceinline": True} if loop else {}
+    kernel: Callable[P, T] = _numba.njit(
+        cache=True, error_model="numpy", nogil=True, _nrt=memory, **options
+    )(function)
     return kernel

@@ -8,7 +8,7 @@ along the law's row.
 
 import numpy as np
 
-from turnout.law.compiled import compiled
+from turnout.law.compiled import compiled, compiled_loop
 from turnout.law.table import Floats, LawTable
 
 STICK = 0
@@ -79,7 +79,7 @@ def friction_state(trial: float, limit: float, present: int, tolerance: float) -
     return SLIP_FORWARD if trial > 0.0 else SLIP_BACKWARD
 
 
-@compiled
+@compiled_loop
 def any_not_finite(values: Floats) -> bool:
     """Tell whether an array holds NaN or infinity."""
     count = 0
