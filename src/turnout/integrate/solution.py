@@ -3,7 +3,7 @@
 from turnout.integrate.coupling import at_end, couple, solve_coupling
 from turnout.integrate.state import COUNT_JOINING, COUPLED, State
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import add, add_rows, copy
+from turnout.integrate.vector import add, add_rows, add_two, copy, gather
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled, compiled_loop
 from turnout.law.table import LawTable
@@ -20,10 +20,8 @@ def solve_set(system: System, table: LawTable, state: State, work: Work) -> None
         solved = g[end_start[block] : end_start[block + 1]]
         add_rows(force[first:last], columns[first:last], solved)
     _push(system, table, state, work)
-    for k in range(system.input_row.size):
-        row = system.input_row[k]
-        if system.row_ends[row, 1] < 0:
-            _move_block(system, state, system.row_ends[row, 0], work.push[row])
+    gather(work.push, system.pushed_end, work.pushed)
+    _move_blocks(system, state, system.pushed_end, work.pushed)
     if state.counters[COUNT_JOINING]:
         exchange_forces(system, state, work, 1.0)
     derive(system, state)
@@ -65,11 +63,22 @@ def _follow(g: Floats, leader: Ints, weight: Floats, following: Floats, anew: bo
 
 
 @compiled
-def _move_block(system: System, state: State, end: int, force: float) -> None:
-    """Move the ends of a block by a force on one of them, which is active."""
-    block = system.block_of_end[end]
-    first, last = system.end_start[block], system.end_start[block + 1]
-    add(force, state.columns[state.slot_of_end[end]], state.g[first:last])
+def _move_blocks(system: System, state: State, ends: Ints, force: Floats) -> None:
+    """Move blocks by forces on active ends, by two at a time that follow each other in a block."""
+    columns, slot, g = state.columns, state.slot_of_end, state.g
+    k, count = 0, force.size
+    while k < count:
+        end = ends[k]
+        block = system.block_of_end[end]
+        moved = g[system.end_start[block] : system.end_start[block + 1]]
+        column = columns[slot[end]]
+        if k + 1 < count and system.block_of_end[ends[k + 1]] == block:
+            other = ends[k + 1]
+            add_two(force[k], column, force[k + 1], columns[slot[other]], moved)
+            k += 2
+        else:
+            add(force[k], column, moved)
+            k += 1
 
 
 @compiled
@@ -92,9 +101,10 @@ def exchange_forces(system: System, state: State, work: Work, constant: float) -
         entry = state.entries[system.pattern_start[row]]
         force[i] = constant * (state.shift[row] + work.push[row]) + entry * apart
     solve_coupling(state.coupling, state.exchange, force)
-    for i in range(count):
-        for side in range(2):
-            _move_block(system, state, system.row_ends[state.joining[i], side], force[i])
+    for side in range(2):
+        for i in range(count):
+            work.joined_end[i] = system.row_ends[state.joining[i], side]
+        _move_blocks(system, state, work.joined_end, force)
 
 
 @compiled

@@ -81,6 +81,7 @@ class System(NamedTuple):
     pinned: Ints
     input_law: Ints
     input_row: Ints
+    pushed_end: Ints
     timed_law: Ints
 
 
@@ -139,6 +140,7 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
         pinned=pinned,
         input_law=driven.astype(np.int64),
         input_row=driven_rows,
+        pushed_end=np.sort(driven_rows[places.row_ends[driven_rows, 1] < 0]),
         timed_law=np.flatnonzero(
             np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1)
         ),

@@ -113,6 +113,22 @@ def add(weight: float, a: Floats, total: Floats) -> None:
         total[i] += weight * a[i]
 
 
+@compiled_loop
+def add_two(one: float, a: Floats, other: float, b: Floats, total: Floats) -> None:
+    """Add multiples of two vectors to a third; the added ones may be longer.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> total = np.ones(2)
+    >>> add_two(2.0, np.array([1.0, 3.0, 5.0]), 1.0, np.ones(2), total)
+    >>> total.tolist()
+    [4.0, 8.0]
+    """
+    for i in range(total.size):
+        total[i] += one * a[i] + other * b[i]
+
+
 @compiled
 def add_rows(weights: Floats, rows: Floats, total: Floats) -> None:
     """Add a weighted sum of the rows of a matrix, which may be wider, to a vector.

@@ -27,6 +27,8 @@ class Work(NamedTuple):
     end_force: Floats
     slot_force: Floats
     joining: Floats
+    pushed: Floats
+    joined_end: Ints
     dirty: Ints
     dirty_list: Ints
     unsettled: Ints
@@ -82,6 +84,8 @@ def new_work(system: System, table: LawTable) -> Work:
             end_force=placed(),
             slot_force=np.zeros(system.slot_start[-1]),
             joining=placed(),
+            pushed=np.zeros(system.pushed_end.size),
+            joined_end=flags(),
             dirty=flags(),
             dirty_list=flags(),
             unsettled=flags(),
