@@ -8,7 +8,7 @@ from turnout.integrate.accuracy import DRIFTS, correct, is_inaccurate
 from turnout.integrate.columns import rebuild, update_row
 from turnout.integrate.energy import account_friction
 from turnout.integrate.solution import set_modes, solve_set
-from turnout.integrate.solve import friction_trials
+from turnout.integrate.solve import evaluate
 from turnout.integrate.state import set_segment
 from turnout.integrate.work import Work
 from turnout.law.kernel import SLIP_FORWARD
@@ -93,7 +93,7 @@ def test_the_books_follow_a_contact_that_pulls_within_the_overlooked_gap(made: S
     state.friction[friction] = SLIP_FORWARD
     state.g[table.row[normal]] = table.offset[normal] - 1e-11
     state.g[row] = 0.5
-    friction_trials(table, state, work.trial, work.limit)
+    evaluate(system, table, state, work)
     account_friction(system, state, work)
     pull = table.friction_coefficient[friction] * state.slope[normal] * 1e-11
     assert state.friction_force[friction] == pytest.approx(-pull, rel=1e-6)

@@ -7,7 +7,7 @@ from scipy.linalg import eigh
 from turnout.beam.assembly import assemble_beam
 from turnout.beam.material import Material
 from turnout.errors import MechanicsError
-from turnout.mechanism.condense import ModalModel, modal_model
+from turnout.mechanism.modal import ModalModel, damped_apart, modal_model
 from turnout.section.properties import SectionProperties
 
 N_DOF, N_ROWS = 14, 9
@@ -105,6 +105,26 @@ def test_modes_are_mass_normalised_and_damping_keeps_its_power() -> None:
     u = model.modes @ v
     assert v @ model.damping @ v == pytest.approx(u @ system["damping"] @ u, rel=1e-11)
     np.testing.assert_allclose(model.row_modes, system["rows"] @ model.modes, rtol=1e-13)
+
+
+def test_shapes_damped_apart_span_the_same_modes() -> None:
+    system = random_system()
+    model = split(system, cutoffs(system)[2])
+    apart = damped_apart(model)
+    assert np.count_nonzero(apart.damping - np.diag(np.diagonal(apart.damping))) == 0
+    assert np.count_nonzero(model.damping - np.diag(np.diagonal(model.damping))) > 0
+    turn = model.modes.T @ system["mass"] @ apart.modes
+    n = model.eigenvalues.size
+    np.testing.assert_allclose(turn.T @ turn, np.eye(n), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(apart.modes, model.modes @ turn, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(apart.row_modes, system["rows"] @ apart.modes, rtol=0, atol=1e-12)
+    scale = model.eigenvalues[-1]
+    whole = apart.modes.T @ system["stiffness"] @ apart.modes
+    np.testing.assert_allclose(apart.stiffness, whole, rtol=0, atol=1e-11 * scale)
+    whole = apart.modes.T @ system["damping"] @ apart.modes
+    np.testing.assert_allclose(apart.damping, whole, rtol=0, atol=1e-12 * np.abs(whole).max())
+    np.testing.assert_allclose(apart.load, apart.modes.T @ system["load"], rtol=1e-9)
+    assert damped_apart(apart).modes is apart.modes  # nothing is left to be done
 
 
 def bar(supported: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:

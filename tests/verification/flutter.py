@@ -38,8 +38,9 @@ from turnout.integrate.run import History, integrate
 from turnout.integrate.scheme import Scheme
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.build import build_mechanism
-from turnout.mechanism.condense import ModalModel, condense
+from turnout.mechanism.condense import condense
 from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.modal import ModalModel
 from turnout.mechanism.sliding import (
     ComplexModes,
     Floats,

@@ -234,6 +234,6 @@ def _book_faults(run: Run) -> Iterator[str]:
 def folded_energy(run: Run) -> float:
     """Return the largest energy in the linear system with the base segments of all laws [J]."""
     history, table = run.history, run.mechanism.laws
-    modal = history.q**2 @ history.model.eigenvalues
+    modal = np.sum((history.q @ history.model.stiffness) * history.q, axis=1)
     rows = history.g[:, table.row] ** 2 @ base_stiffness(table)
     return float(0.5 * np.max(modal + rows))

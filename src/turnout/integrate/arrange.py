@@ -19,13 +19,9 @@ from turnout.integrate.system import System, check_normals, condensed_system
 from turnout.law.shared import shared
 from turnout.law.table import LawTable
 from turnout.mechanism.blocks import without_joining_bases
-from turnout.mechanism.condense import (
-    ModalModel,
-    base_stiffness,
-    condense_blocks,
-    joined_model,
-)
+from turnout.mechanism.condense import base_stiffness, condense_blocks, joined_model
 from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.modal import ModalModel
 
 Ints = NDArray[np.int64]
 

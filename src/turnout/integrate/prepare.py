@@ -13,6 +13,7 @@ from turnout.integrate.energy import account_friction, account_laws
 from turnout.integrate.equilibrium import resting_segments
 from turnout.integrate.interrupt import heard
 from turnout.integrate.march import Record
+from turnout.integrate.memory import borrowed
 from turnout.integrate.outcome import Code
 from turnout.integrate.places import placed
 from turnout.integrate.scheme import AlphaCoefficients, Scheme
@@ -109,7 +110,7 @@ def _in_one_piece(n_rows: int, **widths: int) -> dict[str, Floats]:
     It starts where a large page of memory does, so that a run touches few pages for the first time.
     """
     page = LARGE_PAGE // 8
-    memory = np.empty(n_rows * sum(widths.values()) + page)
+    memory = borrowed(n_rows * sum(widths.values()) + page)
     at, arrays = (-(memory.ctypes.data // 8)) % page, {}
     for name, width in widths.items():
         arrays[name] = memory[at : at + n_rows * width].reshape(n_rows, width)

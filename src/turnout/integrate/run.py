@@ -25,8 +25,8 @@ from turnout.integrate.state import (
     COUNT_ITERATIONS,
 )
 from turnout.law.table import LawTable
-from turnout.mechanism.condense import ModalModel
 from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.modal import ModalModel
 from turnout.mechanism.threads import one_blas_thread
 
 Floats = NDArray[np.float64]
@@ -51,7 +51,7 @@ class History:
     inputs : ndarray, shape (n, n_inputs)
         Marker positions [m].
     q : ndarray, shape (n, n_modes)
-        Modal coordinates.
+        Coordinates of the kept modes, in the shapes of `model`.
     g : ndarray, shape (n, n_rows)
         Row displacements [m].
     law_force, friction_force : ndarray, shape (n, n_laws), (n, n_frictions)

@@ -26,8 +26,9 @@ class State(NamedTuple):
     iterations in all, steps halved, rebuilds, the level, whether the coupling is up to date.
     ``drift`` is the growth of rounding since it was last measured. ``push_force`` are the forces of
     the driven laws at the last instant, ``jump`` is what a law that was switched lost there.
-    ``resting``, ``held_at_rest``, ``law_apart`` and ``friction_apart`` are those of `turnout.integrate.stored`.
-    ``law_placed`` and ``law_first`` are of laws that do not act all the time.
+    ``resting``, ``held_at_rest``, ``law_apart`` and ``friction_apart`` are those of
+    `turnout.integrate.stored`. ``law_placed`` and ``law_first`` are of laws that do not act all the
+    time.
     """
 
     segment: Ints

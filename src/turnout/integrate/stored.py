@@ -51,9 +51,7 @@ def folded_energy(system: System, state: State, work: Work) -> float:
 
 
 @compiled
-def store_energy(
-    system: System, table: LawTable, state: State, work: Work, stored: Floats
-) -> None:
+def store_energy(system: System, table: LawTable, state: State, work: Work, stored: Floats) -> None:
     """Write the energies of the present instant [J].
 
     Strain is that of beams and linear supports, by Clapeyron's theorem: half of what all forces on
@@ -98,7 +96,8 @@ def _modal_work(
 @compiled
 def _law_work(system: System, table: LawTable, state: State, work: Work) -> None:
     """Write energies of the laws, what they do on their way, and what they raise."""
-    argument, force, base_slope, load = work.argument, work.force, system.base_slope, system.law_load
+    argument, force = work.argument, work.force
+    base_slope, load = system.base_slope, system.law_load
     raised, done, apart = work.raised, work.of_laws, state.law_apart
     energy = (state.slope, state.intercept, state.potential)
     _energy_of_laws(argument, table.offset, energy, work.law_energy)
@@ -141,7 +140,11 @@ def _work_at_rows(
 def _friction_work(system: System, table: LawTable, state: State, work: Work) -> None:
     """Write what frictions do on their way, and twice the energy of their springs."""
     gather(state.g, table.friction_row, work.of_frictions)
-    forces, apart, flexibility = state.friction_force, state.friction_apart, system.stick_flexibility
+    forces, apart, flexibility = (
+        state.friction_force,
+        state.friction_apart,
+        system.stick_flexibility,
+    )
     _work_of_frictions(forces, apart, flexibility, work.of_frictions, work.held)
 
 

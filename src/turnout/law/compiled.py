@@ -65,15 +65,7 @@ def _prepare_numba() -> Any:
 
 
 _numba = _prepare_numba()
-
-
-class _WithoutOverlap(_numba.core.compiler.CompilerBase):  # type: ignore[misc]
-    """Numba's own way of compiling, told that arrays do not overlap."""
-
-    def define_pipelines(self) -> list[Any]:
-        """Return the one way."""
-        self.state.flags.noalias = True
-        return [_numba.core.compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)]
+from turnout.law.no_overlap import WithoutOverlap  # noqa: E402, numba comes prepared
 
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
@@ -101,10 +93,8 @@ def compiled_with_memory(function: Callable[P, T]) -> Callable[P, T]:
     return _compiled(function, memory=True)
 
 
-def _compiled(
-    function: Callable[P, T], *, memory: bool, loop: bool = False
-) -> Callable[P, T]:
-    options = {"pipeline_class": _WithoutOverlap, "forceinline": True} if loop else {}
+def _compiled(function: Callable[P, T], *, memory: bool, loop: bool = False) -> Callable[P, T]:
+    options = {"pipeline_class": WithoutOverlap, "forceinline": True} if loop else {}
     kernel: Callable[P, T] = _numba.njit(
         cache=True, error_model="numpy", nogil=True, _nrt=memory, **options
     )(function)

@@ -8,7 +8,7 @@ then add to the linear system
 
 with :math:`D_0` diagonal (the slopes of the laws less those folded into the linear system) and an
 unsymmetric part that couples the row of a friction law `t` to that of its normal law `n`. With the
-modes and the residual flexibility of `turnout.mechanism.condense`,
+modes and the residual flexibility of `turnout.mechanism.modal`,
 
 .. math::
 
@@ -26,8 +26,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.mechanism.condense import ModalModel, base_stiffness
+from turnout.mechanism.condense import base_stiffness
 from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.modal import ModalModel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from turnout.errors import ResponseError
 from turnout.files.provenance import provenance
 from turnout.mechanism.build import build_mechanism, rail_data
-from turnout.mechanism.condense import ModalModel, condense, free_model
+from turnout.mechanism.condense import condense
 from turnout.mechanism.mechanism import Mechanism, RailBody
+from turnout.mechanism.modal import ModalModel, free_model
 from turnout.mechanism.rail import RailData
 from turnout.mechanism.reduce import reduce_rail, reduction_of
 from turnout.mechanism.sliding import (

@@ -11,8 +11,9 @@ import numpy as np
 
 from turnout.errors import ResponseError
 from turnout.mechanism.build import build_mechanism
-from turnout.mechanism.condense import ModalModel, condense
+from turnout.mechanism.condense import condense
 from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.modal import ModalModel
 from turnout.mechanism.sliding import Floats, Sliding, complex_modes, steady_sliding
 from turnout.mechanism.threads import one_blas_thread
 from turnout.panel.model import Panel

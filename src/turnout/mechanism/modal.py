@@ -1,0 +1,208 @@
+r"""Keep the low modes of a linear system with their inertia, everything above as flexibility.
+
+With :math:`K \phi = \lambda M \phi`, :math:`\phi^T M \phi = 1`, modes up to a cut-off are kept as
+coordinates `q`; what lies above follows the forces statically:
+
+.. math:: g = G^T u = \Phi q + R\,\lambda + r, \qquad R = \Phi_o \Lambda_o^{-1} \Phi_o^T
+
+where the columns of `G` are the rows along which forces :math:`\lambda` act, index `o` marks the
+modes above the cut-off projected on the rows, and `r` is the static share of the constant load.
+This is mode-acceleration (static correction) in Craig's sense; without it a truncated basis misses
+the local flexibility that contacts feel. `R` is a sum over the omitted modes and therefore positive
+semi-definite, free of the cancellation of "static minus modal" flexibility.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from turnout.errors import MechanicsError
+
+Floats = NDArray[np.float64]
+
+RIGID = 1e-12
+"""Eigenvalues below this share of the largest are those of rigid-body modes."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModalModel:
+    """Kept modes and residual flexibility of one linear system.
+
+    Attributes
+    ----------
+    eigenvalues : ndarray, shape (n_modes,)
+        Squared angular frequencies of the kept modes [1/s2].
+    stiffness, damping : ndarray, shape (n_modes, n_modes)
+        Stiffness and damping matrix in the shapes that span the kept modes; at most one of them is
+        not diagonal, `damped_apart` [1/s2, 1/s].
+    modes : ndarray, shape (n_dof, n_modes)
+        Mass-normalised shapes.
+    row_modes : ndarray, shape (n_rows, n_modes)
+        The modes at the rows.
+    flexibility : ndarray, shape (n_rows, n_rows)
+        Residual flexibility [m/N].
+    residual_shapes : ndarray, shape (n_dof, n_rows)
+        Static shape of the omitted part for a unit force along each row [m/N].
+    load : ndarray, shape (n_modes,)
+        Constant load in kept modes.
+    residual_load : ndarray, shape (n_dof,)
+        Static shape of the omitted part under the constant load [m].
+    row_load : ndarray, shape (n_rows,)
+        The same at the rows [m].
+    """
+
+    eigenvalues: Floats
+    stiffness: Floats
+    damping: Floats
+    modes: Floats
+    row_modes: Floats
+    flexibility: Floats
+    residual_shapes: Floats
+    load: Floats
+    residual_load: Floats
+    row_load: Floats
+
+    @property
+    def frequencies(self) -> Floats:
+        """Natural frequencies of the kept modes [Hz]."""
+        return np.sqrt(np.maximum(self.eigenvalues, 0.0)) / (2.0 * np.pi)
+
+
+def modal_model(
+    stiffness: Floats,
+    mass: Floats,
+    *,
+    damping: Floats,
+    rows: Floats,
+    load: Floats,
+    cutoff_frequency: float,
+) -> ModalModel:
+    """Split a linear system at a frequency.
+
+    Parameters
+    ----------
+    stiffness, mass, damping : ndarray, shape (n_dof, n_dof)
+        Symmetric; stiffness and mass positive definite.
+    rows : ndarray, shape (n_rows, n_dof)
+        Rows along which forces act and displacements are read.
+    load : ndarray, shape (n_dof,)
+        Constant load.
+    cutoff_frequency : float
+        Modes up to here keep their inertia [Hz].
+
+    Returns
+    -------
+    ModalModel
+
+    Raises
+    ------
+    MechanicsError
+        If the stiffness is not positive definite, so that a rail could float away.
+    """
+    eigenvalues, shapes = eigh(stiffness, mass, check_finite=True)
+    if eigenvalues[0] <= 10.0 * np.finfo(float).eps * eigenvalues[-1]:
+        msg = (
+            "a rail is not held: the supports leave a rigid-body motion free; "
+            "clamp the heel or add fastenings"
+        )
+        raise MechanicsError(msg)
+    shapes = _upright(shapes)
+    limit = (2.0 * np.pi * cutoff_frequency) ** 2
+    kept = max(int(np.searchsorted(eigenvalues, limit, side="right")), 1)
+    low, high = shapes[:, :kept], shapes[:, kept:]
+    high_rows = _each_by_itself(rows, high.T)
+    scaled = high / eigenvalues[kept:]
+    residual_load = scaled @ (high.T @ load)
+    return ModalModel(
+        eigenvalues=eigenvalues[:kept].copy(),
+        stiffness=np.diag(eigenvalues[:kept]),
+        damping=low.T @ damping @ low,
+        modes=np.ascontiguousarray(low),
+        row_modes=_each_by_itself(rows, low.T),
+        flexibility=_each_by_itself(high_rows / eigenvalues[kept:], high_rows),
+        residual_shapes=np.ascontiguousarray(scaled @ high_rows.T),
+        load=low.T @ load,
+        residual_load=residual_load,
+        row_load=_each_by_itself(rows, residual_load[np.newaxis])[:, 0].copy(),
+    )
+
+
+def damped_apart(model: ModalModel) -> ModalModel:
+    """Return a model in other shapes of the same modes, each of which is damped by itself.
+
+    Kept modes may be combined at will as long as they stay orthogonal in the mass. Stiffness is
+    asked for once for each length of a step, damping in every step.
+
+    Examples
+    --------
+    >>> spring = np.array([[2.0, -1.0], [-1.0, 2.0]])
+    >>> given = {"rows": np.eye(2), "load": np.zeros(2), "cutoff_frequency": 10.0}
+    >>> model = modal_model(spring, np.eye(2), damping=np.diag([0.0, 0.5]), **given)
+    >>> damped_apart(model).damping.round(9).tolist()
+    [[0.0, 0.0], [0.0, 0.5]]
+    """
+    of_shapes = np.diagonal(model.damping)
+    if np.all(np.abs(model.damping - np.diag(of_shapes)) <= 1e-13 * of_shapes.max(initial=0.0)):
+        return replace(model, damping=np.diag(of_shapes))
+    of_shapes, turn = eigh(model.damping, check_finite=True)
+    turn = _upright(turn)
+    stiffness = (turn.T * model.eigenvalues) @ turn
+    return replace(
+        model,
+        stiffness=0.5 * (stiffness + stiffness.T),
+        damping=np.diag(np.maximum(of_shapes, 0.0)),
+        modes=np.ascontiguousarray(model.modes @ turn),
+        row_modes=_each_by_itself(model.row_modes, turn.T),
+        load=turn.T @ model.load,
+    )
+
+
+def _upright(shapes: Floats) -> Floats:
+    """Return shapes with the sign that makes the largest entry of each positive."""
+    at = np.argmax(np.abs(shapes), axis=0)
+    found: Floats = shapes * np.sign(shapes[at, np.arange(shapes.shape[1])])
+    return found
+
+
+def _each_by_itself(a: Floats, b: Floats) -> Floats:
+    """Return ``a @ b.T`` entry by entry, so that a row more changes no bit of the others."""
+    found: Floats = np.einsum("ik,jk->ij", np.ascontiguousarray(a), np.ascontiguousarray(b))
+    return found
+
+
+def free_model(stiffness: Floats, mass: Floats, *, damping: Floats) -> ModalModel:
+    """Return all modes of a body by itself, which need not be held; it has no rows and no load.
+
+    Parameters
+    ----------
+    stiffness, mass, damping : ndarray, shape (n_dof, n_dof)
+        Symmetric; the mass positive definite.
+
+    Returns
+    -------
+    ModalModel
+        The eigenvalue of a rigid-body mode is zero.
+
+    Examples
+    --------
+    >>> spring = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    >>> free_model(spring, np.eye(2), damping=0 * spring).eigenvalues.round(9).tolist()
+    [0.0, 2.0]
+    """
+    eigenvalues, shapes = eigh(stiffness, mass, check_finite=True)
+    eigenvalues[eigenvalues < RIGID * eigenvalues[-1]] = 0.0
+    none = np.zeros((0, eigenvalues.size))
+    return ModalModel(
+        eigenvalues=eigenvalues,
+        stiffness=np.diag(eigenvalues),
+        damping=shapes.T @ damping @ shapes,
+        modes=shapes,
+        row_modes=none,
+        flexibility=np.zeros((0, 0)),
+        residual_shapes=np.zeros((eigenvalues.size, 0)),
+        load=np.zeros(eigenvalues.size),
+        residual_load=np.zeros(eigenvalues.size),
+        row_load=np.zeros(0),
+    )
