@@ -144,18 +144,18 @@ def profile(name: str, scheme: Scheme) -> Profile:
 TEXT = """Each kernel by itself, least of {repeats} times {calls} calls, in nanoseconds, on rails in
 motion. *Iterations* are solutions for a contact set; a step takes one or a few. *Arithmetic* is
 what the products of a step take at the speed of this processor on a matrix in its nearest cache:
-the columns of all modes by ends and modes, and a damping matrix that is full once."""
+the columns of all modes by ends and modes."""
 
 NEXT = """### What the next factor of two would take
 
 - Storing every step takes what the last two lines differ by: forces, energies and books of an
-  instant. Stored at 125 Hz (`--every "8 ms"`) half of it goes.
+  instant. Stored at 125 Hz (`--every "8 ms"`) half of it goes in quick mode.
 - In quick mode no kernel stands out: a step is some twenty short loops, and what they do besides
-  arithmetic is as much as the arithmetic. Kernels compiled for the sizes of one panel, and flips of
-  one iteration taken together, are what is left; 1 us a step is where the loops would end.
-- In waveform mode the columns of all modes are read from the second cache once a solution, and so
-  is a full damping matrix once a step: stock rails with fewer modes than switch rails would halve
-  what is read of the default panel; dampers that act mode by mode would spare the second.
+  arithmetic is as much as the arithmetic. Kernels compiled for the sizes of one panel, flips of one
+  iteration taken together, and a solution that follows its flips instead of being made anew are
+  what is left; 1 us a step is where the loops would end.
+- In waveform mode the columns of all modes are read from the second cache once a solution: stock
+  rails with fewer modes than switch rails would halve what is read of the default panel.
 - SB1's steps are as short as the loops around them: fewer steps, as in the race, is what helps.
 """
 
