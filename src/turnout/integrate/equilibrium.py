@@ -1,13 +1,20 @@
 """Where a mechanism rests without friction: the lowest point of its potential energy.
 
-Every law resists with a force that does not fall, so the energy is convex and Newton steps that are
-shortened until the energy falls find its lowest point from anywhere. It works on all coordinates
-and serves where iterating the contact set goes round in circles.
+`equilibrium` iterates the contact set of the condensed system. Where that goes round in circles,
+`resting_segments` finds the segments of the laws first: every law resists with a force that does
+not fall, so the energy is convex and Newton steps that are shortened until the energy falls find
+its lowest point from anywhere, on all coordinates.
 """
 
 import numpy as np
 
-from turnout.integrate.system import Floats, Ints
+from turnout.integrate.accuracy import DRIFTS, correct, is_inaccurate
+from turnout.integrate.solve import CONVERGED, Tolerances, settle
+from turnout.integrate.state import State
+from turnout.integrate.system import Floats, Ints, System
+from turnout.integrate.vector import copy
+from turnout.integrate.work import Work
+from turnout.law.compiled import compiled
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 
@@ -72,3 +79,21 @@ def _laws(table: LawTable, e: Floats) -> tuple[Floats, Floats, Floats]:
     force = table.slope[at] * e + table.intercept[at]
     energy = (0.5 * table.slope[at] * e + table.intercept[at]) * e + table.potential[at]
     return force, energy, table.slope[at]
+
+
+@compiled
+def equilibrium(
+    system: System, table: LawTable, state: State, work: Work, tolerances: Tolerances
+) -> int:
+    """Find the static equilibrium for the present inputs by iterating the contact set.
+
+    The columns are those of a level without inertia and viscosity. What rounding has left in the
+    equations is taken off once: nothing should move in the first step of a rail at rest.
+    """
+    copy(system.load, work.right_side)
+    code = settle(system, table, state, work, tolerances)
+    if code == CONVERGED:
+        state.drift[0] = DRIFTS
+        is_inaccurate(system, table, state, work, 0.0, 0.0)
+        correct(system, state, work)
+    return code

@@ -10,14 +10,14 @@ from turnout.integrate.arrange import Arranged
 from turnout.integrate.columns import rebuild
 from turnout.integrate.compliance import make_level
 from turnout.integrate.energy import account_friction, account_laws
-from turnout.integrate.equilibrium import resting_segments
+from turnout.integrate.equilibrium import equilibrium, resting_segments
 from turnout.integrate.interrupt import heard
 from turnout.integrate.march import Record
 from turnout.integrate.memory import borrowed
 from turnout.integrate.outcome import Code
 from turnout.integrate.places import placed
 from turnout.integrate.scheme import AlphaCoefficients, Scheme
-from turnout.integrate.solve import Tolerances, equilibrium, evaluate
+from turnout.integrate.solve import Tolerances, evaluate
 from turnout.integrate.state import LEVEL, State, fresh_state, set_segments
 from turnout.integrate.step import Stepping
 from turnout.integrate.stored import rest_at

@@ -254,18 +254,6 @@ def restore_set(system: System, table: LawTable, state: State, work: Work) -> No
 
 
 @compiled
-def equilibrium(
-    system: System, table: LawTable, state: State, work: Work, tolerances: Tolerances
-) -> int:
-    """Find the static equilibrium for the present inputs by iterating the contact set.
-
-    The columns are those of a level without inertia and viscosity.
-    """
-    copy(system.load, work.right_side)
-    return settle(system, table, state, work, tolerances)
-
-
-@compiled
 def row_forces(system: System, table: LawTable, state: State, force: Floats) -> None:
     """Write the deviation force of every row from the laws' own forces [N]."""
     force[:] = 0.0
