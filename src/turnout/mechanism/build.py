@@ -5,12 +5,13 @@ These files alone see both definition and mechanics.
 
 from collections import OrderedDict
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from turnout.mechanism.between import approach_row, stands_between, yield_between
 from turnout.mechanism.build_rails import stock_rail_data, switch_rail_data
 from turnout.mechanism.laws import Layout, Rows, law_table, lay_out
 from turnout.mechanism.mechanism import Mechanism, RailBody
@@ -43,14 +44,20 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
     Mechanism
         One input a drive, in the order of ``panel.drive``: its marker position [m].
     """
-    kept = _kept(panel, objects)
-    layout, linear = kept.layout, kept.linear
+    between = tuple(item for item in objects if stands_between(panel, item))
+    standing = tuple(item for item in objects if item not in between)
+    kept = _kept(panel, standing)
+    layout, linear, rows = kept.layout, kept.linear, kept.linear.rows
+    if between:
+        more = _with_between(kept, panel, standing, between)
+        layout, rows = more.layout, more.rows
+        objects = (*standing, *more.softened(between))
     return Mechanism(
         stiffness=linear.stiffness,
         mass=linear.mass,
         damping=linear.damping,
         load=linear.load,
-        rows=linear.rows,
+        rows=rows,
         laws=law_table(layout, panel, objects),
         law_names=layout.law_names,
         friction_names=layout.friction_names,
@@ -83,7 +90,28 @@ class _Kept:
     records: object
 
 
+@dataclass(frozen=True, slots=True)
+class _Between:
+    """What objects between the nodes add to what is kept without them.
+
+    `yields` is what the rails yield to each beyond their reduced coordinates [m/N].
+    """
+
+    kept: _Kept
+    layout: Layout
+    rows: Floats
+    yields: tuple[float, ...]
+
+    def softened(self, objects: Sequence[PlacedObject]) -> list[PlacedObject]:
+        """Return the objects in series with what the rails yield."""
+        return [
+            replace(item, stiffness=1.0 / (1.0 / item.stiffness + flexibility))
+            for item, flexibility in zip(objects, self.yields, strict=True)
+        ]
+
+
 _memory: OrderedDict[Hashable, _Kept] = OrderedDict()
+_objects: OrderedDict[Hashable, _Between] = OrderedDict()
 
 
 def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
@@ -106,6 +134,52 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
 def forget() -> None:
     """Empty the memory of layouts and linear parts."""
     _memory.clear()
+    _objects.clear()
+
+
+def _with_between(
+    kept: _Kept,
+    panel: Panel,
+    standing: Sequence[PlacedObject],
+    between: Sequence[PlacedObject],
+) -> _Between:
+    """Add rows for objects between the nodes, or find those of objects in the same places."""
+    places = tuple((item.name, item.rail, item.x, item.height) for item in between)
+    key = (id(kept), places)
+    if key not in _objects:
+        _objects[key] = _made_between(kept, panel, standing, between)
+        while len(_objects) > MOST_LINEAR:
+            _objects.popitem(last=False)
+    _objects.move_to_end(key)
+    return _objects[key]
+
+
+def _made_between(
+    kept: _Kept,
+    panel: Panel,
+    standing: Sequence[PlacedObject],
+    between: Sequence[PlacedObject],
+) -> _Between:
+    layout, linear = kept.layout, kept.linear
+    count, size = linear.rows.shape
+    added = [approach_row(panel, item, linear.rails, size=size) for item in between]
+    rows = np.vstack((linear.rows, *added))
+    rows.flags.writeable = False
+    names = {item.name: len(layout.law_names) + i for i, item in enumerate(between)}
+    more = replace(
+        layout,
+        index=replace(layout.index, object=layout.index.object | names),
+        law_names=(*layout.law_names, *(f"object {name}" for name in names)),
+        further=(*layout.further, *range(count, count + len(added))),
+    )
+    with one_blas_thread():
+        yields = tuple(
+            yield_between(
+                panel, item, rails=lambda: _rail_data(panel, layout.rows, standing), owner=kept
+            )
+            for item in between
+        )
+    return _Between(kept, more, rows, yields)
 
 
 def _made(panel: Panel, objects: Sequence[PlacedObject], *, records: object) -> _Kept:
@@ -134,8 +208,9 @@ def rail_data(panel: Panel, objects: Sequence[PlacedObject] = ()) -> list[RailDa
     panel : Panel
         A checked panel.
     objects : sequence of PlacedObject
-        Foreign objects, whose places become nodes.
+        Foreign objects; those at places of the panel become nodes.
     """
+    objects = [item for item in objects if not stands_between(panel, item)]
     return _rail_data(panel, lay_out(panel, objects).rows, objects)
 
 

@@ -73,7 +73,7 @@ def switch_rail_data(
     points : tuple of Point
         Where laws act on it.
     objects : sequence of PlacedObject
-        Foreign objects, whose places become nodes.
+        Foreign objects at places of the panel, which become nodes.
     """
     rail = panel.rail[name]
     x = mesh_nodes(
