@@ -1,5 +1,7 @@
 """Laws of a drive as data, and what decides between them; without any simulation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,8 +9,8 @@ from turnout.errors import PanelError
 from turnout.panel.load import load_panel
 from turnout.study.calibration.evaluate import Response
 from turnout.study.discrepancy.compare import LawComparison, LawResult
-from turnout.study.discrepancy.descent import criteria
 from turnout.study.discrepancy.laws import drive_laws, lagged, table
+from turnout.study.discrepancy.likelihood import criteria
 from turnout.study.discrepancy.lines import law_lines
 
 PANEL = load_panel("sb1")
@@ -113,3 +115,12 @@ def test_the_plain_law_is_kept_unless_another_is_decisively_better() -> None:
     assert "the bilinear law is rejected (BIC 200 higher)" in text
     assert "slips at 6.90 kN, 15.0 % above the stated 6 kN, scattering by 5.0 %" in text
     assert "no other law is decisively better" in law_lines(compared(9.0, -30.0))[0]
+
+
+def test_what_is_too_little_to_matter_is_no_law() -> None:
+    found = compared(-20.0, 60.0)
+    assert found.best.name == "backlash"
+    small = replace(found.results[2], slight=True)
+    found = replace(found, results=(*found.results[:2], small))
+    assert found.best.name == "bilinear"
+    assert "no more than the bilinear law" in law_lines(found)[-2]

@@ -35,11 +35,17 @@ def test_intervals_that_hold_the_truth_are_counted() -> None:
 
 def test_choices_are_counted_by_truth() -> None:
     records = [
-        {"index": n, "kind": WANTED[n % 3], "chosen": WANTED[0 if n == 4 else n % 3]}
+        {
+            "index": n,
+            "kind": WANTED[n % 3],
+            "chosen": WANTED[0 if n == 4 else n % 3],
+            "schwarz": {WANTED[0]: 0.0, WANTED[1]: -20.0 * n, WANTED[2]: -10.0 * n},
+        }
         for n in range(6)
     ]
     lines = law_section(records)
-    assert f"| {WANTED[1]} | 2 | 1 | 1 | 0 |" in lines
+    assert f"| {WANTED[0]} | 2 | 100 % | 2 | 0 | 0 |  |" in lines
+    assert f"| {WANTED[1]} | 2 | 50 % | 1 | 1 | 0 | 20 |" in lines
 
 
 def test_a_start_is_a_few_per_cent_from_the_truth() -> None:

@@ -37,7 +37,7 @@ class Local:
     steps : mapping of str to tuple of float
         How far aside for each movement, in the coordinate.
     shares : mapping of str to tuple of float
-        How far aside, as a share of the common value.
+        How far aside, as a share of the common value; not of a value of zero.
     about : tuple of mapping of str to float
         Values of each movement where its steps aside were taken.
     quick : bool

@@ -47,6 +47,8 @@ class Misfit:
         From values by name to further overrides of the panel, such as another law of a drive.
     shape : callable, optional
         From a response and the values by name to the response as it is compared.
+    always : tuple of str
+        Parameters that act in every movement, whatever forces the plain law would ask for.
     quick : bool
         Whether throws are quick, and slopes taken over wider differences.
     fine : bool
@@ -61,6 +63,7 @@ class Misfit:
     own: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     law: Callable[[Mapping[str, float]], dict[str, object]] | None = None
     shape: Callable[[Response, Mapping[str, float]], Response] | None = None
+    always: tuple[str, ...] = ()
     quick: bool = False
     fine: bool = False
     frame: "Frame | None" = None
@@ -122,7 +125,7 @@ class Misfit:
         }
         overrides: dict[str, object] = dict(overrides_of(self.parameters, {**values, **mine}))
         if self.law is not None:
-            overrides |= self.law(values)
+            overrides |= self.law({**values, **mine})
         return Throw(
             overrides=overrides,
             place=movement.place,
@@ -168,6 +171,7 @@ class Misfit:
                 for n in range(count)
             )
             for p in stepped
+            if whole[p.name] != 0.0
         }
         return Local(
             values=whole,
@@ -228,7 +232,7 @@ class Misfit:
         for p in stepped:
             values = {**whole, p.name: aside[p.name]}
             for number in range(len(self.movements)):
-                if touches(p, whole[p.name], here[number]):
+                if p.name in self.always or touches(p, whole[p.name], here[number]):
                     wanted.append((p.name, number))
                     throws.append(self._throw(number, values))
         made = self.evaluator.responses(throws)
@@ -239,14 +243,6 @@ class Misfit:
                 raise SolverError(message)
             values = {**whole, name: aside[name]}
             found[name][number] = response if self.shape is None else self.shape(response, values)
-        if self.shape is not None:
-            for p in stepped:
-                if not p.keys:
-                    values = {**whole, p.name: aside[p.name]}
-                    raw = self.evaluator.responses(
-                        [self._throw(n, values) for n in range(len(here))]
-                    )
-                    found[p.name] = [self.shape(item, values) for item in raw]
         return {name: tuple(row) for name, row in found.items()}
 
 
@@ -317,12 +313,6 @@ def jacobian(local: Local, frame: Frame, names: Sequence[str]) -> Floats:
     -------
     ndarray, shape (n, len(names))
     """
-    return _whitened_slopes(slopes_of(local, frame, names), frame)
-
-
-def _whitened_slopes(slopes: Sequence[Floats], frame: Frame) -> Floats:
-    blocks = []
-    for view, slope in zip(frame.views, slopes, strict=True):
-        columns = [-view.whitened(column) for column in slope.T]
-        blocks.append(np.column_stack(columns) if columns else slope)
-    return np.concatenate(blocks)
+    slopes = slopes_of(local, frame, names)
+    rows = [-view.whitened(slope) for view, slope in zip(frame.views, slopes, strict=True)]
+    return np.concatenate(rows)

@@ -1,6 +1,7 @@
 """What a simulation says that the bins of a measured movement should hold."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,80 @@ def compared(
     return found
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Prediction:
+    """A response as the parts of a movement see it, integrated once for any onset.
+
+    Attributes
+    ----------
+    centres : tuple of ndarray
+        Of the bins of each part, from the onset [s].
+    onset : float
+        On the schedule of the response [s].
+    edges : ndarray, shape (n + 1,)
+        Of the cells of the response [s].
+    totals : tuple of ndarray, shape (n + 1,)
+        Integral of each part's signal up to each edge.
+    failed : bool
+        Whether there is no response.
+    """
+
+    centres: tuple[Floats, ...]
+    onset: float
+    edges: Floats
+    totals: tuple[Floats, ...]
+    failed: bool
+
+    def row(self, shift: float) -> Floats:
+        """Return the means over all bins, part after part; NaN where the simulation failed.
+
+        Parameters
+        ----------
+        shift : float
+            How much later than its marked onset the movement truly began [s].
+        """
+        if self.failed:
+            return np.full(sum(centre.size for centre in self.centres), np.nan)
+        rows = []
+        for centre, total in zip(self.centres, self.totals, strict=True):
+            middle = centre + (self.onset - shift)
+            ends = np.interp(
+                np.concatenate((middle + 0.5 * BIN, middle - 0.5 * BIN)), self.edges, total
+            )
+            rows.append((ends[: middle.size] - ends[middle.size :]) / BIN)
+        return np.concatenate(rows)
+
+
+def prediction(
+    response: Response, movement: Movement, parts: Sequence[tuple[Signal, NDArray[np.intp]]]
+) -> Prediction:
+    """Make a response ready to be compared with the parts of a movement.
+
+    Parameters
+    ----------
+    response : Response
+        Of the throw.
+    movement : Movement
+        Tells the direction.
+    parts : sequence of (Signal, ndarray of int)
+        Tell channel, drive and bins.
+    """
+    centres = tuple(signal.time[bins] for signal, bins in parts)
+    if response.failure:
+        return Prediction(centres, 0.0, np.zeros(0), (), failed=True)
+    cell = response.time[1] - response.time[0]
+    return Prediction(
+        centres,
+        onset=response.onsets[movement.direction],
+        edges=response.time[0] + cell * (np.arange(response.time.size + 1) - 0.5),
+        totals=tuple(
+            np.concatenate(([0.0], np.cumsum(_channel(response, signal), dtype=np.float64) * cell))
+            for signal, _ in parts
+        ),
+        failed=False,
+    )
+
+
 def predicted(
     response: Response,
     movement: Movement,
@@ -69,17 +144,7 @@ def predicted(
     ndarray, shape (n,)
         NaN where the simulation failed.
     """
-    if response.failure:
-        return np.full(bins.size, np.nan)
-    values = _channel(response, signal)
-    start = response.onsets[movement.direction] - shift
-    centre = signal.time[bins] + start
-    cell = response.time[1] - response.time[0]
-    edges = response.time[0] + cell * (np.arange(values.size + 1) - 0.5)
-    total = np.concatenate(([0.0], np.cumsum(values, dtype=np.float64) * cell))
-    above = np.interp(centre + 0.5 * BIN, edges, total)
-    below = np.interp(centre - 0.5 * BIN, edges, total)
-    return np.asarray((above - below) / BIN, dtype=np.float64)
+    return prediction(response, movement, [(signal, bins)]).row(shift)
 
 
 def _channel(response: Response, signal: Signal) -> Floats:

@@ -15,7 +15,7 @@ from scipy.linalg import solve_triangular
 from turnout.study.calibration.evaluate import Response
 from turnout.study.calibration.noise import Noise
 from turnout.study.calibration.observed import Movement, Signal
-from turnout.study.calibration.predict import compared, predicted
+from turnout.study.calibration.predict import compared, prediction
 
 Floats = NDArray[np.float64]
 ONSET_STEP = 2e-3
@@ -160,16 +160,16 @@ class View:
 
     def plain(self, response: Response) -> Floats:
         """Return the prediction of a response at the estimated onset."""
-        return _row(response, self.movement, self.parts, self.shift)
+        return prediction(response, self.movement, self.parts).row(self.shift)
 
     def noise_whitened(self, row: Floats) -> Floats:
         """Return a row with its noise made independent; doubts are left in."""
         return _unnoised(row, self.factors)
 
     def whitened(self, row: Floats) -> Floats:
-        """Return a row made independent, doubts shrunk."""
+        """Return a row, or each of several columns, made independent, doubts shrunk."""
         clean = self.noise_whitened(row)
-        return np.asarray(clean - self.basis @ (self.shrink * (self.basis.T @ clean)))
+        return np.asarray(clean - (self.basis * self.shrink) @ (self.basis.T @ clean))
 
     def left_over(self, response: Response) -> list[Floats]:
         """Return the residuals of each part, less what the doubts of this movement explain."""
@@ -184,16 +184,8 @@ class View:
         return found
 
 
-def _row(
-    response: Response,
-    movement: Movement,
-    parts: Sequence[tuple[Signal, NDArray[np.intp]]],
-    shift: float,
-) -> Floats:
-    return np.concatenate([predicted(response, movement, s, b, shift=shift) for s, b in parts])
-
-
 def _unnoised(row: Floats, factors: Sequence[Floats]) -> Floats:
+    """Return a row, or each of several columns, with its noise made independent."""
     found, first = [], 0
     for factor in factors:
         piece = row[first : first + factor.shape[0]]
@@ -257,20 +249,24 @@ def _aligned(
     names = ["onset", *sensitivities]
     scales = [spread, *(comparison.scatter[name] for name in sensitivities)]
     zeros = _channel_columns(parts, measured, comparison.doubt)
+    ahead = prediction(response, movement, parts)
+    pairs = [
+        (prediction(s.aside, movement, parts), prediction(s.here, movement, parts), s.step)
+        for s in sensitivities.values()
+    ]
     shift = 0.0
     for _ in range(ONSET_TURNS):
-        later = _row(response, movement, parts, shift + ONSET_STEP)
-        earlier = _row(response, movement, parts, shift - ONSET_STEP)
-        turned = (later - earlier) / (2.0 * ONSET_STEP)
+        turned = (ahead.row(shift + ONSET_STEP) - ahead.row(shift - ONSET_STEP)) / (
+            2.0 * ONSET_STEP
+        )
         columns = [turned] + [
-            (_row(s.aside, movement, parts, shift) - _row(s.here, movement, parts, shift)) / s.step
-            for s in sensitivities.values()
+            (aside.row(shift) - here.row(shift)) / step for aside, here, step in pairs
         ]
         doubts = np.column_stack([*(c * s for c, s in zip(columns, scales, strict=True)), *zeros])
-        clean = np.column_stack([_unnoised(column, factors) for column in doubts.T])
+        clean = _unnoised(doubts, factors)
         places = np.array([shift, *(s.own for s in sensitivities.values())])
         plain = np.column_stack(columns)
-        rest = measured - _row(response, movement, parts, shift) + plain @ places
+        rest = measured - ahead.row(shift) + plain @ places
         inverse = np.linalg.inv(np.eye(clean.shape[1]) + clean.T @ clean)
         solve = inverse @ clean.T
         found = solve @ _unnoised(rest, factors)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import xarray as xr
 
 from turnout.errors import MeasurementError
@@ -15,21 +16,29 @@ from turnout.study.calibration.parameter import Parameter
 from turnout.study.calibration.record import Calibration
 from turnout.study.calibration.stage import Selection
 from turnout.study.calibration.view import Comparison, Key
-from turnout.study.discrepancy.descent import (
-    Descent,
+from turnout.study.discrepancy.chain import LawFit, fitted_from, fitted_plain, fitted_variant
+from turnout.study.discrepancy.laws import (
+    BOTH,
+    SOFT,
+    WORN,
+    DriveLaw,
+    drive_laws,
+    is_slight,
+    level_key,
+    stiffness_key,
+)
+from turnout.study.discrepancy.likelihood import (
     criteria,
-    descended,
     deviance,
     effective_samples,
     floored,
-    learned_noise,
 )
-from turnout.study.discrepancy.laws import DriveLaw, drive_laws, level_key, stiffness_key
 
 # "Very strong" evidence (Kass and Raftery 1995, doi 10.1080/01621459.1995.10476572, section 3.2).
 DECISIVE = 10.0
 FRICTION, FRICTION_SCATTER = "friction_coefficient", 0.02
 FREE, OBJECTS = 2, 7
+FIXED = "fixed"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +59,8 @@ class LawResult:
         Minus twice the logarithm of the likelihood.
     akaike, schwarz : float
         Information criteria with the effective number of samples; the least is best.
+    slight : bool
+        Whether all that it has beyond the plain law is too little to matter.
     """
 
     name: str
@@ -60,6 +71,7 @@ class LawResult:
     deviance: float
     akaike: float
     schwarz: float
+    slight: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +106,7 @@ class LawComparison:
     @property
     def best(self) -> LawResult:
         """The law that the data want: the plain one unless another is decisively better."""
-        other = min(self.results, key=lambda item: item.schwarz)
+        other = min((r for r in self.results if not r.slight), key=lambda item: item.schwarz)
         better = min(self.plain.schwarz - other.schwarz, self.plain.akaike - other.akaike)
         return other if better > DECISIVE else self.plain
 
@@ -141,51 +153,121 @@ def compare_laws(
     MeasurementError
         When the campaign has no closing movement with an object.
     """
-    laws = drive_laws(panel, drive)
+    drive_laws(panel, drive)
     movements = _chosen(observe(dataset, panel), panel, source=str(dataset.attrs.get("title", "")))
-    noise = floored(measured_noise(movements), movements)
-    known = _parameters(calibration, panel, drive)
-    fits: list[Descent] = []
-    for number, law in enumerate(laws):
-        if report is not None:
-            report(number, len(laws))
-        # Other laws begin where the plain one ended, so that equal throws are made once.
-        start = {p.name: p.start for p in (*known, *law.extra)} | (fits[0].values if fits else {})
-        fits.append(_fitted(law, known, start, movements, noise, evaluator, drive))
-    noises = [learned_noise(item, noise) for item in fits]
-    scores = [min((deviance(item, n), number) for number, n in enumerate(noises)) for item in fits]
-    best = min(range(len(fits)), key=lambda number: scores[number][0])
-    samples = effective_samples(fits[best], noises[scores[best][1]])
-    results = []
-    for law, own, score in zip(laws, fits, scores, strict=True):
-        value = score[0]
-        values = {name: own.values[name] for name in own.names}
-        # Without its extra a law is the plain one, so it is never less likely than that.
-        if law.extra and not law.scatter and scores[0][0] < value:
-            value = scores[0][0]
-            values = {name: fits[0].values[name] for name in fits[0].names}
-            values |= {item.name: item.lower for item in law.extra}
-        count = len(own.names) + len(law.scatter)
-        akaike, schwarz = criteria(value, parameters=count, samples=samples)
-        results.append(
-            LawResult(
-                name=law.name,
-                text=law.text,
-                values=values,
-                scatter={name: own.misfit.comparison.scatter[name] for name in law.scatter},
-                parameters=count,
-                deviance=value,
-                akaike=akaike,
-                schwarz=schwarz,
-            )
-        )
+    fits = fitted_laws(
+        movements, panel, calibration, drive=drive, evaluator=evaluator, report=report
+    )
+    results, samples = judged(fits)
     return LawComparison(
         drive=drive,
         nominal=panel.drive[drive].saturation_force,
         movements=tuple(item.name for item in movements),
         samples=samples,
-        results=tuple(results),
+        results=results,
     )
+
+
+def fitted_laws(
+    movements: tuple[Movement, ...],
+    panel: LoadedPanel,
+    calibration: Calibration,
+    *,
+    drive: str,
+    evaluator: Evaluator,
+    report: Callable[[int, int], None] | None = None,
+) -> list[LawFit]:
+    """Fit each law to the same movements and to the same end, the plain one first.
+
+    All that the calibration fitted is fitted again, drives that are not asked for included: what
+    another value there would explain is no sign of another law.
+
+    Raises
+    ------
+    PanelError
+        When there is no such drive.
+    SolverError
+        When a movement cannot be simulated.
+    """
+    laws = drive_laws(panel, drive)
+    noise = floored(measured_noise(movements), movements)
+    known = _parameters(calibration, panel, drive)
+    misfits = [_misfit(law, known, movements, noise, evaluator, drive) for law in laws]
+    fits: list[LawFit] = []
+    for number, (law, misfit) in enumerate(zip(laws, misfits, strict=True)):
+        if report is not None:
+            report(number, len(laws))
+        vary = [item for item in misfit.parameters if item.vary]
+        if not fits:
+            fits.append(fitted_plain(law, misfit, vary))
+        elif law.name != BOTH:
+            fits.append(fitted_variant(law, misfit, vary, plain=fits[0].found, drive=drive))
+        else:
+            scores = [score for score, _ in _scores(fits)]
+            fits[0], scores[0] = _again(fits, scores, misfits[0])
+            # Two defects are looked for where one of them shows.
+            gains = {
+                item.law.name: scores[0] - score for item, score in zip(fits, scores, strict=True)
+            }
+            if max(gains[WORN], gains[SOFT]) > DECISIVE:
+                fits.append(fitted_variant(law, misfit, vary, plain=fits[0].found, drive=drive))
+    return fits
+
+
+def _scores(fits: Sequence[LawFit]) -> list[tuple[float, int]]:
+    """Return the least deviance of each law under any state of noise, and which state that is."""
+    noises = [item.found.misfit.comparison.noise for item in fits]
+    return [
+        min((deviance(item.found, noise), number) for number, noise in enumerate(noises))
+        for item in fits
+    ]
+
+
+def _again(fits: Sequence[LawFit], scores: Sequence[float], misfit: Misfit) -> tuple[LawFit, float]:
+    """Return the plain law fitted from where a likelier law ended, if that is better.
+
+    Else a law that happened to end nearer would win by what the plain one could as well.
+    """
+    number = int(np.argmin(scores))
+    if number == 0:
+        return fits[0], scores[0]
+    again = fitted_from(fits[0], misfit, fits[number].found)
+    before, after = (score for score, _ in _scores([fits[0], again]))
+    return (again, after) if after < before else (fits[0], scores[0])
+
+
+def judged(fits: Sequence[LawFit]) -> tuple[tuple[LawResult, ...], float]:
+    """Return the laws as they are judged, and how many independent samples judge them."""
+    scores = _scores(fits)
+    best = min(range(len(fits)), key=lambda number: scores[number][0])
+    judge = fits[scores[best][1]].found.misfit.comparison.noise
+    samples = effective_samples(fits[best].found, judge)
+    results = []
+    for item, score in zip(fits, scores, strict=True):
+        law, value = item.law, score[0]
+        values = {name: item.found.values[name] for name in item.names}
+        # Without its extra a law is the plain one, so it is never less likely than that.
+        if law.extra and not law.scatter and scores[0][0] < value:
+            value = scores[0][0]
+            values = {name: fits[0].found.values[name] for name in fits[0].names}
+            values |= {extra.name: extra.lower for extra in law.extra}
+        count = len(item.names) + len(law.scatter)
+        akaike, schwarz = criteria(value, parameters=count, samples=samples)
+        scatter = item.found.misfit.comparison.scatter
+        results.append(
+            LawResult(
+                name=law.name,
+                text=law.text,
+                values=values,
+                scatter={name: scatter[name] for name in law.scatter},
+                parameters=count,
+                deviance=value,
+                akaike=akaike,
+                schwarz=schwarz,
+                slight=is_slight(law, values),
+            )
+        )
+    return tuple(results), samples
 
 
 def _chosen(
@@ -202,28 +284,26 @@ def _chosen(
     return (*free, *trapped)
 
 
-def _fitted(
+def _misfit(
     law: DriveLaw,
     known: Sequence[Parameter],
-    start: Mapping[str, float],
     movements: tuple[Movement, ...],
     noise: Mapping[Key, Noise],
     evaluator: Evaluator,
     drive: str,
-) -> Descent:
-    own = (stiffness_key(drive), level_key(drive))
-    vary = [p for p in known if p.name in own or p.name.endswith(FRICTION)] + list(law.extra)
+) -> Misfit:
     scatter = {p.name: FRICTION_SCATTER for p in known if p.name.endswith(FRICTION)}
-    misfit = Misfit(
+    parameters = (*known, *law.extra)
+    return Misfit(
         evaluator=evaluator,
-        parameters=(*known, *law.extra),
-        base=start,
+        parameters=parameters,
+        base={item.name: item.start for item in parameters},
         movements=movements,
         comparison=Comparison(noise=noise, scatter={**scatter, **law.scatter}),
         law=law.law,
         shape=law.shape,
+        always=(level_key(drive), *(item.name for item in law.extra)) if law.extra else (),
     )
-    return descended(misfit, vary, start)
 
 
 def _parameters(calibration: Calibration, panel: LoadedPanel, drive: str) -> list[Parameter]:
@@ -236,6 +316,7 @@ def _parameters(calibration: Calibration, panel: LoadedPanel, drive: str) -> lis
             lower=item.lower,
             upper=item.upper,
             unit=item.unit,
+            vary=item.state != FIXED,
             transform="log" if item.lower > 0 else "linear",
         )
         for item in calibration.parameters

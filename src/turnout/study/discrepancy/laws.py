@@ -1,7 +1,7 @@
 """Laws that a drive may follow instead of the bilinear one, as data of the panel or of a fit."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ WORN_SCATTER = 0.05
 REACH, PLAY_FORCE = 1.0, 1.0
 # The stiffness of a rounded knee, as a share of the one before it [-].
 KNEE_STIFFNESS = 0.25
+# Less than this is as good as nothing [s], [m], [-]: two solvers differ by as much force.
+LEAST_LAG, LEAST_PLAY, LEAST_KNEE = 5e-3, 5e-5, 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,6 +45,9 @@ class DriveLaw:
         What it is called, and what it means for whoever maintains the drive.
     extra : tuple of Parameter
         Beyond stiffness and slip level.
+    least : mapping of str to float
+        Of an extra: what is smaller changes forces by no more than two solvers differ, or is
+        nothing that anyone would repair.
     scatter : mapping of str to float
         Parameters that scatter from throw to throw, and how much is expected, as a share.
     law : callable or None
@@ -54,6 +59,7 @@ class DriveLaw:
     name: str
     text: str
     extra: tuple[Parameter, ...] = ()
+    least: Mapping[str, float] = field(default_factory=dict)
     scatter: Mapping[str, float]
     law: Law | None = None
     shape: Shape | None = None
@@ -116,6 +122,7 @@ def drive_laws(panel: LoadedPanel, drive: str) -> tuple[DriveLaw, ...]:
             name=SOFT,
             text="the force follows contact with a delay",
             extra=(lag,),
+            least={"lag": LEAST_LAG},
             scatter={},
             shape=soft,
         ),
@@ -123,6 +130,7 @@ def drive_laws(panel: LoadedPanel, drive: str) -> tuple[DriveLaw, ...]:
             name=BACKLASH,
             text="the drive has play before it pushes",
             extra=(play,),
+            least={"backlash": LEAST_PLAY},
             scatter={},
             law=tables[BACKLASH],
             shape=_as_it_is,
@@ -131,6 +139,7 @@ def drive_laws(panel: LoadedPanel, drive: str) -> tuple[DriveLaw, ...]:
             name=KNEE,
             text="the drive softens before it slips",
             extra=(knee,),
+            least={"knee": LEAST_KNEE},
             scatter={},
             law=tables[KNEE],
             shape=_as_it_is,
@@ -139,10 +148,24 @@ def drive_laws(panel: LoadedPanel, drive: str) -> tuple[DriveLaw, ...]:
             name=BOTH,
             text="the clutch is worn and the force follows with a delay",
             extra=(lag,),
+            least={"lag": LEAST_LAG},
             scatter=worn,
             shape=soft,
         ),
     )
+
+
+def is_slight(law: DriveLaw, values: Mapping[str, float]) -> bool:
+    """Tell whether a law has something beyond the plain one, and all of it is too little to matter.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> soft = drive_laws(load_panel("sb1"), "2")[2]
+    >>> is_slight(soft, {"lag": 0.001}), is_slight(soft, {"lag": 0.1})
+    (True, False)
+    """
+    return bool(law.least) and all(values[name] < size for name, size in law.least.items())
 
 
 def _as_it_is(response: Response, _values: Mapping[str, float]) -> Response:

@@ -25,6 +25,8 @@ def law_lines(found: LawComparison) -> list[str]:
     for item in found.results:
         extra = ", ".join(f"{n} = {v:.3g}" for n, v in item.values.items() if "." not in n)
         mark = "rejected" if item in found.rejected else ("chosen" if item is best else "possible")
+        if item.slight:
+            mark = "no more than the bilinear law"
         lines.append(
             f"  {item.name:<44} AICc {item.akaike - best.akaike:+8.1f}  "
             f"BIC {item.schwarz - best.schwarz:+8.1f}  {mark}{'  ' + extra if extra else ''}"
