@@ -4,13 +4,13 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from tests.faults.sweep_process import gone, workers_of
+from tests.faults.terminal import started_in_terminal
 from tests.verification.outsider import CASES, Case, Habits, Truth, write_campaign
 
 from turnout.study.calibration.record import Calibration, load_calibration
@@ -43,20 +43,10 @@ def whole(campaign: Path, worker_processes: None) -> Calibration:
 
 
 def started(folder: Path, *, workers: int = 2) -> subprocess.Popen[str]:
-    """Start the program in a group of its own, as a terminal does."""
+    """Start a calibration in a terminal."""
     options = ["--panel", "sb1", "-o", str(folder / FILE), "--workers", str(workers)]
     options += [word for key in FIXED for word in ("--fix", key)]
-    path = os.pathsep.join(map(os.path.abspath, sys.path))
-    return subprocess.Popen(
-        [sys.executable, "-m", "turnout", "calibrate", str(folder), *options],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        # A shell in the background has Ctrl-C ignored, and its children inherit that.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-        env={**os.environ, "PYTHONPATH": path},
-    )
+    return started_in_terminal("calibrate", str(folder), *options)
 
 
 def finished(folder: Path) -> str:

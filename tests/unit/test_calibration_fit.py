@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from turnout.panel.load import load_panel
+from turnout.study.calibration import fit as fitting
 from turnout.study.calibration.covariance import spread_of
+from turnout.study.calibration.entries import reasons_against
 from turnout.study.calibration.evaluate import CELL, Evaluator, Response, Throw, packed, unpacked
 from turnout.study.calibration.fit import _least_squares, fit, loosened
 from turnout.study.calibration.local import FINE_DIFFERENCE
@@ -283,6 +285,61 @@ def test_a_bound_that_stops_the_fit_is_told() -> None:
     spread = spread_of(found)
     assert spread.states[1] == "at its bound"
     assert np.isnan(spread.deviations[1])
+
+
+def test_a_fit_goes_on_while_it_gains_and_says_where_it_did_not_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(2)
+    whole = misfit([movement(f"m{n}", rng=rng) for n in range(3)])
+    monkeypatch.setattr(fitting, "MOST_STEPS", 1)
+    monkeypatch.setattr(fitting, "MORE_STEPS", 1)
+    found = fit(whole, PARAMETERS, {"mu": 0.6, "k": 2e6})
+    assert found.converged
+    assert found.values["k"] == pytest.approx(TRUE["k"], rel=0.01)
+    assert reasons_against(found, spread_of(found)) == []
+    monkeypatch.setattr(fitting, "LAST_STEP", 1)
+    monkeypatch.setattr(fitting, "MOST_PASSES", 1)
+    found = fit(whole, PARAMETERS, {"mu": 0.6, "k": 2e6})
+    reasons = reasons_against(found, spread_of(found))
+    assert reasons[0].startswith("the last stage ended after 1 steps; more may improve it")
+
+
+def test_a_movement_that_no_friction_explains_is_not_thrown_without_any() -> None:
+    rng = np.random.default_rng(2)
+    whole = misfit([movement("m", rng=rng, own=-0.9), movement("n", rng=rng)])
+    whole.comparison = replace(whole.comparison, scatter={"mu": 0.5})
+    found = fit(whole, PARAMETERS[1:], {**TRUE, "mu": 0.9})
+    assert min(found.misfit.own["mu"]) == -0.5
+
+
+def test_a_model_of_something_else_is_not_to_be_trusted_and_not_refined() -> None:
+    rng = np.random.default_rng(2)
+    measured = [movement(f"m{n}", rng=rng) for n in range(3)]
+    time = measured[0].signals[0].time
+    other = [
+        replace(
+            item,
+            signals=(
+                replace(
+                    item.signals[0],
+                    values=item.signals[0].values + 400.0 * np.sin(9.0 * time) * (time > 0),
+                ),
+            ),
+        )
+        for item in measured
+    ]
+    seen = {}
+    for name, movements in (("right", measured), ("other", other)):
+        whole = misfit(movements)
+        thrown = listened(whole)
+        found = fit(whole, PARAMETERS, TRUE)
+        seen[name] = any(throw.fine for throw, _ in thrown)
+        reasons = reasons_against(found, spread_of(found))
+        assert bool(reasons) == (name == "other")
+    assert seen == {"right": True, "other": False}
+    assert "drive_force of drive 1: the model misses" in reasons[-1]
+    assert "that rods and places are named right" in reasons[-1]
 
 
 def test_sensitivities_are_those_of_the_residuals() -> None:

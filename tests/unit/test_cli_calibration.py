@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from tests.unit.calibrations import calibration
@@ -13,6 +14,7 @@ from turnout.cli.main import app
 from turnout.errors import FileError, PanelError
 from turnout.panel.load import load_panel
 from turnout.response.store import open_response
+from turnout.study.calibration.record import load_calibration
 from turnout.study.study import load_study
 
 
@@ -48,6 +50,36 @@ def test_commands_show_the_calibrated_panel(line: list[str], file: Path, tmp_pat
     assert done.exit_code == 0, (done.output, done.exception)
     own = load_study(study).panel if "STUDY" in line else load_panel("sb1")
     assert calibration().apply(own).hash[:12] in done.output
+
+
+@pytest.mark.parametrize("quiet", [(), ("-q",)], ids=["told", "quiet"])
+def test_a_calibration_that_is_not_to_be_trusted_is_written_and_ends_with_1(
+    quiet: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    known = replace(calibration(), distrust=("the model misses 214 N; check the panel",))
+    made: list[object] = []
+    monkeypatch.setattr("turnout.cli.calibrate.dataset_of", lambda *_, **__: None)
+    monkeypatch.setattr(
+        "turnout.study.calibration.calibrate.calibrate",
+        lambda *_, **__: SimpleNamespace(calibration=made[-1], sweeps=()),
+    )
+    out = tmp_path / "c.toml"
+    made.append(known)
+    done = run("calibrate", tmp_path, "--panel", "sb1", "-o", out, *quiet)
+    assert done.exit_code == 1, (done.output, done.exception)
+    verdict, because = done.output.strip().splitlines()[-2:]
+    assert verdict.split(maxsplit=1) == ["verdict", "NOT TO BE TRUSTED"]
+    assert because.split(maxsplit=1) == ["because", known.distrust[0]]
+    assert load_calibration(out).distrust == known.distrust
+    assert "trusted = false" in out.read_text(encoding="utf-8")
+    shown = run("panel", "show", "sb1", "--calibration", out)
+    assert shown.exit_code == 0
+    assert "is not to be trusted: the model misses 214 N" in shown.stderr
+    made.append(calibration())
+    good = run("calibrate", tmp_path, "--panel", "sb1", "-o", out, *quiet)
+    assert good.exit_code == 0
+    assert "TRUSTED" not in good.output
+    assert "trusted = true" in out.read_text(encoding="utf-8")
 
 
 def test_a_throw_takes_the_panel_of_the_calibration(file: Path, tmp_path: Path) -> None:

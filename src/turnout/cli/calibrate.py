@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from turnout.study.calibration.record import Calibration
 
 SECONDS_BETWEEN_LINES = 2.0
+NOT_TRUSTED = 1
 
 
 def calibrate_command(
@@ -67,6 +68,8 @@ def calibrate_command(
     First friction from movements without an object, then each drive from an object at it, then all
     from at most 20 movements of every kind; the others are left for `turnout validate`. Throws are
     kept beside the campaign: after Ctrl-C the same command goes on.
+
+    Exit code 1 where the result is written but not to be trusted.
     """
     check_outputs({"--out": out}, {"--out": (".toml",)})
     if figures is not None:
@@ -101,6 +104,11 @@ def calibrate_command(
         _draw(outcome, figures)
     if not quiet:
         typer.echo(f"{'written':<12}{out}")
+    for line in verdict_lines(outcome.calibration):
+        if not quiet or outcome.calibration.distrust:
+            typer.echo(line)
+    if outcome.calibration.distrust:
+        raise typer.Exit(NOT_TRUSTED)
 
 
 class _Teller:
@@ -145,6 +153,16 @@ def result_lines(calibration: "Calibration") -> list[str]:
     lines += [f"{'finding':<12}{text}" for text in calibration.findings]
     lines += [f"{'warning':<12}{text}" for text in calibration.warnings]
     return lines
+
+
+def verdict_lines(calibration: "Calibration") -> list[str]:
+    """Say whether a calibration is to be trusted, and why not."""
+    if not calibration.distrust:
+        return [f"{'verdict':<12}the model follows what was measured; `turnout validate` judges it"]
+    return [
+        f"{'verdict':<12}NOT TO BE TRUSTED",
+        *(f"{'because':<12}{text}" for text in calibration.distrust),
+    ]
 
 
 def _posterior_lines(calibration: "Calibration") -> list[str]:

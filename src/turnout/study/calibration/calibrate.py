@@ -21,6 +21,7 @@ from turnout.study.calibration.entries import (
     fitted_parameters,
     left_out,
     noise_entries,
+    reasons_against,
     stage_log,
     unusable,
     warnings_of,
@@ -161,6 +162,7 @@ def calibrate(
         stages=tuple(logs),
         warnings=tuple(dict.fromkeys(warnings)),
         findings=tuple(findings),
+        distrust=tuple(reasons_against(final, spread)),
         noise=noise_entries(final),
         scatter=final.misfit.comparison.scatter,
         about={

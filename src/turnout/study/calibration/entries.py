@@ -9,6 +9,7 @@ import xarray as xr
 from turnout.files.provenance import content_hash
 from turnout.study.calibration.covariance import Spread
 from turnout.study.calibration.fit import Fit
+from turnout.study.calibration.noise import poorly_followed
 from turnout.study.calibration.observed import Movement
 from turnout.study.calibration.parameter import Parameter
 from turnout.study.calibration.record import Fitted, StageLog
@@ -89,17 +90,10 @@ def stage_log(
 
 
 def warnings_of(final: Fit, spread: Spread) -> list[str]:
-    """Say what to look at: an end before convergence, bounds, what the model misses."""
+    """Say what to look at: what the movements do not tell, and what the model misses."""
     found = []
-    if not final.converged:
-        found.append(f"the last stage {final.message}")
     for item, state in zip(final.parameters, spread.states, strict=True):
-        if state == "at its bound":
-            found.append(
-                f"{item.name} = {final.values[item.name]:.6g} lies at its bound: the data want "
-                "more; widen the bound, or look for what else is wrong"
-            )
-        elif state == "not identified":
+        if state == "not identified":
             found.append(
                 f"{item.name}: these movements do not tell it; fix it, or measure one that does"
             )
@@ -111,6 +105,34 @@ def warnings_of(final: Fit, spread: Spread) -> list[str]:
                 f"{name}: the model misses {noise.missed:.3g} N beside a noise of "
                 f"{measured:.2g} N; deviations allow for it"
             )
+    return found
+
+
+def reasons_against(final: Fit, spread: Spread) -> list[str]:
+    """Say why a calibration is not to be trusted; nothing where it is.
+
+    An end before convergence, values at their bounds, and a model that misses more than a small
+    part of what was measured.
+    """
+    found = []
+    if not final.converged:
+        found.append(
+            f"the last stage {final.message}; calibrate again, starting from what came out (--set)"
+        )
+    for item, state in zip(final.parameters, spread.states, strict=True):
+        if state == "at its bound":
+            found.append(
+                f"{item.name} = {final.values[item.name]:.6g} lies at its bound: the data want "
+                "more; widen the bound, or look for what else is wrong"
+            )
+    noise = final.misfit.comparison.noise
+    for key, share in poorly_followed(noise, final.misfit.movements).items():
+        name = f"{key[0]} of drive {key[1]}" if key[1] else key[0]
+        found.append(
+            f"{name}: the model misses {noise[key].missed:.3g} N, {100 * share:.1f} % of the "
+            "largest; check that this is the panel that was measured, that rods and places are "
+            "named right (channel map, run sheet), and the sensitivity of the channel"
+        )
     return found
 
 

@@ -9,7 +9,7 @@ from scipy.optimize import lsq_linear
 
 from turnout.study.calibration.local import Local
 from turnout.study.calibration.misfit import Frame, Misfit, jacobian
-from turnout.study.calibration.noise import missed_by_model
+from turnout.study.calibration.noise import missed_by_model, poorly_followed
 from turnout.study.calibration.observed import BIN
 from turnout.study.calibration.own import OWN_TURNS, own_after, settled
 from turnout.study.calibration.parameter import Parameter, coordinates, values_at
@@ -17,10 +17,12 @@ from turnout.study.calibration.predict import compared, predicted
 from turnout.study.calibration.view import Key
 
 Floats = NDArray[np.float64]
-MOST_STEPS = 12
+# Steps of a fit; so many more after each that still gained by this share of the cost and by a whole
+# square of a standard deviation; and the most.
+MOST_STEPS, MORE_STEPS, LAST_STEP = 12, 4, 40
+STILL_SHARE, STILL_GAIN = 1e-3, 1.0
 # Noise of the turns of a rough fit, as a share of what the model misses at the start [-].
-LOOSE = (1.0,)
-TIGHTENING = (1.0, 0.1)
+LOOSE, TIGHTENING = (1.0,), (1.0, 0.1)
 MOST_PASSES = 4
 # Longest step of a coordinate; half a unit is a factor of 1.6.
 LONGEST_STEP = 0.5
@@ -102,6 +104,8 @@ def fit(
     rough: bool = False,
     loose_shares: Sequence[float] = LOOSE,
     near: Fit | None = None,
+    refined: bool = True,
+    enough: float = LEAST_GAIN,
     told: Callable[[float], None] | None = None,
 ) -> Fit:
     """Fit parameters to movements, and the noise and scatter to what is left over.
@@ -120,6 +124,10 @@ def fit(
         For each turn of a rough fit, which share of what the start misses is taken as noise [-].
     near : Fit, optional
         A rough fit that ended at the values: its movements' own values are gone on with.
+    refined : bool
+        Whether a fit that is not rough ends with shorter steps of the solver.
+    enough : float
+        What a step must promise to be worth throws [square of a standard deviation].
     told : callable, optional
         Called with the root mean square of the residuals after each step.
 
@@ -144,14 +152,16 @@ def fit(
         return replace(found, misfit=relearned(found, misfit), iterations=iterations)
     first, misfit = misfit, replace(misfit, own=own)
     for number in range(MOST_PASSES):
-        misfit = replace(misfit, fine=number > 0)
-        found = _least_squares(misfit, parameters, values, rough=False, told=told, local=local)
+        # Finer steps are no remedy for a model of something else.
+        poor = bool(poorly_followed(misfit.comparison.noise, misfit.movements))
+        misfit = replace(misfit, fine=refined and number > 0 and not poor)
+        found = _least_squares(
+            misfit, parameters, values, rough=False, told=told, local=local, enough=enough
+        )
         iterations += found.iterations
         values, local = found.values, found.local
-        better = relearned(found, first)
-        same = _alike(found.misfit, better)
-        misfit = better
-        if same and number > 0:
+        misfit = relearned(found, first)
+        if number > 0 and (poor or _alike(found.misfit, misfit)):
             break
     return replace(found, iterations=iterations)
 
@@ -207,6 +217,7 @@ def _least_squares(
     rough: bool,
     told: Callable[[float], None] | None,
     local: Local | None = None,
+    enough: float = LEAST_GAIN,
 ) -> Fit:
     """Levenberg-Marquardt within bounds, in one state of noise and scatter."""
     names = [item.name for item in parameters]
@@ -217,7 +228,7 @@ def _least_squares(
         local = replace(local, values=whole, here=tuple(misfit.responses([whole])[0]))
     damping, iterations = 1e-4, 0
     most, most_refused = (ROUGH_STEPS, ROUGH_REFUSED) if rough else (MOST_STEPS, MOST_STEPS)
-    message, converged = f"ended after {most} steps; more may improve it", rough
+    message, converged = "", rough
     while True:
         misfit, local, frame = settled(misfit, local, names, turns=1 if rough else OWN_TURNS)
         residuals = misfit.residuals_of(local.here, frame)
@@ -229,7 +240,7 @@ def _least_squares(
         while iterations < most and refused < most_refused:
             iterations += 1
             step, gain = _step(residuals, slopes, parameters, local.values, damping)
-            least = max(LEAST_GAIN, ROUGH_GAIN * cost) if rough else LEAST_GAIN
+            least = max(enough, ROUGH_GAIN * cost) if rough else enough
             if gain < least or np.abs(step).max() < SHORTEST_STEP:
                 message, converged = "converged", True
                 break
@@ -241,6 +252,8 @@ def _least_squares(
             left = float(at_trial @ at_trial)
             if np.isfinite(left) and left < cost:
                 damping, moved, misfit = 0.1 * damping, True, ahead
+                if not rough and cost - left > max(STILL_GAIN, STILL_SHARE * left):
+                    most = max(most, min(iterations + MORE_STEPS, LAST_STEP))
                 break
             damping, refused = max(10.0 * damping, 1e-3), refused + 1
             if np.abs(step).max() < 10 * SHORTEST_STEP:
@@ -258,7 +271,7 @@ def _least_squares(
         residuals=residuals,
         jacobian=slopes,
         iterations=iterations,
-        message=message,
+        message=message or f"ended after {iterations} steps; more may improve it",
         converged=converged,
     )
 

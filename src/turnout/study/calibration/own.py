@@ -12,7 +12,7 @@ from turnout.study.calibration.misfit import Frame, Misfit, framed, slopes_of
 Floats = NDArray[np.float64]
 # How far a movement's own value may be from where it is thrown, how often it is thrown anew where
 # it is further, and by how much at most it then changes [share].
-SAME_OWN, OWN_TURNS, LONGEST_OWN = 2e-3, 6, 0.04
+SAME_OWN, OWN_TURNS, LONGEST_OWN, FURTHEST_OWN = 2e-3, 6, 0.04, 0.5
 
 
 def settled(
@@ -51,14 +51,18 @@ def own_after(
 def _clipped(
     misfit: Misfit, estimates: Sequence[Mapping[str, tuple[float, float]]]
 ) -> dict[str, tuple[float, ...]]:
-    """Return own values that are no further than the longest step from those of a misfit."""
+    """Return own values that are no further than the longest step from those of a misfit.
+
+    A movement that a model cannot follow must not ask for friction below zero.
+    """
     own = {}
     for name in misfit.comparison.scatter:
         shares = []
         for number, found in enumerate(estimates):
             before = misfit.share(name, number)
             after = found[name][0] if name in found else 0.0
-            shares.append(float(np.clip(after, before - LONGEST_OWN, before + LONGEST_OWN)))
+            near = float(np.clip(after, before - LONGEST_OWN, before + LONGEST_OWN))
+            shares.append(float(np.clip(near, -FURTHEST_OWN, FURTHEST_OWN)))
         own[name] = tuple(shares)
     return own
 

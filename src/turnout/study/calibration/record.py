@@ -104,6 +104,8 @@ class Calibration:
         What was done.
     warnings, findings : tuple of str
         What to look at, and what the data can and cannot tell, in words.
+    distrust : tuple of str
+        Why it is not to be trusted, and what to do; empty where it is.
     noise : mapping of str to mapping of str to float
         By channel: white, slow and missed parts and their times of decay.
     scatter : mapping of str to float
@@ -124,6 +126,7 @@ class Calibration:
     stages: tuple[StageLog, ...]
     warnings: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
+    distrust: tuple[str, ...] = ()
     noise: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     scatter: Mapping[str, float] = field(default_factory=dict)
     about: Mapping[str, str] = field(default_factory=dict)
@@ -181,6 +184,8 @@ def calibration_text(calibration: Calibration) -> str:
         f"data = {_text(calibration.data)}",
         f"data_hash = {_text(calibration.data_hash)}",
         f"movements = {_list(calibration.movements)}",
+        f"trusted = {'false' if calibration.distrust else 'true'}",
+        f"distrust = {_list(calibration.distrust)}",
         f"warnings = {_list(calibration.warnings)}",
         f"findings = {_list(calibration.findings)}",
         "",
@@ -249,15 +254,11 @@ def _read(data: Mapping[str, Any]) -> Calibration:
     covariance = np.array(data["covariance"]["values"], dtype=np.float64).reshape(count, count)
     stages = tuple(
         StageLog(
-            name=item["name"],
-            method=item["method"],
-            movements=tuple(item["movements"]),
-            values=item["values"],
-            misfit=item["misfit"],
-            evaluations=item["evaluations"],
-            iterations=item["iterations"],
-            message=item["message"],
-            sweep={key: tuple(row) for key, row in item.get("sweep", {}).items()},
+            **{
+                **item,
+                "movements": tuple(item["movements"]),
+                "sweep": {key: tuple(row) for key, row in item.get("sweep", {}).items()},
+            }
         )
         for item in data.get("stage", [])
     )
@@ -272,6 +273,7 @@ def _read(data: Mapping[str, Any]) -> Calibration:
         stages=stages,
         warnings=tuple(data["warnings"]),
         findings=tuple(data["findings"]),
+        distrust=tuple(data.get("distrust", ())),
         noise=data.get("noise", {}),
         scatter=data.get("scatter", {}),
         about=data.get("about", {}),

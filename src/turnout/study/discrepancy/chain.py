@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,16 @@ Floats = NDArray[np.float64]
 # Values of what a law has beyond the plain one with which a fit may start, as shares of the first
 # guess: what is small is found by no slope from far above.
 TRIES = (0.1, 0.3, 1.0, 3.0)
+
+
+class _End(TypedDict):
+    refined: bool
+    enough: float
+
+
+# How every law is fitted to its end: what half a step of the solver moves is within the noise that
+# laws are judged by, and so is half a unit of the cost.
+END: _End = {"refined": False, "enough": 0.5}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,8 +57,7 @@ def fitted_plain(law: DriveLaw, misfit: Misfit, vary: Sequence[Parameter]) -> La
         When a movement cannot be simulated.
     """
     near = fit(replace(misfit, quick=True), vary, misfit.base, rough=True, loose_shares=TIGHTENING)
-    last = replace(misfit, base=near.values)
-    found = fit(last, vary, near.values, near=near)
+    found = fit(replace(misfit, base=near.values), vary, near.values, near=near, **END)
     return LawFit(law=law, names=tuple(item.name for item in vary), found=found)
 
 
@@ -80,9 +90,7 @@ def fitted_variant(
     if level_key(drive) in law.scatter:
         own[level_key(drive)] = _own_levels(law, replace(at_plain, base=values), plain, drive)
     start = replace(plain, misfit=replace(at_plain, own=own, base=values), values=values)
-    quick = replace(misfit, quick=True, base=values)
-    near = fit(quick, vary, values, rough=True, loose_shares=TIGHTENING[-1:], near=start)
-    found = fit(replace(misfit, base=near.values), vary, near.values, near=near)
+    found = fit(replace(misfit, base=values), vary, values, near=start, **END)
     return LawFit(law=law, names=tuple(item.name for item in vary), found=found)
 
 
@@ -113,7 +121,7 @@ def fitted_from(before: LawFit, misfit: Misfit, other: Fit) -> LawFit:
         values=values,
         local=replace(other.local, moved={}),
     )
-    found = fit(replace(misfit, base=values), vary, values, near=near)
+    found = fit(replace(misfit, base=values), vary, values, near=near, **END)
     return replace(before, found=found)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from turnout.study.calibration.fit import Fit
 from turnout.study.calibration.misfit import framed
-from turnout.study.calibration.noise import Noise
+from turnout.study.calibration.noise import Noise, peaks_of
 from turnout.study.calibration.observed import Movement
 from turnout.study.calibration.view import Key
 
@@ -18,11 +18,7 @@ AGREEMENT, AGREEMENT_TIME = 3e-3, 0.1
 
 def floored(noise: Mapping[Key, Noise], movements: Sequence[Movement]) -> dict[Key, Noise]:
     """Return noise that holds what solvers of the same mechanics may differ by."""
-    peaks: dict[Key, float] = {}
-    for movement in movements:
-        for signal in movement.signals:
-            key = (signal.channel, signal.drive)
-            peaks[key] = max(peaks.get(key, 0.0), float(np.nanmax(np.abs(signal.values))))
+    peaks = peaks_of(movements)
     return {
         key: replace(item, missed=AGREEMENT * peaks[key], missed_length=AGREEMENT_TIME)
         for key, item in noise.items()
