@@ -3,25 +3,24 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from turnout.files.provenance import content_hash
-from turnout.files.toml import TomlFile
 from turnout.integrate.scheme import Scheme
 from turnout.panel.load import LoadedPanel
 from turnout.study.assemble import foreign_objects, multiplied, shown
-from turnout.study.calibration.belongs import doubts_on
-from turnout.study.calibration.record import load_calibration
 from turnout.study.design import Design
 from turnout.study.random_field import RandomField
 from turnout.study.sampling import FIELDS, SCENARIOS
 from turnout.study.scenario import Output, Rule, Scenario, Value, chains_of
-from turnout.study.study_library import named_panel, open_study, path_from
-from turnout.study.study_read import Parts, read_parts, read_record
 from turnout.study.temperature import TemperatureLaw
 from turnout.study.variable import OBJECT_KEYS, TEMPERATURE_KEY, Variable
+
+if TYPE_CHECKING:
+    from turnout.files.toml import TomlFile
+    from turnout.study.study_read import Parts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,11 +208,19 @@ def load_study(name_or_path: str | Path, *, calibration: Path | None = None) -> 
     >>> load_study("sleeper-6").count
     11
     """
+    from turnout.study.study_library import open_study
+
     return study_from_file(open_study(name_or_path), calibration=calibration)
 
 
-def study_from_file(file: TomlFile, *, calibration: Path | None = None) -> Study:
+def study_from_file(file: "TomlFile", *, calibration: Path | None = None) -> Study:
     """Make a study from a TOML document that was already read."""
+    # Workers of a sweep get their study ready, and need not wait for what reads files.
+    from turnout.study.calibration.belongs import doubts_on
+    from turnout.study.calibration.record import load_calibration
+    from turnout.study.study_library import named_panel, path_from
+    from turnout.study.study_read import read_parts, read_record
+
     record, unknown = read_record(file)
     if calibration is None and record.calibration is not None:
         calibration = path_from(record.calibration, file)
@@ -242,7 +249,7 @@ def study_from_file(file: TomlFile, *, calibration: Path | None = None) -> Study
     )
 
 
-def digest_of(parts: Parts, *, seed: int) -> str:
+def digest_of(parts: "Parts", *, seed: int) -> str:
     """Return the content hash of all that determines the results of a study."""
     content = {item.name: getattr(parts, item.name) for item in fields(parts)}
     content |= {"panel": parts.panel.hash, "seed": seed}
