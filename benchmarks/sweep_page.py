@@ -17,9 +17,8 @@ def page(kept: dict[str, Any]) -> str:
     look = "\n".join(f"| {name} | {seconds:.3f} |" for name, seconds in kept["reading"].items())
     return f"""# Performance of sweeps
 
-Written by `python -m benchmarks.sweep` on {machine()}. Times by the clock are
-those of a machine that does nothing else only where its load was no more than the number of
-workers; where it was more, throws wait for others, and processor time tells. {rate_section(full)}
+Written by `python -m benchmarks.sweep` on {machine()}.
+{rate_section(full)}
 {campaign_section(kept["campaign"])}
 ## Memory
 
@@ -81,15 +80,15 @@ def rate_section(full: dict[str, Any]) -> str:
         ),
     ]
     table = "\n".join(f"| {what} | {clock} | {used} |" for what, clock, used in rows)
-    return f"""The load was
-{full["load_before"]:.1f} before the full-panel sweep and {full["load"]:.1f} at its end.
-
+    return f"""
 ## Rate
 
 {n} throws of the default panel in {workers} processes, each with its own friction, drive
 stiffness, object size and place. A throw is solved in what `simulate` tells as its `solver_time`:
 the mechanism built, its equilibrium found, the motion integrated. The whole run lasts
-{full["wall"]:.1f} s, from the study in memory to the card.
+{full["wall"]:.1f} s, from the study in memory to the card. Where the two columns differ, throws
+waited for others on the machine, whose load was {full["load_before"]:.1f} in the minute before and
+{full["load"]:.1f} in the last one.
 
 | what | by the clock | by processor time |
 |---|---|---|
