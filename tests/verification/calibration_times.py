@@ -1,0 +1,125 @@
+"""How long a calibration takes by the clock, on a campaign of the default panel.
+
+    python -m tests.verification.calibration_times make DIR
+    python -m tests.verification.calibration_times run DIR
+    python -m tests.verification.calibration_times report DIR
+
+`make` writes and builds a virtual campaign of all places and sizes. `run` times the command, begun
+anew with no throw kept, with two processes: on 20 movements, on all of them, and with the posterior
+of 20. Each takes its time from DIR/times.jsonl where it was measured before; delete the file to
+measure again. `report` writes into docs/calibration.md.
+"""
+
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from tests.verification.resumable import Record, put_section
+
+from turnout.response.store import open_response
+from turnout.study.calibration.record import load_calibration
+
+PANEL = "uic60-760-1-15"
+PAGE = Path(__file__).parents[2] / "docs" / "calibration.md"
+TIMES, DATASET = "times.jsonl", "campaign.nc"
+SEED, WORKERS = 20261124, 2
+TRUTH = {
+    "chair.friction_coefficient": "0.33",
+    "drive.1.stiffness": "860 kN/m",
+    "drive.2.stiffness": "690 kN/m",
+}
+# What is timed, its options, and what is wanted of it [s].
+RUNS = (
+    ("stages and joint fit on 20 movements", ("--most", "20"), 30.0),
+    ("stages and joint fit on all movements", ("--most", "0"), 180.0),
+    ("the same on 20 movements with the posterior", ("--most", "20", "--posterior"), 300.0),
+)
+
+
+def make(folder: Path) -> None:
+    """Write and build the campaign."""
+    changes = [word for key, value in TRUTH.items() for word in ("--set", f"{key}={value}")]
+    options = ["--panel", PANEL, "--seed", str(SEED), "--format", "csv", *changes]
+    turnout("campaign", "virtual", "--out", str(folder / "campaign"), *options)
+    turnout("campaign", "build", str(folder / "campaign"), "--out", str(folder / DATASET))
+
+
+def turnout(*words: str) -> int:
+    """Run the program in a process of its own and return its exit code, which may be 1."""
+    code = subprocess.run([sys.executable, "-m", "turnout", *words], check=False).returncode
+    assert code in (0, 1), words
+    return code
+
+
+def timed(folder: Path, number: int) -> Record:
+    """Calibrate once, with nothing kept, and return how long that took."""
+    name, options, wanted = RUNS[number]
+    place = folder / f"run-{number}"
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir()
+    shutil.copy(folder / DATASET, place / DATASET)
+    load = os.getloadavg()[0]
+    used, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
+    words = ["-o", str(place / "calibration.toml"), "--workers", str(WORKERS)]
+    code = turnout("calibrate", str(place / DATASET), "--panel", PANEL, *words, *options)
+    seconds, after = time.monotonic() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
+    found = load_calibration(place / "calibration.toml")
+    return {
+        "index": number,
+        "name": name,
+        "wanted": wanted,
+        "seconds": seconds,
+        "processor": after.ru_utime + after.ru_stime - used.ru_utime - used.ru_stime,
+        "movements": len(found.movements),
+        "all": open_response(folder / DATASET).sizes["movement"],
+        "throws": sum(stage.evaluations for stage in found.stages),
+        "load": load,
+        "code": code,
+    }
+
+
+def section(records: list[Record]) -> list[str]:
+    """Return the part of the page that this job writes."""
+    lines = [
+        f"Campaign of {records[0]['all']} movements of `{PANEL}`, seed {SEED}, `turnout calibrate` "
+        f"with {WORKERS} processes, by the clock from the start of the program to its end. Written "
+        "by `python -m tests.verification.calibration_times report DIR`.",
+        "",
+        "| what | time | wanted | processor time | throws of the stages | load before |",
+        "|---|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {r['name']} | {r['seconds']:.0f} s | {r['wanted']:.0f} s | {r['processor']:.0f} s | "
+        f"{r['throws']} | {r['load']:.1f} |"
+        for r in records
+    ]
+    return lines
+
+
+def main(command: str, folder: Path) -> None:
+    """Do what the command line says."""
+    times = folder / TIMES
+    lines = times.read_text(encoding="utf-8").splitlines() if times.exists() else []
+    records = [json.loads(line) for line in lines]
+    if command == "make":
+        make(folder)
+    elif command == "run":
+        known = {record["index"] for record in records}
+        for number in range(len(RUNS)):
+            if number not in known:
+                text = json.dumps(timed(folder, number))
+                with times.open("a", encoding="utf-8") as file:
+                    file.write(text + "\n")
+    else:
+        put_section(
+            PAGE, name="times", heading="How long it takes by the clock", lines=section(records)
+        )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], Path(sys.argv[2]))
