@@ -6,10 +6,14 @@ from tests.unit.test_integrate_columns import INERTIA, VISCOSITY, Setup, flip, s
 
 from turnout.integrate.accuracy import DRIFTS, correct, is_inaccurate
 from turnout.integrate.columns import rebuild, update_row
+from turnout.integrate.compliance import make_level
 from turnout.integrate.energy import account_friction
+from turnout.integrate.march import _try_step
+from turnout.integrate.scheme import AlphaCoefficients
 from turnout.integrate.solution import set_modes, solve_set
-from turnout.integrate.solve import evaluate
-from turnout.integrate.state import set_segment
+from turnout.integrate.solve import CONVERGED, Tolerances, evaluate
+from turnout.integrate.state import COUNT_RECENT, set_segment
+from turnout.integrate.step import Stepping, coefficients
 from turnout.integrate.work import Work
 from turnout.law.kernel import SLIP_FORWARD
 
@@ -68,6 +72,31 @@ def test_the_errors_found_are_taken_off(made: Setup, worn: str) -> None:
     left = [np.abs(made.state.q - exact[0]).max(), np.abs(made.state.g - exact[1]).max()]
     assert left[0] < 1e-4 * off[0]
     assert left[1] < 1e-4 * off[1]
+
+
+def stepping(step: float) -> Stepping:
+    alpha = AlphaCoefficients.from_spectral_radius(0.5)
+    coefficients = (alpha.alpha_m, alpha.alpha_f, alpha.beta, alpha.gamma)
+    return Stepping(step, *coefficients, 0, False, 1, True)
+
+
+def test_a_solution_is_corrected_where_columns_are_fresh_and_yet_wrong(made: Setup) -> None:
+    system, table, state, work = made.system, made.table, made.state, made.work
+    given = stepping(1e-3)
+    inertia, viscosity = coefficients(given, given.step)
+    state.made[:] = 0
+    make_level(system, state, 0, inertia, viscosity)
+    rebuild(system, table, state, 0, work.row)
+    state.mode_columns[:] *= 1.0 + 1e-6
+    state.drift[0] = DRIFTS  # as after the last correction
+    work.changed[0] = 1
+    tolerances, inputs = Tolerances(1e9, 1e12, 10), (state.inputs.copy(), state.inputs.copy())
+    state.inputs[:] = [2e-3, -1e-3]
+    args = (system, table, state, work, tolerances, given, given.step, inputs, True)
+    assert _try_step(*args) == CONVERGED
+    assert state.counters[COUNT_RECENT] == 0
+    assert state.drift[0] == DRIFTS  # looked at once more after the next step
+    assert not is_inaccurate(system, table, state, work, inertia, viscosity)
 
 
 def test_a_flip_counts_by_its_divisor_both_ways(made: Setup) -> None:

@@ -1,5 +1,7 @@
 """Splitting a linear system at a frequency loses nothing of its static answer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -125,6 +127,32 @@ def test_shapes_damped_apart_span_the_same_modes() -> None:
     np.testing.assert_allclose(apart.damping, whole, rtol=0, atol=1e-12 * np.abs(whole).max())
     np.testing.assert_allclose(apart.load, apart.modes.T @ system["load"], rtol=1e-9)
     assert damped_apart(apart).modes is apart.modes  # nothing is left to be done
+
+
+@pytest.mark.parametrize("dampers", [0, 1])
+def test_shapes_without_damping_span_the_same_modes(dampers: int) -> None:
+    system = random_system()
+    direction = np.ones((N_DOF, dampers))
+    system["damping"] = 3e3 * direction @ direction.T
+    model = split(system, cutoffs(system)[2])
+    apart = damped_apart(model)
+    assert np.count_nonzero(np.diagonal(apart.damping) > 1e-9 * np.trace(model.damping)) == dampers
+    assert np.trace(apart.damping) == pytest.approx(np.trace(model.damping), rel=1e-12)
+    flexible = apart.row_modes @ np.linalg.solve(apart.stiffness, apart.row_modes.T)
+    expected = (model.row_modes / model.eigenvalues) @ model.row_modes.T
+    np.testing.assert_allclose(flexible, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("full", [True, False], ids=["full", "diagonal"])
+def test_damping_that_makes_energy_is_refused(full: bool) -> None:
+    system = random_system()
+    model = split(system, cutoffs(system)[2])
+    signs = np.ones(model.eigenvalues.size)
+    signs[1] = -1.0
+    damping = model.damping - 2.0 * np.max(model.damping) * np.eye(signs.size)
+    wrong = replace(model, damping=damping if full else np.diag(signs))
+    with pytest.raises(MechanicsError, match="makes energy.*look at the sign"):
+        damped_apart(wrong)
 
 
 def bar(supported: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:

@@ -122,6 +122,7 @@ def lopsided(content: Content) -> None:
         (lambda c: c.update(damping=c["damping"][:-6, :-6]), "damping is .*must be"),
         (lopsided, "stiffness is not symmetric"),
         (lambda c: c.update(mass=-c["mass"]), "negative number on its diagonal"),
+        (lambda c: c.update(damping=-c["mass"]), "damping has a negative number on its diagonal"),
         (lambda c: c.update(mass=c["mass"] * np.nan), "mass holds numbers that are not finite"),
         (lambda c: c.update(mass=c["mass"] * 1j), "mass must be a matrix of real numbers"),
         (lambda c: c.update(table_x=c["table_x"][:-1]), "table_direction has 366 .*table_x 365"),

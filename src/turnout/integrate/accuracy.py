@@ -94,7 +94,7 @@ def _modal_errors(
 
 @compiled
 def correct(system: System, state: State, work: Work) -> None:
-    """Take the errors that `is_inaccurate` has found off the solution, with the same columns."""
+    """Take the errors that `measure` has found off the solution, with the same columns."""
     copy(state.g, work.found)
     _spread(system, state, work)
     for block in range(system.end_start.size - 1):
@@ -132,6 +132,8 @@ def is_inaccurate(
 ) -> bool:
     """Tell whether the solution of the step just found suffers from worn columns.
 
+    It is measured where rounding may have grown since it was last.
+
     Parameters
     ----------
     inertia, viscosity : float
@@ -139,6 +141,17 @@ def is_inaccurate(
     """
     if state.drift[0] < DRIFTS:
         return False
+    return measure(system, table, state, work, inertia, viscosity)
+
+
+@compiled
+def measure(
+    system: System, table: LawTable, state: State, work: Work, inertia: float, viscosity: float
+) -> bool:
+    """Put a solution into the equations, and tell whether what is left over is too much.
+
+    Errors are left in ``work.end_error`` and ``work.modal_error``; rounding is counted from here.
+    """
     state.drift[0] = 1.0
     deviation_forces(system, table, state, work)
     force = work.end_force

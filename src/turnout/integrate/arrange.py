@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import MechanicsError
+from turnout.integrate.memory import release
 from turnout.integrate.places import placed
 from turnout.integrate.scheme import Scheme
 from turnout.integrate.system import System, check_normals, condensed_system
@@ -89,8 +90,9 @@ def arranged(mechanism: Mechanism, scheme: Scheme) -> Arranged:
 
 
 def forget() -> None:
-    """Empty the memory of condensed mechanisms."""
+    """Empty the memory of condensed mechanisms, and that of histories that are gone."""
     _memory.clear()
+    release()
 
 
 def _key(mechanism: Mechanism, scheme: Scheme) -> Hashable | None:

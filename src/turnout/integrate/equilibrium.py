@@ -8,7 +8,7 @@ its lowest point from anywhere, on all coordinates.
 
 import numpy as np
 
-from turnout.integrate.accuracy import DRIFTS, correct, is_inaccurate
+from turnout.integrate.accuracy import correct, measure
 from turnout.integrate.solve import CONVERGED, Tolerances, settle
 from turnout.integrate.state import State
 from turnout.integrate.system import Floats, Ints, System
@@ -93,7 +93,6 @@ def equilibrium(
     copy(system.load, work.right_side)
     code = settle(system, table, state, work, tolerances)
     if code == CONVERGED:
-        state.drift[0] = DRIFTS
-        is_inaccurate(system, table, state, work, 0.0, 0.0)
+        measure(system, table, state, work, 0.0, 0.0)
         correct(system, state, work)
     return code

@@ -5,7 +5,7 @@ Kernels change `State` in place and return an outcome code; they never raise and
 
 from typing import NamedTuple
 
-from turnout.integrate.accuracy import DRIFTS, correct, equilibrium_residual, is_inaccurate
+from turnout.integrate.accuracy import DRIFTS, correct, equilibrium_residual, is_inaccurate, measure
 from turnout.integrate.columns import REBUILD_AFTER, rebuild
 from turnout.integrate.compliance import make_level
 from turnout.integrate.energy import (
@@ -100,8 +100,7 @@ def _try_step(
             # the set is found; its solution is taken from columns without a history
             rebuild(system, table, state, state.counters[LEVEL], work.row)
             code = settle(system, table, state, work, tolerances)
-            state.drift[0] = DRIFTS
-        if code == CONVERGED and is_inaccurate(system, table, state, work, inertia, viscosity):
+        if code == CONVERGED and measure(system, table, state, work, inertia, viscosity):
             correct(system, state, work)
             evaluate(system, table, state, work)
             state.drift[0] = DRIFTS

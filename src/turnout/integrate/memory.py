@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-MOST_KEPT = 32 * 2**20
-"""Pieces of more numbers than this go back to the operating system."""
+MOST_KEPT = 16 * 2**20
+"""Pieces of more numbers than this go back to the operating system; two pieces are kept at most."""
 
 _spare: deque[Floats] = deque(maxlen=2)
 
@@ -42,6 +42,11 @@ def borrowed(count: int) -> Floats:
     if memory.size <= MOST_KEPT:
         weakref.finalize(found, _spare.append, memory).atexit = False
     return found
+
+
+def release() -> None:
+    """Give spare memory back to the operating system."""
+    _spare.clear()
 
 
 def _fitting(count: int) -> Floats | None:

@@ -95,14 +95,14 @@ def evaluate_frictions(table: LawTable, state: State, work: Work) -> None:
 
     ``work.force`` is that of the solution.
     """
-    _hold(
+    _try_frictions(
         work.force, table.friction_normal, table.friction_coefficient, state.g, table.friction_row,
         state.anchor, table.stick_stiffness, work.trial, work.limit,
     )  # fmt: skip
 
 
 @compiled_loop
-def _hold(
+def _try_frictions(
     force: Floats,
     normals: Ints,
     coefficient: Floats,

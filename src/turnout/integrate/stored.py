@@ -29,13 +29,13 @@ def rest_at(system: System, table: LawTable, state: State) -> None:
             modes[first:last] = system.end_modes[first:last, : q.size] @ q
     modes[system.follower_start[-1] :] = modes[system.joining_ends].sum(axis=0)
     state.resting[:] = state.q
-    _hold(system, state.q, state.held_at_rest)
+    _holding_forces(system, state.q, state.held_at_rest)
     state.law_apart[:] = system.law_load - modes[table.row]
     state.friction_apart[:] = system.friction_load - modes[table.friction_row]
 
 
 @compiled
-def _hold(system: System, q: Floats, force: Floats) -> None:
+def _holding_forces(system: System, q: Floats, force: Floats) -> None:
     """Write the forces that hold the modes at `q`."""
     force[:] = 0.0
     for block in range(system.mode_start.size - 1):
@@ -46,7 +46,7 @@ def _hold(system: System, q: Floats, force: Floats) -> None:
 @compiled
 def folded_energy(system: System, state: State, work: Work) -> float:
     """Return the energy of the linear system with the base segments of all laws [J]."""
-    _hold(system, state.q, work.of_modes)
+    _holding_forces(system, state.q, work.of_modes)
     return 0.5 * dot(work.of_modes, state.q)
 
 

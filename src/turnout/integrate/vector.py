@@ -98,7 +98,7 @@ def two_totals(a: Floats, b: Floats) -> tuple[float, float]:
 
 
 @compiled_loop
-def add(weight: float, a: Floats, total: Floats) -> None:
+def add(weight: float, a: Floats, to: Floats) -> None:
     """Add a multiple of a vector to another; the added one may be longer.
 
     Examples
@@ -109,12 +109,12 @@ def add(weight: float, a: Floats, total: Floats) -> None:
     >>> total.tolist()
     [3.0, 7.0]
     """
-    for i in range(total.size):
-        total[i] += weight * a[i]
+    for i in range(to.size):
+        to[i] += weight * a[i]
 
 
 @compiled_loop
-def add_two(one: float, a: Floats, other: float, b: Floats, total: Floats) -> None:
+def add_two(one: float, a: Floats, other: float, b: Floats, to: Floats) -> None:
     """Add multiples of two vectors to a third; the added ones may be longer.
 
     Examples
@@ -125,12 +125,12 @@ def add_two(one: float, a: Floats, other: float, b: Floats, total: Floats) -> No
     >>> total.tolist()
     [4.0, 8.0]
     """
-    for i in range(total.size):
-        total[i] += one * a[i] + other * b[i]
+    for i in range(to.size):
+        to[i] += one * a[i] + other * b[i]
 
 
 @compiled
-def add_rows(weights: Floats, rows: Floats, total: Floats) -> None:
+def add_rows(weights: Floats, rows: Floats, to: Floats) -> None:
     """Add a weighted sum of the rows of a matrix, which may be wider, to a vector.
 
     Four rows at a time, so that the sum is read and written a quarter as often.
@@ -143,16 +143,16 @@ def add_rows(weights: Floats, rows: Floats, total: Floats) -> None:
     >>> total.tolist()
     [120.0, 135.0]
     """
-    n, width = weights.size, total.size
+    n, width = weights.size, to.size
     r = 0
     while r + 4 <= n:
         a, b, c, d = weights[r], weights[r + 1], weights[r + 2], weights[r + 3]
         first, second, third, fourth = rows[r], rows[r + 1], rows[r + 2], rows[r + 3]
         for i in range(width):
-            total[i] += (a * first[i] + b * second[i]) + (c * third[i] + d * fourth[i])
+            to[i] += (a * first[i] + b * second[i]) + (c * third[i] + d * fourth[i])
         r += 4
     while r < n:
-        add(weights[r], rows[r], total)
+        add(weights[r], rows[r], to)
         r += 1
 
 

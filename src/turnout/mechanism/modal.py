@@ -24,6 +24,8 @@ Floats = NDArray[np.float64]
 
 RIGID = 1e-12
 """Eigenvalues below this share of the largest are those of rigid-body modes."""
+NEGATIVE = 1e-10
+"""A damping that is negative by this share of the largest is no rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +35,8 @@ class ModalModel:
     Attributes
     ----------
     eigenvalues : ndarray, shape (n_modes,)
-        Squared angular frequencies of the kept modes [1/s2].
+        Squared angular frequencies of the kept modes, not of single columns of `modes` once these
+        are damped apart [1/s2].
     stiffness, damping : ndarray, shape (n_modes, n_modes)
         Stiffness and damping matrix in the shapes that span the kept modes; at most one of them is
         not diagonal, `damped_apart` [1/s2, 1/s].
@@ -135,6 +138,11 @@ def damped_apart(model: ModalModel) -> ModalModel:
     Kept modes may be combined at will as long as they stay orthogonal in the mass. Stiffness is
     asked for once for each length of a step, damping in every step.
 
+    Raises
+    ------
+    MechanicsError
+        If damping makes energy.
+
     Examples
     --------
     >>> spring = np.array([[2.0, -1.0], [-1.0, 2.0]])
@@ -143,16 +151,26 @@ def damped_apart(model: ModalModel) -> ModalModel:
     >>> damped_apart(model).damping.round(9).tolist()
     [[0.0, 0.0], [0.0, 0.5]]
     """
-    of_shapes = np.diagonal(model.damping)
-    if np.all(np.abs(model.damping - np.diag(of_shapes)) <= 1e-13 * of_shapes.max(initial=0.0)):
-        return replace(model, damping=np.diag(of_shapes))
-    of_shapes, turn = eigh(model.damping, check_finite=True)
+    of_shapes, turn = np.diagonal(model.damping), None
+    if np.any(
+        np.abs(model.damping - np.diag(of_shapes)) > 1e-13 * np.abs(of_shapes).max(initial=0)
+    ):
+        of_shapes, turn = eigh(model.damping, check_finite=True)
+    if np.min(of_shapes, initial=0.0) < -NEGATIVE * np.abs(of_shapes).max(initial=0.0):
+        msg = (
+            "the damping of a rail makes energy instead of taking it; "
+            "look at the sign of its damping matrix"
+        )
+        raise MechanicsError(msg)
+    damping = np.diag(np.maximum(of_shapes, 0.0))
+    if turn is None:
+        return replace(model, damping=damping)
     turn = _upright(turn)
     stiffness = (turn.T * model.eigenvalues) @ turn
     return replace(
         model,
         stiffness=0.5 * (stiffness + stiffness.T),
-        damping=np.diag(np.maximum(of_shapes, 0.0)),
+        damping=damping,
         modes=np.ascontiguousarray(model.modes @ turn),
         row_modes=_each_by_itself(model.row_modes, turn.T),
         load=turn.T @ model.load,

@@ -212,18 +212,16 @@ def complex_modes(model: ModalModel, coupling: Floats, *, with_shapes: bool = Tr
 
     Examples
     --------
-    >>> one = np.ones((1, 1))
-    >>> nil = np.zeros(1)
-    >>> model = ModalModel(
-    ...     np.array([100.0]), 0.4 * one, one, one, 0 * one, 0 * one, nil, nil, nil
-    ... )
+    >>> from turnout.mechanism.modal import modal_model
+    >>> given = {"damping": np.array([[0.4]]), "rows": np.eye(1), "load": np.zeros(1)}
+    >>> model = modal_model(np.array([[100.0]]), np.eye(1), cutoff_frequency=10.0, **given)
     >>> found = complex_modes(model, np.array([[0.0]]))
     >>> found.damping_ratio.round(6).tolist()
     [0.02]
     """
     rows, size = model.row_load.size, model.eigenvalues.size
     force = np.linalg.solve(np.eye(rows) - coupling @ model.flexibility, coupling @ model.row_modes)
-    stiffness = np.diag(model.eigenvalues) - model.row_modes.T @ force
+    stiffness = model.stiffness - model.row_modes.T @ force
     # Scaled time makes both halves of the state alike in size.
     scale = float(np.sqrt(np.median(model.eigenvalues)))
     matrix = np.zeros((2 * size, 2 * size))

@@ -124,6 +124,8 @@ class _Reader:
             self.problems.append(f"damping is {_shape(damping)}, must be {size} x {size}")
         if mass is not None and np.any(mass.diagonal() < 0):
             self.problems.append("mass has a negative number on its diagonal; look at its sign")
+        if damping is not None and np.any(damping.diagonal() < 0):
+            self.problems.append("damping has a negative number on its diagonal; look at its sign")
         weight = self._vector("unit_weight", size) if "unit_weight" in self.found else None
         x = self._vector("table_x", None)
         count = None if x is None else x.size
