@@ -41,7 +41,7 @@ panel = "uic60-760-1-15"
 seed = 1
 
 [scheme]
-mode = "quick"
+mode = "{mode}"
 
 [[variable]]
 key = "chair.friction_coefficient"
@@ -98,10 +98,10 @@ count = {count}
 """
 
 
-def study_in(folder: Path, text: str, *, name: str, count: int) -> Study:
+def study_in(folder: Path, text: str, *, name: str, count: int, mode: str = "quick") -> Study:
     """Write a study file and load it."""
     path = folder / f"{name}-{count}.toml"
-    path.write_text(text.format(count=count), encoding="utf-8")
+    path.write_text(text.format(count=count, mode=mode), encoding="utf-8")
     return load_study(path)
 
 
@@ -258,10 +258,12 @@ def main() -> None:
         kept[name] = value
         kept_file.write_text(json.dumps(kept, indent=1), encoding="utf-8")
 
+    for name, mode in (("full", "quick"), ("waveform", "waveform")):
+        study = study_in(folder, FULL, name=name, count=chosen.full, mode=mode)
+        result = timed_run(study, folder / name, workers=chosen.workers)
+        if result["thrown"]:
+            keep(name, result)
     full = study_in(folder, FULL, name="full", count=chosen.full)
-    result = timed_run(full, folder / "full", workers=chosen.workers)
-    if result["thrown"]:
-        keep("full", result)
     if "campaign" not in kept:
         keep("campaign", campaign(folder / "campaign", workers=chosen.workers))
     if "sizes" not in kept:

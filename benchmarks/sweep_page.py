@@ -11,14 +11,20 @@ SHARE, HOUR, CORES, CAMPAIGN = 0.9, 100_000, 2, 15.0
 
 def page(kept: dict[str, Any]) -> str:
     """Return the page of what was measured."""
-    full, small = kept["full"], kept["small"]
+    small = kept["small"]
     curve = "\n".join(f"| {n} | {run:.0f} | {worker:.0f} |" for n, run, worker in thinned(small))
     store = "\n".join(f"| {name} | {size / 1e3:.1f} |" for name, size in kept["sizes"].items())
     look = "\n".join(f"| {name} | {seconds:.3f} |" for name, seconds in kept["reading"].items())
     return f"""# Performance of sweeps
 
 Written by `python -m benchmarks.sweep` on {machine()}.
-{rate_section(full)}
+{rate_section(kept["full"], "quick")}
+Beside solving a worker makes the panels of its scenarios and places their objects, recovers gaps
+from the motion of the rails, takes labels and features from every instant, and compresses and
+writes. A worker starts in about a second (imports, kernels from their files, the first rails),
+which weighs the less the more throws there are.
+{rate_section(kept["waveform"], "waveform")}
+What is done beside solving hardly depends on the mode, so that it weighs less in this one.
 {campaign_section(kept["campaign"])}
 ## Memory
 
@@ -44,8 +50,8 @@ The sweep of {small["stored"]} small throws.
 """
 
 
-def rate_section(full: dict[str, Any]) -> str:
-    """Return the section on rates: by the clock, and by processor time."""
+def rate_section(full: dict[str, Any], mode: str) -> str:
+    """Return the section on rates of a mode: by the clock, and by processor time."""
     n, workers = full["thrown"], full["workers"]
     solved = full["solver"] / n, full["solver_processor"] / n
     work = full["busy"] / n, full["busy_processor"] / n
@@ -81,7 +87,7 @@ def rate_section(full: dict[str, Any]) -> str:
     ]
     table = "\n".join(f"| {what} | {clock} | {used} |" for what, clock, used in rows)
     return f"""
-## Rate
+## Rate in the mode {mode}
 
 {n} throws of the default panel in {workers} processes, each with its own friction, drive
 stiffness, object size and place. A throw is solved in what `simulate` tells as its `solver_time`:
@@ -93,11 +99,6 @@ waited for others on the machine, whose load was {full["load_before"]:.1f} in th
 | what | by the clock | by processor time |
 |---|---|---|
 {table}
-
-Beside solving a worker makes the panels of its scenarios and places their objects, recovers gaps
-from the motion of the rails, takes labels and features from every instant, and compresses and
-writes. A worker starts in about a second (imports, kernels from their files, the first rails),
-which weighs the less the more throws there are.
 """
 
 
