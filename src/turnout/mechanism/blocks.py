@@ -93,8 +93,8 @@ def _touched(mechanism: Mechanism) -> Flags:
     """Return which rails each row reaches into, shape (n_rows, n_rails)."""
     places = tuple((rail.first, rail.count) for rail in mechanism.rails)
     key = (id(mechanism.rows), places)
-    if key in _memory:
-        return _memory[key][1]
+    if (kept := _memory.get(key)) is not None:
+        return kept[1]
     used = mechanism.rows != 0.0
     found = np.array([used[:, first : first + count].any(axis=1) for first, count in places]).T
     if not mechanism.rows.flags.writeable:

@@ -119,7 +119,8 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
     if not isinstance(panel, LoadedPanel) or not all(m.digest for m in panel.matrices.values()):
         return _made(panel, objects, records=None)
     key, records = shape_of(panel, objects)
-    if key not in _memory:
+    made = _memory.get(key)
+    if made is None:
         made = _made(panel, objects, records=records)
         linear = made.linear
         for array in (linear.stiffness, linear.mass, linear.damping, linear.load, linear.rows):
@@ -127,8 +128,9 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
         _memory[key] = made
         while len(_memory) > MOST_LINEAR:
             _memory.popitem(last=False)
-    _memory.move_to_end(key)
-    return _memory[key]
+    elif key in _memory:
+        _memory.move_to_end(key)
+    return made
 
 
 def forget() -> None:
@@ -146,12 +148,14 @@ def _with_between(
     """Add rows for objects between the nodes, or find those of objects in the same places."""
     places = tuple((item.name, item.rail, item.x, item.height) for item in between)
     key = (id(kept), places)
-    if key not in _objects:
-        _objects[key] = _made_between(kept, panel, standing, between)
+    found = _objects.get(key)
+    if found is None:
+        found = _objects[key] = _made_between(kept, panel, standing, between)
         while len(_objects) > MOST_LINEAR:
             _objects.popitem(last=False)
-    _objects.move_to_end(key)
-    return _objects[key]
+    elif key in _objects:
+        _objects.move_to_end(key)
+    return found
 
 
 def _made_between(

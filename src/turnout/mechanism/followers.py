@@ -69,7 +69,8 @@ def leading_rows(rows: Floats, *, first: NDArray[np.bool_]) -> Leading:
         found = _memory[key] = _chosen(rows, first)
         while len(_memory) > MOST_KEPT:
             _memory.popitem(last=False)
-    _memory.move_to_end(key)
+    elif key in _memory:
+        _memory.move_to_end(key)
     return found
 
 

@@ -39,10 +39,10 @@ class Spline:
     slopes: FloatArray
 
     def __call__(self, x: npt.ArrayLike) -> FloatArray:
-        """Return the values at places between the first and the last knot, shape (..., ...)."""
+        """Return the values at places, shape (..., ...); beyond the ends the last cubic goes on."""
         places = np.asarray(x, dtype=np.float64)
         last = self.knots.size - 2
-        at = np.minimum(np.searchsorted(self.knots, places, side="right") - 1, last)
+        at = np.clip(np.searchsorted(self.knots, places, side="right") - 1, 0, last)
         length = self.knots[at + 1] - self.knots[at]
         share = (places - self.knots[at]) / length
         own = (..., *(np.newaxis,) * (self.values.ndim - 1))

@@ -66,11 +66,12 @@ def _kept_height(panel: Panel, rail: str, x: Floats) -> Floats:
     """Return `contact_height` at the nodes of a rail, found once for all throws that share them."""
     named = [panel.stop, panel.stud, panel.object_defaults, x]
     key = (*map(id, named), rail)
-    if key not in _heights:
-        _heights[key] = contact_height(panel, rail, x), named
+    kept = _heights.get(key)
+    if kept is None:
+        kept = _heights[key] = contact_height(panel, rail, x), named
         while len(_heights) > MOST_ROWS:
             _heights.popitem(last=False)
-    return _heights[key][0]
+    return kept[0]
 
 
 def stock_gap(panel: Panel, rail: str, x: Floats) -> Floats:

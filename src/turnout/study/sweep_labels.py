@@ -62,7 +62,8 @@ class Taken:
 def labels_of_many(taken: Sequence[Taken]) -> list[Variables]:
     """Return labels and features of some throws.
 
-    Those with the same instants and movements, which most studies have, are looked at together.
+    Those with the same instants, movements and number of drives, which most studies have, are
+    looked at together.
 
     Parameters
     ----------
@@ -77,12 +78,12 @@ def labels_of_many(taken: Sequence[Taken]) -> list[Variables]:
     spans = [_spans(item.panel) for item in taken]
     alike: dict[tuple[object, ...], list[int]] = {}
     for number, item in enumerate(taken):
-        key = (spans[number], item.time.size, float(item.time[-1]))
+        key = (spans[number], item.time.size, float(item.time[-1]), len(item.panel.drive))
         alike.setdefault(key, []).append(number)
     found: list[Variables] = [{}] * len(taken)
     for numbers in alike.values():
         together = [taken[number] for number in numbers]
-        features = _features([item.panel for item in together], together, spans[numbers[0]])
+        features = _features(together, spans[numbers[0]])
         for number, item, values in zip(numbers, together, features, strict=True):
             labels = values | object_labels(item.time, item.signals, spans=spans[number])
             found[number] = labels | _states(item)
@@ -93,16 +94,14 @@ def _spans(panel: LoadedPanel) -> tuple[Span, ...]:
     return tuple(Span(item.name, item.to, item.start, item.end) for item in throws(panel))
 
 
-def _features(
-    panels: Sequence[LoadedPanel], taken: Sequence[Taken], spans: tuple[Span, ...]
-) -> list[Variables]:
+def _features(taken: Sequence[Taken], spans: tuple[Span, ...]) -> list[Variables]:
     """Return the features of each drive and movement, the drives of all throws at once."""
     found = run_features(
         taken[0].time,
         np.concatenate([item.signals["drive_force"][1] for item in taken]).astype(np.float64),
         spans=spans,
         limits=np.array(
-            [drive.saturation_force for panel in panels for drive in panel.drive.values()]
+            [drive.saturation_force for item in taken for drive in item.panel.drive.values()]
         ),
         travel=np.concatenate([item.signals["drive_displacement"][1] for item in taken]).astype(
             np.float64

@@ -165,6 +165,8 @@ def made_ready(study: Study, scenario: Scenario) -> Ready:
         return Ready(scenario, panel, resolve_objects(panel, scenario.foreign_objects), "")
     except PanelError as error:
         return Ready(scenario, panel, (), "; ".join(error.problems))
+    except TurnoutError as error:
+        return Ready(scenario, panel, (), str(error))
 
 
 def thrown(study: Study, ready: Ready) -> Thrown:
