@@ -112,8 +112,9 @@ Median of all that a moving slider asks: {1e3 * waited:.0f} ms by the clock, {1e
 of the processor; the aim is {1e3 * AIM:.0f} ms.
 
 While a slider moves the throw is a preview in quick mode, kept every 20 ms; once it rests it is the
-throw of `turnout simulate`. A new place of the object needs new rails: ten places of the slider
-each way are made ready while nothing is asked, those farther away when they are asked for.
+throw of `turnout simulate`. Ten places of the slider each way are made ready while nothing is
+asked, those farther away when they are asked for: at a sleeper, a drive or another place of the
+panel an object needs rails of its own, between them it does not.
 """
 
 
