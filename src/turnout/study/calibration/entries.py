@@ -100,9 +100,8 @@ def warnings_of(final: Fit, spread: Spread) -> list[str]:
     for key, noise in final.misfit.comparison.noise.items():
         measured = float(np.hypot(noise.white, noise.slow))
         if noise.missed > LARGE_MISFIT * measured:
-            name = f"{key[0]} of drive {key[1]}" if key[1] else key[0]
             found.append(
-                f"{name}: the model misses {noise.missed:.3g} N beside a noise of "
+                f"{_told(*key)}: the model misses {noise.missed:.3g} N beside a noise of "
                 f"{measured:.2g} N; deviations allow for it"
             )
     return found
@@ -127,13 +126,17 @@ def reasons_against(final: Fit, spread: Spread) -> list[str]:
             )
     noise = final.misfit.comparison.noise
     for key, share in poorly_followed(noise, final.misfit.movements).items():
-        name = f"{key[0]} of drive {key[1]}" if key[1] else key[0]
         found.append(
-            f"{name}: the model misses {noise[key].missed:.3g} N, {100 * share:.1f} % of the "
-            "largest; check that this is the panel that was measured, that rods and places are "
+            f"{_told(*key)}: the model misses {noise[key].missed:.3g} N, {100 * share:.1f} % of "
+            "the largest; check that this is the panel that was measured, that rods and places are "
             "named right (channel map, run sheet), and the sensitivity of the channel"
         )
     return found
+
+
+def _told(channel: str, drive: str) -> str:
+    """Name a channel, and its drive where it has one."""
+    return f"{channel} of drive {drive}" if drive else channel
 
 
 def fitted_parameters(plan: Plan, final: Fit, spread: Spread) -> tuple[Fitted, ...]:
