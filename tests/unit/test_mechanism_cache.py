@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from turnout.files.latest import Latest
 from turnout.mechanism import build, cache, reduce
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
@@ -120,7 +121,7 @@ def test_nobody_changes_what_others_share(fresh: Path) -> None:
 
 def test_old_files_go_and_memory_stays_small(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cache, "MOST_FILES", 10)
-    monkeypatch.setattr(cache, "MOST_IN_MEMORY", 3)
+    monkeypatch.setattr(cache, "_memory", Latest(3))
     for number in range(12):
         cache.remembered("d", [number], lambda: {"value": np.array([3.0])})
     assert len(list(cache.cache_folder().glob("*.npz"))) <= 10

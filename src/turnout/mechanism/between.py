@@ -12,8 +12,7 @@ differs by 0.1 % where sections change along the rail, by 0.01 % on prismatic ra
 drives by less than 0.02 % (root mean square, of the peak).
 """
 
-from collections import OrderedDict
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from turnout.errors import MechanicsError
+from turnout.files.latest import Latest
 from turnout.mechanism.build_rails import SIGN, stock_body
 from turnout.mechanism.mechanism import RailBody
 from turnout.mechanism.rail import RailData
@@ -140,7 +140,7 @@ class _Inside:
     owner: object
 
 
-_memory: OrderedDict[Hashable, _Inside] = OrderedDict()
+_memory = Latest[_Inside](MOST_RAILS)
 
 
 def yield_between(
@@ -162,12 +162,11 @@ def yield_between(
     total = 0.0
     for name, z, _ in _sides(panel, item):
         key = (id(owner), name)
-        if key not in _memory:
-            data = next(rail for rail in rails() if rail.name == name)
-            _memory[key] = _inside(data, owner)
-            while len(_memory) > MOST_RAILS:
-                _memory.popitem(last=False)
-        total += _residual(_memory[key], x=item.x, z=z)
+        rail = _memory.get(key)
+        if rail is None:
+            data = next(data for data in rails() if data.name == name)
+            rail = _memory.keep(key, _inside(data, owner))
+        total += _residual(rail, x=item.x, z=z)
     return total
 
 

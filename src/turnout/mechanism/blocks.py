@@ -5,12 +5,12 @@ a foreign object) are *blocks* of their own: their modes, flexibility and column
 that reaches into two blocks has an *end* in each; all other rows have one end.
 """
 
-from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.files.latest import Latest
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 
@@ -86,7 +86,7 @@ def without_joining_bases(mechanism: Mechanism, laws: LawTable) -> LawTable:
 
 
 # Rows are shared by many throws, and kept here so that no others take their place.
-_memory: OrderedDict[tuple[int, tuple[tuple[int, int], ...]], tuple[Floats, Flags]] = OrderedDict()
+_memory = Latest[tuple[Floats, Flags]](MOST_KEPT)
 
 
 def _touched(mechanism: Mechanism) -> Flags:
@@ -98,9 +98,7 @@ def _touched(mechanism: Mechanism) -> Flags:
     used = mechanism.rows != 0.0
     found = np.array([used[:, first : first + count].any(axis=1) for first, count in places]).T
     if not mechanism.rows.flags.writeable:
-        _memory[key] = mechanism.rows, found
-        while len(_memory) > MOST_KEPT:
-            _memory.popitem(last=False)
+        _memory.keep(key, (mechanism.rows, found))
     return found
 
 

@@ -3,14 +3,14 @@
 These files alone see both definition and mechanics.
 """
 
-from collections import OrderedDict
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from turnout.files.latest import Latest
 from turnout.mechanism.between import approach_row, stands_between, yield_between
 from turnout.mechanism.build_rails import stock_rail_data, switch_rail_data
 from turnout.mechanism.laws import Layout, Rows, law_table, lay_out
@@ -110,8 +110,8 @@ class _Between:
         ]
 
 
-_memory: OrderedDict[Hashable, _Kept] = OrderedDict()
-_objects: OrderedDict[Hashable, _Between] = OrderedDict()
+_memory = Latest[_Kept](MOST_LINEAR)
+_objects = Latest[_Between](MOST_LINEAR)
 
 
 def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
@@ -125,11 +125,7 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
         linear = made.linear
         for array in (linear.stiffness, linear.mass, linear.damping, linear.load, linear.rows):
             array.flags.writeable = False
-        _memory[key] = made
-        while len(_memory) > MOST_LINEAR:
-            _memory.popitem(last=False)
-    elif key in _memory:
-        _memory.move_to_end(key)
+        _memory.keep(key, made)
     return made
 
 
@@ -150,11 +146,7 @@ def _with_between(
     key = (id(kept), places)
     found = _objects.get(key)
     if found is None:
-        found = _objects[key] = _made_between(kept, panel, standing, between)
-        while len(_objects) > MOST_LINEAR:
-            _objects.popitem(last=False)
-    elif key in _objects:
-        _objects.move_to_end(key)
+        found = _objects.keep(key, _made_between(kept, panel, standing, between))
     return found
 
 

@@ -7,7 +7,7 @@ in the user's cache folder; a file that cannot be read or written costs time, ne
 
 import hashlib
 import logging
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import cache
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from turnout.errors import FileError
 from turnout.files.atomic import atomic_path
+from turnout.files.latest import Latest
 
 Arrays = dict[str, NDArray[np.float64]]
 
@@ -29,7 +30,7 @@ counts: Counter[str] = Counter()
 MOST_IN_MEMORY = 64
 MOST_FILES = 300
 _SOURCES = ("section", "beam", "reduction", "mechanism")
-_memory: OrderedDict[str, Arrays] = OrderedDict()
+_memory = Latest[Arrays](MOST_IN_MEMORY)
 _told: set[str] = set()
 _log = logging.getLogger("turnout")
 
@@ -66,7 +67,6 @@ def remembered(
     found = _memory.get(key)
     if found is not None:
         counts[f"{kind} from memory"] += 1
-        _memory.move_to_end(key)
         return found
     found = _read(key) if on_disk else None
     if found is not None:
@@ -78,10 +78,7 @@ def remembered(
             _write(key, found)
     for array in found.values():
         array.flags.writeable = False
-    _memory[key] = found
-    while len(_memory) > MOST_IN_MEMORY:
-        _memory.popitem(last=False)
-    return found
+    return _memory.keep(key, found)
 
 
 def forget() -> None:

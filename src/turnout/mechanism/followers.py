@@ -4,12 +4,13 @@ A stop, the foot on a slide chair and the edges of that foot are points of one s
 first does follows from the others. Only *leading* rows need columns of their own.
 """
 
-from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
+
+from turnout.files.latest import Latest
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -38,7 +39,7 @@ class Leading:
     weights: Floats
 
 
-_memory: OrderedDict[tuple[tuple[int, ...], bytes, bytes], Leading] = OrderedDict()
+_memory = Latest[Leading](MOST_KEPT)
 
 
 def leading_rows(rows: Floats, *, first: NDArray[np.bool_]) -> Leading:
@@ -65,13 +66,7 @@ def leading_rows(rows: Floats, *, first: NDArray[np.bool_]) -> Leading:
     """
     key = (rows.shape, rows.tobytes(), first.tobytes())
     found = _memory.get(key)
-    if found is None:
-        found = _memory[key] = _chosen(rows, first)
-        while len(_memory) > MOST_KEPT:
-            _memory.popitem(last=False)
-    elif key in _memory:
-        _memory.move_to_end(key)
-    return found
+    return found if found is not None else _memory.keep(key, _chosen(rows, first))
 
 
 def _chosen(rows: Floats, first: NDArray[np.bool_]) -> Leading:

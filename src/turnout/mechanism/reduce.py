@@ -1,7 +1,6 @@
 """One rail from its structure to a superelement with the points where laws act."""
 
 import pickle
-from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import fields, replace
 
@@ -9,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from turnout.files.latest import Latest
 from turnout.mechanism.cache import digest, remembered
 from turnout.mechanism.mechanism import RailBody
 from turnout.mechanism.rail import RailData, ReducedRail
@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 MOST_RAILS = 48
 """So many reduced rails are kept in memory, the latest used."""
 
-_rails: OrderedDict[str, ReducedRail] = OrderedDict()
+_rails = Latest[ReducedRail](MOST_RAILS)
 _FIELDS = ("stiffness", "mass", "transformation", "frequencies_kept", "frequency_first_omitted")
 
 
@@ -52,12 +52,9 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
     key = digest(_parts(data))
     found = _rails.get(key)
     if found is None:
-        found = _rails[key] = _reduced(data, first=0)
+        found = _rails.keep(key, _reduced(data, first=0))
         for array in (found.stiffness, found.mass, found.damping, found.load, found.rows):
             array.flags.writeable = False
-        while len(_rails) > MOST_RAILS:
-            _rails.popitem(last=False)
-    _rails.move_to_end(key)
     return replace(found, body=replace(found.body, first=first))
 
 

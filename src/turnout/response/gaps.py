@@ -1,12 +1,12 @@
 """Open distances between switch rails and stock rails, and the flangeway behind them."""
 
 import itertools
-from collections import OrderedDict
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.files.latest import Latest
 from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
 from turnout.panel.profile import running_edge_distance, stock_rail_gap
@@ -30,8 +30,8 @@ MOST_ROWS = 64
 
 # Rails are shared by many throws. What rows depend on is named by identity, and kept beside them so
 # that nothing else takes its place.
-_rows: OrderedDict[Hashable, tuple[Floats, list[Floats], list[object]]] = OrderedDict()
-_heights: OrderedDict[Hashable, tuple[Floats, list[object]]] = OrderedDict()
+_rows = Latest[tuple[Floats, list[Floats], list[object]]](MOST_ROWS)
+_heights = Latest[tuple[Floats, list[object]]](MOST_ROWS)
 
 
 def contact_height(panel: Panel, rail: str, x: Floats) -> Floats:
@@ -68,9 +68,7 @@ def _kept_height(panel: Panel, rail: str, x: Floats) -> Floats:
     key = (*map(id, named), rail)
     kept = _heights.get(key)
     if kept is None:
-        kept = _heights[key] = contact_height(panel, rail, x), named
-        while len(_heights) > MOST_ROWS:
-            _heights.popitem(last=False)
+        kept = _heights.keep(key, (contact_height(panel, rail, x), named))
     return kept[0]
 
 
@@ -118,9 +116,7 @@ def gap_rows(panel: Panel, motion: Motion, rail: str, x: Floats, z: Floats) -> t
         start = stock_gap(panel, rail, x)
         for array in (start, *rows):
             array.flags.writeable = False
-        found = _rows[key] = start, rows, named
-        while len(_rows) > MOST_ROWS:
-            _rows.popitem(last=False)
+        found = _rows.keep(key, (start, rows, named))
     start, rows, _ = found
     return start, list(zip(involved, rows, strict=True))
 
