@@ -15,11 +15,11 @@ import numpy as np
 
 from turnout.integrate.solve import mark_law
 from turnout.integrate.state import State, set_segment
-from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import two_totals
+from turnout.integrate.system import Floats, System
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled, compiled_loop
-from turnout.law.kernel import STICK, law_argument, law_energy, law_force, segment_for
+from turnout.law.kernel import law_argument, law_energy, law_force, segment_for
+from turnout.law.lanes import LANES, choose, every, load, magnitude, over, store, total
 from turnout.law.table import LawTable
 
 MARKERS, FRICTION, DAMPING, SWITCHED, ALGORITHMIC, SEGMENTS = range(6)
@@ -101,36 +101,35 @@ def account_friction(system: System, state: State, work: Work) -> None:
     round within the step, does not count; what the mean would be less is a loss of the scheme, like
     that of laws which change their segment.
     """
-    lost, turned = work.of_frictions, work.turned
-    _slip(
+    of_friction, of_turns = _slip(
         state.friction, work.trial, work.limit, system.stick_flexibility, state.friction_force,
-        state.anchor, lost, turned,
+        state.anchor,
     )  # fmt: skip
-    of_friction, of_turns = two_totals(lost, turned)
     state.ledger[FRICTION] += of_friction
     state.ledger[SEGMENTS] += of_turns
 
 
 @compiled_loop
 def _slip(
-    branches: Ints,
-    trial: Floats,
-    limit: Floats,
+    branches: Floats,
+    trials: Floats,
+    limits: Floats,
     flexibility: Floats,
     forces: Floats,
     anchor: Floats,
-    lost: Floats,
-    turned: Floats,
-) -> None:
-    for friction in range(trial.size):
-        branch, old = branches[friction], forces[friction]
-        force = trial[friction] if branch == STICK else branch * limit[friction]
-        way = (trial[friction] - force) * flexibility[friction]
-        kept = old if old * way >= 0.0 else force
-        lost[friction] = 0.5 * (force + kept) * way
-        turned[friction] = 0.5 * (old - kept) * way
-        forces[friction] = force
-        anchor[friction] += way
+) -> tuple[float, float]:
+    zero, half = every(0.0), every(0.5)
+    lost, turned = zero, zero
+    for i in range(0, trials.size, LANES):
+        branch, old, trial = load(branches, i), load(forces, i), load(trials, i)
+        force = choose(over(magnitude(branch), zero), branch * load(limits, i), trial)
+        way = (trial - force) * load(flexibility, i)
+        kept = choose(over(zero, old * way), force, old)
+        lost = lost + half * (force + kept) * way
+        turned = turned + half * (old - kept) * way
+        store(force, forces, i)
+        store(load(anchor, i) + way, anchor, i)
+    return total(lost), total(turned)
 
 
 @compiled

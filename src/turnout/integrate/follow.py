@@ -101,7 +101,7 @@ def _friction_event(
     limit_end = coefficient * (slope * end[normal_row] + constant)
     trial = stiffness * (state.g[row] - anchor)
     trial_end = stiffness * (end[row] - anchor)
-    branch = state.friction[friction]
+    branch = int(state.friction[friction])
     if branch == STICK:
         for side in (SLIP_FORWARD, SLIP_BACKWARD):
             spare, spare_end = limit - side * trial, limit_end - side * trial_end

@@ -29,10 +29,12 @@ from turnout.integrate.solve import (
 from turnout.integrate.state import COUNT_HALVED, COUNT_RECENT, LEVEL, State
 from turnout.integrate.step import Stepping, begin_step, coefficients, complete_step
 from turnout.integrate.stored import folded_energy, store_energy
-from turnout.integrate.system import Floats, System
-from turnout.integrate.vector import copy, gather
+from turnout.integrate.system import Floats, Ints, System
+from turnout.integrate.vector import copy
 from turnout.integrate.work import Work
-from turnout.law.compiled import compiled
+from turnout.law.compiled import compiled, compiled_loop
+from turnout.law.lanes import LANES, pick
+from turnout.law.lanes import store as store_eight
 from turnout.law.table import LawTable
 
 MEASURE_EVERY = 100
@@ -42,7 +44,7 @@ FOLDED_EVERY = 25
 
 
 class Record(NamedTuple):
-    """Stored instants, one row each, and the running checks."""
+    """Stored instants, one row each, and the running checks; rows of vectors fill whole lines."""
 
     q: Floats
     g: Floats
@@ -155,13 +157,19 @@ def _advance(
     return CONVERGED
 
 
+@compiled_loop
+def _gather(g: Floats, places: Ints, to: Floats) -> None:
+    for i in range(0, places.size, LANES):
+        store_eight(pick(g, places, i), to, i)
+
+
 @compiled
 def store(
     system: System, table: LawTable, state: State, work: Work, record: Record, at: int
 ) -> None:
     """Store the present instant."""
     copy(state.q, record.q[at])
-    gather(state.g, system.row_place, record.g[at])
+    _gather(state.g, system.row_place, record.g[at])
     if at < record.v.shape[0]:
         copy(state.v, record.v[at])
     copy(state.friction_force, record.friction[at])

@@ -1,9 +1,9 @@
 """Where every end, mode and row of a run stands in the vector of displacements.
 
 The vector holds, block by block, the leading ends and then the modes of the block; these are the
-*solved* places. Each block fills whole lines of the cache; what stands in a place that is left over
-is zero. Behind them stand the ends that follow from leading ones, and last the rows that
-join two blocks. A row with one end stands where that end does.
+*solved* places. Behind them stand the ends that follow from leading ones, and last the rows that
+join two blocks. A row with one end stands where that end does. Each block fills whole lines of the
+cache, and so do all ends that follow, and all rows that join; what is left over means nothing.
 """
 
 from collections.abc import Sequence
@@ -13,16 +13,13 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.law.lanes import LANES
 from turnout.law.table import LawTable
 from turnout.mechanism.condense import BlockModel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Terms = list[tuple[int, float]]
-
-LINE = 8
-"""So many numbers fill a line of the cache."""
-
 
 def unsigned(indices: Ints) -> Ints:
     """Return indices that a kernel need not suspect of counting from the end.
@@ -77,6 +74,7 @@ def number_places(parts: Sequence[BlockModel]) -> Places:
     mode_start = _starts([part.model.eigenvalues.size for part in parts])
     end_start = _starts(whole_lines(leading + np.diff(mode_start)))
     follower_start = end_start[-1] + _starts(ends - leading)
+    follower_start[-1] = whole_lines(follower_start[-1:])[0]
     of_end = []
     for block, part in enumerate(parts):
         follows = np.ones(part.block.rows.size, dtype=bool)
@@ -95,7 +93,7 @@ def number_places(parts: Sequence[BlockModel]) -> Places:
         row_ends[part.block.rows, second.astype(int)] = places
     joins = row_ends[:, 1] >= 0
     of_row = np.where(joins, follower_start[-1] + np.cumsum(joins) - 1, row_ends[:, 0])
-    count = int(follower_start[-1] + joins.sum())
+    count = int(follower_start[-1] + whole_lines(joins.sum(keepdims=True))[0])
     ends_at_place = np.full((count, 2), -1, dtype=np.int64)
     ends_at_place[of_row] = row_ends
     return Places(
@@ -127,7 +125,7 @@ def whole_lines(counts: Ints) -> Ints:
     >>> whole_lines(np.array([1, 8, 9])).tolist()
     [8, 8, 16]
     """
-    return -(-counts // LINE) * LINE
+    return -(-counts // LANES) * LANES
 
 
 def _starts(counts: Sequence[int] | Ints) -> Ints:

@@ -15,7 +15,7 @@ from turnout.integrate.interrupt import heard
 from turnout.integrate.march import Record
 from turnout.integrate.memory import borrowed
 from turnout.integrate.outcome import Code
-from turnout.integrate.places import placed
+from turnout.integrate.places import placed, whole_lines
 from turnout.integrate.scheme import AlphaCoefficients, Scheme
 from turnout.integrate.solve import Tolerances, evaluate
 from turnout.integrate.state import LEVEL, State, fresh_state, set_segments
@@ -85,37 +85,47 @@ def prepare(
             scheme.inertia,
         ),
         positions=positions,
-        record=shared(
-            Record(
-                **_in_one_piece(
-                    n_stored,
-                    q=n_modes,
-                    g=system.row_place.size,
-                    friction=laws.friction_row.size,
-                    law=laws.row.size,
-                    stored=4,
-                    ledger=6,
-                ),
-                residual=np.zeros(1),
-                folded=np.zeros(1),
-                v=np.zeros((n_stored if filled_in and scheme.inertia else 1, n_modes)),
-            )
-        ),
+        record=_empty_record(system, laws, n_stored, with_velocity=filled_in and scheme.inertia),
     )
 
 
-def _in_one_piece(n_rows: int, **widths: int) -> dict[str, Floats]:
-    """Return empty arrays of so many rows in one piece of memory.
+def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: bool) -> Record:
+    """Return room for so many stored instants, one row each, in one piece of memory.
 
     It starts where a large page of memory does, so that a run touches few pages for the first time.
     """
+    n_modes = system.load.size
+    vectors = np.array([n_modes, system.row_place.size, laws.friction_row.size, laws.row.size])
+    widths = {
+        **dict(zip(("q", "g", "friction", "law"), whole_lines(vectors).tolist(), strict=True)),
+        "stored": 4,
+        "ledger": 6,
+    }
     page = LARGE_PAGE // 8
-    memory = borrowed(n_rows * sum(widths.values()) + page)
+    memory = borrowed(count * sum(widths.values()) + page)
     at, arrays = (-(memory.ctypes.data // 8)) % page, {}
     for name, width in widths.items():
-        arrays[name] = memory[at : at + n_rows * width].reshape(n_rows, width)
-        at += n_rows * width
-    return arrays
+        arrays[name] = memory[at : at + count * width].reshape(count, width)
+        at += count * width
+    velocity = np.zeros((count if with_velocity else 1, arrays["q"].shape[1]))
+    return shared(Record(**arrays, residual=np.zeros(1), folded=np.zeros(1), v=velocity))
+
+
+def instants_of(run: Run, count: int) -> Record:
+    """Return the first stored instants, without what fills the lines of memory."""
+    record, laws, modes = run.record, run.laws, run.system.load.size
+    widths = {
+        "q": modes,
+        "g": run.system.row_place.size,
+        "friction": laws.friction_row.size,
+        "law": laws.row.size,
+        "v": modes,
+    }
+    return Record(
+        *(getattr(record, name)[:count, : widths.get(name)]
+          if getattr(record, name).ndim == 2 else getattr(record, name)
+          for name in Record._fields)
+    )  # fmt: skip
 
 
 def start(run: Run, mechanism: Mechanism, thread: Executor) -> Code:

@@ -17,7 +17,7 @@ from turnout.integrate.energy import closing_error
 from turnout.integrate.interrupt import heard, one_thread
 from turnout.integrate.march import Record, march, store
 from turnout.integrate.outcome import Code, Outcome
-from turnout.integrate.prepare import Run, prepare, start
+from turnout.integrate.prepare import Run, instants_of, prepare, start
 from turnout.integrate.scheme import Scheme
 from turnout.integrate.state import (
     COUNT_FLIPS,
@@ -151,7 +151,7 @@ def _integrate(
         contacts=_unsettled(mechanism, run),
     )
     kept = 0 if code == Code.NO_EQUILIBRIUM else done // stride + 1
-    record = Record(*(getattr(run.record, name)[:kept] for name in Record._fields))
+    record = instants_of(run, kept)
     instants = scheme.step * stride * np.arange(kept, dtype=np.float64)
     positions = positions[::stride][:kept]
     if grid.filled_in and kept > 1:

@@ -6,6 +6,7 @@ from turnout.integrate.system import Floats, Ints, System
 from turnout.integrate.vector import add, add_rows, add_two, copy, gather
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled, compiled_loop
+from turnout.law.lanes import LANES, every, load, pick, store
 from turnout.law.table import LawTable
 
 
@@ -41,25 +42,24 @@ def _push(system: System, table: LawTable, state: State, work: Work) -> None:
 @compiled
 def derive(system: System, state: State) -> None:
     """Take the ends that follow, and the rows that join blocks, from the leading ends."""
-    g, leaders, weights = state.g, system.follower_list, system.follower_weight
-    following = g[system.follower_start[0] : system.follower_start[-1]]
-    solved = g[: system.follower_start[0]]
-    for term in range(leaders.shape[0]):
-        _follow(solved, leaders[term], weights[term], following, term == 0)
-    joining = g[system.follower_start[-1] :]
-    first, second = system.joining_ends[0], system.joining_ends[1]
-    for row in range(joining.size):
-        joining[row] = g[first[row]] + g[second[row]]
+    leaders, weights = system.follower_list, system.follower_weight
+    _follow(state.g, leaders, weights, state.g[system.follower_start[0] :])
+    _join(state.g, system.joining_ends, state.g[system.follower_start[-1] :])
 
 
 @compiled_loop
-def _follow(g: Floats, leader: Ints, weight: Floats, following: Floats, anew: bool) -> None:
-    if anew:
-        for end in range(following.size):
-            following[end] = weight[end] * g[leader[end]]
-    else:
-        for end in range(following.size):
-            following[end] += weight[end] * g[leader[end]]
+def _follow(g: Floats, leaders: Ints, weights: Floats, following: Floats) -> None:
+    for i in range(0, leaders.shape[1], LANES):
+        sums = every(0.0)
+        for term in range(leaders.shape[0]):
+            sums = sums + load(weights[term], i) * pick(g, leaders[term], i)
+        store(sums, following, i)
+
+
+@compiled_loop
+def _join(g: Floats, ends: Ints, joining: Floats) -> None:
+    for i in range(0, ends.shape[1], LANES):
+        store(pick(g, ends[0], i) + pick(g, ends[1], i), joining, i)
 
 
 @compiled

@@ -8,11 +8,13 @@ converged step satisfies every law.
 
 from typing import NamedTuple
 
+import numpy as np
+
 from turnout.integrate.columns import update_row
 from turnout.integrate.solution import set_modes, solve_set
 from turnout.integrate.state import COUNT_ITERATIONS, State, set_segment
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import copy, gather
+from turnout.integrate.vector import copy
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled, compiled_loop
 from turnout.law.kernel import (
@@ -20,6 +22,18 @@ from turnout.law.kernel import (
     any_not_finite,
     friction_state,
     segment_for,
+)
+from turnout.law.lanes import (
+    LANES,
+    choose,
+    either,
+    every,
+    load,
+    magnitude,
+    over,
+    pick,
+    some,
+    store,
 )
 from turnout.law.table import LawTable
 
@@ -68,61 +82,95 @@ def update_marked(system: System, table: LawTable, state: State, work: Work, cou
 
 
 @compiled
-def evaluate_laws(system: System, table: LawTable, state: State, work: Work) -> None:
+def evaluate_laws(system: System, table: LawTable, state: State, work: Work, gap: float) -> bool:
     """Write the displacement of every law's row, less its input [m], and what it resists with [N].
 
     The force is that of the present segment, as in the solution: a contact that ends within the
-    overlooked gap pulls by a trace.
+    overlooked gap pulls by a trace. Returns whether any has left its segment by more than that.
     """
-    g, row, at, force = state.g, table.row, work.argument, work.force
-    slope, constant = state.slope, state.constant
-    gather(g, row, at)
     for k in range(system.input_law.size):
         law = system.input_law[k]
-        at[law] -= state.inputs[table.input_index[law]]
-    _resist(slope, constant, at, force)
+        work.law_input[law] = state.inputs[table.input_index[law]]
+    line = (state.slope, state.constant)
+    bounds = (state.lower, state.upper)
+    return _try_laws(
+        state.g, table.row, work.law_input, line, bounds, gap, work.argument, work.force
+    )
 
 
 @compiled_loop
-def _resist(slope: Floats, constant: Floats, at: Floats, force: Floats) -> None:
-    for law in range(force.size):
-        force[law] = slope[law] * at[law] + constant[law]
+def _try_laws(
+    g: Floats,
+    row: Ints,
+    inputs: Floats,
+    line: tuple[Floats, Floats],
+    bounds: tuple[Floats, Floats],
+    gap: float,
+    arguments: Floats,
+    forces: Floats,
+) -> bool:
+    slope, constant = line
+    lower, upper = bounds
+    overlooked = every(gap)
+    outside = over(overlooked, overlooked)
+    for i in range(0, forces.size, LANES):
+        at = pick(g, row, i) - load(inputs, i)
+        store(at, arguments, i)
+        store(load(slope, i) * at + load(constant, i), forces, i)
+        above = over(at, load(upper, i) + overlooked)
+        outside = either(outside, either(above, over(load(lower, i) - overlooked, at)))
+    return some(outside)
 
 
 @compiled
-def evaluate_frictions(table: LawTable, state: State, work: Work) -> None:
+def evaluate_frictions(table: LawTable, state: State, work: Work, force: float) -> bool:
     """Write the elastic force of every friction and the limit from its normal law [N].
 
-    ``work.force`` is that of the solution.
+    ``work.force`` is that of the solution. Returns whether any contradicts its branch by more than
+    a force that is overlooked [N].
     """
-    _try_frictions(
-        work.force, table.friction_normal, table.friction_coefficient, state.g, table.friction_row,
-        state.anchor, table.stick_stiffness, work.trial, work.limit,
+    of_normals = (work.force, table.friction_normal, table.friction_coefficient)
+    springs = (state.anchor, table.stick_stiffness)
+    return _try_frictions(
+        of_normals, state.g, table.friction_row, springs, state.friction, force,
+        work.trial, work.limit,
     )  # fmt: skip
 
 
 @compiled_loop
 def _try_frictions(
-    force: Floats,
-    normals: Ints,
-    coefficient: Floats,
+    of_normals: tuple[Floats, Ints, Floats],
     g: Floats,
-    friction_row: Ints,
-    anchor: Floats,
-    stiffness: Floats,
-    trial: Floats,
-    limit: Floats,
-) -> None:
-    for friction in range(trial.size):
-        limit[friction] = coefficient[friction] * force[normals[friction]]
-        trial[friction] = stiffness[friction] * (g[friction_row[friction]] - anchor[friction])
+    row: Ints,
+    springs: tuple[Floats, Floats],
+    branches: Floats,
+    overlooked: float,
+    trials: Floats,
+    limits: Floats,
+) -> bool:
+    force, normal, coefficient = of_normals
+    anchor, stiffness = springs
+    zero, never, trace = every(0.0), every(-np.inf), every(overlooked)
+    contradicted = over(zero, zero)
+    for i in range(0, trials.size, LANES):
+        limit = load(coefficient, i) * pick(force, normal, i)
+        trial = load(stiffness, i) * (pick(g, row, i) - load(anchor, i))
+        store(limit, limits, i)
+        store(trial, trials, i)
+        branch = load(branches, i)
+        slips, presses = over(magnitude(branch), zero), over(limit, zero)
+        most = choose(presses, limit, zero)
+        # who sticks contradicts by holding too much, who slips by being held by less than the limit
+        more = choose(slips, choose(presses, most - trace, never), magnitude(trial))
+        contradicted = either(contradicted, over(more, choose(slips, branch * trial, most + trace)))
+    return some(contradicted)
 
 
 @compiled
 def evaluate(system: System, table: LawTable, state: State, work: Work) -> None:
     """Write what laws and frictions make of the present displacements."""
-    evaluate_laws(system, table, state, work)
-    evaluate_frictions(table, state, work)
+    evaluate_laws(system, table, state, work, 0.0)
+    evaluate_frictions(table, state, work, 0.0)
 
 
 @compiled
@@ -133,13 +181,9 @@ def check_segments(
 
     Their forces become those of the new segment.
     """
-    evaluate_laws(system, table, state, work)
-    at, lower, upper = work.argument, state.lower, state.upper
-    outside = 0
-    for law in range(at.size):
-        outside += (at[law] > upper[law] + gap) | (at[law] < lower[law] - gap)
-    if outside == 0:
+    if not evaluate_laws(system, table, state, work, gap):
         return 0
+    at, lower, upper = work.argument, state.lower, state.upper
     count = 0
     for law in range(at.size):
         if at[law] > upper[law] + gap or at[law] < lower[law] - gap:
@@ -161,16 +205,9 @@ def check_frictions(
     table: LawTable, state: State, work: Work, count: int, force: float, one_at_a_time: bool
 ) -> int:
     """Move friction laws between stick and slip; return how many rows are marked in all."""
-    evaluate_frictions(table, state, work)
-    trial, limit, branches = work.trial, work.limit, state.friction
-    contradicted = 0
-    for friction in range(trial.size):
-        branch, most = branches[friction], max(limit[friction], 0.0)
-        sticks = abs(trial[friction]) <= most + force
-        slips = (most <= 0.0) | (branch * trial[friction] >= most - force)
-        contradicted += (not sticks) if branch == STICK else (not slips)
-    if contradicted == 0:
+    if not evaluate_frictions(table, state, work, force):
         return count
+    trial, limit, branches = work.trial, work.limit, state.friction
     for friction in range(trial.size):
         most = max(limit[friction], 0.0)
         branch = friction_state(trial[friction], most, branches[friction], force)

@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from turnout.integrate.places import LINE
 from turnout.integrate.system import Floats, Ints, System
 from turnout.law.compiled import compiled
 from turnout.law.kernel import segment_for
+from turnout.law.lanes import LANES
 from turnout.law.shared import shared
 from turnout.law.table import LawTable
 
@@ -17,7 +17,8 @@ class State(NamedTuple):
 
     On its present segment a law resists with ``slope * (g - input) + constant`` for ``g - input``
     between ``lower`` and ``upper`` and, at its argument e, stores the energy
-    ``(slope * e / 2 + intercept) * e + potential``; `set_segment` keeps these together.
+    ``(slope * e / 2 + intercept) * e + potential``; `set_segment` keeps these together. ``friction``
+    is the branch of every friction, see `turnout.law.kernel`.
     ``entries`` and ``shift`` are the deviations of the rows; the columns, with their slots, and the
     coupling of the blocks are those of `turnout.integrate.columns`, for the step of ``level``; what
     depends on the length of the step alone (``compliance``) is kept level by level. ``g`` holds
@@ -39,7 +40,7 @@ class State(NamedTuple):
     upper: Floats
     intercept: Floats
     potential: Floats
-    friction: Ints
+    friction: Floats
     anchor: Floats
     friction_force: Floats
     push_force: Floats
@@ -128,8 +129,8 @@ def set_segments(table: LawTable, state: State, segments: Ints) -> None:
 def _aligned(shape: tuple[int, ...]) -> Floats:
     """Return zeros that begin with a line of the cache."""
     size = int(np.prod(shape))
-    memory = np.zeros(size + LINE)
-    first = (-(memory.ctypes.data // 8)) % LINE
+    memory = np.zeros(size + LANES)
+    first = (-(memory.ctypes.data // 8)) % LANES
     return memory[first : first + size].reshape(shape)
 
 
@@ -157,7 +158,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             upper=of_laws.copy(),
             intercept=of_laws.copy(),
             potential=of_laws.copy(),
-            friction=np.zeros(n_frictions, dtype=np.int64),
+            friction=of_frictions.copy(),
             anchor=of_frictions.copy(),
             friction_force=of_frictions.copy(),
             push_force=np.zeros(system.input_law.size),
@@ -178,20 +179,22 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             exchange=np.zeros(n_joining, dtype=np.int64),
             made=np.zeros(levels, dtype=np.int64),
             mode_columns=_aligned((n_modes, widest)),
-            constant_column=_aligned((int(system.end_start[-1]),)),
+            constant_column=np.zeros(int(system.end_start[-1])),
             compliance=_aligned((levels, n_ends, widest)),
             q=modal.copy(),
             v=modal.copy(),
             a=modal.copy(),
             acceleration=modal.copy(),
-            g=_aligned((n_places,)),
+            g=np.zeros(n_places),
             inputs=np.zeros(n_inputs),
             ledger=np.zeros(6),
             counters=np.zeros(8, dtype=np.int64),
             drift=np.ones(1),
             law_placed=np.full(n_laws, np.nan),
             law_first=np.full(n_laws, np.inf),
-        )
+        ),
+        lower=-np.inf,
+        upper=np.inf,
     )
     set_home_segments(table, state)
     return state

@@ -12,9 +12,9 @@ from typing import NamedTuple
 from turnout.integrate.energy import ALGORITHMIC, DAMPING
 from turnout.integrate.state import State
 from turnout.integrate.system import Floats, System
-from turnout.integrate.vector import two_totals
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled, compiled_loop
+from turnout.law.lanes import LANES, every, load, store, total
 
 
 class Stepping(NamedTuple):
@@ -60,25 +60,30 @@ def _predict(
     h: float,
     motion: tuple[Floats, Floats, Floats, Floats],
     damping: Floats,
-    load: Floats,
+    constant: Floats,
     saved: Floats,
     predicted: Floats,
     velocity: Floats,
     side: Floats,
 ) -> None:
-    inertia, viscosity = coefficients(stepping, h)
+    of_inertia, of_damping = coefficients(stepping, h)
+    inertia, viscosity = every(of_inertia), every(of_damping)
     share = 1.0 / (1.0 - stepping.alpha_m)
-    old, older = share * stepping.alpha_f, -share * stepping.alpha_m
-    beta, gamma = stepping.beta, stepping.gamma
+    old, older = every(share * stepping.alpha_f), every(-share * stepping.alpha_m)
+    rest, new = every(0.5 - stepping.beta), every(stepping.beta)
+    early, late = every(1.0 - stepping.gamma), every(stepping.gamma)
+    step, square = every(h), every(h * h)
     q, v, a, acceleration = motion
-    for i in range(side.size):
-        known = old * acceleration[i] + older * a[i]
-        there = q[i] + h * v[i] + h * h * ((0.5 - beta) * a[i] + beta * known)
-        fast = v[i] + h * ((1.0 - gamma) * a[i] + gamma * known)
-        saved[i] = q[i]
-        predicted[i] = there
-        velocity[i] = fast
-        side[i] = inertia * there + load[i] + damping[i] * (viscosity * there - fast)
+    for i in range(0, side.size, LANES):
+        now, speed, last = load(q, i), load(v, i), load(a, i)
+        known = old * load(acceleration, i) + older * last
+        there = now + step * speed + square * (rest * last + new * known)
+        fast = speed + step * (early * last + late * known)
+        store(now, saved, i)
+        store(there, predicted, i)
+        store(fast, velocity, i)
+        damped = load(damping, i) * (viscosity * there - fast)
+        store(inertia * there + load(constant, i) + damped, side, i)
 
 
 @compiled
@@ -87,13 +92,10 @@ def complete_step(system: System, state: State, work: Work, stepping: Stepping, 
 
     Damping and the scheme's own loss are booked, `turnout.integrate.energy`.
     """
-    damped, lost = work.of_modes, work.of_modes_too
     before = (work.q, work.predicted, work.velocity)
-    _complete(
-        stepping, h, before, system.damping, state.q, state.v, state.a, state.acceleration,
-        damped, lost,
-    )  # fmt: skip
-    of_damping, of_scheme = two_totals(damped, lost)
+    of_damping, of_scheme = _complete(
+        stepping, h, before, system.damping, state.q, state.v, state.a, state.acceleration
+    )
     state.ledger[DAMPING] += of_damping
     state.ledger[ALGORITHMIC] += of_scheme
 
@@ -108,19 +110,21 @@ def _complete(
     v: Floats,
     a: Floats,
     acceleration: Floats,
-    damped: Floats,
-    lost: Floats,
-) -> None:
-    inertia, viscosity = coefficients(stepping, h)
-    share = 1.0 / (1.0 - stepping.alpha_m)
-    new, old, older = 1.0 - stepping.alpha_f, stepping.alpha_f, stepping.alpha_m
+) -> tuple[float, float]:
+    of_inertia, of_damping = coefficients(stepping, h)
+    inertia, viscosity, half = every(of_inertia), every(of_damping), every(0.5)
+    share, new = every(1.0 / (1.0 - stepping.alpha_m)), every(1.0 - stepping.alpha_f)
+    old, older = every(stepping.alpha_f), every(stepping.alpha_m)
     saved, predicted, velocity = before
-    for i in range(q.size):
-        change, way = q[i] - predicted[i], q[i] - saved[i]
-        fast, push = velocity[i] + viscosity * change, inertia * change
-        both = 0.5 * (fast + v[i])
-        damped[i] = damping[i] * both * way
-        lost[i] = 0.5 * (push + acceleration[i]) * way - both * (fast - v[i])
-        a[i] = share * (new * push + old * acceleration[i] - older * a[i])
-        v[i] = fast
-        acceleration[i] = push
+    damped, lost = every(0.0), every(0.0)
+    for i in range(0, q.size, LANES):
+        now, speed, last = load(q, i), load(v, i), load(acceleration, i)
+        change, way = now - load(predicted, i), now - load(saved, i)
+        fast, push = load(velocity, i) + viscosity * change, inertia * change
+        mean = half * (fast + speed)
+        damped = damped + load(damping, i) * mean * way
+        lost = lost + (half * (push + last) * way - mean * (fast - speed))
+        store(share * (new * push + old * last - older * load(a, i)), a, i)
+        store(fast, v, i)
+        store(push, acceleration, i)
+    return total(damped), total(lost)

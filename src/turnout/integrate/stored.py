@@ -3,10 +3,11 @@
 import numpy as np
 
 from turnout.integrate.state import State
-from turnout.integrate.system import Floats, System
-from turnout.integrate.vector import add_rows, dot, gather, total, two_totals
+from turnout.integrate.system import Floats, Ints, System
+from turnout.integrate.vector import add_rows, dot
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled, compiled_loop
+from turnout.law.lanes import LANES, every, load, pick, total
 from turnout.law.table import LawTable
 
 KINETIC, STRAIN, CONTACT, GRAVITY = range(4)
@@ -60,99 +61,78 @@ def store_energy(system: System, table: LawTable, state: State, work: Work, stor
     load has moved what lies above the modes by `r`; see `rest_at`. Gravity and strain leave out the
     same constant. ``work.argument`` and ``work.force`` are those of the solution.
     """
-    v, done, height = state.v, work.of_modes, work.of_modes_too
-    motion = (state.q, v, state.acceleration)
+    motion = (state.q, state.v, state.acceleration)
     rest = (state.resting, state.held_at_rest)
-    _modal_work(motion, rest, system.load, system.damping, done, height)
-    of_modes, lifted = two_totals(done, height)
-    _law_work(system, table, state, work)
-    of_laws, of_contacts = two_totals(work.of_laws, work.law_energy)
-    _friction_work(system, table, state, work)
-    of_frictions, of_springs = two_totals(work.of_frictions, work.held)
-    lowered = dot(state.friction_force, system.friction_load) - total(work.raised)
-    stored[KINETIC] = 0.5 * dot(v, v)
+    of_modes, lifted, moving = _modal_work(motion, rest, system.load, system.damping)
+    energy = (state.slope, state.intercept, state.potential)
+    rows = (table.offset, work.law_input, state.law_apart, system.law_load)
+    of_laws, of_contacts, raised = _law_work(
+        work.argument, work.force, energy, rows, system.base_slope
+    )
+    held = (state.friction_apart, system.friction_load, system.stick_flexibility)
+    of_frictions, of_springs, lowered = _friction_work(
+        state.g, table.friction_row, state.friction_force, held
+    )
+    stored[KINETIC] = 0.5 * moving
     stored[STRAIN] = 0.5 * (of_modes - of_laws - of_frictions)
     stored[CONTACT] = of_contacts + 0.5 * of_springs
-    stored[GRAVITY] = lowered - lifted
+    stored[GRAVITY] = lowered - raised - lifted
 
 
 @compiled_loop
 def _modal_work(
     motion: tuple[Floats, Floats, Floats],
     rest: tuple[Floats, Floats],
-    load: Floats,
+    constant: Floats,
     damping: Floats,
-    done: Floats,
-    height: Floats,
-) -> None:
+) -> tuple[float, float, float]:
+    """Return what forces on the modes do on their way, and the load; and twice kinetic energy."""
     q, v, acceleration = motion
     resting, held = rest
-    for i in range(q.size):
-        force = load[i] - acceleration[i] - damping[i] * v[i]
-        done[i] = held[i] * q[i] + force * (q[i] - resting[i])
-        height[i] = load[i] * q[i]
-
-
-@compiled
-def _law_work(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Write energies of the laws, what they do on their way, and what they raise."""
-    argument, force = work.argument, work.force
-    base_slope, load = system.base_slope, system.law_load
-    raised, done, apart = work.raised, work.of_laws, state.law_apart
-    energy = (state.slope, state.intercept, state.potential)
-    _energy_of_laws(argument, table.offset, energy, work.law_energy)
-    _work_at_rows(argument, force, base_slope, load, apart, raised, done)
-    for k in range(system.input_law.size):  # of which the argument is not the displacement
-        law = system.input_law[k]
-        at = argument[law] + state.inputs[table.input_index[law]]
-        held = base_slope[law] * at
-        raised[law] = (held - force[law]) * load[law]
-        done[law] = force[law] * (at + apart[law]) - held * apart[law]
+    done, height, moving = every(0.0), every(0.0), every(0.0)
+    for i in range(0, q.size, LANES):
+        at, speed, weight = load(q, i), load(v, i), load(constant, i)
+        force = weight - load(acceleration, i) - load(damping, i) * speed
+        done = done + (load(held, i) * at + force * (at - load(resting, i)))
+        height = height + weight * at
+        moving = moving + speed * speed
+    return total(done), total(height), total(moving)
 
 
 @compiled_loop
-def _energy_of_laws(
-    argument: Floats, offset: Floats, energy: tuple[Floats, Floats, Floats], energies: Floats
-) -> None:
-    slope, intercept, potential = energy
-    for law in range(energies.size):
-        e = argument[law] - offset[law]
-        energies[law] = (0.5 * slope[law] * e + intercept[law]) * e + potential[law]
-
-
-@compiled_loop
-def _work_at_rows(
-    at: Floats,
-    force: Floats,
+def _law_work(
+    arguments: Floats,
+    forces: Floats,
+    energy: tuple[Floats, Floats, Floats],
+    rows: tuple[Floats, Floats, Floats, Floats],
     base_slope: Floats,
-    load: Floats,
-    apart: Floats,
-    raised: Floats,
-    done: Floats,
-) -> None:
-    for law in range(force.size):
-        held = base_slope[law] * at[law]
-        raised[law] = (held - force[law]) * load[law]
-        done[law] = force[law] * (at[law] + apart[law]) - held * apart[law]
-
-
-@compiled
-def _friction_work(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Write what frictions do on their way, and twice the energy of their springs."""
-    gather(state.g, table.friction_row, work.of_frictions)
-    forces, apart, flexibility = (
-        state.friction_force,
-        state.friction_apart,
-        system.stick_flexibility,
-    )
-    _work_of_frictions(forces, apart, flexibility, work.of_frictions, work.held)
+) -> tuple[float, float, float]:
+    """Return what laws do on their way, their energy, and what they raise."""
+    slope, intercept, potential = energy
+    offset, inputs, aparts, loads = rows
+    half = every(0.5)
+    done, contacts, raised = every(0.0), every(0.0), every(0.0)
+    for i in range(0, forces.size, LANES):
+        argument, force, apart = load(arguments, i), load(forces, i), load(aparts, i)
+        e, at = argument - load(offset, i), argument + load(inputs, i)
+        stored = (half * load(slope, i) * e + load(intercept, i)) * e
+        contacts = contacts + (stored + load(potential, i))
+        held = load(base_slope, i) * at
+        raised = raised + (held - force) * load(loads, i)
+        done = done + (force * (at + apart) - held * apart)
+    return total(done), total(contacts), total(raised)
 
 
 @compiled_loop
-def _work_of_frictions(
-    forces: Floats, apart: Floats, flexibility: Floats, done: Floats, held: Floats
-) -> None:
-    for friction in range(forces.size):
-        force = forces[friction]
-        done[friction] = force * (done[friction] + apart[friction])
-        held[friction] = force * force * flexibility[friction]
+def _friction_work(
+    g: Floats, row: Ints, forces: Floats, held: tuple[Floats, Floats, Floats]
+) -> tuple[float, float, float]:
+    """Return what frictions do on their way, twice the energy of their springs, and the height."""
+    aparts, loads, flexibility = held
+    done, springs, lowered = every(0.0), every(0.0), every(0.0)
+    for i in range(0, forces.size, LANES):
+        force = load(forces, i)
+        done = done + force * (pick(g, row, i) + load(aparts, i))
+        springs = springs + force * force * load(flexibility, i)
+        lowered = lowered + force * load(loads, i)
+    return total(done), total(springs), total(lowered)

@@ -127,7 +127,7 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
         row_ends=places.row_ends,
         row_place=unsigned(row_place),
         **_followers(places),
-        joining_ends=unsigned(np.ascontiguousarray(places.row_ends[joins].T)),
+        joining_ends=_joining_ends(places),
         **_patterns(laws, places),
         row_law_start=row_law[0],
         row_law_list=row_law[1],
@@ -192,6 +192,12 @@ def _followers(places: Places) -> dict[str, Any]:
         for k, (leader, weight) in enumerate(terms):
             listed[k, end], weights[k, end] = leader, weight
     return {"follower_list": unsigned(listed), "follower_weight": weights}
+
+
+def _joining_ends(places: Places) -> Ints:
+    """Return both ends of every row that joins blocks; for what is left over any place."""
+    count, first = places.row_ends.shape[0], int(places.follower_start[-1])
+    return unsigned(np.ascontiguousarray(np.maximum(places.row_ends[first:count].T, 0)))
 
 
 def _patterns(laws: LawTable, places: Places) -> dict[str, Any]:

@@ -1,11 +1,11 @@
 """The inner loops of the kernels, on vectors that lie next to each other in memory.
 
-Sums run in eight parts, since a processor adds faster than it waits for one sum.
-A loop over ``array[first + j]`` stays slow, since an index could be negative; views do not.
+What is short and often run takes eight numbers at a time, see `turnout.law.lanes`. A loop over ``array[first + j]`` stays slow, since an index could be negative; views do not.
 """
 
 from turnout.integrate.system import Floats, Ints
-from turnout.law.compiled import compiled, compiled_loop
+from turnout.law.compiled import compiled_loop
+from turnout.law.lanes import LANES, every, load, store, total
 
 
 @compiled_loop
@@ -19,82 +19,13 @@ def dot(a: Floats, b: Floats) -> float:
     11.0
     """
     n = a.size
-    s0, s1, s2, s3, s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    i = 0
-    while i + 8 <= n:
-        s0 += a[i] * b[i]
-        s1 += a[i + 1] * b[i + 1]
-        s2 += a[i + 2] * b[i + 2]
-        s3 += a[i + 3] * b[i + 3]
-        s4 += a[i + 4] * b[i + 4]
-        s5 += a[i + 5] * b[i + 5]
-        s6 += a[i + 6] * b[i + 6]
-        s7 += a[i + 7] * b[i + 7]
-        i += 8
-    while i < n:
-        s0 += a[i] * b[i]
-        i += 1
-    return ((s0 + s4) + (s1 + s5)) + ((s2 + s6) + (s3 + s7))
-
-
-@compiled_loop
-def total(values: Floats) -> float:
-    """Return the sum of a vector.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> total(np.arange(6.0))
-    15.0
-    """
-    n = values.size
-    s0, s1, s2, s3, s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    i = 0
-    while i + 8 <= n:
-        s0 += values[i]
-        s1 += values[i + 1]
-        s2 += values[i + 2]
-        s3 += values[i + 3]
-        s4 += values[i + 4]
-        s5 += values[i + 5]
-        s6 += values[i + 6]
-        s7 += values[i + 7]
-        i += 8
-    while i < n:
-        s0 += values[i]
-        i += 1
-    return ((s0 + s4) + (s1 + s5)) + ((s2 + s6) + (s3 + s7))
-
-
-@compiled_loop
-def two_totals(a: Floats, b: Floats) -> tuple[float, float]:
-    """Return the sums of two vectors; the second may be longer.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> two_totals(np.arange(9.0), np.ones(9))
-    (36.0, 9.0)
-    """
-    n = a.size
-    a0, a1, a2, a3, a4, a5, a6, a7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    b0, b1, b2, b3, b4, b5, b6, b7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    i = 0
-    while i + 8 <= n:
-        a0, b0 = a0 + a[i], b0 + b[i]
-        a1, b1 = a1 + a[i + 1], b1 + b[i + 1]
-        a2, b2 = a2 + a[i + 2], b2 + b[i + 2]
-        a3, b3 = a3 + a[i + 3], b3 + b[i + 3]
-        a4, b4 = a4 + a[i + 4], b4 + b[i + 4]
-        a5, b5 = a5 + a[i + 5], b5 + b[i + 5]
-        a6, b6 = a6 + a[i + 6], b6 + b[i + 6]
-        a7, b7 = a7 + a[i + 7], b7 + b[i + 7]
-        i += 8
-    while i < n:
-        a0, b0 = a0 + a[i], b0 + b[i]
-        i += 1
-    of_a = ((a0 + a4) + (a1 + a5)) + ((a2 + a6) + (a3 + a7))
-    return of_a, ((b0 + b4) + (b1 + b5)) + ((b2 + b6) + (b3 + b7))
+    whole = n - n % LANES
+    parts, rest = every(0.0), 0.0
+    for i in range(0, whole, LANES):
+        parts = parts + load(a, i) * load(b, i)
+    for i in range(whole, n):
+        rest += a[i] * b[i]
+    return total(parts) + rest
 
 
 @compiled_loop
@@ -129,7 +60,7 @@ def add_two(one: float, a: Floats, other: float, b: Floats, to: Floats) -> None:
         to[i] += one * a[i] + other * b[i]
 
 
-@compiled
+@compiled_loop
 def add_rows(weights: Floats, rows: Floats, to: Floats) -> None:
     """Add a weighted sum of the rows of a matrix, which may be wider, to a vector.
 
@@ -144,11 +75,17 @@ def add_rows(weights: Floats, rows: Floats, to: Floats) -> None:
     [120.0, 135.0]
     """
     n, width = weights.size, to.size
+    whole = width - width % LANES
     r = 0
     while r + 4 <= n:
         a, b, c, d = weights[r], weights[r + 1], weights[r + 2], weights[r + 3]
         first, second, third, fourth = rows[r], rows[r + 1], rows[r + 2], rows[r + 3]
-        for i in range(width):
+        a8, b8, c8, d8 = every(a), every(b), every(c), every(d)
+        for i in range(0, whole, LANES):
+            pair = a8 * load(first, i) + b8 * load(second, i)
+            other = c8 * load(third, i) + d8 * load(fourth, i)
+            store(load(to, i) + (pair + other), to, i)
+        for i in range(whole, width):
             to[i] += (a * first[i] + b * second[i]) + (c * third[i] + d * fourth[i])
         r += 4
     while r < n:
@@ -156,17 +93,19 @@ def add_rows(weights: Floats, rows: Floats, to: Floats) -> None:
         r += 1
 
 
-@compiled
+@compiled_loop
 def spread(change: Floats, at: Ints, pivot: Floats, rows: Floats) -> None:
     """Add to each row of a matrix, which may be wider, what it makes of a change times a pivot.
+
+    The pivot fills whole lines of memory.
 
     Examples
     --------
     >>> import numpy as np
-    >>> rows = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
-    >>> spread(np.array([10.0]), np.array([1]), np.array([1.0, 0.0]), rows)
-    >>> rows.tolist()
-    [[21.0, 2.0], [43.0, 4.0], [65.0, 6.0]]
+    >>> rows = np.arange(24.0).reshape(3, 8)
+    >>> spread(np.array([10.0]), np.array([1], dtype=np.uint64), np.eye(8)[0], rows)
+    >>> rows[:, :2].tolist()
+    [[10.0, 1.0], [98.0, 9.0], [186.0, 17.0]]
     """
     n, width = rows.shape[0], pivot.size
     r = 0
@@ -177,9 +116,11 @@ def spread(change: Floats, at: Ints, pivot: Floats, rows: Floats) -> None:
             a += change[k] * first[at[k]]
             b += change[k] * second[at[k]]
         if a != 0.0 or b != 0.0:
-            for i in range(width):
-                first[i] += a * pivot[i]
-                second[i] += b * pivot[i]
+            a8, b8 = every(a), every(b)
+            for i in range(0, width, LANES):
+                moved = load(pivot, i)
+                store(load(first, i) + a8 * moved, first, i)
+                store(load(second, i) + b8 * moved, second, i)
         r += 2
     if r < n:
         a = 0.0

@@ -15,6 +15,7 @@ class Work(NamedTuple):
     Except `push`, which is zero on rows without an input, `unsettled`, which flags the rows that
     still changed when a step was given up, `changed`, whether a law has changed since the contact
     set was saved, and `stop`, which another thread sets to end the work between two solutions.
+    `law_input` holds the input of every law that has one, at the last solution.
     `q`, `g_start` and the two of the contact set are the state at the start of a step; `argument`,
     `force`, `trial` and `limit` are of the last solution, `turnout.integrate.solve`.
     """
@@ -33,7 +34,7 @@ class Work(NamedTuple):
     dirty_list: Ints
     unsettled: Ints
     old_segment: Ints
-    old_friction: Ints
+    old_friction: Floats
     q: Floats
     g: Floats
     g_start: Floats
@@ -47,13 +48,7 @@ class Work(NamedTuple):
     modal_error: Floats
     found: Floats
     of_modes: Floats
-    of_modes_too: Floats
-    of_laws: Floats
-    raised: Floats
-    law_energy: Floats
-    of_frictions: Floats
-    turned: Floats
-    held: Floats
+    law_input: Floats
     inputs: Floats
     inputs_end: Floats
     changed: Ints
@@ -90,7 +85,7 @@ def new_work(system: System, table: LawTable) -> Work:
             dirty_list=flags(),
             unsettled=flags(),
             old_segment=np.zeros(table.row.size, dtype=np.int64),
-            old_friction=np.zeros(table.friction_row.size, dtype=np.int64),
+            old_friction=np.zeros(table.friction_row.size),
             q=modal(),
             g=placed(),
             g_start=placed(),
@@ -104,13 +99,7 @@ def new_work(system: System, table: LawTable) -> Work:
             modal_error=modal(),
             found=placed(),
             of_modes=modal(),
-            of_modes_too=modal(),
-            of_laws=np.zeros(table.row.size),
-            raised=np.zeros(table.row.size),
-            law_energy=np.zeros(table.row.size),
-            of_frictions=np.zeros(table.friction_row.size),
-            turned=np.zeros(table.friction_row.size),
-            held=np.zeros(table.friction_row.size),
+            law_input=np.zeros(table.row.size),
             inputs=np.zeros(n_inputs),
             inputs_end=np.zeros(n_inputs),
             changed=np.ones(1, dtype=np.int64),

@@ -7,6 +7,7 @@ are read as attributes of the same names; which arrays they are can no longer be
 in them can.
 """
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numba
@@ -24,6 +25,8 @@ from numba.extending import (
     unbox,
 )
 from numba.np.arrayobj import make_array, populate_array
+
+from turnout.law.lanes import LANES
 
 T = TypeVar("T", bound=NamedTuple)
 
@@ -60,14 +63,16 @@ class Shared:
 
     __slots__ = ("_arrays", "_words", "address", "kind")
 
-    def __init__(self, arrays: NamedTuple) -> None:
+    def __init__(self, arrays: NamedTuple, beyond: Mapping[str, float]) -> None:
         fields, words = [], []
         for name, array in arrays._asdict().items():
             if not (isinstance(array, np.ndarray) and array.flags.c_contiguous):
                 msg = f"{type(arrays).__name__}.{name} must be an array without gaps"
                 raise TypeError(msg)
             fields.append((name, array.dtype.str, array.ndim))
-            words += [array.ctypes.data, *array.shape]
+        arrays = arrays._replace(**_in_lines(arrays, beyond))
+        for array in arrays:
+            words += [array.__array_interface__["data"][0], *array.shape]
         self._arrays = arrays
         self._words = np.array(words, dtype=np.int64)
         self.address = int(self._words.ctypes.data)
@@ -78,18 +83,37 @@ class Shared:
         return getattr(self._arrays, name)
 
 
-def shared(arrays: T) -> T:
+def _in_lines(arrays: NamedTuple, beyond: Mapping[str, float]) -> dict[str, Any]:
+    """Copy all vectors to one piece of memory, each in whole lines of it."""
+    vectors = {name: array for name, array in arrays._asdict().items() if array.ndim == 1}
+    lines = [-(-array.size // LANES) for array in vectors.values()]
+    memory = np.zeros((sum(lines) + 1) * LANES)
+    at, copies = (-(memory.__array_interface__["data"][0] // 8)) % LANES, {}
+    for (name, array), count in zip(vectors.items(), lines, strict=True):
+        room = memory[at : at + count * LANES].view(array.dtype)
+        room[: array.size] = array
+        room[array.size :] = beyond.get(name, 0.0)
+        copies[name] = room[: array.size]
+        at += count * LANES
+    return copies
+
+
+def shared(arrays: T, **beyond: float) -> T:
     """Return a named tuple of arrays as a record that kernels take by reference.
 
     Parameters
     ----------
     arrays : named tuple of ndarray
-        Contiguous arrays of floats or integers.
+        Contiguous arrays of floats or integers, of 8 bytes each.
+    **beyond : float
+        What stands behind the end of a vector, up to the end of its line of memory; else zero.
 
     Returns
     -------
     named tuple of ndarray
-        It has the attributes of `arrays`, and the same memory, but is no tuple.
+        It has the attributes of `arrays` but is no tuple. Vectors are copies, which lie next to
+        each other and begin and end with whole lines of memory, see `turnout.law.lanes`; what has
+        more dimensions is the same memory.
 
     Raises
     ------
@@ -105,7 +129,7 @@ def shared(arrays: T) -> T:
     >>> shared(builder.table()).offset.tolist()
     [0.5]
     """
-    return cast("T", Shared(arrays))
+    return cast("T", Shared(arrays, beyond))
 
 
 @typeof_impl.register(Shared)
