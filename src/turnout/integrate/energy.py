@@ -17,7 +17,7 @@ from turnout.integrate.solve import mark_law
 from turnout.integrate.state import State, set_segment
 from turnout.integrate.system import Floats, System
 from turnout.integrate.work import Work
-from turnout.law.compiled import compiled, compiled_loop
+from turnout.law.compiled import compiled, compiled_loop, compiled_part
 from turnout.law.kernel import law_argument, law_energy, law_force, segment_for
 from turnout.law.lanes import LANES, choose, every, load, magnitude, over, store, total
 from turnout.law.table import LawTable
@@ -91,7 +91,7 @@ def account_laws(
                 state.ledger[SEGMENTS] += mean * (e - before) - change
 
 
-@compiled
+@compiled_part
 def account_friction(system: System, state: State, work: Work) -> None:
     """Book friction work; move the anchors of slipping feet so that force and spring agree.
 

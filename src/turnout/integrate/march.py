@@ -83,10 +83,11 @@ def _try_step(
 
     A `last` attempt follows the path where the contact set does not settle.
     """
-    begin_step(system, state, work, stepping, h)
+    matrix = coefficients(stepping, h)
+    inertia, viscosity = matrix
+    begin_step(system, state, work, stepping, h, matrix)
     save_set(state, work)
     code = settle(system, table, state, work, tolerances)
-    inertia, viscosity = coefficients(stepping, h)
     if code == NOT_CONVERGED and last:
         copy(work.q, state.q)
         copy(work.g_start, state.g)
@@ -107,6 +108,7 @@ def _try_step(
             evaluate(system, table, state, work)
             state.drift[0] = DRIFTS
     if code == CONVERGED:
+        complete_step(system, state, work, stepping, matrix)
         return code
     copy(work.q, state.q)
     copy(work.g_start, state.g)
@@ -149,8 +151,8 @@ def _advance(
             state.counters[COUNT_HALVED] += 1
             change_level(system, table, state, work, stepping, level)
             continue
-        work.unsettled[:] = 0
-        complete_step(system, state, work, stepping, h)
+        if level > 0 or last:
+            work.unsettled[:] = 0
         account_laws(system, table, state, work, begin, time + share * stepping.step)
         account_friction(system, state, work)
         position += size

@@ -3,9 +3,9 @@
 from turnout.integrate.coupling import at_end, couple, solve_coupling
 from turnout.integrate.state import COUNT_JOINING, COUPLED, State
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import add, add_rows, add_two, copy, gather
+from turnout.integrate.vector import add, add_two, copy, gather, sum_rows
 from turnout.integrate.work import Work
-from turnout.law.compiled import compiled, compiled_loop
+from turnout.law.compiled import compiled, compiled_loop, compiled_part
 from turnout.law.lanes import LANES, every, load, pick, store
 from turnout.law.table import LawTable
 
@@ -15,11 +15,11 @@ def solve_set(system: System, table: LawTable, state: State, work: Work) -> None
     """Find all displacements for the present contact set from ``work.right_side``."""
     end_start, mode_start = system.end_start, system.mode_start
     force, g, columns = work.right_side, state.g, state.mode_columns
-    copy(state.constant_column, g[: state.constant_column.size])
+    constant = state.constant_column
     for block in range(end_start.size - 1):
         first, last = mode_start[block], mode_start[block + 1]
-        solved = g[end_start[block] : end_start[block + 1]]
-        add_rows(force[first:last], columns[first:last], solved)
+        start, stop = end_start[block], end_start[block + 1]
+        sum_rows(constant[start:stop], force[first:last], columns[first:last], g[start:stop])
     _push(system, table, state, work)
     gather(work.push, system.pushed_end, work.pushed)
     _move_blocks(system, state, system.pushed_end, work.pushed)
@@ -28,7 +28,7 @@ def solve_set(system: System, table: LawTable, state: State, work: Work) -> None
     derive(system, state)
 
 
-@compiled
+@compiled_part
 def _push(system: System, table: LawTable, state: State, work: Work) -> None:
     """Write what the inputs push on their rows [N]; a row may have several."""
     push = work.push
@@ -39,7 +39,7 @@ def _push(system: System, table: LawTable, state: State, work: Work) -> None:
         push[table.row[law]] += state.slope[law] * state.inputs[table.input_index[law]]
 
 
-@compiled
+@compiled_part
 def derive(system: System, state: State) -> None:
     """Take the ends that follow, and the rows that join blocks, from the leading ends."""
     leaders, weights = system.follower_list, system.follower_weight
@@ -129,7 +129,7 @@ def deviation_forces(system: System, table: LawTable, state: State, work: Work) 
             slot_force[slot] = force
 
 
-@compiled
+@compiled_part
 def set_modes(system: System, state: State) -> None:
     """Take the modal coordinates from the solution."""
     g, q, mode_start, end_stop = state.g, state.q, system.mode_start, system.end_stop

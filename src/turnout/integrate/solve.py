@@ -16,7 +16,7 @@ from turnout.integrate.state import COUNT_ITERATIONS, State, set_segment
 from turnout.integrate.system import Floats, Ints, System
 from turnout.integrate.vector import copy
 from turnout.integrate.work import Work
-from turnout.law.compiled import compiled, compiled_loop
+from turnout.law.compiled import compiled, compiled_loop, compiled_part
 from turnout.law.kernel import (
     STICK,
     any_not_finite,
@@ -81,7 +81,7 @@ def update_marked(system: System, table: LawTable, state: State, work: Work, cou
         update_row(system, table, state, row, work.row)
 
 
-@compiled
+@compiled_part
 def evaluate_laws(system: System, table: LawTable, state: State, work: Work, gap: float) -> bool:
     """Write the displacement of every law's row, less its input [m], and what it resists with [N].
 
@@ -122,7 +122,7 @@ def _try_laws(
     return some(outside)
 
 
-@compiled
+@compiled_part
 def evaluate_frictions(table: LawTable, state: State, work: Work, force: float) -> bool:
     """Write the elastic force of every friction and the limit from its normal law [N].
 
@@ -262,7 +262,7 @@ def settle(
     return NOT_CONVERGED
 
 
-@compiled
+@compiled_part
 def save_set(state: State, work: Work) -> None:
     """Save the displacements, and the contact set if it has changed since it was saved."""
     copy(state.g, work.g_start)

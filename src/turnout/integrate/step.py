@@ -13,7 +13,7 @@ from turnout.integrate.energy import ALGORITHMIC, DAMPING
 from turnout.integrate.state import State
 from turnout.integrate.system import Floats, System
 from turnout.integrate.work import Work
-from turnout.law.compiled import compiled, compiled_loop
+from turnout.law.compiled import compiled, compiled_loop, compiled_part
 from turnout.law.lanes import LANES, every, load, store, total
 
 
@@ -38,12 +38,23 @@ def coefficients(stepping: Stepping, h: float) -> tuple[float, float]:
     return 1.0 / (h * h * stepping.beta * kappa), stepping.gamma / (h * stepping.beta)
 
 
-@compiled
-def begin_step(system: System, state: State, work: Work, stepping: Stepping, h: float) -> None:
-    """Save the coordinates; predict the step without new acceleration, and write its right side."""
+@compiled_part
+def begin_step(
+    system: System,
+    state: State,
+    work: Work,
+    stepping: Stepping,
+    h: float,
+    matrix: tuple[float, float],
+) -> None:
+    """Save the coordinates; predict the step without new acceleration, and write its right side.
+
+    `matrix` are the `coefficients` of the step.
+    """
     _predict(
         stepping,
         h,
+        matrix,
         (state.q, state.v, state.a, state.acceleration),
         system.damping,
         system.load,
@@ -58,6 +69,7 @@ def begin_step(system: System, state: State, work: Work, stepping: Stepping, h: 
 def _predict(
     stepping: Stepping,
     h: float,
+    matrix: tuple[float, float],
     motion: tuple[Floats, Floats, Floats, Floats],
     damping: Floats,
     constant: Floats,
@@ -66,8 +78,7 @@ def _predict(
     velocity: Floats,
     side: Floats,
 ) -> None:
-    of_inertia, of_damping = coefficients(stepping, h)
-    inertia, viscosity = every(of_inertia), every(of_damping)
+    inertia, viscosity = every(matrix[0]), every(matrix[1])
     share = 1.0 / (1.0 - stepping.alpha_m)
     old, older = every(share * stepping.alpha_f), every(-share * stepping.alpha_m)
     rest, new = every(0.5 - stepping.beta), every(stepping.beta)
@@ -86,15 +97,17 @@ def _predict(
         store(inertia * there + load(constant, i) + damped, side, i)
 
 
-@compiled
-def complete_step(system: System, state: State, work: Work, stepping: Stepping, h: float) -> None:
+@compiled_part
+def complete_step(
+    system: System, state: State, work: Work, stepping: Stepping, matrix: tuple[float, float]
+) -> None:
     """Complete velocity and accelerations from the solved coordinates.
 
     Damping and the scheme's own loss are booked, `turnout.integrate.energy`.
     """
     before = (work.q, work.predicted, work.velocity)
     of_damping, of_scheme = _complete(
-        stepping, h, before, system.damping, state.q, state.v, state.a, state.acceleration
+        stepping, matrix, before, system.damping, state.q, state.v, state.a, state.acceleration
     )
     state.ledger[DAMPING] += of_damping
     state.ledger[ALGORITHMIC] += of_scheme
@@ -103,7 +116,7 @@ def complete_step(system: System, state: State, work: Work, stepping: Stepping, 
 @compiled_loop
 def _complete(
     stepping: Stepping,
-    h: float,
+    matrix: tuple[float, float],
     before: tuple[Floats, Floats, Floats],
     damping: Floats,
     q: Floats,
@@ -111,8 +124,7 @@ def _complete(
     a: Floats,
     acceleration: Floats,
 ) -> tuple[float, float]:
-    of_inertia, of_damping = coefficients(stepping, h)
-    inertia, viscosity, half = every(of_inertia), every(of_damping), every(0.5)
+    inertia, viscosity, half = every(matrix[0]), every(matrix[1]), every(0.5)
     share, new = every(1.0 / (1.0 - stepping.alpha_m)), every(1.0 - stepping.alpha_f)
     old, older = every(stepping.alpha_f), every(stepping.alpha_m)
     saved, predicted, velocity = before

@@ -6,7 +6,7 @@ from turnout.integrate.state import State
 from turnout.integrate.system import Floats, Ints, System
 from turnout.integrate.vector import add_rows, dot
 from turnout.integrate.work import Work
-from turnout.law.compiled import compiled, compiled_loop
+from turnout.law.compiled import compiled, compiled_loop, compiled_part
 from turnout.law.lanes import LANES, every, load, pick, total
 from turnout.law.table import LawTable
 
@@ -51,7 +51,7 @@ def folded_energy(system: System, state: State, work: Work) -> float:
     return 0.5 * dot(work.of_modes, state.q)
 
 
-@compiled
+@compiled_part
 def store_energy(system: System, table: LawTable, state: State, work: Work, stored: Floats) -> None:
     """Write the energies of the present instant [J].
 

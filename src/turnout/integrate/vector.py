@@ -94,6 +94,43 @@ def add_rows(weights: Floats, rows: Floats, to: Floats) -> None:
 
 
 @compiled_loop
+def sum_rows(start: Floats, weights: Floats, rows: Floats, to: Floats) -> None:
+    """Write a vector plus a weighted sum of the rows of a matrix, which may be wider, to another.
+
+    Vectors fill whole lines of memory.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> total = np.zeros(8)
+    >>> sum_rows(np.ones(8), np.arange(1.0, 6.0), np.arange(40.0).reshape(5, 8), total)
+    >>> total[:2].tolist()
+    [321.0, 336.0]
+    """
+    n, width, present = weights.size, to.size, start
+    r = 0
+    while r + 4 <= n:
+        a, b, c, d = (
+            every(weights[r]), every(weights[r + 1]), every(weights[r + 2]), every(weights[r + 3])
+        )  # fmt: skip
+        first, second, third, fourth = rows[r], rows[r + 1], rows[r + 2], rows[r + 3]
+        for i in range(0, width, LANES):
+            pair = a * load(first, i) + b * load(second, i)
+            other = c * load(third, i) + d * load(fourth, i)
+            store(load(present, i) + (pair + other), to, i)
+        present = to
+        r += 4
+    while r < n:
+        a, row = every(weights[r]), rows[r]
+        for i in range(0, width, LANES):
+            store(load(present, i) + a * load(row, i), to, i)
+        present = to
+        r += 1
+    if n == 0:
+        copy(start, to)
+
+
+@compiled_loop
 def spread(change: Floats, at: Ints, pivot: Floats, rows: Floats) -> None:
     """Add to each row of a matrix, which may be wider, what it makes of a change times a pivot.
 

@@ -88,13 +88,22 @@ def compiled_loop(function: Callable[P, T]) -> Callable[P, T]:
     return _compiled(function, memory=False, loop=True)
 
 
+def compiled_part(function: Callable[P, T]) -> Callable[P, T]:
+    """Compile a kernel into each kernel that calls it; for short ones that few call."""
+    return _compiled(function, memory=False, part=True)
+
+
 def compiled_with_memory(function: Callable[P, T]) -> Callable[P, T]:
     """Compile a kernel that makes arrays of its own; for rare calls."""
     return _compiled(function, memory=True)
 
 
-def _compiled(function: Callable[P, T], *, memory: bool, loop: bool = False) -> Callable[P, T]:
-    options = {"pipeline_class": WithoutOverlap, "forceinline": True} if loop else {}
+def _compiled(
+    function: Callable[P, T], *, memory: bool, loop: bool = False, part: bool = False
+) -> Callable[P, T]:
+    options: dict[str, Any] = {"forceinline": True} if loop or part else {}
+    if loop:
+        options["pipeline_class"] = WithoutOverlap
     kernel: Callable[P, T] = _numba.njit(
         cache=True, error_model="numpy", nogil=True, _nrt=memory, **options
     )(function)
