@@ -8,6 +8,7 @@ in them can.
 """
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numba
@@ -64,38 +65,50 @@ class Shared:
     __slots__ = ("_arrays", "_words", "address", "kind")
 
     def __init__(self, arrays: NamedTuple, beyond: Mapping[str, float]) -> None:
-        fields, words = [], []
-        for name, array in arrays._asdict().items():
+        for name, array in zip(arrays._fields, arrays, strict=True):
             if not (isinstance(array, np.ndarray) and array.flags.c_contiguous):
                 msg = f"{type(arrays).__name__}.{name} must be an array without gaps"
                 raise TypeError(msg)
-            fields.append((name, array.dtype.str, array.ndim))
-        arrays = arrays._replace(**_in_lines(arrays, beyond))
-        for array in arrays:
-            words += [array.__array_interface__["data"][0], *array.shape]
-        self._arrays = arrays
+        self.kind = _kind(type(arrays), tuple([(array.dtype.str, array.ndim) for array in arrays]))
+        self._arrays, words = _in_lines(arrays, beyond)
         self._words = np.array(words, dtype=np.int64)
         self.address = int(self._words.ctypes.data)
-        self.kind = _SharedType(type(arrays).__name__, tuple(fields))
 
     def __getattr__(self, name: str) -> Any:
         """Return one of the arrays."""
         return getattr(self._arrays, name)
 
 
-def _in_lines(arrays: NamedTuple, beyond: Mapping[str, float]) -> dict[str, Any]:
-    """Copy all vectors to one piece of memory, each in whole lines of it."""
-    vectors = {name: array for name, array in arrays._asdict().items() if array.ndim == 1}
-    lines = [-(-array.size // LANES) for array in vectors.values()]
+@cache
+def _kind(record: type[Any], arrays: tuple[tuple[str, int], ...]) -> _SharedType:
+    named = zip(record._fields, arrays, strict=True)
+    return _SharedType(record.__name__, tuple((name, *array) for name, array in named))
+
+
+def _in_lines(arrays: NamedTuple, beyond: Mapping[str, float]) -> tuple[NamedTuple, list[int]]:
+    """Copy all vectors to one piece of memory, each in whole lines of it.
+
+    Returns the arrays, and the address and lengths of each.
+    """
+    lines = [-(-array.size // LANES) if array.ndim == 1 else 0 for array in arrays]
     memory = np.zeros((sum(lines) + 1) * LANES)
-    at, copies = (-(memory.__array_interface__["data"][0] // 8)) % LANES, {}
-    for (name, array), count in zip(vectors.items(), lines, strict=True):
-        room = memory[at : at + count * LANES].view(array.dtype)
-        room[: array.size] = array
-        room[array.size :] = beyond.get(name, 0.0)
-        copies[name] = room[: array.size]
+    first = memory.ctypes.data
+    at, words, found = (-(first // 8)) % LANES, [], []
+    for name, array, count in zip(arrays._fields, arrays, lines, strict=True):
+        if array.ndim != 1:
+            found.append(array)
+            words += [array.ctypes.data, *array.shape]
+            continue
+        vector = memory[at : at + array.size]
+        if array.dtype != memory.dtype:
+            vector = vector.view(array.dtype)
+        vector[:] = array
+        if name in beyond:
+            memory[at + array.size : at + count * LANES] = beyond[name]
+        found.append(vector)
+        words += [first + 8 * at, array.size]
         at += count * LANES
-    return copies
+    return type(arrays)(*found), words
 
 
 def shared(arrays: T, **beyond: float) -> T:
@@ -106,7 +119,7 @@ def shared(arrays: T, **beyond: float) -> T:
     arrays : named tuple of ndarray
         Contiguous arrays of floats or integers, of 8 bytes each.
     **beyond : float
-        What stands behind the end of a vector, up to the end of its line of memory; else zero.
+        What stands behind the end of a vector of floats, up to the end of its line of memory; else zero.
 
     Returns
     -------
