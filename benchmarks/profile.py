@@ -35,11 +35,11 @@ SHARE = 0.55
 """Where in the cycle the state is taken: both rails on the way back."""
 CALLS, REPEATS = 2000, 7
 KERNELS = {
-    "predict, right side": "step.begin_step(s, st, w, sp, sp.step)",
+    "predict, right side": "step.begin_step(s, st, w, sp, sp.step, step.factors_of(sp, sp.step))",
     "columns times right side": "solution.solve_set(s, t, st, w)",
     "check of contacts and stops": "solve.check_segments(s, t, st, w, 1e-11, False)",
     "check of friction": "solve.check_frictions(t, st, w, 0, 1e-6, False)",
-    "complete, books of modes": "step.complete_step(s, st, w, sp, sp.step)",
+    "complete, books of modes": "step.complete_step(s, st, w, sp, step.factors_of(sp, sp.step))",
     "books of laws": "energy.account_laws(s, t, st, w, w.inputs, 4.0)",
     "books of friction": "energy.account_friction(s, st, w)",
     "store an instant": "march.store(s, t, st, w, rec, 1)",

@@ -13,7 +13,7 @@ from turnout.integrate.scheme import AlphaCoefficients
 from turnout.integrate.solution import set_modes, solve_set
 from turnout.integrate.solve import CONVERGED, Tolerances, evaluate
 from turnout.integrate.state import COUNT_RECENT, set_segment
-from turnout.integrate.step import Stepping, coefficients
+from turnout.integrate.step import Stepping, factors_of
 from turnout.integrate.work import Work
 from turnout.law.kernel import SLIP_FORWARD
 
@@ -83,7 +83,7 @@ def stepping(step: float) -> Stepping:
 def test_a_solution_is_corrected_where_columns_are_fresh_and_yet_wrong(made: Setup) -> None:
     system, table, state, work = made.system, made.table, made.state, made.work
     given = stepping(1e-3)
-    inertia, viscosity = coefficients(given, given.step)
+    inertia, viscosity, _ = factors_of(given, given.step)
     state.made[:] = 0
     make_level(system, state, 0, inertia, viscosity)
     rebuild(system, table, state, 0, work.row)

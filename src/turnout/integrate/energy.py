@@ -11,6 +11,8 @@ residual. The numerical loss is the scheme's (`algorithmic`) and, law by law, th
 the change of potential where a law changes its segment within a step.
 """
 
+import math
+
 import numpy as np
 
 from turnout.integrate.solve import mark_law
@@ -43,13 +45,31 @@ def closing_error(stored: Floats, ledger: Floats, *, folded: float = 0.0) -> flo
         books are a small difference where a chair is far from its rail; `ROUNDING` of it is
         overlooked.
     """
-    change = stored.sum(axis=1) - stored[:1].sum()
-    gained = ledger[:, MARKERS] + ledger[:, SWITCHED]
-    lost = ledger[:, [FRICTION, DAMPING, ALGORITHMIC, SEGMENTS]].sum(axis=1)
-    turned = np.abs(stored - stored[:1]).sum(axis=1)
-    scale = max(float(np.max(np.abs(ledger[:, MARKERS]) + turned)), LEAST_SCALE)
-    residual = float(np.max(np.abs(change - gained + lost)))
+    residual, scale = _open_books(stored, ledger)
+    scale = max(scale, LEAST_SCALE)
     return max(residual - ROUNDING * folded, 0.0) / scale if np.isfinite(residual) else residual
+
+
+@compiled
+def _open_books(stored: Floats, ledger: Floats) -> tuple[float, float]:
+    """Return the largest residual and the largest scale of all instants [J]; NaN if one is."""
+    residual, scale, start = 0.0, 0.0, 0.0
+    for column in range(stored.shape[1]):
+        start += stored[0, column]
+    for n in range(stored.shape[0]):
+        now, turned = 0.0, 0.0
+        for column in range(stored.shape[1]):
+            now += stored[n, column]
+            turned += abs(stored[n, column] - stored[0, column])
+        gained = ledger[n, MARKERS] + ledger[n, SWITCHED]
+        lost = ledger[n, FRICTION] + ledger[n, DAMPING]
+        lost += ledger[n, ALGORITHMIC] + ledger[n, SEGMENTS]
+        off = abs(now - start - gained + lost)
+        if math.isnan(off):
+            return off, scale
+        residual = max(residual, off)
+        scale = max(scale, abs(ledger[n, MARKERS]) + turned)
+    return residual, scale
 
 
 @compiled

@@ -27,7 +27,7 @@ from turnout.integrate.solve import (
     update_marked,
 )
 from turnout.integrate.state import COUNT_HALVED, COUNT_RECENT, LEVEL, State
-from turnout.integrate.step import Stepping, begin_step, coefficients, complete_step
+from turnout.integrate.step import Factors, Stepping, begin_step, complete_step, factors_of
 from turnout.integrate.stored import folded_energy, store_energy
 from turnout.integrate.system import Floats, Ints, System
 from turnout.integrate.vector import copy
@@ -62,8 +62,8 @@ def change_level(
     system: System, table: LawTable, state: State, work: Work, stepping: Stepping, level: int
 ) -> None:
     """Make the columns of a step that is halved so many times."""
-    inertia, viscosity = coefficients(stepping, stepping.step / (1 << level))
-    make_level(system, state, level, inertia, viscosity)
+    factors = factors_of(stepping, stepping.step / (1 << level))
+    make_level(system, state, level, factors.inertia, factors.viscosity)
     rebuild(system, table, state, level, work.row)
 
 
@@ -76,6 +76,7 @@ def _try_step(
     tolerances: Tolerances,
     stepping: Stepping,
     h: float,
+    factors: Factors,
     inputs: tuple[Floats, Floats],
     last: bool,
 ) -> int:
@@ -83,9 +84,8 @@ def _try_step(
 
     A `last` attempt follows the path where the contact set does not settle.
     """
-    matrix = coefficients(stepping, h)
-    inertia, viscosity = matrix
-    begin_step(system, state, work, stepping, h, matrix)
+    inertia, viscosity = factors.inertia, factors.viscosity
+    begin_step(system, state, work, stepping, h, factors)
     save_set(state, work)
     code = settle(system, table, state, work, tolerances)
     if code == NOT_CONVERGED and last:
@@ -108,7 +108,7 @@ def _try_step(
             evaluate(system, table, state, work)
             state.drift[0] = DRIFTS
     if code == CONVERGED:
-        complete_step(system, state, work, stepping, matrix)
+        complete_step(system, state, work, stepping, factors)
         return code
     copy(work.q, state.q)
     copy(work.g_start, state.g)
@@ -124,31 +124,38 @@ def _advance(
     work: Work,
     tolerances: Tolerances,
     stepping: Stepping,
+    whole: Factors,
     inputs: tuple[Floats, Floats],
     time: float,
 ) -> int:
-    """Cover one nominal step from `time`, in one piece or in halved pieces."""
+    """Cover one nominal step from `time`, in one piece or in halved pieces.
+
+    `whole` are the factors of a step in one piece.
+    """
     old, new = inputs
     marks = 1 << stepping.halvings
     position, level = 0, 0
+    h, factors = stepping.step, whole
     begin, end = work.inputs, work.inputs_end
     while position < marks:
         size = marks >> level
-        h = stepping.step * size / marks
         share = (position + size) / marks
-        copy(state.inputs, begin)
         for k in range(new.size):
+            begin[k] = state.inputs[k]
             state.inputs[k] = old[k] + share * (new[k] - old[k])
+            end[k] = state.inputs[k]
         last = stepping.follow_path and level == stepping.halvings
-        copy(state.inputs, end)
-        pair = (begin, end)
-        code = _try_step(system, table, state, work, tolerances, stepping, h, pair, last)
+        code = _try_step(
+            system, table, state, work, tolerances, stepping, h, factors, (begin, end), last
+        )
         if code != CONVERGED:
             copy(begin, state.inputs)
             level += 1
             if level > stepping.halvings or code == STOPPED:
                 return code
             state.counters[COUNT_HALVED] += 1
+            h = stepping.step / (1 << level)
+            factors = factors_of(stepping, h)
             change_level(system, table, state, work, stepping, level)
             continue
         if level > 0 or last:
@@ -205,6 +212,7 @@ def march(
         Indices into `inputs`; the state is that of instant `first`, its columns those of the
         nominal step. Where a march is cut into several does not change a bit of the result.
     """
+    whole = factors_of(stepping, stepping.step)
     for n in range(first, last):
         time = n * stepping.step
         if stepping.inertia and state.counters[LEVEL] != 0:
@@ -213,7 +221,7 @@ def march(
         update_marked(system, table, state, work, count)
         pair = (inputs[n], inputs[n + 1])
         if stepping.inertia:
-            code = _advance(system, table, state, work, tolerances, stepping, pair, time)
+            code = _advance(system, table, state, work, tolerances, stepping, whole, pair, time)
         else:
             span = (time, time + stepping.step)
             code = advance_static(system, table, state, work, tolerances, pair, span)

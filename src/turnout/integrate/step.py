@@ -31,11 +31,20 @@ class Stepping(NamedTuple):
     inertia: bool
 
 
+class Factors(NamedTuple):
+    """What a step of one length is multiplied by: its matrix is ``inertia I + viscosity C + K``."""
+
+    inertia: float
+    viscosity: float
+    share: float
+
+
 @compiled
-def coefficients(stepping: Stepping, h: float) -> tuple[float, float]:
-    """Return what multiplies identity and damping in the matrix of the implicit step."""
+def factors_of(stepping: Stepping, h: float) -> Factors:
+    """Return the factors of a step of length `h`."""
     kappa = (1.0 - stepping.alpha_f) / (1.0 - stepping.alpha_m)
-    return 1.0 / (h * h * stepping.beta * kappa), stepping.gamma / (h * stepping.beta)
+    inertia, viscosity = 1.0 / (h * h * stepping.beta * kappa), stepping.gamma / (h * stepping.beta)
+    return Factors(inertia, viscosity, 1.0 / (1.0 - stepping.alpha_m))
 
 
 @compiled_part
@@ -45,16 +54,13 @@ def begin_step(
     work: Work,
     stepping: Stepping,
     h: float,
-    matrix: tuple[float, float],
+    factors: Factors,
 ) -> None:
-    """Save the coordinates; predict the step without new acceleration, and write its right side.
-
-    `matrix` are the `coefficients` of the step.
-    """
+    """Save the coordinates; predict the step without new acceleration, and write its right side."""
     _predict(
         stepping,
         h,
-        matrix,
+        factors,
         (state.q, state.v, state.a, state.acceleration),
         system.damping,
         system.load,
@@ -69,7 +75,7 @@ def begin_step(
 def _predict(
     stepping: Stepping,
     h: float,
-    matrix: tuple[float, float],
+    factors: Factors,
     motion: tuple[Floats, Floats, Floats, Floats],
     damping: Floats,
     constant: Floats,
@@ -78,8 +84,8 @@ def _predict(
     velocity: Floats,
     side: Floats,
 ) -> None:
-    inertia, viscosity = every(matrix[0]), every(matrix[1])
-    share = 1.0 / (1.0 - stepping.alpha_m)
+    inertia, viscosity = every(factors.inertia), every(factors.viscosity)
+    share = factors.share
     old, older = every(share * stepping.alpha_f), every(-share * stepping.alpha_m)
     rest, new = every(0.5 - stepping.beta), every(stepping.beta)
     early, late = every(1.0 - stepping.gamma), every(stepping.gamma)
@@ -99,7 +105,7 @@ def _predict(
 
 @compiled_part
 def complete_step(
-    system: System, state: State, work: Work, stepping: Stepping, matrix: tuple[float, float]
+    system: System, state: State, work: Work, stepping: Stepping, factors: Factors
 ) -> None:
     """Complete velocity and accelerations from the solved coordinates.
 
@@ -107,7 +113,7 @@ def complete_step(
     """
     before = (work.q, work.predicted, work.velocity)
     of_damping, of_scheme = _complete(
-        stepping, matrix, before, system.damping, state.q, state.v, state.a, state.acceleration
+        stepping, factors, before, system.damping, state.q, state.v, state.a, state.acceleration
     )
     state.ledger[DAMPING] += of_damping
     state.ledger[ALGORITHMIC] += of_scheme
@@ -116,7 +122,7 @@ def complete_step(
 @compiled_loop
 def _complete(
     stepping: Stepping,
-    matrix: tuple[float, float],
+    factors: Factors,
     before: tuple[Floats, Floats, Floats],
     damping: Floats,
     q: Floats,
@@ -124,8 +130,8 @@ def _complete(
     a: Floats,
     acceleration: Floats,
 ) -> tuple[float, float]:
-    inertia, viscosity, half = every(matrix[0]), every(matrix[1]), every(0.5)
-    share, new = every(1.0 / (1.0 - stepping.alpha_m)), every(1.0 - stepping.alpha_f)
+    inertia, viscosity, half = every(factors.inertia), every(factors.viscosity), every(0.5)
+    share, new = every(factors.share), every(1.0 - stepping.alpha_f)
     old, older = every(stepping.alpha_f), every(stepping.alpha_m)
     saved, predicted, velocity = before
     damped, lost = every(0.0), every(0.0)
