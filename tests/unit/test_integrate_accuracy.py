@@ -83,7 +83,8 @@ def stepping(step: float) -> Stepping:
 def test_a_solution_is_corrected_where_columns_are_fresh_and_yet_wrong(made: Setup) -> None:
     system, table, state, work = made.system, made.table, made.state, made.work
     given = stepping(1e-3)
-    inertia, viscosity, _ = factors_of(given, given.step)
+    factors = factors_of(given, given.step)
+    inertia, viscosity, _ = factors
     state.made[:] = 0
     make_level(system, state, 0, inertia, viscosity)
     rebuild(system, table, state, 0, work.row)
@@ -92,7 +93,7 @@ def test_a_solution_is_corrected_where_columns_are_fresh_and_yet_wrong(made: Set
     work.changed[0] = 1
     tolerances, inputs = Tolerances(1e9, 1e12, 10), (state.inputs.copy(), state.inputs.copy())
     state.inputs[:] = [2e-3, -1e-3]
-    args = (system, table, state, work, tolerances, given, given.step, inputs, True)
+    args = (system, table, state, work, tolerances, given, given.step, factors, inputs, True)
     assert _try_step(*args) == CONVERGED
     assert state.counters[COUNT_RECENT] == 0
     assert state.drift[0] == DRIFTS  # looked at once more after the next step

@@ -33,8 +33,7 @@ from turnout.integrate.system import Floats, Ints, System
 from turnout.integrate.vector import copy
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled, compiled_loop
-from turnout.law.lanes import LANES, pick
-from turnout.law.lanes import store as store_eight
+from turnout.law.lanes import LANES, load, pick, stream
 from turnout.law.table import LawTable
 
 MEASURE_EVERY = 100
@@ -169,7 +168,13 @@ def _advance(
 @compiled_loop
 def _gather(g: Floats, places: Ints, to: Floats) -> None:
     for i in range(0, places.size, LANES):
-        store_eight(pick(g, places, i), to, i)
+        stream(pick(g, places, i), to, i)
+
+
+@compiled_loop
+def _write(values: Floats, to: Floats) -> None:
+    for i in range(0, values.size, LANES):
+        stream(load(values, i), to, i)
 
 
 @compiled
@@ -177,12 +182,12 @@ def store(
     system: System, table: LawTable, state: State, work: Work, record: Record, at: int
 ) -> None:
     """Store the present instant."""
-    copy(state.q, record.q[at])
+    _write(state.q, record.q[at])
     _gather(state.g, system.row_place, record.g[at])
     if at < record.v.shape[0]:
         copy(state.v, record.v[at])
-    copy(state.friction_force, record.friction[at])
-    copy(work.force, record.law[at])
+    _write(state.friction_force, record.friction[at])
+    _write(work.force, record.law[at])
     store_energy(system, table, state, work, record.stored[at])
     if at % FOLDED_EVERY == 0:
         record.folded[0] = max(record.folded[0], folded_energy(system, state, work))

@@ -99,6 +99,13 @@ def _build_store(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     builder.store(eight, _eight_at(builder, array, at), align=8)
 
 
+def _build_stream(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
+    eight, array, at = args
+    kept = builder.store(eight, _eight_at(builder, array, at), align=8 * LANES)
+    one = ir.Constant(ir.IntType(32), 1)
+    kept.set_metadata("nontemporal", builder.module.add_metadata([one]))
+
+
 def _build_pick(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     values, places, at = args
     found = ir.Constant(_EIGHT, ir.Undefined)
@@ -175,6 +182,12 @@ def load(values: Floats, at: int) -> Floats:
 @_built_by(types.none, _build_store)
 def store(eight: Floats, to: Floats, at: int) -> None:
     """Write eight neighbours."""
+    to[at : at + LANES] = eight
+
+
+@_built_by(types.none, _build_stream)
+def stream(eight: Floats, to: Floats, at: int) -> None:
+    """Write eight neighbours that begin with a line of memory, which are not read soon."""
     to[at : at + LANES] = eight
 
 

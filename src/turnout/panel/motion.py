@@ -155,9 +155,11 @@ def movement_fraction(movement: Movement, elapsed: npt.ArrayLike, *, drive: str)
 
 def _raised_cosine(t: FloatArray, total: float, ramp: float) -> FloatArray:
     speed = 1.0 / (total - ramp)
-    start = 0.5 * speed * (t - ramp / np.pi * np.sin(np.pi * t / ramp))
-    left = total - t
-    end = 1.0 - 0.5 * speed * (left - ramp / np.pi * np.sin(np.pi * left / ramp))
+    early = t < ramp
+    from_end = np.where(early, t, total - t)
+    bends = from_end < ramp
+    sine = np.sin(np.pi * from_end / ramp, where=bends, out=np.zeros_like(t))
+    bent = 0.5 * speed * (from_end - ramp / np.pi * sine)
     middle = speed * (t - 0.5 * ramp)
-    fraction = np.where(t < ramp, start, np.where(left < ramp, end, middle))
+    fraction = np.where(early, bent, np.where(bends, 1.0 - bent, middle))
     return np.asarray(fraction, dtype=np.float64)
