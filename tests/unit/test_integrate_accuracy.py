@@ -123,7 +123,7 @@ def test_the_books_follow_a_contact_that_pulls_within_the_overlooked_gap(made: S
     state.friction[friction] = SLIP_FORWARD
     state.g[table.row[normal]] = table.offset[normal] - 1e-11
     state.g[row] = 0.5
-    evaluate(system, table, state, work)
+    evaluate(table, state, work)
     account_friction(system, state, work)
     pull = table.friction_coefficient[friction] * state.slope[normal] * 1e-11
     assert state.friction_force[friction] == pytest.approx(-pull, rel=1e-6)

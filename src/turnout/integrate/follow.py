@@ -198,7 +198,7 @@ def follow_path(
         if which < 0:
             _place(system, table, state, work, inputs, 1.0)
             set_modes(system, state)
-            evaluate(system, table, state, work)
+            evaluate(table, state, work)
             return CONVERGED
         stalled = stalled + 1 if nearest * (1.0 - share) < 1e-12 else 0
         share += nearest * (1.0 - share)

@@ -104,7 +104,7 @@ def _try_step(
             code = settle(system, table, state, work, tolerances)
         if code == CONVERGED and measure(system, table, state, work, inertia, viscosity):
             correct(system, state, work)
-            evaluate(system, table, state, work)
+            evaluate(table, state, work)
             state.drift[0] = DRIFTS
     if code == CONVERGED:
         complete_step(system, state, work, stepping, factors)
@@ -138,7 +138,7 @@ def _advance(
     begin, end = work.inputs, work.inputs_end
     while position < marks:
         size = marks >> level
-        share = (position + size) / marks
+        share = 1.0 if position + size == marks else (position + size) / marks
         for k in range(new.size):
             begin[k] = state.inputs[k]
             state.inputs[k] = old[k] + share * (new[k] - old[k])
@@ -218,6 +218,7 @@ def march(
         nominal step. Where a march is cut into several does not change a bit of the result.
     """
     whole = factors_of(stepping, stepping.step)
+    row, left = first // stepping.stride, stepping.stride - first % stepping.stride
     for n in range(first, last):
         time = n * stepping.step
         if stepping.inertia and state.counters[LEVEL] != 0:
@@ -232,9 +233,11 @@ def march(
             code = advance_static(system, table, state, work, tolerances, pair, span)
         if code != CONVERGED:
             return code, n
-        if (n + 1) % stepping.stride == 0:
-            store(system, table, state, work, record, (n + 1) // stepping.stride)
-            if (n + 1) % (MEASURE_EVERY * stepping.stride) == 0:
+        left -= 1
+        if left == 0:
+            row, left = row + 1, stepping.stride
+            store(system, table, state, work, record, row)
+            if row % MEASURE_EVERY == 0:
                 residual = equilibrium_residual(system, table, state, work)
                 record.residual[0] = max(record.residual[0], residual)
         if stepping.inertia and (n + 1) % MEASURE_EVERY == 0:

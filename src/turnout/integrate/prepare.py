@@ -144,7 +144,7 @@ def start(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
             return Code.NO_EQUILIBRIUM
     state.friction[:] = STICK
     state.anchor[:] = state.g[table.friction_row]
-    evaluate(system, table, state, work)
+    evaluate(table, state, work)
     account_laws(system, table, state, work, state.inputs, 0.0)
     account_friction(system, state, work)
     state.ledger[:] = 0.0

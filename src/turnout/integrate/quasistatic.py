@@ -72,7 +72,7 @@ def advance_static(
         _rest(system, table, state, work, here, there, share)
         set_modes(system, state)
         done += share * (1.0 - done)
-        evaluate(system, table, state, work)
+        evaluate(table, state, work)
         time = times[0] + done * (times[1] - times[0])
         account_laws(system, table, state, work, here, time)
         account_friction(system, state, work)

@@ -30,13 +30,15 @@ def solve_set(system: System, table: LawTable, state: State, work: Work) -> None
 
 @compiled_part
 def _push(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Write what the inputs push on their rows [N]; a row may have several."""
+    """Write the inputs of the laws, and what they push on their rows [N]; a row may have several."""
     push = work.push
     for k in range(system.input_row.size):
         push[system.input_row[k]] = 0.0
     for k in range(system.input_law.size):
         law = system.input_law[k]
-        push[table.row[law]] += state.slope[law] * state.inputs[table.input_index[law]]
+        given = state.inputs[table.input_index[law]]
+        work.law_input[law] = given
+        push[table.row[law]] += state.slope[law] * given
 
 
 @compiled_part

@@ -82,15 +82,12 @@ def update_marked(system: System, table: LawTable, state: State, work: Work, cou
 
 
 @compiled_part
-def evaluate_laws(system: System, table: LawTable, state: State, work: Work, gap: float) -> bool:
+def evaluate_laws(table: LawTable, state: State, work: Work, gap: float) -> bool:
     """Write the displacement of every law's row, less its input [m], and what it resists with [N].
 
     The force is that of the present segment, as in the solution: a contact that ends within the
     overlooked gap pulls by a trace. Returns whether any has left its segment by more than that.
     """
-    for k in range(system.input_law.size):
-        law = system.input_law[k]
-        work.law_input[law] = state.inputs[table.input_index[law]]
     line = (state.slope, state.constant)
     bounds = (state.lower, state.upper)
     return _try_laws(
@@ -167,9 +164,9 @@ def _try_frictions(
 
 
 @compiled
-def evaluate(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Write what laws and frictions make of the present displacements."""
-    evaluate_laws(system, table, state, work, 0.0)
+def evaluate(table: LawTable, state: State, work: Work) -> None:
+    """Write what laws and frictions make of the displacements last solved for."""
+    evaluate_laws(table, state, work, 0.0)
     evaluate_frictions(table, state, work, 0.0)
 
 
@@ -181,7 +178,7 @@ def check_segments(
 
     Their forces become those of the new segment.
     """
-    if not evaluate_laws(system, table, state, work, gap):
+    if not evaluate_laws(table, state, work, gap):
         return 0
     at, lower, upper = work.argument, state.lower, state.upper
     count = 0
