@@ -33,7 +33,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 # Progress is told after so many seconds, and at the first after so many steps.
-BREATH, FIRST_CHUNK = 0.1, 2500
+BREATH, FIRST_CHUNK = 0.1, 2200
 # Books of energy that are further open than this share of their scale are not to be trusted.
 CLOSES = 1e-5
 # A history may take so much memory [bytes].
