@@ -16,7 +16,9 @@ from turnout.errors import MechanicsError
 from turnout.integrate.memory import release
 from turnout.integrate.places import placed
 from turnout.integrate.scheme import Scheme
+from turnout.integrate.state import State
 from turnout.integrate.system import System, check_normals, condensed_system
+from turnout.integrate.work import Work
 from turnout.law.shared import shared
 from turnout.law.table import LawTable
 from turnout.mechanism.blocks import without_joining_bases
@@ -28,6 +30,9 @@ Ints = NDArray[np.int64]
 
 MOST_KEPT = 24
 """So many condensed mechanisms are kept in memory, the latest used."""
+
+
+Blanks = dict[tuple[int, int], tuple[State, Work]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,12 +49,15 @@ class Arranged:
         Modes and flexibility of the rails.
     system : System
         The same for the kernels.
+    blanks : dict
+        States at rest and scratch arrays of runs, for numbers of inputs and levels, to be copied.
     """
 
     laws: LawTable
     table: LawTable
     model: ModalModel
     system: System
+    blanks: Blanks
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +68,7 @@ class _Kept:
     base_segment: Ints
     model: ModalModel
     system: System
+    blanks: Blanks
 
 
 _memory: OrderedDict[Hashable, _Kept] = OrderedDict()
@@ -86,7 +95,7 @@ def arranged(mechanism: Mechanism, scheme: Scheme) -> Arranged:
         _memory.move_to_end(key)
     laws = mechanism.laws._replace(base_segment=kept.base_segment)
     table = shared(placed(laws, kept.system.row_place))
-    return Arranged(laws, table, kept.model, kept.system)
+    return Arranged(laws, table, kept.model, kept.system, kept.blanks)
 
 
 def forget() -> None:
@@ -132,4 +141,4 @@ def _made(mechanism: Mechanism, scheme: Scheme) -> _Kept:
         laws = mechanism.laws
         parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff)
     model, system = joined_model(parts, mechanism), condensed_system(parts, laws)
-    return _Kept(mechanism, laws.base_segment, model, system)
+    return _Kept(mechanism, laws.base_segment, model, system, {})

@@ -9,12 +9,17 @@ its lowest point from anywhere, on all coordinates.
 import numpy as np
 
 from turnout.integrate.accuracy import correct, measure
-from turnout.integrate.solve import CONVERGED, Tolerances, settle
+from turnout.integrate.columns import rebuild
+from turnout.integrate.compliance import make_level
+from turnout.integrate.energy import account_friction, account_laws
+from turnout.integrate.solve import CONVERGED, Tolerances, evaluate, settle
 from turnout.integrate.state import State
+from turnout.integrate.stored import rest_at
 from turnout.integrate.system import Floats, Ints, System
 from turnout.integrate.vector import copy
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled
+from turnout.law.kernel import STICK
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 
@@ -87,12 +92,29 @@ def equilibrium(
 ) -> int:
     """Find the static equilibrium for the present inputs by iterating the contact set.
 
-    The columns are those of a level without inertia and viscosity. What rounding has left in the
-    equations is taken off once: nothing should move in the first step of a rail at rest.
+    The columns are made for a level without inertia and viscosity, the last one. What rounding has
+    left in the equations is taken off once: nothing should move in the first step of a rail at
+    rest.
     """
+    static = state.made.size - 1
+    make_level(system, state, static, 0.0, 0.0)
+    rebuild(system, table, state, static, work.row)
     copy(system.load, work.right_side)
     code = settle(system, table, state, work, tolerances)
     if code == CONVERGED:
         measure(system, table, state, work, 0.0, 0.0)
         correct(system, state, work)
     return code
+
+
+@compiled
+def begin_at_rest(system: System, table: LawTable, state: State, work: Work) -> None:
+    """Anchor every foot where it stands, and open the books of energy."""
+    state.friction[:] = STICK
+    for friction in range(state.anchor.size):
+        state.anchor[friction] = state.g[table.friction_row[friction]]
+    evaluate(table, state, work)
+    account_laws(system, table, state, work, state.inputs, 0.0)
+    account_friction(system, state, work)
+    state.ledger[:] = 0.0
+    rest_at(system, table, state, work)

@@ -8,23 +8,20 @@ from numpy.typing import NDArray
 
 from turnout.integrate.arrange import Arranged
 from turnout.integrate.columns import rebuild
-from turnout.integrate.compliance import make_level
-from turnout.integrate.energy import account_friction, account_laws
-from turnout.integrate.equilibrium import equilibrium, resting_segments
+from turnout.integrate.equilibrium import begin_at_rest, equilibrium, resting_segments
 from turnout.integrate.interrupt import heard
 from turnout.integrate.march import Record
 from turnout.integrate.memory import borrowed
 from turnout.integrate.outcome import Code
-from turnout.integrate.places import placed, whole_lines
+from turnout.integrate.places import whole_lines
 from turnout.integrate.scheme import AlphaCoefficients, Scheme
-from turnout.integrate.solve import Tolerances, evaluate
-from turnout.integrate.state import LEVEL, State, fresh_state, set_segments
+from turnout.integrate.solve import Tolerances
+from turnout.integrate.state import LEVEL, State, fresh_copy, fresh_state, set_segments
 from turnout.integrate.step import Stepping
-from turnout.integrate.stored import rest_at
 from turnout.integrate.system import System
 from turnout.integrate.work import Work, new_work
-from turnout.law.kernel import SLIP_FORWARD, STICK
-from turnout.law.shared import shared
+from turnout.law.kernel import SLIP_FORWARD
+from turnout.law.shared import another, shared
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 
@@ -61,17 +58,15 @@ def prepare(
     `filled_in` tells that instants between the steps are wanted.
     """
     system, laws, table = made.system, made.laws, made.table
-    # one level a halving, and one without inertia
-    state = fresh_state(system, table, n_inputs=positions.shape[1], levels=scheme.halvings + 2)
+    state, work = _fresh(made, n_inputs=positions.shape[1], halvings=scheme.halvings)
     state.inputs[:] = positions[0]
-    n_modes = system.load.size
     alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
     return Run(
         system=system,
         laws=laws,
         table=table,
         state=state,
-        work=new_work(system, table),
+        work=work,
         tolerances=Tolerances(scheme.gap_tolerance, scheme.force_tolerance, scheme.iterations),
         stepping=Stepping(
             scheme.step,
@@ -87,6 +82,16 @@ def prepare(
         positions=positions,
         record=_empty_record(system, laws, n_stored, with_velocity=filled_in and scheme.inertia),
     )
+
+
+def _fresh(made: Arranged, *, n_inputs: int, halvings: int) -> tuple[State, Work]:
+    """Return a state at rest and scratch arrays, copied from those that were made first."""
+    levels = halvings + 2  # one a halving, and one without inertia
+    blank = made.blanks.get((n_inputs, levels))
+    if blank is None:
+        state = fresh_state(made.system, made.table, n_inputs=n_inputs, levels=levels)
+        blank = made.blanks[n_inputs, levels] = (state, new_work(made.system, made.table))
+    return fresh_copy(blank[0], made.table), another(blank[1])
 
 
 def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: bool) -> Record:
@@ -131,36 +136,27 @@ def instants_of(run: Run, count: int) -> Record:
 def start(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
     """Find the static equilibrium without friction, then anchor the feet where they stand."""
     system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
-    none = np.zeros_like(laws.friction_coefficient)
-    slippery = shared(placed(laws, system.row_place)._replace(friction_coefficient=none))
     state.present[:] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9) & (laws.waits == 0)
     state.law_placed[state.present == 1] = 0.0
     set_segments(table, state, state.segment)
     state.friction[:] = SLIP_FORWARD
-    if not _rests(run, slippery, thread):
+    table.friction_coefficient[:] = 0.0
+    if not _rests(run, thread):
         segments = resting_segments(mechanism, inputs=state.inputs, present=state.present)
         set_segments(table, state, segments)
-        if not _rests(run, slippery, thread):
+        if not _rests(run, thread):
             return Code.NO_EQUILIBRIUM
-    state.friction[:] = STICK
-    state.anchor[:] = state.g[table.friction_row]
-    evaluate(table, state, work)
-    account_laws(system, table, state, work, state.inputs, 0.0)
-    account_friction(system, state, work)
-    state.ledger[:] = 0.0
-    rest_at(system, table, state)
+    table.friction_coefficient[:] = laws.friction_coefficient
+    begin_at_rest(system, table, state, work)
     if not run.stepping.inertia:
         rebuild(system, table, state, state.counters[LEVEL], work.row)
     return Code.COMPLETE
 
 
-def _rests(run: Run, laws: LawTable, thread: Executor) -> bool:
+def _rests(run: Run, thread: Executor) -> bool:
     """Iterate the contact set of the static equilibrium from the present one."""
     patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
-    static = run.state.made.size - 1
-    make_level(run.system, run.state, static, 0.0, 0.0)
-    rebuild(run.system, laws, run.state, static, run.work.row)
-    given = (run.system, laws, run.state, run.work, patient)
+    given = (run.system, run.table, run.state, run.work, patient)
     code = heard(thread, run.work.stop, equilibrium, *given)
     if code == Code.INTERRUPTED:
         raise KeyboardInterrupt

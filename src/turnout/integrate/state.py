@@ -8,7 +8,7 @@ from turnout.integrate.system import Floats, Ints, System
 from turnout.law.compiled import compiled
 from turnout.law.kernel import segment_for
 from turnout.law.lanes import LANES
-from turnout.law.shared import shared
+from turnout.law.shared import another, shared
 from turnout.law.table import LawTable
 
 
@@ -198,3 +198,16 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
     )
     set_home_segments(table, state)
     return state
+
+
+def fresh_copy(state: State, table: LawTable) -> State:
+    """Return a state at rest from one that nothing has changed yet, for laws of other values."""
+    copied = another(
+        state,
+        columns=_aligned(state.columns.shape),
+        coupling=np.zeros(state.coupling.shape),
+        mode_columns=_aligned(state.mode_columns.shape),
+        compliance=_aligned(state.compliance.shape),
+    )
+    set_home_segments(table, copied)
+    return copied

@@ -1,10 +1,8 @@
 """The energy of an instant: kinetic, in beams and supports, in the laws, and of height."""
 
-import numpy as np
-
 from turnout.integrate.state import State
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import add_rows, dot
+from turnout.integrate.vector import add_rows, copy, dot
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled, compiled_loop, compiled_part
 from turnout.law.lanes import LANES, every, load, pick, total
@@ -13,26 +11,31 @@ from turnout.law.table import LawTable
 KINETIC, STRAIN, CONTACT, GRAVITY = range(4)
 
 
-def rest_at(system: System, table: LawTable, state: State) -> None:
+@compiled
+def rest_at(system: System, table: LawTable, state: State, work: Work) -> None:
     """Take the present modal coordinates for those from which modes are counted.
 
     Accelerations are small differences of coordinates over the square of the step. Rounding in them
     would count with the whole sag of a rail otherwise.
     """
-    modes = np.zeros(state.g.size)
+    by_modes, ends = work.found, system.joining_ends
+    by_modes[:] = 0.0
     for block in range(system.end_stop.size):
-        mine = slice(system.mode_start[block], system.mode_start[block + 1])
-        q = state.q[mine]
-        for first, last in (
-            (system.end_start[block], system.end_stop[block]),
-            (system.follower_start[block], system.follower_start[block + 1]),
-        ):
-            modes[first:last] = system.end_modes[first:last, : q.size] @ q
-    modes[system.follower_start[-1] :] = modes[system.joining_ends].sum(axis=0)
-    state.resting[:] = state.q
+        q = state.q[system.mode_start[block] : system.mode_start[block + 1]]
+        for end in range(system.end_start[block], system.end_stop[block]):
+            by_modes[end] = dot(q, system.end_modes[end])
+        for end in range(system.follower_start[block], system.follower_start[block + 1]):
+            by_modes[end] = dot(q, system.end_modes[end])
+    for row in range(ends.shape[1]):
+        joined = by_modes[ends[0, row]] + by_modes[ends[1, row]]
+        by_modes[system.follower_start[-1] + row] = joined
+    copy(state.q, state.resting)
     _holding_forces(system, state.q, state.held_at_rest)
-    state.law_apart[:] = system.law_load - modes[table.row]
-    state.friction_apart[:] = system.friction_load - modes[table.friction_row]
+    for law in range(table.row.size):
+        state.law_apart[law] = system.law_load[law] - by_modes[table.row[law]]
+    for friction in range(table.friction_row.size):
+        row = table.friction_row[friction]
+        state.friction_apart[friction] = system.friction_load[friction] - by_modes[row]
 
 
 @compiled

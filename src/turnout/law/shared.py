@@ -7,6 +7,7 @@ are read as attributes of the same names; which arrays they are can no longer be
 in them can.
 """
 
+import itertools
 from collections.abc import Mapping
 from functools import cache
 from typing import Any, NamedTuple, TypeVar, cast
@@ -26,6 +27,7 @@ from numba.extending import (
     unbox,
 )
 from numba.np.arrayobj import make_array, populate_array
+from numpy.typing import NDArray
 
 from turnout.law.lanes import LANES
 
@@ -42,14 +44,15 @@ class _SharedType(types.Type):
         self.fields = fields
         kinds = ", ".join(f"{name}: {kind}{ndim}" for name, kind, ndim in fields)
         super().__init__(name=f"Shared({record}: {kinds})")
+        starts = itertools.accumulate((1 + ndim for *_, ndim in fields), initial=0)
+        self.word_of = {name: word for (name, *_), word in zip(fields, starts, strict=False)}
 
     def array_at(self, wanted: str) -> tuple[types.Array, int] | None:
         """Return the type of an array and the word where its numbers begin."""
-        word = 0
         for name, kind, ndim in self.fields:
             if name == wanted:
-                return types.Array(numba.from_dtype(np.dtype(kind)), ndim, "C"), word
-            word += 1 + ndim
+                array = types.Array(numba.from_dtype(np.dtype(kind)), ndim, "C")
+                return array, self.word_of[name]
         return None
 
 
@@ -60,23 +63,34 @@ class _SharedModel(models.PrimitiveModel):
 
 
 class Shared:
-    """A named tuple of arrays with its address; made by `shared`."""
+    """A named tuple of arrays with its address; made by `shared` and `another`.
 
-    __slots__ = ("_arrays", "_words", "address", "kind")
+    Vectors are pieces of one `memory`, `vectors` tells which; `words` are the numbers that kernels
+    are handed, the address and the lengths of each array. `arrays` are those asked for so far.
+    """
 
-    def __init__(self, arrays: NamedTuple, beyond: Mapping[str, float]) -> None:
-        for name, array in zip(arrays._fields, arrays, strict=True):
-            if not (isinstance(array, np.ndarray) and array.flags.c_contiguous):
-                msg = f"{type(arrays).__name__}.{name} must be an array without gaps"
-                raise TypeError(msg)
-        self.kind = _kind(type(arrays), tuple([(array.dtype.str, array.ndim) for array in arrays]))
-        self._arrays, words = _in_lines(arrays, beyond)
-        self._words = np.array(words, dtype=np.int64)
-        self.address = int(self._words.ctypes.data)
+    __slots__ = ("address", "arrays", "kind", "memory", "vectors", "words")
+
+    def __init__(
+        self,
+        kind: _SharedType,
+        memory: NDArray[np.float64],
+        vectors: Mapping[str, tuple[int, int, np.dtype[Any]]],
+        words: NDArray[np.int64],
+    ) -> None:
+        self.kind, self.memory, self.vectors, self.words = kind, memory, vectors, words
+        self.arrays: dict[str, NDArray[Any]] = {}
+        self.address = int(words.ctypes.data)
 
     def __getattr__(self, name: str) -> Any:
         """Return one of the arrays."""
-        return getattr(self._arrays, name)
+        found = self.arrays.get(name)
+        if found is None:
+            if name not in self.vectors:
+                raise AttributeError(name)
+            start, size, dtype = self.vectors[name]
+            found = self.arrays[name] = self.memory[start : start + size].view(dtype)
+        return found
 
 
 @cache
@@ -85,30 +99,11 @@ def _kind(record: type[Any], arrays: tuple[tuple[str, int], ...]) -> _SharedType
     return _SharedType(record.__name__, tuple((name, *array) for name, array in named))
 
 
-def _in_lines(arrays: NamedTuple, beyond: Mapping[str, float]) -> tuple[NamedTuple, list[int]]:
-    """Copy all vectors to one piece of memory, each in whole lines of it.
-
-    Returns the arrays, and the address and lengths of each.
-    """
-    lines = [-(-array.size // LANES) if array.ndim == 1 else 0 for array in arrays]
-    memory = np.zeros((sum(lines) + 1) * LANES)
-    first = memory.ctypes.data
-    at, words, found = (-(first // 8)) % LANES, [], []
-    for name, array, count in zip(arrays._fields, arrays, lines, strict=True):
-        if array.ndim != 1:
-            found.append(array)
-            words += [array.ctypes.data, *array.shape]
-            continue
-        vector = memory[at : at + array.size]
-        if array.dtype != memory.dtype:
-            vector = vector.view(array.dtype)
-        vector[:] = array
-        if name in beyond:
-            memory[at + array.size : at + count * LANES] = beyond[name]
-        found.append(vector)
-        words += [first + 8 * at, array.size]
-        at += count * LANES
-    return type(arrays)(*found), words
+def _whole_lines(count: int) -> NDArray[np.float64]:
+    """Return room for so many numbers, which begins with a line of memory."""
+    memory = np.empty(count + LANES)
+    first = (-(memory.ctypes.data // 8)) % LANES
+    return memory[first : first + count]
 
 
 def shared(arrays: T, **beyond: float) -> T:
@@ -119,7 +114,8 @@ def shared(arrays: T, **beyond: float) -> T:
     arrays : named tuple of ndarray
         Contiguous arrays of floats or integers, of 8 bytes each.
     **beyond : float
-        What stands behind the end of a vector of floats, up to the end of its line of memory; else zero.
+        What stands behind the end of a vector of floats, up to the end of its line of memory;
+        else zero.
 
     Returns
     -------
@@ -142,7 +138,69 @@ def shared(arrays: T, **beyond: float) -> T:
     >>> shared(builder.table()).offset.tolist()
     [0.5]
     """
-    return cast("T", Shared(arrays, beyond))
+    vectors, words, at = {}, [], 0
+    for name, array in zip(arrays._fields, arrays, strict=True):
+        if not (isinstance(array, np.ndarray) and array.flags.c_contiguous):
+            msg = f"{type(arrays).__name__}.{name} must be an array without gaps"
+            raise TypeError(msg)
+        if array.ndim == 1:
+            vectors[name] = (at, array.size, array.dtype)
+            at += -(-array.size // LANES) * LANES
+        words += [array.ctypes.data if array.ndim != 1 else 0, *array.shape]
+    kind = _kind(type(arrays), tuple([(array.dtype.str, array.ndim) for array in arrays]))
+    record = Shared(kind, _whole_lines(at), vectors, np.array(words, dtype=np.int64))
+    record.memory[:] = 0.0
+    first = record.memory.ctypes.data
+    for name, array in zip(arrays._fields, arrays, strict=True):
+        if name not in vectors:
+            record.arrays[name] = array
+            continue
+        start, size, _ = vectors[name]
+        record.words[kind.word_of[name]] = first + 8 * start
+        getattr(record, name)[:] = array
+        if name in beyond:
+            record.memory[start + size : start + -(-size // LANES) * LANES] = beyond[name]
+    return cast("T", record)
+
+
+def another(record: T, **matrices: NDArray[Any]) -> T:
+    """Return a record of the same content with vectors of its own.
+
+    Parameters
+    ----------
+    record : named tuple of ndarray
+        Made by `shared`.
+    **matrices : ndarray
+        All its arrays of more dimensions, of the same shapes.
+
+    Returns
+    -------
+    named tuple of ndarray
+        As of `shared`.
+
+    Examples
+    --------
+    >>> from typing import NamedTuple
+    >>> import numpy as np
+    >>> class Pair(NamedTuple):
+    ...     left: np.ndarray
+    ...     right: np.ndarray
+    >>> first = shared(Pair(np.arange(3.0), np.ones((2, 2))))
+    >>> second = another(first, right=np.zeros((2, 2)))
+    >>> second.left[0] = 5.0
+    >>> first.left.tolist(), second.left.tolist(), float(second.right.sum())
+    ([0.0, 1.0, 2.0], [5.0, 1.0, 2.0], 0.0)
+    """
+    given = cast("Shared", record)
+    words = given.words.copy()
+    found = Shared(given.kind, _whole_lines(given.memory.size), given.vectors, words)
+    found.memory[:] = given.memory
+    moved = found.memory.ctypes.data - given.memory.ctypes.data
+    words[[given.kind.word_of[name] for name in given.vectors]] += moved
+    for name, array in matrices.items():
+        found.arrays[name] = array
+        words[given.kind.word_of[name]] = array.ctypes.data
+    return cast("T", found)
 
 
 @typeof_impl.register(Shared)
