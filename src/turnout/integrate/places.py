@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Terms = list[tuple[int, float]]
 
+
 def unsigned(indices: Ints) -> Ints:
     """Return indices that a kernel need not suspect of counting from the end.
 

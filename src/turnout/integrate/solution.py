@@ -30,7 +30,7 @@ def solve_set(system: System, table: LawTable, state: State, work: Work) -> None
 
 @compiled_part
 def _push(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Write the inputs of the laws, and what they push on their rows [N]; a row may have several."""
+    """Write the inputs of laws, and what they push on their rows [N]; a row may have several."""
     push = work.push
     for k in range(system.input_row.size):
         push[system.input_row[k]] = 0.0

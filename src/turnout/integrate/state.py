@@ -17,10 +17,10 @@ class State(NamedTuple):
 
     On its present segment a law resists with ``slope * (g - input) + constant`` for ``g - input``
     between ``lower`` and ``upper`` and, at its argument e, stores the energy
-    ``(slope * e / 2 + intercept) * e + potential``; `set_segment` keeps these together. ``friction``
-    is the branch of every friction, see `turnout.law.kernel`.
-    ``entries`` and ``shift`` are the deviations of the rows; the columns, with their slots, and the
-    coupling of the blocks are those of `turnout.integrate.columns`, for the step of ``level``; what
+    ``(slope * e / 2 + intercept) * e + potential``; `set_segment` keeps these together.
+    ``friction`` is the branch of every friction, see `turnout.law.kernel`. ``entries`` and
+    ``shift`` are the deviations of the rows; the columns, with their slots, and the coupling of the
+    blocks are those of `turnout.integrate.columns`, for the step of ``level``; what
     depends on the length of the step alone (``compliance``) is kept level by level. ``g`` holds
     the displacements of all places, `turnout.integrate.places`.
     ``counters``: active rows that join blocks, flips since the last rebuild, flips in all,

@@ -103,7 +103,7 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
     """
     places = number_places(parts)
     count = places.row_ends.shape[0]
-    row_place, joins = places.of_row, places.row_ends[:, 1] >= 0
+    row_place = places.of_row
     models = [part.model for part in parts]
     row_law = _ragged(_inverted(row_place[laws.row], count))
     row_friction = _ragged(_inverted(row_place[laws.friction_row], count))

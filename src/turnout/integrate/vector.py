@@ -1,6 +1,7 @@
 """The inner loops of the kernels, on vectors that lie next to each other in memory.
 
-What is short and often run takes eight numbers at a time, see `turnout.law.lanes`. A loop over ``array[first + j]`` stays slow, since an index could be negative; views do not.
+What is short and often run takes eight numbers at a time, see `turnout.law.lanes`. A loop over
+``array[first + j]`` stays slow, since an index could be negative; views do not.
 """
 
 from turnout.integrate.system import Floats, Ints

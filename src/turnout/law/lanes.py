@@ -9,8 +9,9 @@ Arrays must end with whole lines of memory, as those of `turnout.law.shared.shar
 eight may reach beyond the end. In Python the same functions work on arrays.
 """
 
+import operator
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from llvmlite import ir
@@ -55,13 +56,14 @@ class _FlagsModel(models.PrimitiveModel):
 
 
 _LANES, _FLAGGED = _Lanes("Lanes"), _Flags("Flags")
+F = TypeVar("F", bound=Callable[..., Any])
 Build = Callable[[Any, Any, tuple[Any, ...]], Any]
 
 
-def _built_by(result: types.Type, build: Build) -> Callable[[Any], Any]:
+def _built_by(result: types.Type, build: Build) -> Callable[[F], F]:
     """Let kernels do what `build` writes where they call a function; arrays come as structures."""
 
-    def register(function: Any) -> Any:
+    def register(function: F) -> F:
         class Template(AbstractTemplate):
             key = function
 
@@ -69,14 +71,8 @@ def _built_by(result: types.Type, build: Build) -> Callable[[Any], Any]:
                 return signature(result, *args)
 
         def lower(context: Any, builder: Any, sig: Any, args: tuple[Any, ...]) -> Any:
-            given = tuple(
-                make_array(kind)(context, builder, arg) if isinstance(kind, types.Array)
-                else context.cast(builder, arg, kind, types.int64)
-                if isinstance(kind, types.Integer)
-                else arg
-                for kind, arg in zip(sig.args, args, strict=True)
-            )  # fmt: skip
-            found = build(context, builder, given)
+            given = [_given(context, builder, *pair) for pair in zip(sig.args, args, strict=True)]
+            found = build(context, builder, tuple(given))
             return context.get_dummy_value() if result is types.none else found
 
         infer_global(function, types.Function(Template))
@@ -84,6 +80,15 @@ def _built_by(result: types.Type, build: Build) -> Callable[[Any], Any]:
         return function
 
     return register
+
+
+def _given(context: Any, builder: Any, kind: types.Type, value: Any) -> Any:
+    """Return what is built with: the structure of an array, whole numbers in 64 bits."""
+    if isinstance(kind, types.Array):
+        return make_array(kind)(context, builder, value)
+    if isinstance(kind, types.Integer):
+        return context.cast(builder, value, kind, types.int64)
+    return value
 
 
 def _eight_at(builder: Any, array: Any, at: Any) -> Any:
@@ -256,8 +261,7 @@ def some(answers: Bools) -> bool:
 
 
 def _arithmetic() -> None:
-    import operator
-
+    """Let kernels add, subtract and multiply eights with the usual signs."""
     for sign, name in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul")):
 
         class Template(AbstractTemplate):
