@@ -1,0 +1,130 @@
+"""Eight numbers at a time: kernels do what the same functions do in Python, and no more."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from turnout.law import lanes
+from turnout.law.compiled import compiled
+from turnout.law.lanes import LANES
+from turnout.law.shared import another, shared
+
+Floats = np.ndarray
+VECTORS = ("a", "b", "places", "found")
+
+
+class Given(NamedTuple):
+    """Vectors that end within a line of memory, and a matrix."""
+
+    a: Floats
+    b: Floats
+    places: Floats
+    found: Floats
+    matrix: Floats
+
+
+@compiled
+def _combine(given: Given) -> None:
+    for i in range(0, given.a.size, LANES):
+        a, b = lanes.load(given.a, i), lanes.load(given.b, i)
+        picked = lanes.pick(given.a, given.places, i)
+        more = lanes.over(lanes.magnitude(a), b)
+        other = lanes.either(more, lanes.over(picked, lanes.every(0.5)))
+        both = lanes.both(more, lanes.over(b, a))
+        lanes.store(lanes.choose(other, a - b, a * b + picked), given.found, i)
+        if lanes.some(both):
+            lanes.store(lanes.load(given.found, i) + lanes.every(10.0), given.found, i)
+
+
+@compiled
+def _sum(values: Floats) -> float:
+    return lanes.total(lanes.load(values, 0))
+
+
+@compiled
+def _stream(values: Floats, to: Floats) -> None:
+    for i in range(0, to.size, LANES):
+        lanes.stream(lanes.load(values, i), to, i)
+
+
+def given(count: int, seed: int, kind: type = np.uint64) -> Given:
+    rng = np.random.default_rng(seed)
+    return Given(
+        a=rng.normal(size=count),
+        b=rng.normal(size=count),
+        places=rng.integers(count, size=count).astype(kind),
+        found=np.zeros(count),
+        matrix=rng.normal(size=(2, 3)),
+    )
+
+
+def whole_lines(vector: Floats) -> Floats:
+    return np.pad(vector, (0, -vector.size % LANES))
+
+
+@pytest.mark.parametrize("kind", [np.uint64, np.int64])
+@pytest.mark.parametrize("count", [1, 5, 8, 19, 40])
+def test_kernels_do_what_the_functions_do_in_python(count: int, kind: type) -> None:
+    record, plain = shared(given(count, seed=count, kind=kind)), given(count, count, kind)
+    filled = plain._replace(**{name: whole_lines(getattr(plain, name)) for name in VECTORS})
+    _combine(record)
+    _combine.py_func(filled)
+    np.testing.assert_array_equal(record.found, filled.found[:count])
+    assert np.any(record.found != 0.0)
+
+
+def test_comparisons_with_nan_say_no() -> None:
+    plain = given(8, seed=1)
+    plain.a[:] = np.nan
+    record = shared(plain)
+    _combine(record)
+    _combine.py_func(plain)
+    np.testing.assert_array_equal(record.found, plain.found)
+
+
+def test_a_sum_has_one_order() -> None:
+    values = np.array([1e16, 1.0, -1e16, 3.0, 0.5, 1e-9, 2.0, -7.0])
+    halves = values[:4] + values[4:]
+    quarters = halves[:2] + halves[2:]
+    assert _sum(values) == quarters[0] + quarters[1] == lanes.total(values)
+    assert _sum(values) != float(np.sum(np.sort(values)))
+
+
+def test_what_is_streamed_arrives() -> None:
+    values = shared(given(24, seed=3))
+    _stream(values.a, values.found)
+    np.testing.assert_array_equal(values.found, values.a)
+
+
+def test_vectors_fill_lines_of_their_own_and_matrices_stay() -> None:
+    plain = given(11, seed=2)
+    record = shared(plain, b=-np.inf)
+    for name in VECTORS:
+        vector = getattr(record, name)
+        assert vector.ctypes.data % (8 * LANES) == 0
+        np.testing.assert_array_equal(vector, getattr(plain, name))
+        assert not np.shares_memory(vector, getattr(plain, name))
+    beyond = {name: record.memory[start + 11 : start + 16] for name, (start, *_) in
+              record.vectors.items()}  # fmt: skip
+    assert np.all(beyond["b"] == -np.inf)
+    assert np.all(beyond["a"] == 0.0)
+    assert record.matrix is plain.matrix
+
+
+def test_another_record_has_vectors_and_matrices_of_its_own() -> None:
+    first = shared(given(11, seed=4))
+    matrix = np.zeros((2, 3))
+    second = another(first, matrix=matrix)
+    kept = first.found.copy()
+    _combine(second)
+    np.testing.assert_array_equal(first.found, kept)
+    assert np.any(second.found != 0.0)
+    assert second.matrix is matrix
+    assert second.a.ctypes.data % (8 * LANES) == 0
+
+
+def test_what_has_gaps_is_refused() -> None:
+    gaps = given(4, seed=5)._replace(a=np.zeros(8)[::2])
+    with pytest.raises(TypeError, match=r"Given\.a must be an array without gaps"):
+        shared(gaps)
