@@ -86,6 +86,11 @@ def oscillator(**options: float) -> History:
     return run(mechanism, lambda t: 1 - np.cos(TestOrder.drive * t), end=1.0, **options)
 
 
+def test_whole_numbers_are_as_good_as_any() -> None:
+    whole = oscillator(gap_tolerance=0, force_tolerance=1)
+    np.testing.assert_array_equal(whole.g, oscillator(gap_tolerance=0.0, force_tolerance=1.0).g)
+
+
 class TestOrder:
     """A damped oscillator driven by 1 - cos(p t) from rest, in closed form."""
 

@@ -1,9 +1,11 @@
 """Eight numbers at a time: kernels do what the same functions do in Python, and no more."""
 
+import copy
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+from numba.core.errors import TypingError
 
 from turnout.law import lanes
 from turnout.law.compiled import compiled
@@ -31,9 +33,8 @@ def _combine(given: Given) -> None:
         picked = lanes.pick(given.a, given.places, i)
         more = lanes.over(lanes.magnitude(a), b)
         other = lanes.either(more, lanes.over(picked, lanes.every(0.5)))
-        both = lanes.both(more, lanes.over(b, a))
         lanes.store(lanes.choose(other, a - b, a * b + picked), given.found, i)
-        if lanes.some(both):
+        if lanes.some(lanes.over(b, lanes.every(1))):
             lanes.store(lanes.load(given.found, i) + lanes.every(10.0), given.found, i)
 
 
@@ -126,5 +127,23 @@ def test_another_record_has_vectors_and_matrices_of_its_own() -> None:
 
 def test_what_has_gaps_is_refused() -> None:
     gaps = given(4, seed=5)._replace(a=np.zeros(8)[::2])
-    with pytest.raises(TypeError, match=r"Given\.a must be an array without gaps"):
+    with pytest.raises(
+        TypeError, match=r"Given\.a must be an array of 8-byte numbers without gaps"
+    ):
         shared(gaps)
+
+
+def test_another_record_needs_all_matrices() -> None:
+    with pytest.raises(TypeError, match="all of its matrices"):
+        another(shared(given(3, seed=6)))
+
+
+def test_a_record_cannot_be_sent_elsewhere() -> None:
+    with pytest.raises(TypeError, match="stays where it is"):
+        copy.deepcopy(shared(given(3, seed=7)))
+
+
+@pytest.mark.parametrize("values", [np.arange(8), np.arange(16.0)[::2], np.arange(8.0, dtype="f4")])
+def test_other_arrays_than_vectors_of_numbers_are_refused(values: Floats) -> None:
+    with pytest.raises(TypingError):
+        _sum(values)

@@ -54,13 +54,13 @@ def closing_error(stored: Floats, ledger: Floats, *, folded: float = 0.0) -> flo
 def _open_books(stored: Floats, ledger: Floats) -> tuple[float, float]:
     """Return the largest residual and the largest scale of all instants [J]; NaN if one is."""
     residual, scale, start = 0.0, 0.0, 0.0
-    for column in range(stored.shape[1]):
-        start += stored[0, column]
     for n in range(stored.shape[0]):
         now, turned = 0.0, 0.0
         for column in range(stored.shape[1]):
             now += stored[n, column]
             turned += abs(stored[n, column] - stored[0, column])
+        if n == 0:
+            start = now
         gained = ledger[n, MARKERS] + ledger[n, SWITCHED]
         lost = ledger[n, FRICTION] + ledger[n, DAMPING]
         lost += ledger[n, ALGORITHMIC] + ledger[n, SEGMENTS]

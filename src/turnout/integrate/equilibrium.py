@@ -117,4 +117,5 @@ def begin_at_rest(system: System, table: LawTable, state: State, work: Work) -> 
     account_laws(system, table, state, work, state.inputs, 0.0)
     account_friction(system, state, work)
     state.ledger[:] = 0.0
+    work.unsettled[:] = 0
     rest_at(system, table, state, work)

@@ -43,7 +43,11 @@ FOLDED_EVERY = 25
 
 
 class Record(NamedTuple):
-    """Stored instants, one row each, and the running checks; rows of vectors fill whole lines."""
+    """Stored instants, one row each, and the running checks.
+
+    Rows of `q`, `g`, `friction`, `law` and `v` fill whole lines of memory; the first four begin
+    with one.
+    """
 
     q: Floats
     g: Floats
@@ -79,7 +83,7 @@ def _try_step(
     inputs: tuple[Floats, Floats],
     last: bool,
 ) -> int:
-    """Take one step of length `h`; on failure leave the state as it was, bar its inputs.
+    """Take and book one step of length `h`; on failure leave the state as it was, bar its inputs.
 
     A `last` attempt follows the path where the contact set does not settle.
     """

@@ -3,7 +3,8 @@
 The vector holds, block by block, the leading ends and then the modes of the block; these are the
 *solved* places. Behind them stand the ends that follow from leading ones, and last the rows that
 join two blocks. A row with one end stands where that end does. Each block fills whole lines of the
-cache, and so do all ends that follow, and all rows that join; what is left over means nothing.
+cache, and so do all ends that follow, and all rows that join; what is left over is finite and means
+nothing.
 """
 
 from collections.abc import Sequence

@@ -67,9 +67,11 @@ def prepare(
         table=table,
         state=state,
         work=work,
-        tolerances=Tolerances(scheme.gap_tolerance, scheme.force_tolerance, scheme.iterations),
+        tolerances=Tolerances(
+            float(scheme.gap_tolerance), float(scheme.force_tolerance), scheme.iterations
+        ),
         stepping=Stepping(
-            scheme.step,
+            float(scheme.step),
             alpha.alpha_m,
             alpha.alpha_f,
             alpha.beta,
@@ -118,19 +120,18 @@ def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: 
 
 def instants_of(run: Run, count: int) -> Record:
     """Return the first stored instants, without what fills the lines of memory."""
-    record, laws, modes = run.record, run.laws, run.system.load.size
-    widths = {
-        "q": modes,
-        "g": run.system.row_place.size,
-        "friction": laws.friction_row.size,
-        "law": laws.row.size,
-        "v": modes,
-    }
+    record, n_modes = run.record, run.system.load.size
     return Record(
-        *(getattr(record, name)[:count, : widths.get(name)]
-          if getattr(record, name).ndim == 2 else getattr(record, name)
-          for name in Record._fields)
-    )  # fmt: skip
+        q=record.q[:count, :n_modes],
+        g=record.g[:count, : run.system.row_place.size],
+        friction=record.friction[:count, : run.laws.friction_row.size],
+        law=record.law[:count, : run.laws.row.size],
+        stored=record.stored[:count],
+        ledger=record.ledger[:count],
+        residual=record.residual,
+        folded=record.folded,
+        v=record.v[:count, :n_modes],
+    )
 
 
 def start(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
@@ -141,12 +142,14 @@ def start(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
     set_segments(table, state, state.segment)
     state.friction[:] = SLIP_FORWARD
     table.friction_coefficient[:] = 0.0
-    if not _rests(run, thread):
-        segments = resting_segments(mechanism, inputs=state.inputs, present=state.present)
-        set_segments(table, state, segments)
+    try:
         if not _rests(run, thread):
-            return Code.NO_EQUILIBRIUM
-    table.friction_coefficient[:] = laws.friction_coefficient
+            segments = resting_segments(mechanism, inputs=state.inputs, present=state.present)
+            set_segments(table, state, segments)
+            if not _rests(run, thread):
+                return Code.NO_EQUILIBRIUM
+    finally:
+        table.friction_coefficient[:] = laws.friction_coefficient
     begin_at_rest(system, table, state, work)
     if not run.stepping.inertia:
         rebuild(system, table, state, state.counters[LEVEL], work.row)

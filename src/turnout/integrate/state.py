@@ -7,7 +7,7 @@ import numpy as np
 from turnout.integrate.system import Floats, Ints, System
 from turnout.law.compiled import compiled
 from turnout.law.kernel import segment_for
-from turnout.law.lanes import LANES
+from turnout.law.lanes import zeros_in_lines
 from turnout.law.shared import another, shared
 from turnout.law.table import LawTable
 
@@ -126,14 +126,6 @@ def set_segments(table: LawTable, state: State, segments: Ints) -> None:
         set_segment(table, state, law, segments[law])
 
 
-def _aligned(shape: tuple[int, ...]) -> Floats:
-    """Return zeros that begin with a line of the cache."""
-    size = int(np.prod(shape))
-    memory = np.zeros(size + LANES)
-    first = (-(memory.ctypes.data // 8)) % LANES
-    return memory[first : first + size].reshape(shape)
-
-
 def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) -> State:
     """Return a state at rest with every law on its base segment (or where its argument is 0).
 
@@ -173,14 +165,14 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             end_of_slot=np.full(n_slots, -1, dtype=np.int64),
             row_of_slot=np.full(n_slots, -1, dtype=np.int64),
             slots=np.zeros(system.end_stop.size, dtype=np.int64),
-            columns=_aligned((n_slots, widest)),
+            columns=zeros_in_lines(n_slots, widest),
             joining=np.full(n_joining, -1, dtype=np.int64),
             coupling=np.zeros((n_joining, n_joining)),
             exchange=np.zeros(n_joining, dtype=np.int64),
             made=np.zeros(levels, dtype=np.int64),
-            mode_columns=_aligned((n_modes, widest)),
+            mode_columns=zeros_in_lines(n_modes, widest),
             constant_column=np.zeros(int(system.end_start[-1])),
-            compliance=_aligned((levels, n_ends, widest)),
+            compliance=zeros_in_lines(levels, n_ends, widest),
             q=modal.copy(),
             v=modal.copy(),
             a=modal.copy(),
@@ -201,13 +193,21 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
 
 
 def fresh_copy(state: State, table: LawTable) -> State:
-    """Return a state at rest from one that nothing has changed yet, for laws of other values."""
+    """Return a state at rest from one that nothing has changed yet.
+
+    Parameters
+    ----------
+    state : State
+        From `fresh_state`.
+    table : LawTable
+        Laws in the same order on the same rows; their values may differ.
+    """
     copied = another(
         state,
-        columns=_aligned(state.columns.shape),
+        columns=zeros_in_lines(*state.columns.shape),
         coupling=np.zeros(state.coupling.shape),
-        mode_columns=_aligned(state.mode_columns.shape),
-        compliance=_aligned(state.compliance.shape),
+        mode_columns=zeros_in_lines(*state.mode_columns.shape),
+        compliance=zeros_in_lines(*state.compliance.shape),
     )
     set_home_segments(table, copied)
     return copied

@@ -164,7 +164,7 @@ def spread(change: Floats, at: Ints, pivot: Floats, rows: Floats) -> None:
         a = 0.0
         for k in range(change.size):
             a += change[k] * rows[r, at[k]]
-        add(a, pivot, rows[r])
+        add(a, pivot, rows[r][:width])
 
 
 @compiled_loop
@@ -185,6 +185,6 @@ def gather(a: Floats, at: Ints, to: Floats) -> None:
 
 @compiled_loop
 def copy(a: Floats | Ints, to: Floats | Ints) -> None:
-    """Write a vector, which may be longer, to another."""
+    """Write a vector, which may be longer or fill the same lines of memory, to another."""
     for i in range(to.size):
         to[i] = a[i]

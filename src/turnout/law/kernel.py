@@ -1,9 +1,9 @@
 """Compiled evaluation of the law table: arguments, segments, forces, friction.
 
-Arrays are float64, indices int64; in the table for the kernels, `turnout.integrate.places.placed`,
-rows are places, and they and the normals of frictions are unsigned. Arguments grow in the direction
-that a contact closes; forces `F` are what the law resists with, so that the structure feels ``-F``
-along the law's row.
+Arrays are float64, the branches of frictions too, indices int64. In the table for the kernels,
+`turnout.integrate.places.placed`, rows are places, and they and the normals of frictions are
+unsigned. Arguments grow in the direction that a contact closes; forces `F` are what the law resists
+with, so that the structure feels ``-F`` along the law's row.
 """
 
 import numpy as np
@@ -55,7 +55,7 @@ def law_energy(table: LawTable, law: int, segment: int, e: float) -> float:
 
 
 @compiled
-def friction_state(trial: float, limit: float, present: int, tolerance: float) -> int:
+def friction_state(trial: float, limit: float, present: float, tolerance: float) -> float:
     """Return stick or slip for an elastic trial force; the `present` state is kept if it holds.
 
     Parameters
@@ -64,7 +64,7 @@ def friction_state(trial: float, limit: float, present: int, tolerance: float) -
         ``stick_stiffness * (displacement - anchor)`` with the anchor of the last instant [N].
     limit : float
         ``friction_coefficient * normal force``, not negative [N].
-    present : int
+    present : float
         STICK, SLIP_FORWARD or SLIP_BACKWARD.
     tolerance : float
         Violation that is overlooked [N].

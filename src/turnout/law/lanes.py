@@ -5,8 +5,8 @@ loops then consist of their beginnings and ends. Here a kernel says itself what 
 neighbours at once. Sums keep eight parts and add them up in one order, products are rounded before
 they are added, so that the numbers are the same on every processor.
 
-Arrays must end with whole lines of memory, as those of `turnout.law.shared.shared` do: the last
-eight may reach beyond the end. In Python the same functions work on arrays.
+Vectors must end with whole lines of memory, as those of `turnout.law.shared.shared` do: the last
+eight may reach beyond the end. In Python the same functions work on vectors of whole lines.
 """
 
 import operator
@@ -29,6 +29,21 @@ Indices = NDArray[np.int64] | NDArray[np.uint64]
 
 LANES = 8
 """So many numbers are worked on at a time; they fill a line of the cache."""
+
+
+def zeros_in_lines(*shape: int) -> Floats:
+    """Return zeros that begin with a line of memory and end with one.
+
+    Examples
+    --------
+    >>> zeros_in_lines(2, 3).ctypes.data % (8 * LANES)
+    0
+    """
+    count = int(np.prod(shape))
+    memory = np.zeros(-(-count // LANES) * LANES + LANES)
+    first = (-(memory.ctypes.data // 8)) % LANES
+    return memory[first : first + count].reshape(shape)
+
 
 _NUMBER = ir.DoubleType()
 _EIGHT = ir.VectorType(_NUMBER, LANES)
@@ -60,19 +75,23 @@ F = TypeVar("F", bound=Callable[..., Any])
 Build = Callable[[Any, Any, tuple[Any, ...]], Any]
 
 
-def _built_by(result: types.Type, build: Build) -> Callable[[F], F]:
-    """Let kernels do what `build` writes where they call a function; arrays come as structures."""
+def _built_by(result: types.Type, build: Build, *wanted: Callable[[Any], Any]) -> Callable[[F], F]:
+    """Let kernels do what `build` writes where they call a function with arguments as `wanted`."""
 
     def register(function: F) -> F:
         class Template(AbstractTemplate):
             key = function
 
             def generic(self, args: tuple[Any, ...], _kws: Any) -> Any:
-                return signature(result, *args)
+                kinds = [kind(arg) for kind, arg in zip(wanted, args, strict=True)]
+                return None if None in kinds else signature(result, *kinds)
 
         def lower(context: Any, builder: Any, sig: Any, args: tuple[Any, ...]) -> Any:
-            given = [_given(context, builder, *pair) for pair in zip(sig.args, args, strict=True)]
-            found = build(context, builder, tuple(given))
+            given = tuple(
+                make_array(kind)(context, builder, arg) if isinstance(kind, types.Array) else arg
+                for kind, arg in zip(sig.args, args, strict=True)
+            )
+            found = build(context, builder, given)
             return context.get_dummy_value() if result is types.none else found
 
         infer_global(function, types.Function(Template))
@@ -82,13 +101,31 @@ def _built_by(result: types.Type, build: Build) -> Callable[[F], F]:
     return register
 
 
-def _given(context: Any, builder: Any, kind: types.Type, value: Any) -> Any:
-    """Return what is built with: the structure of an array, whole numbers in 64 bits."""
-    if isinstance(kind, types.Array):
-        return make_array(kind)(context, builder, value)
-    if isinstance(kind, types.Integer):
-        return context.cast(builder, value, kind, types.int64)
-    return value
+def _vector_of(*numbers: types.Type) -> Callable[[Any], Any]:
+    def vector(kind: Any) -> Any:
+        fits = isinstance(kind, types.Array) and kind.ndim == 1 and kind.layout == "C"
+        return kind if fits and kind.dtype in numbers else None
+
+    return vector
+
+
+def _number(kind: Any) -> Any:
+    return types.float64 if isinstance(kind, types.Number) else None
+
+
+def _index(kind: Any) -> Any:
+    return types.int64 if isinstance(kind, types.Integer) else None
+
+
+def _eight(kind: Any) -> Any:
+    return kind if kind == _LANES else None
+
+
+def _answers(kind: Any) -> Any:
+    return kind if kind == _FLAGGED else None
+
+
+_values, _places = _vector_of(types.float64), _vector_of(types.int64, types.uint64)
 
 
 def _eight_at(builder: Any, array: Any, at: Any) -> Any:
@@ -159,10 +196,6 @@ def _build_either(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     return builder.or_(*args)
 
 
-def _build_both(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
-    return builder.and_(*args)
-
-
 def _build_choose(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     return builder.select(*args)
 
@@ -172,7 +205,7 @@ def _build_any(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     return builder.icmp_unsigned("!=", together, ir.Constant(ir.IntType(LANES), 0))
 
 
-@_built_by(_LANES, _build_load)
+@_built_by(_LANES, _build_load, _values, _index)
 def load(values: Floats, at: int) -> Floats:
     """Return eight neighbours.
 
@@ -181,35 +214,35 @@ def load(values: Floats, at: int) -> Floats:
     >>> load(np.arange(20.0), 8).tolist()
     [8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0]
     """
-    return values[at : at + LANES]
+    return values[at : at + LANES].copy()
 
 
-@_built_by(types.none, _build_store)
+@_built_by(types.none, _build_store, _eight, _values, _index)
 def store(eight: Floats, to: Floats, at: int) -> None:
     """Write eight neighbours."""
     to[at : at + LANES] = eight
 
 
-@_built_by(types.none, _build_stream)
+@_built_by(types.none, _build_stream, _eight, _values, _index)
 def stream(eight: Floats, to: Floats, at: int) -> None:
     """Write eight neighbours that begin with a line of memory, which are not read soon."""
     to[at : at + LANES] = eight
 
 
-@_built_by(_LANES, _build_pick)
+@_built_by(_LANES, _build_pick, _values, _places, _index)
 def pick(values: Floats, places: Indices, at: int) -> Floats:
     """Return the values at eight neighbouring entries of a list of places."""
     found: Floats = values[places[at : at + LANES]]
     return found
 
 
-@_built_by(_LANES, _build_every)
+@_built_by(_LANES, _build_every, _number)
 def every(value: float) -> Floats:
     """Return a number eight times."""
-    return np.full(LANES, value)
+    return np.full(LANES, float(value))
 
 
-@_built_by(types.float64, _build_total)
+@_built_by(types.float64, _build_total, _eight)
 def total(eight: Floats) -> float:
     """Return the sum, halves first.
 
@@ -224,37 +257,31 @@ def total(eight: Floats) -> float:
     return float(part[0])
 
 
-@_built_by(_LANES, _build_magnitude)
+@_built_by(_LANES, _build_magnitude, _eight)
 def magnitude(eight: Floats) -> Floats:
     """Return the magnitudes."""
     return np.abs(eight)
 
 
-@_built_by(_FLAGGED, _build_over)
+@_built_by(_FLAGGED, _build_over, _eight, _eight)
 def over(a: Floats, b: Floats) -> Bools:
     """Tell which of eight numbers exceed which others; nothing exceeds NaN, nor NaN anything."""
     return a > b
 
 
-@_built_by(_FLAGGED, _build_either)
+@_built_by(_FLAGGED, _build_either, _answers, _answers)
 def either(one: Bools, other: Bools) -> Bools:
     """Tell where one or the other answer is yes."""
     return one | other
 
 
-@_built_by(_FLAGGED, _build_both)
-def both(one: Bools, other: Bools) -> Bools:
-    """Tell where one and the other answer are yes."""
-    return one & other
-
-
-@_built_by(_LANES, _build_choose)
+@_built_by(_LANES, _build_choose, _answers, _eight, _eight)
 def choose(where: Bools, yes: Floats, no: Floats) -> Floats:
     """Return one number where the answer is yes, the other where it is no."""
     return np.where(where, yes, no)
 
 
-@_built_by(types.boolean, _build_any)
+@_built_by(types.boolean, _build_any, _answers)
 def some(answers: Bools) -> bool:
     """Tell whether any answer is yes."""
     return bool(answers.any())

@@ -29,7 +29,7 @@ from numba.extending import (
 from numba.np.arrayobj import make_array, populate_array
 from numpy.typing import NDArray
 
-from turnout.law.lanes import LANES
+from turnout.law.lanes import LANES, zeros_in_lines
 
 T = TypeVar("T", bound=NamedTuple)
 
@@ -82,6 +82,11 @@ class Shared:
         self.arrays: dict[str, NDArray[Any]] = {}
         self.address = int(words.ctypes.data)
 
+    def __reduce__(self) -> str:
+        """Refuse to be copied or sent elsewhere: the address would not move along."""
+        msg = f"a shared {self.kind.record} stays where it is in memory; copy its arrays"
+        raise TypeError(msg)
+
     def __getattr__(self, name: str) -> Any:
         """Return one of the arrays."""
         found = self.arrays.get(name)
@@ -97,13 +102,6 @@ class Shared:
 def _kind(record: type[Any], arrays: tuple[tuple[str, int], ...]) -> _SharedType:
     named = zip(record._fields, arrays, strict=True)
     return _SharedType(record.__name__, tuple((name, *array) for name, array in named))
-
-
-def _whole_lines(count: int) -> NDArray[np.float64]:
-    """Return room for so many numbers, which begins with a line of memory."""
-    memory = np.empty(count + LANES)
-    first = (-(memory.ctypes.data // 8)) % LANES
-    return memory[first : first + count]
 
 
 def shared(arrays: T, **beyond: float) -> T:
@@ -127,7 +125,7 @@ def shared(arrays: T, **beyond: float) -> T:
     Raises
     ------
     TypeError
-        If something in it is not a contiguous array.
+        If something in it is not a contiguous array of such numbers.
 
     Examples
     --------
@@ -140,16 +138,15 @@ def shared(arrays: T, **beyond: float) -> T:
     """
     vectors, words, at = {}, [], 0
     for name, array in zip(arrays._fields, arrays, strict=True):
-        if not (isinstance(array, np.ndarray) and array.flags.c_contiguous):
-            msg = f"{type(arrays).__name__}.{name} must be an array without gaps"
+        if not (isinstance(array, np.ndarray) and array.flags.c_contiguous and array.itemsize == 8):
+            msg = f"{type(arrays).__name__}.{name} must be an array of 8-byte numbers without gaps"
             raise TypeError(msg)
         if array.ndim == 1:
             vectors[name] = (at, array.size, array.dtype)
             at += -(-array.size // LANES) * LANES
         words += [array.ctypes.data if array.ndim != 1 else 0, *array.shape]
     kind = _kind(type(arrays), tuple([(array.dtype.str, array.ndim) for array in arrays]))
-    record = Shared(kind, _whole_lines(at), vectors, np.array(words, dtype=np.int64))
-    record.memory[:] = 0.0
+    record = Shared(kind, zeros_in_lines(at), vectors, np.array(words, dtype=np.int64))
     first = record.memory.ctypes.data
     for name, array in zip(arrays._fields, arrays, strict=True):
         if name not in vectors:
@@ -192,8 +189,11 @@ def another(record: T, **matrices: NDArray[Any]) -> T:
     ([0.0, 1.0, 2.0], [5.0, 1.0, 2.0], 0.0)
     """
     given = cast("Shared", record)
+    if matrices.keys() != given.kind.word_of.keys() - given.vectors.keys():
+        msg = f"another {given.kind.record} needs all of its matrices anew"
+        raise TypeError(msg)
     words = given.words.copy()
-    found = Shared(given.kind, _whole_lines(given.memory.size), given.vectors, words)
+    found = Shared(given.kind, zeros_in_lines(given.memory.size), given.vectors, words)
     found.memory[:] = given.memory
     moved = found.memory.ctypes.data - given.memory.ctypes.data
     words[[given.kind.word_of[name] for name in given.vectors]] += moved
