@@ -4,6 +4,7 @@ Between the drives and on to the first fastening behind them a rail is taken as 
 whose shape under forces at the drives is a cubic spline. For a tapered rail this is within 3 mm.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -40,7 +41,7 @@ def largest_opening(panel: Panel, rail: str, x: float) -> float | None:
         return None
     side = 1.0 if record.closes == "+y" else -1.0
     to = [None, *(item.to for _, item in ordered_movements(panel))]
-    states = [float(displaced(panel, rail, [x], to=item)[0]) for item in to]
+    states = _displaced(panel, rail, [x], to)[:, 0].tolist()
     return max(0.0, *(float(gap[0]) - side * state for state in states))
 
 
@@ -58,19 +59,28 @@ def displaced(panel: Panel, rail: str, x: npt.ArrayLike, *, to: str | None) -> F
     to : str or None
         Position of the instrumented rail, "open" or "closed"; None for the start.
     """
+    at_places: FloatArray = _displaced(panel, rail, x, [to])[0]
+    return at_places
+
+
+def _displaced(panel: Panel, rail: str, x: npt.ArrayLike, to: Sequence[str | None]) -> FloatArray:
+    """Do what `displaced` does for several positions at once, shape (n_positions, n)."""
     x = np.asarray(x, dtype=np.float64)
     drives = [drive for drive in panel.drive.values() if drive.rail == rail]
     if not drives and any(rail in link.rails for link in panel.link.values()):
         drives = list(panel.drive.values())
     if not drives:
-        return np.zeros(x.shape)
+        return np.zeros((len(to), x.size))
     starts = panel.schedule.starts
     places = {
-        drive.x: start_offset(panel, rail, drive.stroke)
-        + (marker_level(drive, to, starts=starts) if to else 0.0)
+        drive.x: [
+            start_offset(panel, rail, drive.stroke)
+            + (marker_level(drive, item, starts=starts) if item else 0.0)
+            for item in to
+        ]
         for drive in drives
     }
-    return _beam_shape(places, _held_at(panel, rail, max(places)), x)
+    return _beam_shapes(places, _held_at(panel, rail, max(places)), x)
 
 
 def _held_at(panel: Panel, rail: str, behind: float) -> float | None:
@@ -86,15 +96,15 @@ def _held_at(panel: Panel, rail: str, behind: float) -> float | None:
     return min(places, default=None)
 
 
-def _beam_shape(places: dict[float, float], held: float | None, x: FloatArray) -> FloatArray:
+def _beam_shapes(places: dict[float, list[float]], held: float | None, x: FloatArray) -> FloatArray:
     knots = tuple(sorted(places))
     values = np.array([places[knot] for knot in knots])
     if held is None:
-        return np.asarray(np.interp(x, knots, values), dtype=np.float64)
+        return np.array([np.interp(x, knots, column) for column in values.T])
     spline = _unit_shapes(knots, held)
     shapes = spline(np.clip(x, knots[0], held))
     shapes += np.minimum(x - knots[0], 0.0)[:, np.newaxis] * spline.slopes[0]
-    return np.where(x >= held, 0.0, shapes @ values)
+    return np.where(x >= held, 0.0, (shapes @ values).T)
 
 
 @lru_cache(maxsize=64)

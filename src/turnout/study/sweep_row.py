@@ -153,7 +153,9 @@ def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Row]:
     KeyboardInterrupt
         On Ctrl-C.
     """
-    return rows_of([thrown(study, ready) for ready in [made_ready(study, s) for s in scenarios]])
+    ready = [made_ready(study, scenario) for scenario in scenarios]
+    with one_blas_thread():
+        return rows_of([thrown(study, item) for item in ready])
 
 
 def made_ready(study: Study, scenario: Scenario) -> Ready:
@@ -181,8 +183,9 @@ def thrown(study: Study, ready: Ready) -> Thrown:
     if reason:
         return Thrown(scenario, INVALID, reason, attempts, None, Spent())
     try:
-        for scheme in (study.scheme, tighter(study.scheme)):
+        for again in (False, True):
             attempts += 1
+            scheme = tighter(study.scheme) if again else study.scheme
             solved = solve_placed(ready.panel, ready.objects, scheme=scheme)
             outcome = solved.history.outcome
             if outcome.code is Code.INTERRUPTED:
@@ -221,19 +224,18 @@ def taken_from(study: Study, panel: LoadedPanel, solved: Solved) -> Taken:
         for name, (dims, values) in signals.items()
         if name in wanted and "time" in dims
     }
-    with one_blas_thread():
-        motion = recover_motion(solved.mechanism, every)
-        signals |= flangeway_labels(panel, motion, every.time)
-        gaps = [name for name in ("drive_gap", "sensor_gap") if name in wanted]
-        found = _gaps(panel, replace(motion, history=sparse)) if gaps else None
-        if found is not None:
-            kept |= {name: found[name] for name in gaps if found[name][1].size}
-        further = tuple(name for name in wanted if name not in {*signals, *gaps})
-        if further:
-            kept |= response_channels(*given, sparse, save=Save(fields=further))
-        if found is None or (every.time.size - 1) % stride:
-            last = at_instants(every, slice(-1, None))
-            found = _gaps(panel, replace(motion, history=last))
+    motion = recover_motion(solved.mechanism, every)
+    signals |= flangeway_labels(panel, motion, every.time)
+    gaps = [name for name in ("drive_gap", "sensor_gap") if name in wanted]
+    found = _gaps(panel, replace(motion, history=sparse)) if gaps else None
+    if found is not None:
+        kept |= {name: found[name] for name in gaps if found[name][1].size}
+    further = tuple(name for name in wanted if name not in {*signals, *gaps})
+    if further:
+        kept |= response_channels(*given, sparse, save=Save(fields=further))
+    if found is None or (every.time.size - 1) % stride:
+        last = at_instants(every, slice(-1, None))
+        found = _gaps(panel, replace(motion, history=last))
     ends = floats(found["drive_gap"])[:, -1:], floats(found["sensor_gap"])[:, -1:]
     small = {name: (dims, _small(values)) for name, (dims, values) in kept.items()}
     return Taken(panel, solved.mechanism, every.time, signals, small, ends)

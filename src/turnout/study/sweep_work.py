@@ -31,6 +31,9 @@ from turnout.study.sweep_row import OUTCOMES
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 LARGEST_KEPT, MOST_KEPT = 32 << 20, 1 << 30
 
+# So many more objects made than let go before the collector looks at them.
+SELDOM = 50_000
+
 # A worker of a cluster may have several threads; the caches and HDF5 want one.
 _one_at_a_time = threading.Lock()
 
@@ -113,9 +116,15 @@ def make_batch(folder: str, digest: str, code: str, number: int) -> BatchDone:
 
 @cache
 def get_ready() -> None:
-    """Load the kernels, so that no throw waits for them, and keep memory from now on."""
+    """Load the kernels, so that no throw waits for them, and keep memory from now on.
+
+    What is there by then stays. The collector need not look through it again, which takes as long
+    as ten throws, nor soon at anything else: a throw leaves no cycles behind.
+    """
     keep_memory()
     compile_kernels()
+    gc.freeze()
+    gc.set_threshold(SELDOM, *gc.get_threshold()[1:])
 
 
 def keep_memory() -> None:
@@ -168,7 +177,6 @@ def worker_processes(workers: int) -> ProcessPoolExecutor:
 def _begin_worker() -> None:
     """Be deaf to Ctrl-C, which is for the run, and end when the run does, however it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    gc.freeze()  # what was imported stays; to look through it once takes as long as ten throws
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
