@@ -63,12 +63,14 @@ def filtered_values(values: Floats, *, time: Floats, window: float = FILTER_WIND
     if time.size < 2:
         return values.copy()
     step = (time[-1] - time[0]) / (time.size - 1)
-    half = round(0.5 * window / step)
+    half = min(round(0.5 * window / step), time.size - 1)
     index = np.arange(time.size)
-    first, last = np.maximum(index - half, 0), np.minimum(index + half + 1, time.size)
-    zero = np.zeros((*values.shape[:-1], 1))
-    total = np.concatenate((zero, np.cumsum(values, axis=-1)), axis=-1)
-    mean: Floats = (total[..., last] - total[..., first]) / (last - first)
+    total = np.cumsum(values, axis=-1)
+    inside = time.size - half  # so many windows end before the channel does
+    mean: Floats = np.repeat(total[..., -1:], time.size, axis=-1)
+    mean[..., :inside] = total[..., half:]
+    mean[..., half + 1 :] -= total[..., : inside - 1]
+    mean /= np.minimum(index + half + 1, time.size) - np.maximum(index - half, 0)
     return mean
 
 

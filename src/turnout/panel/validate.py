@@ -145,38 +145,15 @@ def validate(document: Document, *, known: Known | None = None) -> Draft:
             continue
         if name in FAMILIES:
             _family(name, document, draft, known)
-        else:
-            _plain(name, tree, draft)
-        unasked = UNASKED.get(name, frozenset())
-        if known is None or not _same(draft.records[name], getattr(known.panel, name), unasked):
+            continue
+        _plain(name, tree, draft)
+        if known is None or draft.records[name] is not getattr(known.panel, name):
             draft.changed.add(name)
     return draft
 
 
 UNASKED = {"chair": frozenset(("friction_coefficient", "normal_stiffness", "stick_stiffness"))}
 """Fields of families that no check between records asks for."""
-
-
-def _same(value: Any, known: Any, unasked: frozenset[str]) -> bool:
-    """Tell whether a value is the known one; a family, whether checks see no difference."""
-    if not isinstance(value, dict):
-        return value is known
-    return list(value) == list(known) and all(
-        one is other or _alike(one, other, unasked)
-        for one, other in zip(value.values(), known.values(), strict=True)
-    )
-
-
-def _alike(one: BaseModel | Partial, other: BaseModel, unasked: frozenset[str]) -> bool:
-    """Tell whether two records differ at most in fields that no check asks for."""
-    if isinstance(one, Partial) or not unasked:
-        return False
-    values = other.__dict__
-    # a record that was read anew has equal numbers, not the same ones
-    return all(
-        value is values[key] or key in unasked or value == values[key]
-        for key, value in one.__dict__.items()
-    )
 
 
 @cache
@@ -242,8 +219,11 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
     found: dict[Problem, list[str]] = {}
     before, made = known.of(name) if known is not None else ({}, {})
     read: dict[tuple[str, int], Any] = {}
+    same = known is not None and list(members) == list(made)
     for member, values in members.items():
-        again = _taken_over(made.get(member), before.get(member), values, read)
+        changed = _changed(before.get(member), values)
+        same = same and changed is not None and changed <= UNASKED.get(name, frozenset())
+        again = _taken_over(made.get(member), changed, values, read)
         if again is not None:
             records[member] = again
             continue
@@ -252,7 +232,7 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
             if member in made:
                 read |= {(key, id(value)): getattr(valid, key) for key, value in values.items()}
         except ValidationError as error:
-            errors = _errors(error)
+            errors, same = _errors(error), False
             records[member] = _partial(record, values, errors)
             for item in errors:
                 place = (name, member, *_path(item))
@@ -261,29 +241,38 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
                 found.setdefault(problem, []).append(member)
     draft.records[name] = records
     draft.names[name] = tuple(members)
+    if not same:
+        draft.changed.add(name)
     draft.problems += _merged(name, found, document)
     _check_count(name, info.metadata, len(members), broken, draft)
 
 
-def _taken_over(
-    made: BaseModel | None, before: object, values: object, read: dict[tuple[str, int], Any]
-) -> BaseModel | None:
-    """Return a known record, or a copy of it whose changed values were read for another member.
-
-    The fields of a record are valid each by itself.
-    """
-    if made is None or before is values:
-        return made
+def _changed(before: object, values: object) -> set[str] | None:
+    """Return the keys of a member with other values than before; None where keys changed too."""
+    if before is values:
+        return set()
     if (
         not (isinstance(before, dict) and isinstance(values, dict))
         or before.keys() != values.keys()
     ):
         return None
-    changed = {key: (key, id(value)) for key, value in values.items() if value is not before[key]}
-    if not all(place in read for place in changed.values()):
+    return {key for key, value in values.items() if value is not before[key]}
+
+
+def _taken_over(
+    made: BaseModel | None, changed: set[str] | None, values: Any, read: dict[tuple[str, int], Any]
+) -> BaseModel | None:
+    """Return a known record, or a copy of it whose changed values were read for another member.
+
+    The fields of a record are valid each by itself.
+    """
+    if made is None or not changed:
+        return made if changed is not None else None
+    places = {key: (key, id(values[key])) for key in changed}
+    if not all(place in read for place in places.values()):
         return None
     again = copy(made)  # half of what `model_copy` takes, which looks at more than values
-    again.__dict__.update({key: read[place] for key, place in changed.items()})
+    again.__dict__.update({key: read[place] for key, place in places.items()})
     return again
 
 
