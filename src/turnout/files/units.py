@@ -10,7 +10,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 
@@ -110,6 +110,9 @@ _NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\b", re.IGNORECASE)
 _UNIT_TEXT = re.compile(r"[\w\s/*^().·²³⁴⁻¹-]{1,40}\Z")
 _LARGEST_COUNT = 10_000
 
+MOST_KEPT = 4096
+"""So many texts are known by what they say, the latest read."""
+
 
 def parse_quantity(value: object, dimension: Dimension, *, si: bool = False) -> float:
     """Read one value of a dimension and give it in SI.
@@ -150,6 +153,12 @@ def parse_quantity(value: object, dimension: Dimension, *, si: bool = False) -> 
         if si or isinstance(value, SI):
             return float(value)
         raise ValueError(_bare(f"{value:g}", dimension))
+    return _read(value, dimension)
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _read(value: str, dimension: Dimension) -> float:
+    """Read a text, the same ones of a panel again and again while it is changed."""
     if _NOT_FINITE.match(value):
         message = "must be a finite number"
         raise ValueError(message)
