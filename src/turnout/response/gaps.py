@@ -31,7 +31,7 @@ MOST_ROWS = 64
 # Rails are shared by many throws. What rows depend on is named by identity, and kept beside them so
 # that nothing else takes its place.
 _rows = Latest[tuple[Floats, list[Floats], list[object]]](MOST_ROWS)
-_heights = Latest[tuple[Floats, list[object]]](MOST_ROWS)
+_nodes = Latest[tuple[Floats, Floats, list[object]]](MOST_ROWS)
 
 
 def contact_height(panel: Panel, rail: str, x: Floats) -> Floats:
@@ -62,14 +62,22 @@ def contact_height(panel: Panel, rail: str, x: Floats) -> Floats:
     return height
 
 
-def _kept_height(panel: Panel, rail: str, x: Floats) -> Floats:
-    """Return `contact_height` at the nodes of a rail, found once for all throws that share them."""
-    named = [panel.stop, panel.stud, panel.object_defaults, x]
-    key = (*map(id, named), rail)
-    kept = _heights.get(key)
+def _at_nodes(panel: Panel, rail: str, x: Floats) -> tuple[Floats, Floats]:
+    """Return `contact_height` at the nodes of a rail, and how far its running edge is clear there.
+
+    Found once for all throws that share them.
+    """
+    record = panel.rail[rail]
+    named = [panel.stop, panel.stud, panel.object_defaults, record, x]
+    key = tuple(map(id, named))
+    kept = _nodes.get(key)
     if kept is None:
-        kept = _heights.keep(key, (contact_height(panel, rail, x), named))
-    return kept[0]
+        beyond = np.zeros(x.shape)
+        if record.running_edge is not None and record.head_width is not None:
+            beyond = running_edge_distance(record.running_edge, x) - record.head_width
+        height = contact_height(panel, rail, x)
+        kept = _nodes.keep(key, (height, np.maximum(beyond, 0.0), named))
+    return kept[:2]
 
 
 def stock_gap(panel: Panel, rail: str, x: Floats) -> Floats:
@@ -224,9 +232,7 @@ def least_flangeway(
     if rail.running_edge is None or rail.head_width is None or rail.stock_rail_gap is None:
         return None
     x = motion.rails[name].x
-    z = _kept_height(panel, name, x)
-    gap = rail_gap(panel, motion, name, x=x, z=z, at=np.array([at]))[:, 0]
-    beyond = running_edge_distance(rail.running_edge, x) - rail.head_width
-    flangeway = gap + np.maximum(beyond, 0.0)
+    z, clear = _at_nodes(panel, name, x)
+    flangeway = rail_gap(panel, motion, name, x=x, z=z, at=np.array([at]))[:, 0] + clear
     place = int(np.argmin(flangeway))
     return float(flangeway[place]), float(x[place]), name

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.files.latest import Latest
 from turnout.panel.model import Panel
 from turnout.panel.motion import movement_end, ordered_movements
 
@@ -40,14 +41,26 @@ class Throw:
         return "closing" if self.to == "closed" else "opening"
 
 
+MOST_KEPT = 32
+"""Schedules whose movements are kept in memory, the latest made."""
+
+# Changed panels share their movements. These are named by identity, and kept beside what they are.
+_kept = Latest[tuple[tuple[Throw, ...], object]](MOST_KEPT)
+
+
 def throws(panel: Panel) -> tuple[Throw, ...]:
     """Return the movements of a panel in the order of time."""
-    ordered = ordered_movements(panel)
-    starts = [movement.start for _, movement in ordered]
-    return tuple(
-        Throw(name, movement.to, movement.start, movement_end(panel, movement), until)
-        for (name, movement), until in zip(ordered, (*starts, float("inf"))[1:], strict=False)
-    )
+    key = (id(panel.movement), *panel.drive)
+    kept = _kept.get(key)
+    if kept is None:
+        ordered = ordered_movements(panel)
+        untils = [*(movement.start for _, movement in ordered[1:]), float("inf")]
+        found = tuple(
+            Throw(name, movement.to, movement.start, movement_end(panel, movement), until)
+            for (name, movement), until in zip(ordered, untils[: len(ordered)], strict=True)
+        )
+        kept = _kept.keep(key, (found, panel.movement))
+    return kept[0]
 
 
 def closed_rail(panel: Panel, position: str) -> str:
