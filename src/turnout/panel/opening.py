@@ -41,8 +41,8 @@ def largest_opening(panel: Panel, rail: str, x: float) -> float | None:
         return None
     side = 1.0 if record.closes == "+y" else -1.0
     to = [None, *(item.to for _, item in ordered_movements(panel))]
-    states = _displaced(panel, rail, [x], to)[:, 0].tolist()
-    return max(0.0, *(float(gap[0]) - side * state for state in states))
+    states = _displaced(panel, rail, [x], to)[:, 0]
+    return max(0.0, float(np.max(gap[0] - side * states)))
 
 
 def displaced(panel: Panel, rail: str, x: npt.ArrayLike, *, to: str | None) -> FloatArray:

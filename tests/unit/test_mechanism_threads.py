@@ -1,0 +1,58 @@
+"""The limit of threads is asked of the libraries once, and taken back at the end."""
+
+import threading
+from contextlib import contextmanager
+
+import pytest
+
+from turnout.mechanism import threads
+
+
+class Libraries:
+    """Stands for the controller of the libraries; tells what was asked of it."""
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+
+    @contextmanager
+    def limit(self, *, limits: int, user_api: str):
+        self.asked.append(f"{limits} {user_api}")
+        try:
+            yield
+        finally:
+            self.asked.append("back")
+
+
+@pytest.fixture
+def libraries(monkeypatch):
+    found = Libraries()
+    monkeypatch.setattr(threads, "_controller", lambda: found)
+    return found
+
+
+def test_within_a_limit_nothing_is_asked(libraries):
+    with threads.one_blas_thread():
+        with threads.one_blas_thread():
+            pass
+        assert libraries.asked == ["1 blas"]
+    assert libraries.asked == ["1 blas", "back"]
+
+
+def test_an_error_takes_the_limit_back(libraries):
+    with pytest.raises(ZeroDivisionError), threads.one_blas_thread():
+        raise ZeroDivisionError
+    with threads.one_blas_thread():
+        pass
+    assert libraries.asked == ["1 blas", "back"] * 2
+
+
+def test_every_thread_asks_for_itself(libraries):
+    def work():
+        with threads.one_blas_thread():
+            pass
+
+    with threads.one_blas_thread():
+        other = threading.Thread(target=work)
+        other.start()
+        other.join()
+    assert libraries.asked == ["1 blas", "1 blas", "back", "back"]
