@@ -39,8 +39,9 @@ from turnout.study.sweep_folder import (
     code_digest,
     locked_folder,
 )
+from turnout.study.sweep_process import worker_processes
 from turnout.study.sweep_row import COMPLETE, SKIPPED, stride_of
-from turnout.study.sweep_work import BatchDone, make_batch, worker_processes
+from turnout.study.sweep_work import BatchDone, make_batch
 
 # Batches handed out beyond one a worker, so that none waits for the next.
 AHEAD = 2

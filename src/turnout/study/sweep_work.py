@@ -2,22 +2,13 @@
 
 import ctypes
 import gc
-import multiprocessing
-import os
-import signal
-import sys
 import threading
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from multiprocessing.context import SpawnContext, SpawnProcess
-from multiprocessing.process import BaseProcess
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 from turnout.errors import FileError
 from turnout.response.simulate import compile_kernels
@@ -125,6 +116,7 @@ def get_ready() -> None:
     compile_kernels()
     gc.freeze()
     gc.set_threshold(SELDOM, *gc.get_threshold()[1:])
+    gc.enable()
 
 
 def keep_memory() -> None:
@@ -144,46 +136,3 @@ def keep_memory() -> None:
 def kept_batches(folder: Path, digest: str) -> list[tuple[Sequence[int], ...]]:
     """Return the chains of each batch of the study of a folder."""
     return batches_of(kept_study(folder, digest))
-
-
-class _Process(SpawnProcess):
-    """A fresh process that does not import the program which started it.
-
-    All that it calls is in this module; the program would take time to load, or start another
-    sweep if it is a script without a guard.
-    """
-
-    @staticmethod
-    def _Popen(process_obj: BaseProcess) -> Any:  # noqa: N802 - named by the library
-        main = sys.modules["__main__"]
-        sys.modules["__main__"] = ModuleType("__main__")
-        try:
-            return SpawnProcess._Popen(process_obj)
-        finally:
-            sys.modules["__main__"] = main
-
-
-class _Context(SpawnContext):
-    """Starts such processes."""
-
-    Process = _Process
-
-
-def worker_processes(workers: int) -> ProcessPoolExecutor:
-    """Return an executor of fresh processes on this machine, which end when this one does."""
-    return ProcessPoolExecutor(workers, mp_context=_Context(), initializer=_begin_worker)
-
-
-def _begin_worker() -> None:
-    """Be deaf to Ctrl-C, which is for the run, and end when the run does, however it ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
-
-
-def _end_with(sentinel: int) -> None:
-    from multiprocessing.connection import wait as wait_for
-
-    wait_for([sentinel])
-    os._exit(1)
