@@ -84,7 +84,7 @@ def wanted_closed(panel: Panel, time: Floats) -> list[tuple[str, Flags]]:
     """Return rails with the instants at which the present or last movement wants each closed."""
     position = np.full(time.size, panel.schedule.starts == "closed")
     for throw in throws(panel):
-        position[time >= throw.start - 1e-9] = throw.to == "closed"
+        position[np.searchsorted(time, throw.start - 1e-9) :] = throw.to == "closed"
     return [
         (closed_rail(panel, "closed"), position),
         (closed_rail(panel, "open"), ~position),

@@ -146,20 +146,20 @@ def object_labels(time: Floats, every: Variables, *, spans: Sequence[Span]) -> V
         The movements.
     """
     force = floats(every["object_force"])
-    sense, onset = np.zeros(time.size), 0.0
+    sense, onset = np.zeros(time.size), 0
     for span in spans:
-        onset = span.start - 1e-9
-        sense[time >= onset] = 1.0 if span.to == "closed" else -1.0
+        onset = int(np.searchsorted(time, span.start - 1e-9))
+        sense[onset:] = 1.0 if span.to == "closed" else -1.0
     # At the onset of a movement a drive may still hold with the force of the one before.
     working = sense * floats(every["drive_force"]) > 0
     slipping = np.any(every["drive_slipping"][1].astype(np.bool_) & working, axis=0)
     contact = float(floats(every["contact_time"]))
-    alone = time < (contact if np.isfinite(contact) else np.inf)
+    alone = np.searchsorted(time, contact if np.isfinite(contact) else np.inf)
     return {
         "object_force_peak": ((), np.asarray(np.max(force, initial=0.0))),
         "object_force_end": ((), np.asarray(force[-1])),
-        "slipped": ((), np.asarray(slipping[time >= onset].any())),
-        "slipped_free": ((), np.asarray(slipping[alone].any())),
+        "slipped": ((), np.asarray(slipping[onset:].any())),
+        "slipped_free": ((), np.asarray(slipping[:alone].any())),
     }
 
 
