@@ -1,5 +1,6 @@
 """The design of a study: from the number of a scenario to the value of every variable."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,7 +70,7 @@ class Design:
     @property
     def cells(self) -> int:
         """Combinations of the values on the axes."""
-        return int(np.prod([len(axis.rows) for axis in self.axes], dtype=np.int64))
+        return math.prod(len(axis.rows) for axis in self.axes)
 
     @property
     def states(self) -> int:
