@@ -195,7 +195,8 @@ def store(
     store_energy(system, table, state, work, record.stored[at])
     if at % FOLDED_EVERY == 0:
         record.folded[0] = max(record.folded[0], folded_energy(system, state, work))
-    copy(state.ledger, record.ledger[at])
+    for column in range(state.ledger.size):
+        record.ledger[at, column] = state.ledger[column]
 
 
 @compiled

@@ -4,7 +4,7 @@ The vector holds, block by block, the leading ends and then the modes of the blo
 *solved* places. Behind them stand the ends that follow from leading ones, and last the rows that
 join two blocks. A row with one end stands where that end does. Each block fills whole lines of the
 cache, and so do all ends that follow, and all rows that join; what is left over is finite and means
-nothing.
+nothing. One line of zeros stands behind all.
 """
 
 from collections.abc import Sequence
@@ -68,6 +68,11 @@ class Places:
         """How many places are solved for."""
         return int(self.end_start[-1])
 
+    @property
+    def zero(self) -> int:
+        """A place that is always zero."""
+        return self.row_ends.shape[0] - LANES
+
 
 def number_places(parts: Sequence[BlockModel]) -> Places:
     """Give a place to every end and mode of the blocks, and to their rows."""
@@ -95,7 +100,7 @@ def number_places(parts: Sequence[BlockModel]) -> Places:
         row_ends[part.block.rows, second.astype(int)] = places
     joins = row_ends[:, 1] >= 0
     of_row = np.where(joins, follower_start[-1] + np.cumsum(joins) - 1, row_ends[:, 0])
-    count = int(follower_start[-1] + whole_lines(joins.sum(keepdims=True))[0])
+    count = int(follower_start[-1] + whole_lines(joins.sum(keepdims=True))[0]) + LANES
     ends_at_place = np.full((count, 2), -1, dtype=np.int64)
     ends_at_place[of_row] = row_ends
     return Places(

@@ -3,7 +3,7 @@
 from turnout.integrate.coupling import at_end, couple, solve_coupling
 from turnout.integrate.state import COUNT_JOINING, COUPLED, State
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import add, add_two, copy, gather, sum_rows
+from turnout.integrate.vector import add, add_two, gather, sum_rows
 from turnout.integrate.work import Work
 from turnout.law.compiled import compiled, compiled_loop, compiled_part
 from turnout.law.lanes import LANES, every, load, pick, store
@@ -36,9 +36,12 @@ def _push(system: System, table: LawTable, state: State, work: Work) -> None:
         push[system.input_row[k]] = 0.0
     for k in range(system.input_law.size):
         law = system.input_law[k]
-        given = state.inputs[table.input_index[law]]
-        work.law_input[law] = given
-        push[table.row[law]] += state.slope[law] * given
+        push[table.row[law]] += state.slope[law] * state.inputs[table.input_index[law]]
+    for k in range(1, work.given.size):
+        work.given[k] = state.inputs[k - 1]
+    for k in range(system.input_group.size):
+        at = system.input_group[k]
+        store(pick(work.given, system.input_place, at), work.law_input, at)
 
 
 @compiled_part
@@ -134,7 +137,10 @@ def deviation_forces(system: System, table: LawTable, state: State, work: Work) 
 @compiled_part
 def set_modes(system: System, state: State) -> None:
     """Take the modal coordinates from the solution."""
-    g, q, mode_start, end_stop = state.g, state.q, system.mode_start, system.end_stop
-    for block in range(end_stop.size):
-        first, last = mode_start[block], mode_start[block + 1]
-        copy(g[end_stop[block] : system.end_start[block + 1]], q[first:last])
+    _pick_all(state.g, system.mode_place, state.q)
+
+
+@compiled_loop
+def _pick_all(values: Floats, places: Ints, to: Floats) -> None:
+    for i in range(0, places.size, LANES):
+        store(pick(values, places, i), to, i)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from turnout.errors import MechanicsError
 from turnout.integrate.places import Places, Terms, number_places, unsigned
+from turnout.law.lanes import LANES
 from turnout.law.shared import shared
 from turnout.law.table import LawTable
 from turnout.mechanism.condense import BlockModel, base_stiffness
@@ -31,13 +32,14 @@ class System(NamedTuple):
     Block `b` has the leading ends ``end_start[b]`` to ``end_stop[b]``; the places from there to
     ``end_start[b + 1]`` are its modes, so that one column tells what a force does to both. Its
     other ends are ``follower_start[b]`` to ``follower_start[b + 1]``. Modes by themselves are
-    numbered from ``mode_start[b]``; each is damped by itself. Arrays with two indices hold, for
+    numbered from ``mode_start[b]``, stand at ``mode_place``, and each is damped by itself. Arrays with two indices hold, for
     each end or mode, the entries of its own block only, from the left: stiffness, the modes at the
     ends (and, transposed, ``mode_ends``), and the residual flexibility to leading ends. What
     follows from leading ends is the sum over the rows of ``follower_list`` with
     ``follower_weight``, a column for each end that follows; rows that join blocks are the sum over
     ``joining_ends``. ``pushed_end`` are the ends that inputs push on, but for rows that join
-    blocks. The pairs ``..._start`` / ``..._list`` are ragged lists in compressed form:
+    blocks; ``input_place`` is the number of a law's input, from one, or zero, and ``input_group``
+    where eights of laws begin that have any. The pairs ``..._start`` / ``..._list`` are ragged lists in compressed form:
     which rows the deviation of a row depends on (``term``), and the same as leading ends
     (``pattern``), with weights and their places in the block. -1 in ``row_ends`` stands for no end.
     ``row_place`` are the places of the mechanism's rows, ``law_load`` and ``friction_load`` the
@@ -55,6 +57,7 @@ class System(NamedTuple):
     end_start: Ints
     end_stop: Ints
     mode_start: Ints
+    mode_place: Ints
     follower_start: Ints
     slot_start: Ints
     block_of_end: Ints
@@ -83,6 +86,8 @@ class System(NamedTuple):
     pinned: Ints
     input_law: Ints
     input_row: Ints
+    input_place: Ints
+    input_group: Ints
     pushed_end: Ints
     timed_law: Ints
 
@@ -121,6 +126,7 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
         end_start=places.end_start,
         end_stop=places.end_stop,
         mode_start=places.mode_start,
+        mode_place=_mode_places(places),
         follower_start=places.follower_start,
         slot_start=np.concatenate(([0], np.cumsum([p.block.rows.size for p in parts]))),
         block_of_end=_blocks(places),
@@ -142,6 +148,8 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
         pinned=pinned,
         input_law=driven.astype(np.int64),
         input_row=driven_rows,
+        input_place=unsigned(laws.input_index + 1),
+        input_group=np.unique(driven // LANES) * LANES,
         pushed_end=np.sort(driven_rows[places.row_ends[driven_rows, 1] < 0]),
         timed_law=np.flatnonzero(
             np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1)
@@ -172,6 +180,14 @@ def _of_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Any]:
     return found
 
 
+def _mode_places(places: Places) -> Ints:
+    """Return where modes stand; for what fills up their line a place of zero."""
+    pairs = zip(places.end_stop, np.diff(places.mode_start), strict=True)
+    listed = [np.arange(stop, stop + count) for stop, count in pairs]
+    padding = -int(places.mode_start[-1]) % LANES
+    return unsigned(np.concatenate([*listed, np.full(padding, places.zero)]))
+
+
 def _blocks(places: Places) -> Ints:
     """Return the block of every end and mode."""
     blocks = np.arange(places.end_stop.size)
@@ -196,8 +212,8 @@ def _followers(places: Places) -> dict[str, Any]:
 
 def _joining_ends(places: Places) -> Ints:
     """Return both ends of every row that joins blocks; for what is left over any place."""
-    count, first = places.row_ends.shape[0], int(places.follower_start[-1])
-    return unsigned(np.ascontiguousarray(np.maximum(places.row_ends[first:count].T, 0)))
+    joining = places.row_ends[int(places.follower_start[-1]) : places.zero]
+    return unsigned(np.ascontiguousarray(np.maximum(joining.T, 0)))
 
 
 def _patterns(laws: LawTable, places: Places) -> dict[str, Any]:

@@ -15,7 +15,8 @@ class Work(NamedTuple):
     Except `push`, which is zero on rows without an input, `unsettled`, which flags the rows that
     still changed when a step was given up, `changed`, whether a law has changed since the contact
     set was saved, and `stop`, which another thread sets to end the work between two solutions.
-    `law_input` holds the input of every law that has one, at the last solution.
+    At the last solution `given` holds a zero and the inputs, and
+    `law_input` that of every law.
     `q`, `g_start` and the two of the contact set are the state at the start of a step; `argument`,
     `force`, `trial` and `limit` are of the last solution, `turnout.integrate.solve`.
     """
@@ -48,6 +49,7 @@ class Work(NamedTuple):
     modal_error: Floats
     found: Floats
     of_modes: Floats
+    given: Floats
     law_input: Floats
     inputs: Floats
     inputs_end: Floats
@@ -99,6 +101,7 @@ def new_work(system: System, table: LawTable) -> Work:
             modal_error=modal(),
             found=placed(),
             of_modes=modal(),
+            given=np.zeros(n_inputs + 1),
             law_input=np.zeros(table.row.size),
             inputs=np.zeros(n_inputs),
             inputs_end=np.zeros(n_inputs),

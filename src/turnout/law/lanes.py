@@ -5,6 +5,10 @@ loops then consist of their beginnings and ends. Here a kernel says itself what 
 neighbours at once. Sums keep eight parts and add them up in one order, products are rounded before
 they are added, so that the numbers are the same on every processor.
 
+A processor hands on what it has just written to what reads just that or a part of it. What reads
+eight numbers of which one was written alone must wait for memory: where a number comes from a
+kernel, eight are written at once.
+
 Vectors must end with whole lines of memory, as those of `turnout.law.shared.shared` do: the last
 eight may reach beyond the end. In Python the same functions work on vectors of whole lines.
 """
