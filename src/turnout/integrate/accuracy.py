@@ -24,7 +24,7 @@ from turnout.integrate.state import COUNT_JOINING, State
 from turnout.integrate.system import Floats, System
 from turnout.integrate.vector import add, add_rows, copy, dot
 from turnout.integrate.work import Work
-from turnout.law.compiled import compiled
+from turnout.law.compiled import compiled, compiled_part
 from turnout.law.table import LawTable
 
 DRIFTS = 100.0
@@ -126,7 +126,7 @@ def _spread(system: System, state: State, work: Work) -> None:
             add(force, state.columns[slot], solved)
 
 
-@compiled
+@compiled_part
 def is_inaccurate(
     system: System, table: LawTable, state: State, work: Work, inertia: float, viscosity: float
 ) -> bool:

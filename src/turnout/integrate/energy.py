@@ -72,7 +72,7 @@ def _open_books(stored: Floats, ledger: Floats) -> tuple[float, float]:
     return residual, scale
 
 
-@compiled
+@compiled_part
 def account_laws(
     system: System, table: LawTable, state: State, work: Work, old_inputs: Floats, time: float
 ) -> None:
@@ -152,7 +152,7 @@ def _slip(
     return total(lost), total(turned)
 
 
-@compiled
+@compiled_part
 def switch_laws(system: System, table: LawTable, state: State, work: Work, time: float) -> int:
     """Let laws appear or disappear at `time`; return how many rows are marked for an update.
 

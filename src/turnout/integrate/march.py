@@ -32,7 +32,7 @@ from turnout.integrate.stored import folded_energy, store_energy
 from turnout.integrate.system import Floats, Ints, System
 from turnout.integrate.vector import copy
 from turnout.integrate.work import Work
-from turnout.law.compiled import compiled, compiled_loop
+from turnout.law.compiled import compiled, compiled_loop, compiled_part
 from turnout.law.lanes import LANES, load, pick, stream
 from turnout.law.table import LawTable
 
@@ -181,7 +181,7 @@ def _write(values: Floats, to: Floats) -> None:
         stream(load(values, i), to, i)
 
 
-@compiled
+@compiled_part
 def store(
     system: System, table: LawTable, state: State, work: Work, record: Record, at: int
 ) -> None:

@@ -67,7 +67,7 @@ def _join(g: Floats, ends: Ints, joining: Floats) -> None:
         store(pick(g, ends[0], i) + pick(g, ends[1], i), joining, i)
 
 
-@compiled
+@compiled_part
 def _move_blocks(system: System, state: State, ends: Ints, force: Floats) -> None:
     """Move blocks by forces on active ends, by two at a time that follow each other in a block."""
     columns, slot, g = state.columns, state.slot_of_end, state.g

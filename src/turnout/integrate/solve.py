@@ -170,7 +170,7 @@ def evaluate(table: LawTable, state: State, work: Work) -> None:
     evaluate_frictions(table, state, work, 0.0)
 
 
-@compiled
+@compiled_part
 def check_segments(
     system: System, table: LawTable, state: State, work: Work, gap: float, one_at_a_time: bool
 ) -> int:
@@ -197,7 +197,7 @@ def check_segments(
     return count
 
 
-@compiled
+@compiled_part
 def check_frictions(
     table: LawTable, state: State, work: Work, count: int, force: float, one_at_a_time: bool
 ) -> int:
@@ -216,7 +216,7 @@ def check_frictions(
     return count
 
 
-@compiled
+@compiled_part
 def check_laws(
     system: System,
     table: LawTable,

@@ -69,12 +69,19 @@ def marker_positions(panel: Panel, time: npt.ArrayLike) -> FloatArray:
     """
     instants = np.atleast_1d(np.asarray(time, dtype=np.float64))
     positions = np.zeros((len(panel.drive), instants.size))
+    rising = bool(np.all(instants[1:] >= instants[:-1]))
     for row, (name, drive) in enumerate(panel.drive.items()):
         level = 0.0
         for _, movement in ordered_movements(panel):
             target = marker_level(drive, movement.to, starts=panel.schedule.starts)
-            fraction = movement_fraction(movement, instants - movement.start, drive=name)
-            positions[row] += (target - level) * fraction
+            end = movement.start + movement_time(movement, name)
+            first, last = (
+                np.searchsorted(instants, (movement.start, end)) if rising else (0, instants.size)
+            )
+            elapsed = instants[first:last] - movement.start
+            way = target - level
+            positions[row, first:last] += way * movement_fraction(movement, elapsed, drive=name)
+            positions[row, last:] += way
             level = target
     return positions
 
