@@ -71,7 +71,7 @@ class Places:
     @property
     def zero(self) -> int:
         """A place that is always zero."""
-        return self.row_ends.shape[0] - LANES
+        return int(self.row_ends.shape[0]) - LANES
 
 
 def number_places(parts: Sequence[BlockModel]) -> Places:

@@ -32,19 +32,19 @@ class System(NamedTuple):
     Block `b` has the leading ends ``end_start[b]`` to ``end_stop[b]``; the places from there to
     ``end_start[b + 1]`` are its modes, so that one column tells what a force does to both. Its
     other ends are ``follower_start[b]`` to ``follower_start[b + 1]``. Modes by themselves are
-    numbered from ``mode_start[b]``, stand at ``mode_place``, and each is damped by itself. Arrays with two indices hold, for
-    each end or mode, the entries of its own block only, from the left: stiffness, the modes at the
-    ends (and, transposed, ``mode_ends``), and the residual flexibility to leading ends. What
-    follows from leading ends is the sum over the rows of ``follower_list`` with
-    ``follower_weight``, a column for each end that follows; rows that join blocks are the sum over
-    ``joining_ends``. ``pushed_end`` are the ends that inputs push on, but for rows that join
+    numbered from ``mode_start[b]``, stand at ``mode_place``, and each is damped by itself. Arrays
+    with two indices hold, for each end or mode, the entries of its own block only, from the left:
+    stiffness, the modes at the ends (and, transposed, ``mode_ends``), and the residual flexibility
+    to leading ends. What follows from leading ends is the sum over the rows of ``follower_list``
+    with ``follower_weight``, a column for each end that follows; rows that join blocks are the sum
+    over ``joining_ends``. ``pushed_end`` are the ends that inputs push on, but for rows that join
     blocks; ``input_place`` is the number of a law's input, from one, or zero, and ``input_group``
-    where eights of laws begin that have any. The pairs ``..._start`` / ``..._list`` are ragged lists in compressed form:
-    which rows the deviation of a row depends on (``term``), and the same as leading ends
-    (``pattern``), with weights and their places in the block. -1 in ``row_ends`` stands for no end.
-    ``row_place`` are the places of the mechanism's rows, ``law_load`` and ``friction_load`` the
-    static share of the constant load there; ``timed_law`` lists the laws that do not act all the
-    time.
+    where eights of laws begin that have any. The pairs ``..._start`` / ``..._list`` are ragged
+    lists in compressed form: which rows the deviation of a row depends on (``term``), and the same
+    as leading ends (``pattern``), with weights and their places in the block. -1 in ``row_ends``
+    stands for no end. ``row_place`` are the places of the mechanism's rows, ``law_load`` and
+    ``friction_load`` the static share of the constant load there; ``timed_law`` lists the laws that
+    do not act all the time.
     """
 
     load: Floats
