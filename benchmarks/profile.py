@@ -158,9 +158,9 @@ NEXT = """### What the next factor of two would take
   of one iteration could be done in one pass; a solution could follow them instead of being made
   anew. Both together would save about a tenth.
 - A step of SB1 is a dozen kernels of which none takes 100 ns. By themselves, over and over, they
-  take two thirds of what they take one after another: their instructions, laid down by the compiler
-  in pieces, no longer fit where a processor keeps those it has decoded. One kernel for a whole step
-  was a tenth quicker and took twice as long to compile.
+  take two thirds of what they take one after another, probably since their instructions, laid down
+  by the compiler in pieces, no longer fit where a processor keeps those it has decoded. One kernel
+  for a whole step was a tenth quicker and took twice as long to compile.
 """
 
 
