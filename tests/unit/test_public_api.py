@@ -97,8 +97,9 @@ def test_panel_names() -> None:
 
 
 def test_a_panel_tells_its_hash_and_is_a_table() -> None:
-    panel = sb1_panel()
-    assert repr(panel).startswith(f"LoadedPanel('sb1', hash='{panel.hash[:12]}'")
+    panel = turnout.load_panel("sb1")
+    shown = repr(panel)  # before anything has asked for the hash
+    assert shown == f"LoadedPanel('sb1', hash='{panel.hash[:12]}')"
     html = panel._repr_html_()
     assert panel.hash[:12] in html
     assert "<script" not in html
@@ -289,6 +290,9 @@ def test_a_calibration_is_a_small_table_without_markup() -> None:
     assert "Autumn &lt;1&gt;" in html
     assert "<script" not in html
     assert found.trusted
+    assert found.warnings == ("Drive 2 is at its bound",)
+    other = turnout.CalibrationResult(record=calibration(), before=sb1_panel())
+    assert "not of sb1 with hash" in other.warnings[-1]
     assert repr(found).startswith("<CalibrationResult sb1 calibrated to Autumn")
     ticks = [text.get_text() for text in found.plot().get_yticklabels()]
     assert ticks == ["chair.friction_coefficient", "drive.1.stiffness"]

@@ -11,7 +11,8 @@ from turnout.api.campaign import Campaign, dataset_of, kept_throws
 from turnout.errors import FileError
 from turnout.files.html_table import html_table
 from turnout.panel.load import LoadedPanel, library_names, load_panel
-from turnout.response.scheme import chosen_scheme
+from turnout.response.scheme import Mode, chosen_scheme
+from turnout.study.calibration.belongs import doubts_on
 from turnout.study.calibration.calibrate import calibrate as fit_stages
 from turnout.study.calibration.progress import State
 from turnout.study.calibration.record import Calibration
@@ -93,8 +94,9 @@ class CalibrationResult:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to look at."""
-        return self.record.warnings
+        """What to look at, such as a panel that is not the one that was calibrated."""
+        strange = doubts_on(self.record, self.before)[len(self.record.distrust) :]
+        return (*self.record.warnings, *strange)
 
     @property
     def findings(self) -> tuple[str, ...]:
@@ -171,7 +173,7 @@ def calibrate(
     fix: Sequence[str] = (),
     exclude: Sequence[str] = (),
     most: int = 20,
-    mode: str | None = None,
+    mode: Mode | None = None,
     posterior: bool = False,
     advise: bool = False,
     workers: int = 1,

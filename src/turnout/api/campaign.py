@@ -15,7 +15,7 @@ from turnout.measurement.campaign import build_campaign as read_folder
 from turnout.measurement.sheet_value import normal_place
 from turnout.metric.campaign import places_of
 from turnout.panel.load import LoadedPanel
-from turnout.response.scheme import chosen_scheme
+from turnout.response.scheme import Mode, chosen_scheme
 from turnout.response.store import open_response, save_response
 from turnout.study.virtual_campaign import make_virtual_campaign
 from turnout.study.virtual_plan import SIZES, Plan, default_places
@@ -175,7 +175,7 @@ def build_campaign(
     sizes: Sequence[float | str] = (),
     object_free: int = 5,
     seed: int = 0,
-    mode: str | None = None,
+    mode: Mode | None = None,
     workers: int = 1,
     channels: Path | str | None = None,
     strict: bool = False,
@@ -272,7 +272,7 @@ def _plan(
     *,
     object_free: int,
     seed: int,
-    mode: str | None,
+    mode: Mode | None,
 ) -> Plan:
     """Return the plan of a virtual campaign, or refuse all that is wrong with it at once."""
     problems: list[str] = []
