@@ -298,6 +298,19 @@ def test_a_calibration_is_a_small_table_without_markup() -> None:
     assert ticks == ["chair.friction_coefficient", "drive.1.stiffness"]
 
 
+def test_names_in_place_of_what_they_name_are_refused(tmp_path: Path) -> None:
+    campaign = small_campaign()
+    calibration().save(tmp_path / "known.toml")
+    with pytest.raises(turnout.PanelError, match="calibrate.*\n.*panel = 'sb1': takes a panel"):
+        turnout.calibrate(campaign, "sb1")  # type: ignore[arg-type]
+    with pytest.raises(turnout.PanelError, match="takes a panel from load_panel"):
+        turnout.build_campaign(tmp_path, panel="sb1")  # type: ignore[arg-type]
+    with pytest.raises(turnout.PanelError, match="takes a panel from load_panel"):
+        turnout.load_calibration(tmp_path / "known.toml", panel="sb1")  # type: ignore[arg-type]
+    with pytest.raises(turnout.MeasurementError, match="takes what calibrate"):
+        turnout.validate(campaign, "known.toml")  # type: ignore[arg-type]
+
+
 def test_calibrate_takes_a_campaign() -> None:
     with pytest.raises(turnout.MeasurementError, match="takes what load_campaign"):
         turnout.calibrate(sb1_dataset(), sb1_panel())

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import xarray as xr
 
-from turnout.api.campaign import Campaign, dataset_of, kept_throws
+from turnout.api.campaign import Campaign, checked_panel, dataset_of, kept_throws
 from turnout.errors import FileError
 from turnout.files.html_table import html_table
 from turnout.panel.load import LoadedPanel, library_names, load_panel
@@ -226,7 +226,9 @@ def calibrate(
     >>> found.panel, found.intervals  # doctest: +SKIP
     """
     dataset = dataset_of(campaign)
-    before = panel if panel is not None else load_panel(DEFAULT_PANEL)
+    before = (
+        load_panel(DEFAULT_PANEL) if panel is None else checked_panel(panel, caller="calibrate()")
+    )
     outcome = fit_stages(
         dataset,
         before,
@@ -278,4 +280,5 @@ def load_calibration(path: Path | str, *, panel: LoadedPanel | None = None) -> C
             )
             raise FileError(message)
         panel = load_panel(record.panel)
-    return CalibrationResult(record=record, before=panel)
+    before = checked_panel(panel, caller="load_calibration()")
+    return CalibrationResult(record=record, before=before)

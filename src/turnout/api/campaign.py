@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from turnout.errors import FileError, MeasurementError
+from turnout.errors import FileError, MeasurementError, PanelError
 from turnout.files.html_table import html_table
 from turnout.files.units import LENGTH, parse_quantity
 from turnout.measurement.campaign import build_campaign as read_folder
@@ -225,6 +225,7 @@ def build_campaign(
     """
     folder = Path(folder)
     if panel is not None:
+        panel = checked_panel(panel, caller="build_campaign()")
         plan = _plan(panel, places, sizes, object_free=object_free, seed=seed, mode=mode)
         make_virtual_campaign(panel, folder, plan=plan, workers=workers, report=report)
     elif places or sizes or mode is not None:
@@ -245,6 +246,14 @@ def dataset_of(campaign: Campaign | xr.Dataset) -> xr.Dataset:
         message = "campaign: takes what load_campaign() or build_campaign() returned"
         raise MeasurementError([message], source=type(campaign).__name__)
     return dataset
+
+
+def checked_panel(panel: object, *, caller: str) -> LoadedPanel:
+    """Return a loaded panel, or say how to load what was given instead of one."""
+    if isinstance(panel, LoadedPanel):
+        return panel
+    problem = f"panel = {panel!r}: takes a panel from load_panel(), such as load_panel('sb1')"
+    raise PanelError([problem], source=caller)
 
 
 def kept_throws(campaign: Campaign | xr.Dataset) -> Path | None:

@@ -9,6 +9,7 @@ import xarray as xr
 
 from turnout.api.calibration import CalibrationResult
 from turnout.api.campaign import Campaign, dataset_of, kept_throws
+from turnout.errors import MeasurementError
 from turnout.files.html_table import html_table
 from turnout.response.store import save_response
 from turnout.study.calibration.evaluate import Evaluator
@@ -138,6 +139,11 @@ def validate(
     True
     """
     dataset = dataset_of(campaign)
+    if not isinstance(calibration, CalibrationResult):
+        problem = (
+            f"calibration = {calibration!r}: takes what calibrate() or load_calibration() returned"
+        )
+        raise MeasurementError([problem], source="validate()")
     record, panel = calibration.record, calibration.before
     total = dataset.sizes["movement"] * (1 + len(record.fitted))
     with Evaluator(panel, folder=kept_throws(campaign), workers=workers) as evaluator:
