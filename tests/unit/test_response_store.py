@@ -38,7 +38,7 @@ def test_awkward_attributes_and_numbers_survive(tmp_path: Path) -> None:
     back = open_response(tmp_path / "a.nc")
     assert back["object_force"].values.tobytes() == values.tobytes()
     assert back["locked"].dtype == bool
-    assert back.attrs == {**dataset.attrs, "no": False}
+    assert back.attrs == {**dataset.attrs, "no": False, "Conventions": "CF-1.11"}
     assert back.attrs["nothing"] is None
     assert back.attrs["yes"] is True
 

@@ -9,6 +9,7 @@ from typing import Any, Self
 from pydantic import PrivateAttr
 
 from turnout.errors import FileError, PanelError
+from turnout.files.html_table import html_table
 from turnout.files.library import names_in_library, text_in_library
 from turnout.files.problems import Problem, choices
 from turnout.files.provenance import content_hash
@@ -35,6 +36,9 @@ _NOT_HASHED: dict[str, Any] = {
     "movement": {"__all__": {"table_file"}},
     "rail": {"__all__": {"matrices"}},
 }
+# For a notebook, and for completion.
+_COUNTED = ("chair", "fastening", "stop", "stud", "link", "sensor", "sleeper")
+_OWN = ("hash", "matrices", "origins", "overrides", "source", "with_overrides", "with_settings")
 
 
 class LoadedPanel(Panel):
@@ -181,9 +185,27 @@ class LoadedPanel(Panel):
     def __repr__(self) -> str:
         """Name the panel and its overrides; the records are too many to show."""
         changed = f", overrides={dict(self._overrides)}" if self._overrides else ""
-        return f"LoadedPanel({self.name!r}, hash={self._hash[:12]}{changed})"
+        return f"LoadedPanel({self.name!r}, hash={self.hash[:12]!r}{changed})"
 
     __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """Return a small table for a notebook."""
+        counts = {
+            name: len(members)
+            for name in Panel.model_fields
+            if isinstance(members := getattr(self, name), dict) and members
+        }
+        rows: list[tuple[object, ...]] = [("description", self.description.strip())]
+        rows += [(name, ", ".join(getattr(self, name))) for name in ("rail", "drive", "movement")]
+        rows += [(name, count) for name, count in counts.items() if name in _COUNTED]
+        rows += [("lock rule", self.lock.rule), ("hash", self.hash[:12])]
+        rows += [(f"set {key}", str(value)) for key, value in self._overrides.items()]
+        return html_table(f"Panel {self.name}", rows)
+
+    def __dir__(self) -> list[str]:
+        """List records, properties and methods of a panel for completion."""
+        return [*Panel.model_fields, *_OWN]
 
 
 def _order(problem: Problem) -> int:

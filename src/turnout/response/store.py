@@ -10,7 +10,7 @@ import xarray as xr
 
 from turnout.errors import FileError
 from turnout.files.atomic import write_atomic
-from turnout.schema.channels import SCHEMA_VERSION
+from turnout.schema.channels import CONVENTIONS, SCHEMA_VERSION
 
 SUFFIXES = (".nc",)
 ENGINE: Any = "h5netcdf"
@@ -47,7 +47,7 @@ def response_bytes(dataset: xr.Dataset) -> bytes:
     b'HDF'
     """
     stored = dataset.copy()
-    stored.attrs = _encoded(dataset.attrs)
+    stored.attrs = _encoded({"Conventions": CONVENTIONS, **dataset.attrs})
     encoding = {
         name: dict(COMPRESSION)
         for name, variable in stored.variables.items()

@@ -15,10 +15,11 @@ from typing import Any
 
 import h5py
 import numpy as np
-from h5py import h5a, h5d, h5ds, h5p, h5s, h5t
+from h5py import h5a, h5d, h5ds, h5f, h5p, h5s, h5t
 from numpy.typing import NDArray
 
 from turnout.files.atomic import write_atomic
+from turnout.schema.channels import CONVENTIONS
 
 LARGEST_CHUNK = 1_000_000
 """Of a variable in a file, before compression [bytes]."""
@@ -63,6 +64,7 @@ def file_bytes(variables: Mapping[str, Stored]) -> bytes:
     """
     content = io.BytesIO()
     with h5py.File(content, "w", libver="latest") as file:
+        _attach(file.id, "Conventions", CONVENTIONS)
         stored: dict[str, h5d.DatasetID] = {}
         for name in sorted(variables, key=lambda name: variables[name].dims != (name,)):
             variable = variables[name]
@@ -105,8 +107,8 @@ def _stored(file: h5py.File, name: str, variable: Stored) -> h5d.DatasetID:
     return made
 
 
-def _attach(stored: h5d.DatasetID, key: str, value: str) -> None:
-    """Give a variable an attribute."""
+def _attach(stored: h5d.DatasetID | h5f.FileID, key: str, value: str) -> None:
+    """Give a variable, or the file, an attribute."""
     attribute = h5a.create(stored, key.encode(), _TEXT_KIND, _SINGLE)
     attribute.write(np.array(value, dtype=_TEXT))
 
