@@ -217,7 +217,7 @@ def test_a_batch_without_an_origin_is_refused(swept: Path, study: Study) -> None
     path = min((swept / BATCHES).glob("*.nc"))
     content = io.BytesIO(path.read_bytes())
     with h5py.File(content, "a") as file:
-        del file.attrs["study"]
+        del file.attrs["origin"]
     path.unlink()
     bare = write_batch(swept / BATCHES, 0, content.getvalue())
     with pytest.raises(FileError, match=f"{bare.name}: does not say which study"):

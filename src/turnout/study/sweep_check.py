@@ -8,22 +8,24 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import h5py
+import numpy as np
+from h5py import h5a
 
 from turnout.errors import FileError
 from turnout.files.latest import Latest
-from turnout.study.sweep_file import BATCH_NAME, DIGITS, BatchOrigin, written_batches
+from turnout.study.sweep_file import BATCH_NAME, DIGITS, ORIGIN, BatchOrigin, written_batches
 
 SETTLED = 2_000_000_000
 """A file that was changed within this time may change again with the same time stamp [ns]."""
 
-_digests = Latest[str](200_000)
+Key = tuple[Path, int, int, int, int]
+
+_origins = Latest[BatchOrigin](200_000)
+"""Of files whose content was verified, by path, size, time stamps and inode."""
 
 
 def content_fault(path: Path) -> str:
     """Say what keeps the content of a batch from being what the digest in its name stands for.
-
-    All of a file is read once in a process, and again when its time stamps, its size or its inode
-    are others than before.
 
     Returns
     -------
@@ -35,26 +37,31 @@ def content_fault(path: Path) -> str:
         return "has not the name of a batch"
     try:
         with path.open("rb", buffering=0) as file:
-            status = path.stat()
-            changed = max(status.st_mtime_ns, status.st_ctime_ns)
-            key = (path, status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino)
-            digest = _digests.get(key)
-            if digest is None:
-                digest = hashlib.file_digest(file, "sha256").hexdigest()[:DIGITS]
-                if time.time_ns() - changed > SETTLED:
-                    _digests.keep(key, digest)
+            digest = hashlib.file_digest(file, "sha256").hexdigest()[:DIGITS]
     except OSError as error:
         return f"cannot be read ({error.strerror or error})"
     return "" if digest == match[2] else "is damaged: its content is not that of its digest"
 
 
+def _key_of(path: Path) -> tuple[Key | None, bool]:
+    """Return what a file is remembered by, and whether it has been as it is for long enough."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None, False
+    stamps = status.st_mtime_ns, status.st_ctime_ns
+    return (path, status.st_size, *stamps, status.st_ino), time.time_ns() - max(stamps) > SETTLED
+
+
 def origin_of(file: "h5py.File") -> BatchOrigin | None:
     """Return where an open batch comes from; None where it does not say."""
-    names = [item.name for item in fields(BatchOrigin)]
-    given = {name: file.attrs.get(name) for name in names}
-    if not all(isinstance(value, str) for value in given.values()):
+    if not h5a.exists(file.id, ORIGIN):
         return None
-    return BatchOrigin(**given)
+    value = np.empty((), dtype=object)
+    h5a.open(file.id, ORIGIN).read(value)  # a fraction of what the layers above take
+    text = value.item()
+    parts = (text.decode() if isinstance(text, bytes) else str(text)).split()
+    return BatchOrigin(*parts) if len(parts) == len(fields(BatchOrigin)) else None
 
 
 def origin_fault(found: BatchOrigin | None, wanted: BatchOrigin) -> str:
@@ -82,6 +89,9 @@ def wanted_origin(path: Path, of_sweep: BatchOrigin) -> BatchOrigin:
 def opened(path: Path, of_sweep: BatchOrigin) -> Iterator["h5py.File"]:
     """Open the file of a batch after checking it, and close it in any case.
 
+    All of a file is read to check it once in a process, and again when its time stamps, its size or
+    its inode are others than before.
+
     Parameters
     ----------
     path : Path
@@ -94,7 +104,9 @@ def opened(path: Path, of_sweep: BatchOrigin) -> Iterator["h5py.File"]:
     FileError
         When it is damaged or none of this sweep; it names the file and how to mend it.
     """
-    fault = content_fault(path)
+    key, settled = _key_of(path)
+    origin = _origins.get(key)
+    fault = "" if origin is not None else content_fault(path)
     if not fault:
         try:
             file = h5py.File(path, "r")
@@ -108,7 +120,11 @@ def opened(path: Path, of_sweep: BatchOrigin) -> Iterator["h5py.File"]:
         )
         raise FileError(message)
     with file:
-        fault = origin_fault(origin_of(file), wanted_origin(path, of_sweep))
+        if origin is None:
+            origin = origin_of(file)
+            if origin is not None and key is not None and settled:
+                _origins.keep(key, origin)
+        fault = origin_fault(origin, wanted_origin(path, of_sweep))
         if fault:
             message = (
                 f"{path}: {fault}; move it out of the folder, then `turnout sweep run` with the "

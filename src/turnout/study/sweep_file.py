@@ -1,6 +1,6 @@
 """The file of a batch: netCDF-4, written whole or not at all.
 
-It carries a digest of its content in its name, which every reader verifies, and in its attributes
+It carries a digest of its content in its name, which every reader verifies, and in an attribute
 which study, which sources and which batch of the study it comes from. It is written with the
 functions of the HDF5 library themselves, since for fifty small variables any layer above them takes
 far more time than they do.
@@ -10,7 +10,7 @@ import hashlib
 import io
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,9 @@ SMALL = 2048
 
 DIGITS = 32
 """Of the SHA-256 of a file's content that stand in its name [hexadecimal]."""
+
+ORIGIN = b"origin"
+"""Attribute of a file that says where it comes from."""
 
 BATCH_NAME = re.compile(r"(\d{6,})-([0-9a-f]{32})\.nc")
 _TEXT = h5py.string_dtype()
@@ -76,6 +79,10 @@ class BatchOrigin:
     code: str
     batch: str
 
+    def __str__(self) -> str:
+        """Return all of it in one line, which is quicker to read than an attribute each."""
+        return " ".join(astuple(self))
+
 
 def file_bytes(variables: Mapping[str, Stored], *, origin: BatchOrigin | None = None) -> bytes:
     """Return the netCDF-4 file of some variables; the same ones always give the same bytes.
@@ -85,12 +92,12 @@ def file_bytes(variables: Mapping[str, Stored], *, origin: BatchOrigin | None = 
     variables : mapping of str to Stored
         By their names.
     origin : BatchOrigin, optional
-        Written as attributes of the file; a batch of a sweep needs it.
+        Written as an attribute of the file; a batch of a sweep needs it.
     """
     content = io.BytesIO()
     with h5py.File(content, "w", libver="latest") as file:
-        for key, value in asdict(origin).items() if origin is not None else ():
-            _attach(file.id, key, value)
+        if origin is not None:
+            _attach(file.id, ORIGIN.decode(), str(origin))
         stored: dict[str, h5d.DatasetID] = {}
         for name in sorted(variables, key=lambda name: variables[name].dims != (name,)):
             variable = variables[name]
