@@ -1,9 +1,11 @@
 """Damage to the folder of a sweep is seen, named and mended, and nothing of the user's is lost."""
 
 import base64
+import hashlib
 import json
 import shutil
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -105,23 +107,26 @@ def test_damage_after_a_first_look_is_seen(lazily: bool, swept: Path, made: Path
         look()
 
 
+@pytest.mark.parametrize("settled", [True, False])
 def test_a_batch_is_digested_once_while_it_stays_as_it_is(
-    swept: Path, monkeypatch: pytest.MonkeyPatch
+    settled: bool, swept: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from turnout.study import sweep_check
-
+    """A file that was just changed may change again with the same time stamp."""
     read: list[str] = []
-    kept = sweep_check.hashlib.file_digest
+    kept = hashlib.file_digest
 
     def digest(file: Any, name: str) -> Any:
         read.append(Path(file.name).name)
         return kept(file, name)
 
-    monkeypatch.setattr(sweep_check.hashlib, "file_digest", digest)
-    monkeypatch.setattr(sweep_check.time, "time_ns", lambda: SETTLED + 2**62)
+    changed = max(path.stat().st_ctime_ns for path in (swept / BATCHES).iterdir())
+    monkeypatch.setattr(hashlib, "file_digest", digest)
+    monkeypatch.setattr(time, "time_ns", lambda: changed + (SETTLED + 1 if settled else 0))
     read_labels(swept)
+    assert (sorted(read) == batch_names(swept)) == settled
+    before = len(read)
     open_sweep(swept).load()
-    assert sorted(read) == batch_names(swept)
+    assert (len(read) == before) == settled
 
 
 @pytest.mark.parametrize(
