@@ -45,7 +45,7 @@ class LoadedPanel(Panel):
     """A valid panel that knows where its values come from.
 
     Besides the records (`panel.drive["1"].stiffness`) it has `origins`, `overrides` and `hash`.
-    It can be pickled.
+    It can be pickled, and written as plain data (`turnout.panel.stored`).
     """
 
     _document: Document = PrivateAttr()
@@ -79,6 +79,16 @@ class LoadedPanel(Panel):
     def source(self) -> str:
         """The library name or file that the panel was loaded from."""
         return self._source
+
+    @property
+    def folder(self) -> Path | None:
+        """Where relative paths in the panel's tables start."""
+        return self._folder
+
+    @property
+    def document(self) -> Document:
+        """The tables that the panel was made of."""
+        return self._document
 
     @property
     def hash(self) -> str:
@@ -148,6 +158,25 @@ class LoadedPanel(Panel):
             problems=[*problems, *found],
             heading="overrides",
             known=Known(self._document.tree, self, self._asked),
+        )
+
+    @classmethod
+    def from_document(
+        cls,
+        document: Document,
+        *,
+        source: str,
+        folder: Path | None,
+        overrides: Mapping[str, object],
+    ) -> Self:
+        """Make a panel of its tables, completely checked; `PanelError` tells all problems."""
+        return cls._build(
+            document,
+            source=source,
+            folder=folder,
+            overrides=dict(overrides),
+            problems=[],
+            heading=source,
         )
 
     @classmethod
@@ -271,13 +300,8 @@ def load_panel(
 
 def panel_from_file(file: TomlFile) -> LoadedPanel:
     """Make a panel from a TOML document that was already read."""
-    return LoadedPanel._build(
-        expand(file),
-        source=file.source,
-        folder=file.folder,
-        overrides={},
-        problems=[],
-        heading=file.source,
+    return LoadedPanel.from_document(
+        expand(file), source=file.source, folder=file.folder, overrides={}
     )
 
 

@@ -11,12 +11,12 @@ from turnout.metric.features import FEATURES
 from turnout.study.study import Study
 from turnout.study.sweep_batch import SPLITS
 from turnout.study.sweep_file import Stored
+from turnout.study.sweep_folder import CARD
 from turnout.study.sweep_index import Index, index_of, label_arrays
 from turnout.study.sweep_row import OUTCOMES
 
 Labels = Mapping[str, Stored]
 
-CARD = "README.md"
 _TOLD = frozenset(("outcome", "reason", "attempts", "condition", "split", *FEATURES))
 MOST_REASONS = 10
 MOST_TEXTS = 16
