@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from turnout.errors import FileError
+from turnout.files.regular import read_fault, require_regular_file
 
 ORIGIN_KINDS = ("paper", "source", "computed", "assumption")
 LARGEST_FILE = 4_000_000
@@ -58,27 +59,17 @@ def read_toml(path: Path | str) -> TomlFile:
 
 
 def read_bytes(path: Path, *, largest: int = LARGEST_FILE) -> bytes:
-    """Read a whole small file; FileError when it is missing, a folder, unreadable or too large."""
+    """Read a whole small file; FileError when it is missing, no file, unreadable or too large."""
+    require_regular_file(path)
     try:
-        if path.is_dir():
-            message = f"{path}: is a folder, not a file; name a file inside it"
-            raise FileError(message)
         size = path.stat().st_size
         if size > largest:
             message = f"{path}: too large ({size} bytes, at most {largest} are read)"
             raise FileError(message)
         with path.open("rb") as file:
             content = file.read(largest + 1)
-    except FileNotFoundError:
-        message = f"{path}: no such file; check the path (the current folder is {Path.cwd()})"
-        raise FileError(message) from None
-    except PermissionError:
-        message = f"{path}: may not be read; check its permissions"
-        raise FileError(message) from None
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        message = f"{path}: cannot be read ({reason})"
-        raise FileError(message) from None
+        raise FileError(read_fault(path, error)) from None
     if len(content) > largest:
         message = f"{path}: too large (at most {largest} bytes are read)"
         raise FileError(message)
