@@ -20,7 +20,7 @@ ALLOWED: dict[str, set[str]] = {
     "section": {"errors"},
     "beam": {"errors", "section"},
     "reduction": {"errors"},
-    "law": {"errors"},
+    "law": {"errors", "files"},
     "mechanism": {"errors", "files", "panel", "section", "beam", "reduction", "law"},
     "integrate": {"errors", "law", "mechanism"},
     "response": {"errors", "files", "schema", "panel", "mechanism", "integrate"},
