@@ -4,7 +4,7 @@ A key that names a field of a family sets it for all members, also for those wit
 key that names a member sets it for that one. Within one set of overrides the broader keys go first.
 """
 
-import tomllib
+import math
 import typing
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -14,8 +14,8 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from turnout.files.problems import Problem, nearest, show_value
-from turnout.files.toml import Origin
-from turnout.files.units import SI
+from turnout.files.toml import Origin, load_toml
+from turnout.files.units import SI, is_finite
 from turnout.panel.document import FAMILIES, Document, Path
 from turnout.panel.model import Panel
 
@@ -40,8 +40,8 @@ def parse_setting(text: str) -> tuple[str, object]:
         raise ValueError(message)
     key, value = key.strip(), value.strip()
     try:
-        read = tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+        read = load_toml(f"value = {value}")["value"]
+    except ValueError:
         return key, value
     # A name such as 60E1 would read as a number.
     bare = isinstance(read, int | float) and _takes_text(tuple(key.split(".")))
@@ -57,7 +57,7 @@ def mark_si(value: object) -> object:
     if isinstance(value, list | tuple):
         return [mark_si(item) for item in value]
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return SI(value)
+        return SI(value if is_finite(value) else math.nan)
     return value
 
 
