@@ -40,7 +40,10 @@ def user_cache_folder() -> Path:
         root = Path("~/Library/Caches")
     else:
         root = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
-    return root.expanduser() / "turnout"
+    try:
+        return root.expanduser() / "turnout"
+    except RuntimeError:  # a user without a folder, as in some containers
+        return Path(os.devnull) / "turnout"
 
 
 @cache

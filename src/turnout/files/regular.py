@@ -2,6 +2,7 @@
 
 import os
 import stat
+from contextlib import suppress
 from pathlib import Path
 
 from turnout.errors import FileError
@@ -46,6 +47,19 @@ def require_regular_file(path: Path | str) -> None:
     kind = next((text for matches, text in _KINDS if matches(mode)), "is not a regular file")
     message = f"{path}: {kind}"
     raise FileError(message)
+
+
+def user_path(text: Path | str) -> Path:
+    """Return a path with the user's folder for `~`; that of a user nobody knows stays as it is.
+
+    Examples
+    --------
+    >>> user_path("~nobody-of-that-name/panel.toml").name
+    'panel.toml'
+    """
+    with suppress(RuntimeError):
+        return Path(text).expanduser()
+    return Path(text)
 
 
 def read_fault(path: Path | str, error: OSError | ValueError) -> str:

@@ -333,6 +333,9 @@ def _from_table(value: dict[str, object], dimension: Dimension, *, si: bool) -> 
         if not 1 <= count <= _LARGEST_COUNT:
             message = f"`count` must be 1 ... {_LARGEST_COUNT}"
             raise ValueError(message)
+        if not is_finite(start + step * count):
+            message = "`start`, `step` and `count` must lead to finite numbers"
+            raise ValueError(message)
         # Rounded to 1 nm, so that 0.6 m x 3 is the 1.8 m that a user writes.
         return tuple(round(start + step * number, 9) for number in range(count))
     forms = "a list, or a table {unit, values}"
