@@ -9,8 +9,8 @@ class FileError(TurnoutError):
     """A file cannot be read or written; the text names the path and the remedy."""
 
 
-MOST_TOLD = 200
-"""Problems in the text of an error; a file can have as many as it has lines."""
+MOST_TOLD, LONGEST_TOLD = 200, 2000
+"""Problems in the text of an error, and characters of each; a file can have as many as it likes."""
 
 
 class ListedError(TurnoutError):
@@ -29,7 +29,10 @@ class ListedError(TurnoutError):
         self.source = source
         count = len(self.problems)
         heading = f"{source}: {count} problem{'s' if count != 1 else ''}"
-        told = self.problems[:MOST_TOLD]
+        told = tuple(
+            text if len(text) <= LONGEST_TOLD else f"{text[:LONGEST_TOLD]} ..."
+            for text in self.problems[:MOST_TOLD]
+        )
         if count > MOST_TOLD:
             told = (*told, f"and {count - MOST_TOLD} more")
         super().__init__("\n  - ".join((heading, *told)))

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
@@ -172,14 +171,34 @@ def test_origins_count_lines_as_toml_does() -> None:
     assert list(origins) == [("b", "0")]
 
 
-def test_huge_whole_numbers_are_one_message(tmp_path: Path) -> None:
-    text = f"gravity = 0x{'f' * 5000}\n[schedule]\nend = 0x{'f' * 5000}\n"
-    path = tmp_path / "panel.toml"
-    path.write_text(text)
-    with pytest.raises(PanelError, match="gravity = a number of more than 60 digits"):
-        load_panel(path)
-    with pytest.raises(PanelError, match="finite number"):
-        load_panel("sb1").with_overrides({"gravity": 10**400})
+@pytest.mark.parametrize(
+    "number", ["0x" + "f" * 5000, "1" * 5000, "-" + "1_0" * 50, "0." + "1" * 99]
+)
+def test_huge_numbers_are_one_message(number: str) -> None:
+    with pytest.raises(FileError, match="a number has more than 100 characters at line 2"):
+        parse_toml(f"b = 1\na = {number}", source="text")
+
+
+def test_huge_whole_numbers_from_python_are_one_message() -> None:
+    for number in (10**400, 1 << 20_000):
+        with pytest.raises(PanelError, match="finite number"):
+            load_panel("sb1").with_overrides({"gravity": number})
+        assert show_value(number) == "a number of more than 60 digits"
+
+
+def test_many_overrides_are_refused_in_time() -> None:
+    many = {f"drive.{number}.stroke": 1.0 for number in range(5000)}
+    with pytest.raises(PanelError, match="5000 values are set at once, at most 1000"):
+        in_time(lambda: load_panel("sb1").with_overrides(many))
+    wrong = {f"drive.{number}.stroke": 1.0 for number in range(10, 1000)}
+    with pytest.raises(PanelError, match="and 790 more"):
+        in_time(lambda: load_panel("sb1").with_overrides(wrong))
+
+
+def test_a_long_key_is_told_in_part() -> None:
+    with pytest.raises(PanelError) as caught:
+        in_time(lambda: load_panel("sb1").with_overrides({"a." * MANY: 1.0}))
+    assert len(str(caught.value)) < 3000
 
 
 def test_values_are_shown_without_reading_all_of_them() -> None:

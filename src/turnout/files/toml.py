@@ -14,7 +14,7 @@ from typing import Any
 from turnout.errors import FileError
 from turnout.files.problems import shortened
 from turnout.files.regular import read_fault, require_regular_file
-from turnout.files.toml_tokens import MOST_NESTED, Token, key_name, nested_too_deeply, tokens
+from turnout.files.toml_tokens import Token, beyond_limits, key_name, tokens
 
 ORIGIN_KINDS = ("paper", "source", "computed", "assumption")
 LARGEST_FILE = 4_000_000
@@ -118,27 +118,17 @@ def parse_toml(text: str, *, source: str, folder: Path | None = None) -> TomlFil
 
 
 def load_toml(text: str) -> dict[str, Any]:
-    """Return the tables of a TOML text; ValueError when it is none, or nested too deeply.
+    """Return the tables of a TOML text; ValueError when it is none, or beyond limits.
 
     Examples
     --------
     >>> load_toml("a.b = [1, 2]")
     {'a': {'b': [1, 2]}}
     """
-    line = nested_too_deeply(text)
-    if line is not None:
-        message = (
-            f"lists, tables or names are nested more than {MOST_NESTED} deep "
-            f"(at line {line}, column 1)"
-        )
+    if fault := beyond_limits(text):
+        message = f"{fault[0]} (at line {fault[1]}, column 1)"
         raise ValueError(message)
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
-        raise
-    except ValueError:  # Python reads whole numbers up to a limit
-        message = "a whole number has thousands of digits"
-        raise ValueError(message) from None
+    return tomllib.loads(text)
 
 
 def _syntax(message: str, text: str, source: str) -> str:

@@ -11,6 +11,11 @@ from typing import NamedTuple
 MOST_NESTED = 30
 """Lists and tables inside one another, and names of one key."""
 
+LONGEST_NUMBER = 100
+"""Characters of a number; a whole one may have any length in Python, but not everywhere in it."""
+
+_DIGITS = "0123456789+-"
+
 # Repetitions take all they can and give nothing back: a string without an end is read once.
 _TOKEN = re.compile(
     r'''
@@ -61,16 +66,23 @@ def key_name(token: Token) -> str:
     return next(iter(tomllib.loads(f"{token.text} = 0")))
 
 
-def nested_too_deeply(text: str) -> int | None:
-    r"""Return the number of the line that nests lists, tables or names too deeply; None if none.
+def beyond_limits(text: str) -> tuple[str, int] | None:
+    r"""Return what in a text is nested too deeply or too long, and its line; None if nothing is.
 
     Examples
     --------
-    >>> nested_too_deeply("a = 1\nb = " + "[" * 31), nested_too_deeply("a = " + "[" * 30)
-    (2, None)
+    >>> beyond_limits("a = 1\nb = " + "[" * 31)
+    ('lists, tables or names are nested more than 30 deep', 2)
+    >>> beyond_limits("a = 0x" + "f" * 200)
+    ('a number has more than 100 characters', 1)
+    >>> beyond_limits("a = " + "[" * 30) is None
+    True
     """
     depth = names = 0
     for token in tokens(text):
+        if token.kind == "plain" and len(token.text) > LONGEST_NUMBER and token.text[0] in _DIGITS:
+            fault = f"a number has more than {LONGEST_NUMBER} characters"
+            return fault, text.count("\n", 0, token.start) + 1
         if token.kind != "sign":
             continue
         if token.text == ".":
@@ -79,5 +91,6 @@ def nested_too_deeply(text: str) -> int | None:
             names = 0
             depth += {"[": 1, "{": 1, "]": -1, "}": -1}.get(token.text, 0)
         if max(depth, names) > MOST_NESTED:
-            return text.count("\n", 0, token.start) + 1
+            fault = f"lists, tables or names are nested more than {MOST_NESTED} deep"
+            return fault, text.count("\n", 0, token.start) + 1
     return None

@@ -21,6 +21,12 @@ from turnout.panel.model import Panel
 
 GROWING = ("object",)
 
+MOST_OVERRIDES = 1000
+"""Values set at once; what each covers of the others is looked for."""
+
+# To find what a wrong key is near to takes a hundredth of a second.
+MOST_NEAREST = 20
+
 
 def parse_setting(text: str) -> tuple[str, object]:
     """Split "KEY=VALUE" from a command line; the value is read as TOML where it parses.
@@ -164,12 +170,16 @@ def apply_overrides(
     for key, value in overrides.items():
         found = _leaves(tuple(key.split(".")), value)
         leaves += [(_breadth(leaf), ".".join(leaf), item) for leaf, item in found]
+    if len(leaves) > MOST_OVERRIDES:
+        text = f"{len(leaves)} values are set at once, at most {MOST_OVERRIDES}; change the panel"
+        return document, [Problem((), text)], {}
     leaves.sort(key=lambda leaf: leaf[0])
     applied: dict[str, object] = {}
     for _, key, value in leaves:
         targets = _targets(tree, key, value)
         if not targets:
-            text = f": matches nothing in this panel{_nearest_key(tree, key)}"
+            near = _nearest_key(tree, key) if len(problems) < MOST_NEAREST else ""
+            text = f": matches nothing in this panel{near}"
             problems.append(Problem((key,), text))
             continue
         applied[key] = value

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from turnout.errors import FileError
-from turnout.files.problems import Problem, show_value
+from turnout.files.problems import Problem, shortened, show_value
 from turnout.files.regular import user_path
 from turnout.files.toml import decode, read_bytes
 from turnout.files.units import MOST_VALUES, SI
@@ -118,5 +118,5 @@ def _add_row(
         try:
             columns[name].append(float(cell))
         except ValueError:
-            message = f"{place}: {show_value(cell.strip())} is not a number"
+            message = f"{place}: '{shortened(cell.strip())}' is not a number"
             raise FileError(message) from None
