@@ -171,9 +171,7 @@ def test_origins_count_lines_as_toml_does() -> None:
     assert list(origins) == [("b", "0")]
 
 
-@pytest.mark.parametrize(
-    "number", ["0x" + "f" * 5000, "1" * 5000, "-" + "1_0" * 50, "0." + "1" * 99]
-)
+@pytest.mark.parametrize("number", ["0x" + "f" * 5000, "1" * 5000, "-" + "1_0" * 50])
 def test_huge_numbers_are_one_message(number: str) -> None:
     with pytest.raises(FileError, match="a number has more than 100 characters at line 2"):
         parse_toml(f"b = 1\na = {number}", source="text")
