@@ -22,7 +22,7 @@ ALLOWED: dict[str, set[str]] = {
     "section": {"errors"},
     "beam": {"errors", "section"},
     "reduction": {"errors"},
-    "law": {"errors"},
+    "law": {"errors", "files"},
     "mechanism": {"errors", "files", "panel", "section", "beam", "reduction", "law"},
     "integrate": {"errors", "law", "mechanism"},
     "response": {"errors", "files", "schema", "panel", "mechanism", "integrate"},
@@ -74,7 +74,7 @@ HEAVY: dict[str, set[str]] = {
     "numba": {"law", "integrate"},
 }
 
-MOST_LINES_IN_A_FILE = 350
+MOST_LINES_IN_A_FILE = 450
 MOST_LINES_IN_A_FUNCTION = 59
 
 

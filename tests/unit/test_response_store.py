@@ -51,7 +51,7 @@ def test_other_programs_can_read_it(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"gone\.nc: there is no such file"):
+    with pytest.raises(FileError, match=r"gone\.nc: no such file"):
         open_response(tmp_path / "gone.nc")
 
 

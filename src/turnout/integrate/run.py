@@ -36,8 +36,9 @@ Ints = NDArray[np.int64]
 BREATH, FIRST_CHUNK = 0.1, 2200
 # Books of energy that are further open than this share of their scale are not to be trusted.
 CLOSES = 1e-5
-# A history may take so much memory [bytes].
-MOST_MEMORY = 64e9
+# A history may take so much memory [bytes], and so many steps.
+MOST_MEMORY = 2e9
+MOST_STEPS = 2_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,6 +177,13 @@ class _Grid:
 
 def _grid(mechanism: Mechanism, scheme: Scheme, end: float) -> _Grid:
     """Choose the steps, and refuse what cannot be held."""
+    for interval, what in ((scheme.step, "steps"), (scheme.output_interval, "stored instants")):
+        if end / interval > MOST_STEPS:
+            msg = (
+                f"end = {end:g} s with {what} every {interval:g} s makes {end / interval:.3g} of "
+                f"them, at most {MOST_STEPS} are made; end sooner (schedule.end) or less often"
+            )
+            raise SolverError(msg)
     n_out = round(end / scheme.output_interval) + 1
     if n_out < 2:
         msg = f"end = {end:g} s is shorter than one output interval"
@@ -183,10 +191,10 @@ def _grid(mechanism: Mechanism, scheme: Scheme, end: float) -> _Grid:
     stride, filled_in = max(scheme.stride, 1), scheme.stride == 0
     last = (n_out - 1) * scheme.output_interval
     share = last / scheme.step
-    n_steps = math.ceil(share - 1e-6) if filled_in and share < 1e15 else (n_out - 1) * stride
+    n_steps = math.ceil(share - 1e-6) if filled_in else (n_out - 1) * stride
     n_stored = n_steps // stride + 1
     a_row = 8 * (mechanism.rows.shape[0] + mechanism.laws.row.size + mechanism.rows.shape[1])
-    if max(n_stored, n_out) * a_row > MOST_MEMORY or end / scheme.step > 1e9:
+    if max(n_stored, n_out) * a_row > MOST_MEMORY:
         msg = (
             f"end = {end:g} s with an output interval of {scheme.output_interval:g} s makes "
             f"{max(n_stored, n_out):.3g} instants, too many to hold; end sooner or store less often"

@@ -13,6 +13,7 @@ from turnout.files.html_table import html_table
 from turnout.files.library import names_in_library, text_in_library
 from turnout.files.problems import Problem, choices
 from turnout.files.provenance import content_hash
+from turnout.files.regular import user_path
 from turnout.files.toml import Origin, TomlFile, parse_toml, read_toml
 from turnout.panel.check import check
 from turnout.panel.document import Document, expand
@@ -316,7 +317,7 @@ def _open(name_or_path: str | Path) -> TomlFile:
         raise FileError(message)
     name = name_or_path.strip()
     if name.endswith(".toml") or "/" in name or "\\" in name:
-        return read_toml(Path(name).expanduser())
+        return read_toml(user_path(name))
     return parse_toml(library_text(name), source=name)
 
 

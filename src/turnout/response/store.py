@@ -11,6 +11,7 @@ import xarray as xr
 from turnout.errors import FileError
 from turnout.files.atomic import write_atomic
 from turnout.schema.channels import CONVENTIONS, SCHEMA_VERSION
+from turnout.files.regular import require_regular_file
 
 SUFFIXES = (".nc",)
 ENGINE: Any = "h5netcdf"
@@ -75,12 +76,7 @@ def open_response(path: Path | str) -> xr.Dataset:
         When the file is missing, no netCDF-4 file, or of another version of the schema.
     """
     file = Path(path)
-    if not file.exists():
-        message = f"{file}: there is no such file"
-        raise FileError(message)
-    if file.is_dir():
-        message = f"{file}: is a folder; name the file inside it"
-        raise FileError(message)
+    require_regular_file(file)
     try:
         with xr.open_dataset(
             file, engine=ENGINE, decode_times=False, decode_timedelta=False
