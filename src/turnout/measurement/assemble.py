@@ -177,7 +177,7 @@ def assemble(
     grids: dict[int, TimeGrid | ValueError] = {}
     if len(columns) > MOST_CHANNELS:
         message = f"{source}: holds {len(columns)} channels, at most {MOST_CHANNELS} are read"
-        raise FileError(f"{message}; export fewer")
+        raise FileError(message + "; export fewer")
     taken: dict[str, int] = {}
     for column in columns:
         name = _free(column.name.strip() or f"channel {len(channels) + 1}", channels, taken)

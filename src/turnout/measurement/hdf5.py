@@ -110,7 +110,7 @@ def hdf5_bytes(recording: Recording) -> bytes:
 
 
 def _empty(names: list[str]) -> list[str]:
-    """Say which datasets hold no sample; was the recording stopped before it began?"""
+    """Say which datasets hold no sample."""
     if not names:
         return []
     what = "is empty" if len(names) == 1 else "are empty"

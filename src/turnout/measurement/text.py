@@ -34,7 +34,7 @@ def read_text(path: Path) -> Recording:
         layout = layout_of(file.read(SAMPLE_SIZE), source=str(path))
     if len(layout.names) > MOST_CHANNELS:
         message = f"{path}: holds {len(layout.names)} columns, at most {MOST_CHANNELS} are read"
-        raise FileError(f"{message}; export fewer")
+        raise FileError(message + "; export fewer")
     table, problems = _table(path, layout)
     time, columns = _timed(table, layout, path)
     rate = layout.rate
