@@ -132,7 +132,8 @@ def read_isolated(
             "options": options,
         }
         process = _reader()
-        reply, late, keep = {}, False, False
+        reply: dict[str, Any] = {}
+        late = keep = False
         try:
             reply, late = process.ask(request)
             keep = bool(reply) and FAULT not in reply

@@ -48,7 +48,8 @@ def answer(request: dict[str, Any]) -> dict[str, Any]:
 def handed_over(recording: Recording, folder: Path) -> dict[str, Any]:
     """Leave the samples of a recording in a folder; return all else."""
     channels = list(recording.channels.values())
-    np.savez(folder / ARRAYS, **{f"{i}": item.values for i, item in enumerate(channels)})
+    arrays: dict[str, Any] = {f"{i}": item.values for i, item in enumerate(channels)}
+    np.savez(folder / ARRAYS, **arrays)
     return {
         "start_time": recording.start_time,
         "problems": recording.problems,
