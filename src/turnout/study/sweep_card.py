@@ -13,7 +13,7 @@ from turnout.study.sweep_batch import SPLITS
 from turnout.study.sweep_file import Stored
 from turnout.study.sweep_folder import CARD
 from turnout.study.sweep_index import Index, index_of, label_arrays
-from turnout.study.sweep_row import OUTCOMES
+from turnout.study.sweep_row import OUTCOMES, UNUSABLE
 
 Labels = Mapping[str, Stored]
 
@@ -99,7 +99,7 @@ def _outcomes(labels: Labels, *, missing: int) -> str:
     lines.append(f"| not thrown yet | {missing} |")
     again = int((labels["attempts"].values > 1).sum())
     lines += ["", f"{again} scenarios took a second attempt."]
-    bad = reason[np.isin(outcome, OUTCOMES[1:3])]
+    bad = reason[np.isin(outcome, UNUSABLE)]
     kinds, counts = np.unique(bad.astype(str), return_counts=True)
     order = np.argsort(-counts, kind="stable")[:MOST_REASONS]
     lines += [f"- {counts[at]} x {kinds[at]}" for at in order]
