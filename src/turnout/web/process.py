@@ -143,6 +143,8 @@ class Process:
 
     def _ended(self) -> str:
         """Wait for its end and say how it came about."""
+        if not self._killed:
+            self._process.join(timeout=1)
         self.kill()
         self._process.join()
         self._gone = True
@@ -157,9 +159,11 @@ def _compute(connection: Connection, folder: str, memory: int) -> None:
     # Whatever is left there goes with the server.
     tempfile.tempdir = os.environ["TMPDIR"] = folder
     try:
-        answering: Answering = connection.recv()()
+        prepare: Prepare = connection.recv()
     except (EOFError, OSError):
         return
+    try:
+        answering = prepare()
     except Exception as error:
         _log.exception("the studio's process cannot be prepared")
         connection.send_bytes(f"{type(error).__name__}: {error}".encode())
@@ -204,6 +208,7 @@ def _answered(answering: Answering, task: Task, question: Question) -> Reply:
         return Reply.refused("this is nested too deeply; give fewer levels")
     except Exception as error:
         _log.exception("the studio failed")
+        # Its text may name files of this machine.
         text = f"the studio failed ({type(error).__name__}); see its terminal for details"
         return Reply.refused(text, status=500)
 
