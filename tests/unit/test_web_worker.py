@@ -4,7 +4,7 @@ import asyncio
 import json
 import os
 import time
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
 
@@ -63,10 +63,9 @@ def gone(pids: list[int]) -> bool:
 
 
 @pytest.fixture(autouse=True)
-def _needs_proc() -> Iterator[None]:
+def _needs_proc() -> None:
     if not Path("/proc/self/stat").exists():
         pytest.skip("no /proc to see processes in")
-    yield
 
 
 def test_what_waits_is_dropped_for_the_newest() -> None:

@@ -111,20 +111,16 @@ class Worker:
                 del self._newest[kind]
 
     async def _answered(self, asked: _Waiting) -> Reply:
-        """Wait for a turn, ask, and tell what only the server knows to a process that asks back."""
-        process = await self._acquired(asked)
-        task, reply = asked.task, Reply()
-        while True:
-            reply = await self._reply(process, asked, task)
-            told = {mark for mark, _ in task.restored}
-            if not reply.needs or reply.needs in told or reply.needs not in self._kept:
-                break
-            task = task.with_restored(reply.needs, self._kept[reply.needs])
-        asked.process = None
-        if process.alive and not reply.exhausted:
-            self._release(process)
-        else:
-            self._replace(process)
+        """Wait for a turn and ask; once more where a process ended, perhaps before it was asked."""
+        try:
+            process, reply = await self._told(asked)
+        except EndedError:
+            again = _Waiting(asked.task, asyncio.get_running_loop().create_future())
+            try:
+                process, reply = await self._told(again)
+            except EndedError as error:
+                text = f"the process that computed this ended ({error}); the studio goes on"
+                return Reply.refused(text, status=500)
         if reply.superseded:
             raise Superseded
         for mark, given in reply.kept:
@@ -132,6 +128,24 @@ class Worker:
         if reply.ahead:
             self._in_background(self._work_ahead(process))
         return reply
+
+    async def _told(self, asked: _Waiting) -> tuple[Process, Reply]:
+        """Ask a process, and tell it what only the server knows where it asks back."""
+        process = await self._acquired(asked)
+        task, reply = asked.task, Reply()
+        try:
+            while True:
+                reply = await self._reply(process, asked, task)
+                told = {mark for mark, _ in task.restored}
+                if not reply.needs or reply.needs in told or reply.needs not in self._kept:
+                    return process, reply
+                task = task.with_restored(reply.needs, self._kept[reply.needs])
+        finally:
+            asked.process = None
+            if process.alive and not reply.exhausted:
+                self._release(process)
+            else:
+                self._replace(process)
 
     async def _reply(self, process: Process, asked: _Waiting, task: Task) -> Reply:
         """Ask a process, which is stopped when it takes too long."""
@@ -146,16 +160,14 @@ class Worker:
         asked.process, asked.number = process, process.number + 1
         try:
             return await self._in_thread(process.ask, task)
-        except EndedError as error:
+        except EndedError:
             if self._closed:
                 raise ClosedError from None
             if late:
                 return Reply.refused(late_message(task.seconds))
-            text = f"the process that computed this ended ({error}); the studio goes on without it"
-            return Reply.refused(text, status=500)
+            raise
         except asyncio.CancelledError:
             process.kill()
-            self._replace(process)
             raise
         finally:
             timer.cancel()
@@ -258,7 +270,10 @@ class Worker:
         while reply.ahead and not self._waiting and process in self._idle and process.alive:
             self._idle.remove(process)
             nobody = _Waiting(AHEAD, asyncio.get_running_loop().create_future())
-            reply = await self._reply(process, nobody, AHEAD)
+            try:
+                reply = await self._reply(process, nobody, AHEAD)
+            except EndedError:
+                reply = Reply()
             if process.alive:
                 self._release(process)
             else:
