@@ -272,7 +272,7 @@ def _head(source: random.Random, mark: str, _secret: str) -> Request:
         b"GET / HTTP/1.1\r\n" + b"X: y\r\n" * 2000 + good + b"\r\n",
         b"GET /api/start HTTP/1.1\r\nHost: evil.example\r\nCookie: COOKIE\r\n\r\n",
         b"GET / HTTP/9.9\r\n\r\n" * 50,
-        b'GET / HTTP/1.1\r\nHost: x\r\nCookie: a="' + b"\\073" * 12_000 + b'"\r\n\r\n',
+        b'GET / HTTP/1.1\r\nHost: x\r\nCookie: a="' + b"\\\\" * 28_000 + b'"\r\n\r\n',
     )
     return Request("(raw)", raw=heads[kind])
 

@@ -58,6 +58,7 @@ def mark_of(client: Client) -> str:
 
 def test_a_value_that_never_ends_is_stopped_while_others_are_answered(studio: Client) -> None:
     mark = mark_of(studio)
+    assert threw(studio, mark, size=7).status == 200, "a process is ready"
     replies = []
 
     def ask() -> None:
@@ -165,7 +166,7 @@ def test_no_channel_map_names_a_file(studio: Client, secret: Path, form: str) ->
     [
         '[movement.more]\ntable_file = "{}"\n',
         '[rail.other]\nmatrices = "{}"\n',
-        '[chair.x]\ny = [{{ table_file = "{}" }}]\n',
+        '[movement.more]\ny = [{{ table_file = "{}" }}]\n',
     ],
 )
 def test_no_panel_names_a_file(studio: Client, secret: Path, lines: str) -> None:
@@ -240,11 +241,12 @@ def test_a_question_larger_than_any_is_refused(studio: Client, path: str) -> Non
 
 
 def test_a_cookie_of_60_kilobytes_holds_nobody_up(studio: Client) -> None:
-    cookie = 'a="' + "\\073" * 15_000 + '"'
+    cookie = 'a="' + "\\\\" * 29_000 + '"'
+    # http.cookies took 26 s over it, before it was known who asks.
     began = time.monotonic()
     reply = Client(studio.address).ask("/api/start", headers={"Cookie": cookie})
     assert reply.status == 403
-    assert time.monotonic() - began < 0.5
+    assert time.monotonic() - began < 3
 
 
 @pytest.mark.parametrize(

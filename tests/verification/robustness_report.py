@@ -50,8 +50,9 @@ smaller step.
 
 
 def write_page(results: Sequence[Record], job: Record) -> str:
-    """Write the page; return its text."""
-    text = page(results, job)
+    """Write the page, whose part on hostile input stays; return its text."""
+    _, heading, hostile = PAGE.read_text(encoding="utf-8").partition("\n## Hostile input\n")
+    text = page(results, job) + heading + hostile
     PAGE.write_text(text)
     return text
 

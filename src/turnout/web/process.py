@@ -18,6 +18,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -34,6 +35,9 @@ from turnout.web.question import (
 Answering = Callable[[Task, Question], Reply]
 Prepare = Callable[[], Answering]
 
+# Caches fill with use: a process is replaced when it has grown by so much since its first answers,
+# and holds more than this [bytes].
+FIRST_ANSWERS, GROWTH, MEMORY_AT_REST = 20, 1.3, 700_000_000
 _READY = b"ready"
 _log = logging.getLogger("turnout")
 # Directories before the last part of an absolute path, of Linux, macOS or Windows.
@@ -172,10 +176,41 @@ def _compute(connection: Connection, folder: str, memory: int) -> None:
     connection.send_bytes(_READY)
     tasks: queue.SimpleQueue[tuple[Task, Question]] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(connection, tasks), daemon=True).start()
+    memory_use = _MemoryUse()
     while True:
         reply = _answered(answering, *tasks.get())
+        if memory_use.has_grown():
+            reply = replace(reply, exhausted=True)
         with suppress(OSError):  # the server is gone; the listening thread ends this process
             connection.send_bytes(reply.packed())
+
+
+class _MemoryUse:
+    """How much memory this process has filled since its first answers."""
+
+    def __init__(self) -> None:
+        self._answers, self._most = 0, float("inf")
+
+    def has_grown(self) -> bool:
+        """Tell, after an answer, whether the process is better replaced."""
+        if sys.platform != "linux":
+            return False
+        self._answers += 1
+        if self._answers < FIRST_ANSWERS:
+            return False
+        used = _pages()[1] * _page_size()
+        if self._answers == FIRST_ANSWERS:
+            self._most = max(MEMORY_AT_REST, GROWTH * used)
+        return used > self._most
+
+
+def _pages() -> list[int]:
+    """Return the pages of memory that this process has, and those of them that it fills."""
+    return [int(word) for word in Path("/proc/self/statm").read_text(encoding="ascii").split()[:2]]
+
+
+def _page_size() -> int:
+    return os.sysconf("SC_PAGE_SIZE")
 
 
 def _listen(connection: Connection, tasks: "queue.SimpleQueue[tuple[Task, Question]]") -> None:
@@ -245,8 +280,7 @@ def _limit_memory(memory: int) -> None:
         return  # macOS takes no such limit, Windows has none
     import resource
 
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-    most = pages * resource.getpagesize() + memory
+    most = _pages()[0] * _page_size() + memory
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
     if hard != resource.RLIM_INFINITY:
         most = min(most, hard)

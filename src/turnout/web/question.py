@@ -96,7 +96,7 @@ class Reply:
     ahead : bool
         Whether the process could now do a piece of work that nobody asked for yet.
     exhausted : bool
-        Whether the memory was not enough, so that the process is better replaced.
+        Whether the process has filled so much memory that it is better replaced.
     """
 
     content: bytes = b""
