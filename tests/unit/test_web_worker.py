@@ -3,6 +3,7 @@
 import asyncio
 import json
 import os
+import sys
 import time
 from collections.abc import Callable, Coroutine
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from tests.unit import answering
 
 from turnout.errors import FileError
+from turnout.web import process
 from turnout.web.question import PATIENCE, Question, Reply, Superseded, Task
 from turnout.web.worker import ClosedError, Worker
 
@@ -213,3 +215,18 @@ def test_work_ahead_is_done_and_gives_way(tmp_path: Path) -> None:
 
     run(ask)
     assert done.read_text() == "xxxxx"
+
+
+def test_a_process_that_has_grown_since_its_first_answers_is_replaced(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    megabytes = 0.0
+    monkeypatch.setattr(process, "_pages", lambda: [0, round(megabytes * 1e6)])
+    monkeypatch.setattr(process, "_page_size", lambda: 1)
+    for first, most in ((400.0, 700.0), (1000.0, 1300.0)):
+        use, megabytes = process._MemoryUse(), first
+        assert not any(use.has_grown() for _ in range(process.FIRST_ANSWERS))
+        megabytes = most - 1
+        assert not use.has_grown()
+        megabytes = most + 1
+        assert use.has_grown() is (sys.platform == "linux")
