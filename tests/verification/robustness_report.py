@@ -60,8 +60,9 @@ took 0.33 GB, the longest 1.3 s. Files that lead out of a received folder:
 
 
 def write_page(results: Sequence[Record], job: Record) -> str:
-    """Write the page; return its text."""
-    text = page(results, job)
+    """Write the page, whose part on hostile input stays; return its text."""
+    _, heading, hostile = PAGE.read_text(encoding="utf-8").partition("\n## Hostile input\n")
+    text = page(results, job) + heading + hostile
     PAGE.write_text(text)
     return text
 
