@@ -15,7 +15,7 @@ from typing import Any, ParamSpec, TypeVar
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_PACKAGES = ("law", "integrate")
+_PACKAGES = ("law", "integrate", "machine/compute")
 
 
 def user_cache_folder() -> Path:
