@@ -21,9 +21,10 @@ ALLOWED: dict[str, set[str]] = {
     "beam": {"errors", "section"},
     "reduction": {"errors"},
     "law": {"errors"},
+    "machine": {"errors", "files", "law"},
     "mechanism": {"errors", "files", "panel", "section", "beam", "reduction", "law"},
     "integrate": {"errors", "law", "mechanism"},
-    "response": {"errors", "files", "schema", "panel", "mechanism", "integrate"},
+    "response": {"errors", "files", "schema", "panel", "machine", "mechanism", "integrate"},
     "measurement": {"errors", "files", "schema"},
     "metric": {"errors", "schema"},
     "study": {
@@ -37,8 +38,8 @@ ALLOWED: dict[str, set[str]] = {
         *("metric", "study", "plot", "report"),
     },
     "cli": {
-        *("errors", "files", "schema", "panel", "section", "response", "measurement"),
-        *("metric", "study", "plot", "report", "web"),
+        *("errors", "files", "schema", "panel", "machine", "section", "response"),
+        *("measurement", "metric", "study", "plot", "report", "web"),
     },
     "__main__": {"cli"},
 }
@@ -48,14 +49,14 @@ FACES = {"schema", "response", "measurement", "metric", "study", "plot", "report
 HEAVY: dict[str, set[str]] = {
     "xarray": FACES,
     "pandas": FACES,
-    "pydantic": {"files", "panel", "measurement", "study", "web"},
+    "pydantic": {"files", "panel", "machine", "measurement", "study", "web"},
     "matplotlib": {"plot"},
     "plotly": {"plot"},
     "dask": {"study"},
     "numba": {"law", "integrate"},
 }
 
-MOST_LINES_IN_A_FILE = 350
+MOST_LINES_IN_A_FILE = 450
 MOST_LINES_IN_A_FUNCTION = 59
 
 

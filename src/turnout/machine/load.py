@@ -30,6 +30,7 @@ class LoadedMachines(MachineFile):
     _tree: dict[str, Any] = PrivateAttr(default_factory=dict)
     _origins: dict[str, Origin] = PrivateAttr(default_factory=dict)
     _source: str = PrivateAttr(default="machine")
+    _overrides: dict[str, object] = PrivateAttr(default_factory=dict)
 
     @property
     def origins(self) -> Mapping[str, Origin]:
@@ -40,6 +41,19 @@ class LoadedMachines(MachineFile):
     def source(self) -> str:
         """The library name or file that it was loaded from."""
         return self._source
+
+    @property
+    def overrides(self) -> Mapping[str, object]:
+        """The overrides that made it, by key."""
+        return self._overrides
+
+    def origin_of(self, key: str) -> Origin | None:
+        """Return where a value comes from: its own comment, or that of the nearest table above."""
+        while key:
+            if key in self._origins:
+                return self._origins[key]
+            key = key.rpartition(".")[0]
+        return None
 
     def pick(self, name: str | None = None) -> tuple[str, Machine]:
         """Return name and record of a machine; the name may be left out where there is one.
@@ -93,9 +107,11 @@ class LoadedMachines(MachineFile):
             for place in places:
                 _put(tree, place, _marked(value) if si else value)
                 origins[".".join(place)] = Origin("override", str(value))
-        return type(self)._build(
+        changed = type(self)._build(
             tree, source=self.source, origins=origins, problems=problems, heading="overrides"
         )
+        changed._overrides = dict(self._overrides) | dict(overrides)
+        return changed
 
     def with_settings(self, settings: Iterable[str]) -> Self:
         """Return a copy changed by texts "KEY=VALUE" of a command line; units are required.

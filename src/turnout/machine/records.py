@@ -35,6 +35,7 @@ from turnout.files.quantity import (
     Torque,
     Voltage,
 )
+from turnout.files.units import SI
 
 COPPER_REFERENCE = 293.15
 """Temperature at which resistances are given [K]."""
@@ -158,8 +159,8 @@ class Stroke(Record):
     @model_validator(mode="after")
     def _needs(self) -> Self:
         screw, table = self.kind == "screw", self.kind == "table"
-        needed = ("ratio",) if screw else ("angle", "length")
-        needed += ("angle_share", "length_share") if table else ()
+        needed = ["ratio"] if screw else ["angle", "length"]
+        needed += ["angle_share", "length_share"] if table else []
         missing = [name for name in needed if getattr(self, name) is None]
         if missing:
             message = f"a {self.kind} needs {' and '.join(missing)}"
@@ -247,7 +248,7 @@ class Machine(Record):
     stroke: Stroke
     rod: Rod
     circuit: Circuit
-    supply: Supply = Supply()
+    supply: Supply = Field(default_factory=lambda: Supply.model_validate({}))
     hand: HandCrank | None = None
 
     @property
@@ -324,7 +325,7 @@ class Throw(Record):
     step: Time = Field(2.5e-4, gt=0, le=0.02, description="of the scheme [s]")
     output_interval: Time = Field(1e-3, gt=0, le=1, description="a multiple of the step [s]")
     command: tuple[Command, ...] | list[Command] = Field(
-        default_factory=lambda: [Command(time=0.0)], min_length=1
+        default_factory=lambda: [Command(time=SI(0.0))], min_length=1
     )
 
     @model_validator(mode="after")

@@ -11,7 +11,7 @@ from turnout.errors import MachineError, SolverError
 from turnout.law.table import Floats
 from turnout.machine.compute import places as at
 from turnout.machine.compute.throw import throw as throw_kernel
-from turnout.machine.load import load_machines
+from turnout.machine.load import LoadedMachines, load_machines
 from turnout.machine.records import Machine, OneMassRail, Throw
 from turnout.machine.rows import (
     command_rows,
@@ -24,6 +24,26 @@ from turnout.machine.rows import (
     work_rows,
 )
 
+ENERGY_NAMES = {
+    "energy_supply": "taken from the supply",
+    "energy_copper": "lost in the motor's copper",
+    "energy_line": "lost in line and supply",
+    "energy_brush": "lost at the brushes",
+    "energy_snub": "lost in the snubber or the arc",
+    "energy_field": "lost in a separate field winding",
+    "energy_T0": "dry friction of the motor, brake included",
+    "energy_c1": "viscous drag of the motor",
+    "energy_gear": "lost in the gear",
+    "energy_c2": "viscous drag of the gear",
+    "energy_clutch": "heat of the slipping clutch",
+    "energy_friction": "friction of the rail",
+    "energy_rail_damping": "damping of the rail",
+    "energy_hand": "from the hand at the crank",
+    "energy_rod_on_rail": "work of the rod on the rail",
+    "energy_stored": "change of what is stored",
+    "energy_numerical": "lost by the scheme in what is stored",
+    "energy_residual": "residual of the balance",
+}
 BALANCE = 1e-6
 """Largest residual of the energy balance, as a share of the energy turned over, of a good run."""
 MOVED = 1e-4
@@ -103,7 +123,7 @@ class MachineThrow:
     energy_residual: float
     halved: int
     name: str = ""
-    settings: Mapping[str, object] = field(default_factory=dict)
+    overrides: Mapping[str, object] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Floats:
         """Return a history by its name."""
@@ -116,7 +136,7 @@ class MachineThrow:
 
 
 def throw_one_mass(
-    machine: Machine | str | Path,
+    machine: Machine | LoadedMachines | str | Path,
     rail: OneMassRail | None = None,
     throw: Throw | None = None,
     *,
@@ -126,9 +146,9 @@ def throw_one_mass(
 
     Parameters
     ----------
-    machine : Machine, str or Path
-        A record; or the name of a library machine or the path of a file, whose rail and throw are
-        taken where none is given here.
+    machine : Machine, LoadedMachines, str or Path
+        A record; or a loaded file, the name of a library machine or the path of a file, whose rail
+        and throw are taken where none is given here.
     rail : OneMassRail, optional
     throw : Throw, optional
         Start, commands, duration, step.
@@ -152,11 +172,14 @@ def throw_one_mass(
     >>> round(float(answer["current"].max()), 2)
     10.27
     """
-    name = ""
+    name, given = "", dict[str, object]()
     if not isinstance(machine, Machine):
-        loaded = load_machines(machine, overrides=overrides)
+        loaded = machine if isinstance(machine, LoadedMachines) else load_machines(machine)
+        if overrides:
+            loaded = loaded.with_overrides(overrides)
         rail, throw = rail or loaded.rail, throw or loaded.throw
         name, machine = loaded.pick(throw.machine if throw else None)
+        given = dict(loaded.overrides)
         missing = [key for key, item in (("rail", rail), ("throw", throw)) if item is None]
         if missing:
             problems = [f"[{key}]: is missing; a throw needs it" for key in missing]
@@ -166,10 +189,12 @@ def throw_one_mass(
         raise MachineError([message])
     if rail is None or throw is None:
         raise MachineError(["a machine given as a record needs a rail and a throw"])
-    return _march(machine, rail, throw, name)
+    return _march(machine, rail, throw, (name, given))
 
 
-def _march(machine: Machine, rail: OneMassRail, throw: Throw, name: str) -> MachineThrow:
+def _march(
+    machine: Machine, rail: OneMassRail, throw: Throw, about: tuple[str, Mapping[str, object]]
+) -> MachineThrow:
     constants, rail_constants = machine_row(machine), rail_row(rail)
     table, commands = stroke_table(machine.stroke), command_rows(throw.command)
     state = start_state(machine, constants, throw.start)
@@ -181,7 +206,7 @@ def _march(machine: Machine, rail: OneMassRail, throw: Throw, name: str) -> Mach
     stepping = (throw.output_interval / every, every, count)
     arrays = (constants, rail_constants, table, commands, state)
     reached = throw_kernel(*arrays, stepping, work_rows(), log, kept, stored)
-    time = np.arange(count + 1) * throw.output_interval
+    time = np.arange(count + 1, dtype=np.float64) * throw.output_interval
     if reached < count:
         message = (
             f"the machine's step did not converge at t = {time[reached]:.4f} s, even in pieces of "
@@ -199,7 +224,8 @@ def _march(machine: Machine, rail: OneMassRail, throw: Throw, name: str) -> Mach
         energised_time=_energised_time(events),
         energy_residual=float(residual[-1]),
         halved=int(state[at.HALVED]),
-        name=name,
+        name=about[0],
+        overrides=about[1],
     )
 
 

@@ -14,6 +14,7 @@ from turnout.machine.compute.places import (
     ARMATURE_OPEN,
     BRAKE_TORQUE,
     CIRCUIT_RESISTANCE,
+    CLUTCH_STIFFNESS,
     CONTACTOR_DELAY,
     CONTACTOR_TIME,
     CONVERGED,
@@ -61,16 +62,20 @@ from turnout.machine.compute.places import (
     OVERLOAD_TIME,
     RAIL_POSITION,
     RESISTANCE,
+    ROD_FORCE,
     ROD_POSITION,
     SERIES,
     SNUB,
     SNUB_RESISTANCE,
+    SPEED,
     STILL_TORQUE,
     SUPPLIED,
     TIME_OUT,
+    TWIST,
     VOLTAGE,
 )
-from turnout.machine.compute.step import SECOND, accept_step, take_step
+from turnout.machine.compute.rail import rail_side
+from turnout.machine.compute.step import SECOND, accept_step, span_of, take_step
 
 HALVINGS = 20
 """A step is halved at most so often before the run ends."""
@@ -321,6 +326,14 @@ def _piece(
     return h
 
 
+@compiled_part
+def rests(constants: Floats, rail: Floats, state: Floats) -> bool:
+    """Tell whether nothing in the machine moves until the next switching, whatever the rod does."""
+    off = state[ENERGISED] == 0.0 and state[CURRENT] == 0.0 and state[SPEED] == 0.0
+    held = abs(constants[CLUTCH_STIFFNESS] * state[TWIST]) <= state[STILL_TORQUE]
+    return bool(off and held and state[LOCKED] > 0.0 and rail[ONE_MASS] == 0.0)
+
+
 @compiled
 def advance(
     constants: Floats,
@@ -354,6 +367,12 @@ def advance(
         CONVERGED or NOT_CONVERGED.
     """
     time, end = span[0], span[0] + span[1]
+    if rests(constants, rail, state) and next_instant(constants, state, commands, time) > end:
+        free, compliance = span_of(constants, rail, state, end)[1:]
+        x, y = state[ROD_POSITION], state[RAIL_POSITION]
+        force, _, y = rail_side(constants, rail, span[1], state, free, compliance, y, x)
+        state[ROD_FORCE], state[RAIL_POSITION] = force, y
+        return CONVERGED
     pieces = 0
     while True:
         instant = next_instant(constants, state, commands, time)
