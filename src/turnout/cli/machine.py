@@ -112,8 +112,8 @@ def machine_lines(loaded: "LoadedMachines") -> list[str]:
         if value is None or value == "":
             continue
         origin = loaded.origin_of(key)
-        source = f"  {origin.kind}: {origin.text}" if origin else "  default"
-        lines.append(f"  {key:<44}{_shown(value):>16}{source}")
+        source = f"{origin.kind}: {origin.text}" if origin else "default"
+        lines.append(f"  {key:<44}{_shown(value):>16} {loaded.unit_of(key):<12}{source}")
     for name, machine in loaded.machine.items():
         lines += [f"steady, {name}", *steady_lines(machine)]
     return lines

@@ -15,6 +15,7 @@ from typing import Any, Self
 from pydantic import BaseModel, PrivateAttr, ValidationError
 
 from turnout.errors import FileError, MachineError
+from turnout.files.field_unit import unit_of
 from turnout.files.library import names_in_library, text_in_library
 from turnout.files.problems import choices, describe_error, nearest
 from turnout.files.toml import Origin, TomlFile, parse_toml, read_toml
@@ -54,6 +55,13 @@ class LoadedMachines(MachineFile):
                 return self._origins[key]
             key = key.rpartition(".")[0]
         return None
+
+    def unit_of(self, key: str) -> str:
+        """Return the SI unit of a value, empty where it has none."""
+        path = tuple(key.split("."))
+        record = _record_at(path[:-1])
+        info = record.model_fields.get(path[-1]) if record else None
+        return (unit_of(info) or "") if info else ""
 
     def pick(self, name: str | None = None) -> tuple[str, Machine]:
         """Return name and record of a machine; the name may be left out where there is one.

@@ -305,7 +305,8 @@ def _piece(
         state[HALVED] += 1
         h *= 0.5
     over = beyond_limit(constants, state, work[SECOND, GEAR_ANGLE])
-    if over > ANGLE_ROUNDING and beyond_limit(constants, state, state[GEAR_ANGLE]) < 0.0:
+    before = beyond_limit(constants, state, state[GEAR_ANGLE])
+    if over > ANGLE_ROUNDING and before < -ANGLE_ROUNDING:
         h = _locate_limit(constants, rail, table, state, (time, h), work)
     locks = constants[HOLDS] > 0.0 and state[ENERGISED] == 0.0 and state[LOCKED] == 0.0
     if locks and h > 0.0 and work[SECOND, GEAR_SPEED] * state[GEAR_SPEED] < 0.0:
