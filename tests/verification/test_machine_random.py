@@ -41,3 +41,24 @@ def test_two_thousand() -> None:
     outcomes = throw_many(2000, seed=2000)
     print(dict(outcomes))
     assert outcomes["limit"] + outcomes["time-out"] > 1000
+
+
+def test_steps_are_halved_where_a_motor_excites_itself() -> None:
+    """A series motor without saturation, reversed at speed: its current grows within a step."""
+    reversed_at_speed = {
+        "motor.kind": "series",
+        "motor.constant": None,
+        "motor.field_constant": 1.155,
+        "motor.inertia": 1e-2,
+        "throw.step": 4e-3,
+        "throw.output_interval": 4e-3,
+        "throw.duration": 3.0,
+        "throw.command": [
+            {"time": 0.1, "direction": "close"},
+            {"time": 1.2, "direction": "open"},
+        ],
+    }
+    thrown = throw_one_mass("sb3", overrides=reversed_at_speed)
+    assert thrown.halved > 0
+    assert thrown.energy_residual <= 1e-6
+    assert np.isfinite(thrown["current"]).all()
