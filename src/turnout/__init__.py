@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from turnout.errors import (
         FileError,
+        MachineError,
         MechanicsError,
         PanelError,
         ResponseError,
@@ -22,11 +23,14 @@ if TYPE_CHECKING:
     )
     from turnout.integrate.outcome import NotConverged
     from turnout.integrate.scheme import Scheme
+    from turnout.machine.load import LoadedMachines, load_machines
+    from turnout.machine.throw import MachineThrow, throw_one_mass
     from turnout.panel.foreign_object import ForeignObject
     from turnout.panel.load import LoadedPanel, load_panel
     from turnout.plot.modes import plot_modes
     from turnout.plot.throw import plot_throw
     from turnout.report.view import view
+    from turnout.response.machine import machine_dataset
     from turnout.response.modes import modes
     from turnout.response.save import Save
     from turnout.response.simulate import simulate
@@ -37,7 +41,10 @@ if TYPE_CHECKING:
 _HOME = {
     "FileError": "turnout.errors",
     "ForeignObject": "turnout.panel.foreign_object",
+    "LoadedMachines": "turnout.machine.load",
     "LoadedPanel": "turnout.panel.load",
+    "MachineError": "turnout.errors",
+    "MachineThrow": "turnout.machine.throw",
     "MechanicsError": "turnout.errors",
     "NotConverged": "turnout.integrate.outcome",
     "PanelError": "turnout.errors",
@@ -46,20 +53,26 @@ _HOME = {
     "Scheme": "turnout.integrate.scheme",
     "SolverError": "turnout.errors",
     "TurnoutError": "turnout.errors",
+    "load_machines": "turnout.machine.load",
     "load_panel": "turnout.panel.load",
+    "machine_dataset": "turnout.response.machine",
     "modes": "turnout.response.modes",
     "open_response": "turnout.response.store",
     "plot_modes": "turnout.plot.modes",
     "plot_throw": "turnout.plot.throw",
     "save_response": "turnout.response.store",
     "simulate": "turnout.response.simulate",
+    "throw_one_mass": "turnout.machine.throw",
     "view": "turnout.report.view",
 }
 
 __all__ = [
     "FileError",
     "ForeignObject",
+    "LoadedMachines",
     "LoadedPanel",
+    "MachineError",
+    "MachineThrow",
     "MechanicsError",
     "NotConverged",
     "PanelError",
@@ -69,13 +82,16 @@ __all__ = [
     "SolverError",
     "TurnoutError",
     "__version__",
+    "load_machines",
     "load_panel",
+    "machine_dataset",
     "modes",
     "open_response",
     "plot_modes",
     "plot_throw",
     "save_response",
     "simulate",
+    "throw_one_mass",
     "view",
 ]
 

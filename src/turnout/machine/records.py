@@ -236,6 +236,9 @@ class HandCrank(Record):
     stiffness: RotationalDrag = Field(gt=0, description="torque per speed lag [N m s/rad]")
     speed: RotationalSpeed = Field(gt=0, description="of the hand, at the shaft [rad/s]")
     ramp: Time = Field(gt=0, description="from rest to that speed [s]")
+    release: Literal["cut-off", "never"] = Field(
+        "cut-off", description="when the hand lets go: at the limit contact, or not at all"
+    )
 
 
 class Machine(Record):
@@ -322,7 +325,7 @@ class Throw(Record):
     machine: str | None = Field(None, description="its name; needed where the file has several")
     start: Length = Field(description="rod position at the start [m]")
     duration: Time = Field(gt=0, le=600, description="[s]")
-    step: Time = Field(2.5e-4, gt=0, le=0.02, description="of the scheme [s]")
+    step: Time = Field(1e-4, gt=0, le=0.02, description="of the scheme [s]")
     output_interval: Time = Field(1e-3, gt=0, le=1, description="a multiple of the step [s]")
     command: tuple[Command, ...] | list[Command] = Field(
         default_factory=lambda: [Command(time=SI(0.0))], min_length=1

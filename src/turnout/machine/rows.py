@@ -157,6 +157,7 @@ def _circuit_entries(machine: Machine) -> dict[int, float]:
         at.HAND_GAIN: hand.stiffness if hand else 0.0,
         at.HAND_SPEED: hand.speed if hand else 0.0,
         at.HAND_RAMP: hand.ramp if hand else 1.0,
+        at.HAND_STAYS: float(hand is not None and hand.release == "never"),
     }
 
 

@@ -43,6 +43,7 @@ from turnout.machine.compute.places import (
     HAND_ON,
     HAND_RAMP,
     HAND_SINCE,
+    HAND_STAYS,
     HOLDS,
     INDUCTANCE,
     INTO_STORES,
@@ -116,7 +117,8 @@ def switch_on(constants: Floats, state: Floats, time: float, direction: float) -
 @compiled
 def switch_off(constants: Floats, state: Floats) -> None:
     """Open the contactor: snubbing or an open armature, and the brake."""
-    state[ENERGISED], state[SUPPLIED], state[HAND_ON] = 0.0, 0.0, 0.0
+    state[ENERGISED], state[SUPPLIED] = 0.0, 0.0
+    state[HAND_ON] *= constants[HAND_STAYS]
     state[CUTOFF_TIME] = math.inf
     state[STILL_TORQUE] = constants[LOSS_TORQUE] + constants[BRAKE_TORQUE]
     state[CIRCUIT_RESISTANCE] = constants[RESISTANCE] + constants[SNUB_RESISTANCE]

@@ -52,8 +52,9 @@ the closing direction. Flags are 0.0 or 1.0.
     HAND_GAIN,  # torque per speed that the crank lags behind the hand [N m s/rad]; 0: no crank
     HAND_SPEED,  # [rad/s]
     HAND_RAMP,  # [s]
+    HAND_STAYS,  # 1: the hand does not let go at the limit contact
     CONSTANTS,
-) = range(47)
+) = range(48)
 
 
 (SCREW, CRANK, TABLE) = range(3)
