@@ -4,12 +4,13 @@
 `sb2_none`, `sb2_sleeper6_13mm`: an independent banded beam program at 1 ms, converged in step and
 element, with an Exudyn twin. `sb3_S1`, `sb3_S2`, `sb3_S4`: a machine on a one-mass rail by an
 event-driven program, DOP853 at 1e-11; Radau agrees to 3e-9. The benchmarks are the project's own;
-the panels `sb1` and `sb2` and the machine `sb3` are their definitions. The thinned copies in `data/` are made from the full files by
+the panels `sb1` and `sb2` and the machine `sb3` are their definitions. The thinned copies in
+`data/` are made from the full files by
 
     python -m tests.verification.reference FOLDER
 
-with the folder that holds `sb1/`, `sb2/` and `sb3/`; histories keep every fifth or tenth sample, arrays
-over the chairs every fiftieth, all as float32; of the energies of `sb3` only the last.
+with the folder that holds `sb1/`, `sb2/` and `sb3/`; histories keep every fifth or tenth sample,
+arrays over the chairs every fiftieth, all as float32; of the energies of `sb3` only the last.
 """
 
 import sys

@@ -260,7 +260,8 @@ def unit_factor(unit: str, dimension: Dimension) -> float:
     if known is not None:
         return known
     for name, units in COMMON_UNITS.items():
-        if text in units:
+        cycles = dimension is FREQUENCY and name == ROTATIONAL_SPEED.name
+        if text in units and not cycles:
             message = f'"{text}" is a unit of {name}; needs one of {_of(dimension)}'
             raise ValueError(message)
     return _pint_factor(text, dimension)

@@ -47,7 +47,7 @@ def machine_dataset(throw: MachineThrow) -> xr.Dataset:
     >>> from turnout.machine.throw import throw_one_mass
     >>> dataset = machine_dataset(throw_one_mass("sb3", overrides={"throw.duration": 0.2}))
     >>> dataset["current"].attrs["units"], dataset.attrs["outcome"]
-    ('A', 'stalled')
+    ('A', 'moving')
     """
     variables = {
         name: ("time", values, {"units": unit_of(name), "long_name": long_name_of(name)})
