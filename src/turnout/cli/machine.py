@@ -77,12 +77,16 @@ def run_command(
 ) -> None:
     """Throw a one-mass rail by a machine: current, force, events, energy."""
     check_outputs({"--out": out}, {"--out": (".nc",)})
+    from turnout.machine.compute.throw import throw as kernel
     from turnout.machine.load import load_machines
     from turnout.machine.throw import throw_one_mass
+    from turnout.response.compilation import must_compile
 
     loaded = load_machines(machine)
     if settings:
         loaded = loaded.with_settings(settings)
+    if must_compile(kernel):
+        typer.echo("turnout: compiling kernels, first run only (10 to 30 s)", err=True)
     throw = throw_one_mass(loaded)
     if out is not None:
         from turnout.response.machine import machine_dataset
