@@ -34,6 +34,12 @@ NAMES = {
     "friction_stability": "turnout.response.stability",
     "features": "turnout.metric.features",
     "filtered": "turnout.metric.signal",
+    # Point machines
+    "load_machines": "turnout.machine.load",
+    "LoadedMachines": "turnout.machine.load",
+    "throw_one_mass": "turnout.machine.throw",
+    "MachineThrow": "turnout.machine.throw",
+    "machine_dataset": "turnout.response.machine",
     # Measurements, calibration, validation
     "read_recording": "turnout.measurement.read",
     "import_recording": "turnout.api.recording",
@@ -57,6 +63,7 @@ NAMES = {
     "TurnoutError": "turnout.errors",
     "FileError": "turnout.errors",
     "PanelError": "turnout.errors",
+    "MachineError": "turnout.errors",
     "MeasurementError": "turnout.errors",
     "StudyError": "turnout.errors",
     "MechanicsError": "turnout.errors",

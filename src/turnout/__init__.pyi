@@ -14,6 +14,7 @@ from turnout.api.sweep import run_sweep as run_sweep
 from turnout.api.validation import Validation as Validation
 from turnout.api.validation import validate as validate
 from turnout.errors import FileError as FileError
+from turnout.errors import MachineError as MachineError
 from turnout.errors import MeasurementError as MeasurementError
 from turnout.errors import MechanicsError as MechanicsError
 from turnout.errors import PanelError as PanelError
@@ -23,6 +24,10 @@ from turnout.errors import StudyError as StudyError
 from turnout.errors import TurnoutError as TurnoutError
 from turnout.files.version import VERSION as __version__
 from turnout.integrate.outcome import NotConverged as NotConverged
+from turnout.machine.load import LoadedMachines as LoadedMachines
+from turnout.machine.load import load_machines as load_machines
+from turnout.machine.throw import MachineThrow as MachineThrow
+from turnout.machine.throw import throw_one_mass as throw_one_mass
 from turnout.measurement.history import read_history as read_history
 from turnout.measurement.read import read_recording as read_recording
 from turnout.metric.features import features as features
@@ -31,6 +36,7 @@ from turnout.panel.foreign_object import ForeignObject as ForeignObject
 from turnout.panel.load import LoadedPanel as LoadedPanel
 from turnout.panel.load import library_names as panel_names
 from turnout.panel.load import load_panel as load_panel
+from turnout.response.machine import machine_dataset as machine_dataset
 from turnout.response.modes import modes as modes
 from turnout.response.save import Save as Save
 from turnout.response.scheme import Scheme as Scheme
@@ -47,7 +53,10 @@ __all__ = [
     "Campaign",
     "FileError",
     "ForeignObject",
+    "LoadedMachines",
     "LoadedPanel",
+    "MachineError",
+    "MachineThrow",
     "MeasurementError",
     "MechanicsError",
     "NotConverged",
@@ -70,8 +79,10 @@ __all__ = [
     "import_recording",
     "load_calibration",
     "load_campaign",
+    "load_machines",
     "load_panel",
     "load_study",
+    "machine_dataset",
     "make_outline",
     "modes",
     "open_response",
@@ -83,5 +94,6 @@ __all__ = [
     "run_sweep",
     "save_response",
     "simulate",
+    "throw_one_mass",
     "validate",
 ]

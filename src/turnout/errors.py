@@ -71,3 +71,10 @@ class SolverError(TurnoutError):
 
 class ResponseError(TurnoutError):
     """A response cannot be made, read or written."""
+
+
+class MachineError(ListedError):
+    """A point machine, or what changes it, is not valid; takes what `ListedError` takes."""
+
+    def __init__(self, problems: list[str] | tuple[str, ...], *, source: str = "machine") -> None:
+        super().__init__(problems, source=source)

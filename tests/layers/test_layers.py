@@ -23,9 +23,10 @@ ALLOWED: dict[str, set[str]] = {
     "beam": {"errors", "section"},
     "reduction": {"errors"},
     "law": {"errors", "files"},
+    "machine": {"errors", "files", "law"},
     "mechanism": {"errors", "files", "panel", "section", "beam", "reduction", "law"},
     "integrate": {"errors", "law", "mechanism"},
-    "response": {"errors", "files", "schema", "panel", "mechanism", "integrate"},
+    "response": {"errors", "files", "schema", "panel", "machine", "mechanism", "integrate"},
     "measurement": {"errors", "files", "schema"},
     "metric": {"errors", "schema"},
     "study": {
@@ -43,8 +44,8 @@ ALLOWED: dict[str, set[str]] = {
         *("metric", "study", "plot", "report"),
     },
     "cli": {
-        *("errors", "files", "schema", "panel", "section", "response", "measurement"),
-        *("metric", "study", "plot", "report", "web"),
+        *("errors", "files", "schema", "panel", "machine", "section", "response"),
+        *("measurement", "metric", "study", "plot", "report", "web"),
     },
     "__main__": {"cli"},
 }
@@ -67,7 +68,7 @@ FACES = {
 HEAVY: dict[str, set[str]] = {
     "xarray": FACES,
     "pandas": FACES,
-    "pydantic": {"files", "panel", "measurement", "study", "web"},
+    "pydantic": {"files", "panel", "machine", "measurement", "study", "web"},
     "matplotlib": {"plot", "api"},  # api names its types only
     "plotly": {"plot"},
     "dask": {"study"},

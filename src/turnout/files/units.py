@@ -53,6 +53,19 @@ SECTION_MODULUS = Dimension("section modulus", "m^3", "6.28 cm^3")
 TEMPERATURE = Dimension("temperature", "K", "20 degC")
 TEMPERATURE_DIFFERENCE = Dimension("temperature difference", "K", "5 K")
 TEMPERATURE_COEFFICIENT = Dimension("temperature coefficient", "1/K", "-0.004 1/K")
+RESISTANCE = Dimension("resistance", "ohm", "13 ohm")
+INDUCTANCE = Dimension("inductance", "H", "150 mH")
+TORQUE = Dimension("torque", "N m", "0.88 N m")
+INERTIA = Dimension("moment of inertia", "kg m^2", "0.002 kg m^2")
+MASS = Dimension("mass", "kg", "600 kg")
+ROTATIONAL_SPEED = Dimension("rotational speed", "rad/s", "60 rad/s")
+ANGLE = Dimension("angle", "rad", "650 rad")
+SHAFT_RATIO = Dimension("shaft angle per length", "rad/m", "5600 rad/m")
+ROTATIONAL_DRAG = Dimension("rotational drag", "N m s/rad", "5e-5 N m s/rad")
+MOTOR_CONSTANT = Dimension("motor constant", "V s/rad", "0.99 V s/rad")
+FIELD_CONSTANT = Dimension("motor constant per ampere of field", "V s/(rad A)", "1.155 V s/(rad A)")
+HEAT_CAPACITY = Dimension("heat capacity", "J/K", "900 J/K")
+PER_ENERGY = Dimension("share per energy", "1/J", "1e-9 1/J")
 
 DIMENSIONS = (
     LENGTH,
@@ -76,6 +89,19 @@ DIMENSIONS = (
     TEMPERATURE,
     TEMPERATURE_DIFFERENCE,
     TEMPERATURE_COEFFICIENT,
+    RESISTANCE,
+    INDUCTANCE,
+    TORQUE,
+    INERTIA,
+    MASS,
+    ROTATIONAL_SPEED,
+    ANGLE,
+    SHAFT_RATIO,
+    ROTATIONAL_DRAG,
+    MOTOR_CONSTANT,
+    FIELD_CONSTANT,
+    HEAT_CAPACITY,
+    PER_ENERGY,
 )
 
 # Unit texts resolved without pint; tests/unit/test_files_quantity.py compares each with pint.
@@ -103,6 +129,19 @@ COMMON_UNITS: dict[str, dict[str, float]] = {
     "temperature": {"K": 1.0},
     "temperature difference": {"K": 1.0},
     "temperature coefficient": {"1/K": 1.0},
+    "resistance": {"ohm": 1.0, "mohm": 0.001, "kohm": 1000.0},
+    "inductance": {"H": 1.0, "mH": 0.001},
+    "torque": {"N m": 1.0, "N mm": 0.001, "kN m": 1000.0},
+    "moment of inertia": {"kg m^2": 1.0, "kg cm^2": 0.0001},
+    "mass": {"kg": 1.0, "t": 1000.0},
+    "rotational speed": {"rad/s": 1.0},
+    "angle": {"rad": 1.0},
+    "shaft angle per length": {"rad/m": 1.0, "rad/mm": 1000.0},
+    "rotational drag": {"N m s/rad": 1.0},
+    "motor constant": {"V s/rad": 1.0},
+    "motor constant per ampere of field": {"V s/(rad A)": 1.0},
+    "heat capacity": {"J/K": 1.0, "kJ/K": 1000.0},
+    "share per energy": {"1/J": 1.0, "1/MJ": 1e-06},
 }  # fmt: skip
 
 # Counted from another zero than kelvins, so that no factor turns one into the other.
@@ -239,7 +278,8 @@ def unit_factor(unit: str, dimension: Dimension) -> float:
         )
         raise ValueError(message)
     for name, units in COMMON_UNITS.items():
-        if text in units:
+        cycles = dimension is FREQUENCY and name == ROTATIONAL_SPEED.name
+        if text in units and not cycles:
             message = f'"{text}" is a unit of {name}; needs one of {_of(dimension)}'
             raise ValueError(message)
     return _pint_factor(text, dimension)

@@ -16,7 +16,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 CACHE_VARIABLE = "NUMBA_CACHE_DIR"
-_PACKAGES = ("law", "integrate")
+_PACKAGES = ("law", "integrate", "machine/compute")
 
 
 def kernel_cache_folder() -> Path:
