@@ -10,8 +10,8 @@ import xarray as xr
 
 from turnout.errors import FileError
 from turnout.files.atomic import write_atomic
-from turnout.schema.channels import CONVENTIONS, SCHEMA_VERSION
 from turnout.files.regular import require_regular_file
+from turnout.schema.channels import CONVENTIONS, SCHEMA_VERSION
 
 SUFFIXES = (".nc",)
 ENGINE: Any = "h5netcdf"
