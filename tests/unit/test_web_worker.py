@@ -223,7 +223,7 @@ def test_a_process_that_has_grown_since_its_first_answers_is_replaced(
     megabytes = 0.0
     monkeypatch.setattr(process, "_pages", lambda: [0, round(megabytes * 1e6)])
     monkeypatch.setattr(process, "_page_size", lambda: 1)
-    for first, most in ((400.0, 700.0), (1000.0, 1300.0)):
+    for first, most in ((400.0, 800.0), (1000.0, 1300.0)):
         use, megabytes = process._MemoryUse(), first
         assert not any(use.has_grown() for _ in range(process.FIRST_ANSWERS))
         megabytes = most - 1

@@ -37,7 +37,7 @@ Prepare = Callable[[], Answering]
 
 # Caches fill with use: a process is replaced when it has grown by so much since its first answers,
 # and holds more than this [bytes].
-FIRST_ANSWERS, GROWTH, MEMORY_AT_REST = 20, 1.3, 700_000_000
+FIRST_ANSWERS, GROWTH, MEMORY_AT_REST = 20, 1.3, 800_000_000
 _READY = b"ready"
 _log = logging.getLogger("turnout")
 # Directories before the last part of an absolute path, of Linux, macOS or Windows.
