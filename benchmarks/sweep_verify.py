@@ -13,10 +13,10 @@ from pathlib import Path
 
 import h5py
 
-from turnout.study.sweep_check import content_fault, origin_of
-from turnout.study.sweep_file import written_batches
-from turnout.study.sweep_folder import BATCHES
-from turnout.study.sweep_read import open_sweep, read_labels
+from turnout.sweep.batch import written_batches
+from turnout.sweep.folder import BATCHES
+from turnout.sweep.read import open_sweep, read_labels
+from turnout.sweep.verify import content_fault, origin_of
 
 
 def least(work: Callable[[], object], *, repeat: int) -> float:

@@ -26,12 +26,12 @@ NAMES = {
     "make_outline": "turnout.section.outline",
     # One throw
     "simulate": "turnout.response.simulate",
-    "Scheme": "turnout.response.scheme",
+    "Scheme": "turnout.scheme",
     "Save": "turnout.response.save",
     "open_response": "turnout.response.store",
     "save_response": "turnout.response.store",
-    "modes": "turnout.response.modes",
-    "friction_stability": "turnout.response.stability",
+    "modes": "turnout.analysis.modes",
+    "friction_stability": "turnout.analysis.stability",
     "features": "turnout.metric.features",
     "filtered": "turnout.metric.signal",
     # Point machines
@@ -41,9 +41,9 @@ NAMES = {
     "MachineThrow": "turnout.machine.throw",
     "machine_dataset": "turnout.response.machine",
     # Measurements, calibration, validation
-    "read_recording": "turnout.measurement.read",
+    "read_recording": "turnout.measurement.formats.files",
     "import_recording": "turnout.api.recording",
-    "read_history": "turnout.measurement.history",
+    "read_history": "turnout.measurement.formats.history",
     "Campaign": "turnout.api.campaign",
     "load_campaign": "turnout.api.campaign",
     "build_campaign": "turnout.api.campaign",
@@ -70,7 +70,7 @@ NAMES = {
     "SolverError": "turnout.errors",
     "NotConverged": "turnout.integrate.outcome",
     "ResponseError": "turnout.errors",
-    "__version__": "turnout.files.version:VERSION",
+    "__version__": "turnout.core.version:VERSION",
 }
 """Every public name and where it is defined; `__all__`, the loader and the stub follow from it."""
 
@@ -81,8 +81,8 @@ _MOVED = {
 }
 # What is defined there neither takes nor returns datasets, so xarray need not be loaded for it.
 _WITHOUT_DATASETS = (
-    *("turnout.errors", "turnout.files", "turnout.panel", "turnout.section", "turnout.integrate"),
-    *("turnout.response.scheme", "turnout.response.save", "turnout.response.stability"),
+    *("turnout.errors", "turnout.core", "turnout.panel", "turnout.section", "turnout.integrate"),
+    *("turnout.scheme", "turnout.response.save", "turnout.analysis.stability"),
     "turnout.study.study",
 )
 

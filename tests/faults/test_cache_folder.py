@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.files.cache_folder import PRIVATE_VARIABLE, distrust, private_folder, safe_folder
-from turnout.files.kept_arrays import DamagedError, arrays_from_bytes, arrays_to_bytes
+from turnout.core.cache_folder import PRIVATE_VARIABLE, distrust, private_folder, safe_folder
+from turnout.core.kept_arrays import DamagedError, arrays_from_bytes, arrays_to_bytes
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
 
 # A kernel of its own, which is compiled in a moment.
 KERNEL = """
-from turnout.law.compiled import compiled
+from turnout.kernels.compiled import compiled
 
 @compiled
 def double(x):
@@ -80,7 +80,7 @@ def planted_ran(folder: Path, place: str, *, cache: Path) -> bool:
     run(
         folder,
         f"{PLANT.replace('MARK', repr(str(mark)))}\n"
-        "from turnout.law.compiled import kernel_cache_folder\n"
+        "from turnout.kernels.compiled import kernel_cache_folder\n"
         f"plant({place})",
         cache=cache,
     )
@@ -127,8 +127,8 @@ from pathlib import Path
 
 if __name__ == "__main__":
     import kernel
-    from turnout.files.cache_folder import why_private
-    from turnout.study.sweep_process import worker_processes
+    from turnout.core.cache_folder import why_private
+    from turnout.sweep.worker import worker_processes
     kernel.double(1.0)
     with worker_processes(1) as workers:
         print(workers.submit(kernel.hits).result())

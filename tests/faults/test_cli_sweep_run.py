@@ -8,10 +8,10 @@ from tests.unit.sweeps import here, small_study, study_file
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.cli.sweep_run import described
+from turnout.cli.sweep import described
 from turnout.errors import FileError, TurnoutError
-from turnout.study.sweep_read import read_labels
-from turnout.study.sweep_run import State, run_sweep
+from turnout.sweep.read import read_labels
+from turnout.sweep.run import State, run_sweep
 
 CLI = CliRunner()
 

@@ -16,10 +16,10 @@ from typer.testing import CliRunner
 from turnout.cli.main import app
 from turnout.integrate.outcome import CLOSES, LEAST_SCALE, NotConverged
 from turnout.panel.load import load_panel
-from turnout.response.scheme import Scheme
 from turnout.response.simulate import simulate
-from turnout.study.sweep_batch import batch_variables
-from turnout.study.sweep_row import throw_scenarios
+from turnout.scheme import Scheme
+from turnout.sweep.batch import batch_variables
+from turnout.sweep.row import throw_scenarios
 
 MODES = ("waveform", "quick", "quasi-static")
 HEAVY = "gravity=1e10 m/s^2"

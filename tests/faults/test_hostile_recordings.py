@@ -13,14 +13,14 @@ MOST_MEMORY, MOST_SECONDS = 1_000_000_000, 10.0
 READ = """
 import json, resource, sys, time
 resource.setrlimit(resource.RLIMIT_DATA, (4_000_000_000, 4_000_000_000))
-import turnout.measurement.read
+import turnout.measurement.formats.files
 from turnout.errors import FileError
 began, said = time.process_time(), ""
 try:
-    turnout.measurement.read.read_recording(sys.argv[1])
+    turnout.measurement.formats.files.read_recording(sys.argv[1])
 except FileError as error:
     said = str(error)
-for item in turnout.measurement.isolated._kept:
+for item in turnout.measurement.formats.isolated._kept:
     item.close()
 used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
 print(json.dumps({

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from turnout.core.regular import require_regular_file
 from turnout.errors import FileError
-from turnout.files.regular import require_regular_file
 
 SECONDS = 60.0
 
@@ -50,9 +50,9 @@ def test_missing_and_impossible_paths_are_named(tmp_path: Path) -> None:
 
 READERS: dict[str, str] = {
     "panel": "from turnout.panel.load import load_panel as read",
-    "schedule": "from turnout.panel.schedule_file import read_schedule_csv as read",
-    "study": "from turnout.study.study_library import open_study as read",
-    "calibration": "from turnout.study.calibration.record import load_calibration as read",
+    "schedule": "from turnout.panel.markers import read_schedule_csv as read",
+    "study": "from turnout.study.read import open_study as read",
+    "calibration": "from turnout.calibration.result import load_calibration as read",
     "response": "from turnout.response.store import open_response as read",
 }
 
@@ -64,7 +64,7 @@ def test_no_reader_waits_for_a_pipe(reader: str, pipe: Path) -> None:
 
 def test_matrices_from_a_pipe(pipe: Path) -> None:
     script = (
-        "from turnout.panel.matrices_file import read_rail_matrices\n"
+        "from turnout.panel.matrices import read_rail_matrices\n"
         f"print(read_rail_matrices(Path({str(pipe)!r}))[1])"
     )
     _ends_with(script, "is a pipe, not a file")

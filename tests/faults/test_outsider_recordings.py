@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from tests.verification.outsider import CASES, Case, Habits, Truth, write_campaign
 
+from turnout.calibration.movements import with_room
+from turnout.calibration.observed import observe
 from turnout.errors import MeasurementError
-from turnout.measurement.campaign import build_campaign
-from turnout.measurement.quality_channel import run_faults
-from turnout.measurement.quality_record import Limits
+from turnout.measurement.campaign.build import build_campaign
+from turnout.measurement.quality.channel import Limits, run_faults
 from turnout.panel.load import load_panel
-from turnout.study.calibration.observed import observe
-from turnout.study.calibration.room import with_room
 
 SQUEEZED = Case(place="drive 2", size=0.013)
 

@@ -5,11 +5,9 @@ from collections.abc import Callable
 
 import pytest
 
-from turnout.errors import FileError, PanelError
-from turnout.files.problems import Problem, show_value
-from turnout.files.toml import parse_toml
-from turnout.files.toml_tokens import MOST_NESTED
-from turnout.files.units import (
+from turnout.core.problems import Problem, show_value
+from turnout.core.toml import MOST_NESTED, parse_toml
+from turnout.core.units import (
     LENGTH,
     LONGEST,
     MOST_VALUES,
@@ -22,6 +20,7 @@ from turnout.files.units import (
     parse_quantity,
     unit_factor,
 )
+from turnout.errors import FileError, PanelError
 from turnout.panel.load import load_panel
 from turnout.panel.override import parse_setting
 

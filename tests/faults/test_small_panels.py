@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from turnout.core.points import MOST_POINTS
+from turnout.core.units import MOST_VALUES
 from turnout.errors import FileError, MechanicsError, PanelError, SolverError, TurnoutError
-from turnout.files.points import MOST_POINTS
-from turnout.files.units import MOST_VALUES
 from turnout.integrate.run import MOST_STEPS
-from turnout.integrate.scheme import Scheme
-from turnout.panel import matrices_file
+from turnout.panel import matrices as matrices_file
 from turnout.panel.document import MOST_MEMBERS
 from turnout.panel.load import library_text, load_panel
-from turnout.panel.matrices_file import read_rail_matrices
-from turnout.panel.schedule_file import read_schedule_csv
+from turnout.panel.markers import read_schedule_csv
+from turnout.panel.matrices import read_rail_matrices
 from turnout.reduction import spectrum
 from turnout.reduction.craig_bampton import MOST_INTERFACE, craig_bampton
 from turnout.reduction.spectrum import modes_below
 from turnout.response.simulate import simulate
+from turnout.scheme import Scheme
 
 SB1 = library_text("sb1")
 OUTLINE = '\n[outline.z]\npoints = {{ unit = "mm", values = [{}] }}\n'

@@ -17,16 +17,16 @@ import xarray as xr
 from tests.unit.sweeps import batch_names, here, small_study, study_file
 
 from turnout.cli.main import main
+from turnout.core.json_files import sealed_json
 from turnout.errors import FileError
-from turnout.files.sealed import sealed_json
 from turnout.study.study import Study
-from turnout.study.sweep_check import SETTLED
-from turnout.study.sweep_export import table_of
-from turnout.study.sweep_file import write_batch
-from turnout.study.sweep_folder import BATCHES, DAMAGED, IDENTITY
-from turnout.study.sweep_read import open_sweep, read_labels
-from turnout.study.sweep_run import run_sweep
-from turnout.study.sweep_study import STUDY, kept_study
+from turnout.sweep.batch import write_batch
+from turnout.sweep.export import table_of
+from turnout.sweep.folder import BATCHES, DAMAGED, IDENTITY
+from turnout.sweep.read import open_sweep, read_labels
+from turnout.sweep.run import run_sweep
+from turnout.sweep.stored_study import STUDY, kept_study
+from turnout.sweep.verify import SETTLED
 
 COUNT, FLIPS = 12, 240
 
@@ -390,7 +390,7 @@ def test_a_study_that_no_file_can_hold_is_refused_before_anything_is_made(
 def test_matrices_of_a_panel_are_stored_to_the_bit() -> None:
     import scipy.sparse as sp
 
-    from turnout.panel.rail_matrices import RailMatrices
+    from turnout.panel.records import RailMatrices
     from turnout.panel.stored import _of_matrices, _to_matrices
 
     rng = np.random.default_rng(3)

@@ -20,8 +20,8 @@ from tests.faults.sweep_process import (
 )
 from tests.unit.sweeps import batch_names, here, small_study, study_file
 
-from turnout.study.sweep_read import open_sweep
-from turnout.study.sweep_run import run_sweep
+from turnout.sweep.read import open_sweep
+from turnout.sweep.run import run_sweep
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/task").exists(), reason="finds the processes of a run in /proc"

@@ -13,11 +13,11 @@ import pytest
 from tests.unit.sweeps import STUDY, batch_names, here, small_study, study_file
 
 from turnout.cli.main import main
+from turnout.core import atomic
+from turnout.core.json_files import sealed_json
 from turnout.errors import FileError
-from turnout.files import atomic
-from turnout.files.sealed import sealed_json
-from turnout.study.sweep_folder import BATCHES, IDENTITY
-from turnout.study.sweep_run import run_sweep
+from turnout.sweep.folder import BATCHES, IDENTITY
+from turnout.sweep.run import run_sweep
 
 COUNT = 3
 

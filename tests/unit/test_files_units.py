@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from turnout.files.quantity import Length, LengthList, PositiveNumberList
-from turnout.files.units import (
+from turnout.core.quantity import Length, LengthList, PositiveNumberList
+from turnout.core.units import (
     ACCELERATION,
     ANGULAR_STIFFNESS,
     COMMON_UNITS,

@@ -8,11 +8,11 @@ import pytest
 from turnout.integrate import arrange
 from turnout.integrate.arrange import arranged
 from turnout.integrate.run import integrate
-from turnout.integrate.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import load_panel
-from turnout.panel.motion import marker_positions
+from turnout.panel.markers import marker_positions
+from turnout.scheme import Scheme
 
 QUICK = Scheme.of("quick")
 

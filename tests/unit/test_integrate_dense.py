@@ -7,9 +7,9 @@ from tests.verification.hand_made import energy_residual, hand_made, linear_spri
 from turnout.integrate.dense import fill_in
 from turnout.integrate.march import Record
 from turnout.integrate.run import History, integrate
-from turnout.integrate.scheme import Scheme
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
+from turnout.scheme import Scheme
 
 STIFFNESS, MASS, STOP = 1e4, 28.0, 1.2e-3
 

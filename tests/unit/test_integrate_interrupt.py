@@ -9,13 +9,13 @@ import pytest
 from tests.unit.test_integrate_columns import setup
 
 from turnout.integrate.follow import follow_path
-from turnout.integrate.interrupt import heard, one_thread
 from turnout.integrate.march import Record, march
 from turnout.integrate.outcome import Code
 from turnout.integrate.solve import Tolerances, settle
 from turnout.integrate.step import Stepping
-from turnout.law.lanes import zeros_in_lines
-from turnout.law.shared import shared
+from turnout.kernels.interrupt import heard, one_thread
+from turnout.kernels.lanes import zeros_in_lines
+from turnout.kernels.records import shared
 
 TOLERANCES = Tolerances(1e-11, 1e-6, 40)
 

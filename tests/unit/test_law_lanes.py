@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from turnout.law import lanes
-from turnout.law.compiled import compiled
-from turnout.law.lanes import LANES
-from turnout.law.shared import another, shared
+from turnout.kernels import lanes
+from turnout.kernels.compiled import compiled
+from turnout.kernels.lanes import LANES
+from turnout.kernels.records import another, shared
 
 Floats = np.ndarray
 VECTORS = ("a", "b", "places", "found")

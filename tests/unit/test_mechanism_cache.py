@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.files import cache_folder
-from turnout.files.latest import Latest
-from turnout.mechanism import build, cache, reduce
+from turnout.core import cache_folder
+from turnout.core import content_cache as cache
+from turnout.core.lru_cache import Latest
+from turnout.mechanism import build, reduce
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel

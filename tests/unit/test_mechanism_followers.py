@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from turnout.files.latest import Latest
-from turnout.mechanism import followers
-from turnout.mechanism.followers import LARGEST_WEIGHT, leading_rows
+from turnout.condense import followers
+from turnout.condense.followers import LARGEST_WEIGHT, leading_rows
+from turnout.core.lru_cache import Latest
 
 
 def rows_of_a_section(rng: np.random.Generator, count: int) -> np.ndarray:

@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.files.field_unit import unit_of
+from turnout.core.quantity import unit_of
 from turnout.panel.load import library_names, load_panel
 from turnout.panel.override import field_at
 from turnout.panel.unusual import USUAL, unusual_values

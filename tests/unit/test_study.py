@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from turnout.files.plain import to_plain
-from turnout.files.toml import parse_toml
+from turnout.core.json_files import to_plain
+from turnout.core.toml import parse_toml
 from turnout.panel.foreign_object import ForeignObject
+from turnout.study.read import study_names
 from turnout.study.study import Study, load_study, study_from_file
-from turnout.study.study_library import study_names
 
 HEAD = 'schema_version = 1\nname = "test"\npanel = "sb2"\nseed = 7\n'
 DRAWN = """

@@ -14,22 +14,21 @@ import pytest
 import xarray as xr
 from tests.unit.sweeps import batch_names, here, small_study
 
+from turnout.core.json_files import sealed_json
 from turnout.errors import FileError
-from turnout.files.sealed import sealed_json
 from turnout.integrate.outcome import Code, Outcome
-from turnout.integrate.scheme import Scheme
 from turnout.metric.features import FEATURES, features
-from turnout.metric.movement import Span
+from turnout.metric.slip import Span
 from turnout.response.simulate import Solved, simulate, solve_placed
-from turnout.study import sweep_folder, sweep_row
+from turnout.scheme import Scheme
 from turnout.study.study import Study, load_study
-from turnout.study.sweep_batch import batch_variables, batches_of, throw_batch
-from turnout.study.sweep_file import file_bytes
-from turnout.study.sweep_folder import locked_folder
-from turnout.study.sweep_index import index_of, label_arrays
-from turnout.study.sweep_labels import object_labels
-from turnout.study.sweep_read import open_sweep, read_labels
-from turnout.study.sweep_run import State, run_sweep
+from turnout.sweep import folder as sweep_folder
+from turnout.sweep import row as sweep_row
+from turnout.sweep.batch import batch_variables, batches_of, file_bytes, throw_batch
+from turnout.sweep.folder import locked_folder
+from turnout.sweep.labels import object_labels
+from turnout.sweep.read import index_of, label_arrays, open_sweep, read_labels
+from turnout.sweep.run import State, run_sweep
 
 
 @pytest.fixture(scope="module")
@@ -354,10 +353,10 @@ def test_a_worker_loads_only_what_it_needs(study: Study, whole: Path) -> None:
     """Each worker waits for what it imports, so what only others need would cost every sweep."""
     script = f"""
 import sys
-from turnout.study.sweep_file import file_bytes
-from turnout.study.sweep_batch import batch_variables, throw_batch
-from turnout.study.sweep_study import kept_study
-from turnout.study.sweep_work import make_batch
+from turnout.sweep.batch import file_bytes
+from turnout.sweep.batch import batch_variables, throw_batch
+from turnout.sweep.stored_study import kept_study
+from turnout.sweep.worker import make_batch
 from pathlib import Path
 study = kept_study(Path({str(whole)!r}), {study.digest!r})
 print(len(file_bytes(batch_variables(study, throw_batch(study, [[0]])))) > 1000)

@@ -15,9 +15,9 @@ import numpy as np
 import xarray as xr
 from tests.unit.recorded import changed, noisy, samples, typical
 
-from turnout.measurement.movement import find_throws
-from turnout.measurement.quality import Expected, Verdict, judge
-from turnout.measurement.quality_record import Limits
+from turnout.measurement.campaign.throws import find_throws
+from turnout.measurement.quality.channel import Limits
+from turnout.measurement.quality.judge import Expected, Verdict, judge
 
 PAGE = Path(__file__).parents[2] / "docs" / "measurement-quality.md"
 FIRST_SEED, TRIALS, SOUND = 13_000, 24, 144
@@ -255,7 +255,7 @@ HEAD = """# Quality of recorded throws
 A throw is excluded, with its reason, when a channel is clipped, held, missing or dead, when
 channels have changed places or sign, when it goes the other way than its sheet says, when samples
 came at another rate than stated, when mains hum is strong, or when its start or end was not
-recorded. Limits are fields of `turnout.measurement.quality_record.Limits`; a fault below its limit
+recorded. Limits are fields of `turnout.measurement.quality.channel.Limits`; a fault below its limit
 is meant to pass.
 
 Two things are taken from the rest of the campaign, so at least three sound movements in each

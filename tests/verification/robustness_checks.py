@@ -18,13 +18,13 @@ import xarray as xr
 from tests.verification.robustness_scenarios import Scenario
 
 import turnout.response.simulate as simulate_module
+from turnout.condense.condense import base_stiffness
 from turnout.integrate.outcome import ADVICE, LEAST_SCALE, Code
 from turnout.integrate.run import History, integrate
-from turnout.integrate.scheme import Scheme
 from turnout.law.table import LawTable
-from turnout.mechanism.condense import base_stiffness
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import LoadedPanel
+from turnout.scheme import Scheme
 
 BOOKS = 1e-6
 """Largest residual of the books, as a share of their scale."""

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from turnout.integrate.run import History
-from turnout.integrate.scheme import Scheme
 from turnout.mechanism import build
-from turnout.mechanism.between import row_between, stands_between
 from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.offnode_objects import row_between, stands_between
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.response.simulate import solve_placed
+from turnout.scheme import Scheme
 
 
 @pytest.fixture(scope="module")

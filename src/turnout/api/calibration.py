@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from turnout.api.campaign import Campaign, checked_panel, dataset_of, kept_throws
+from turnout.calibration.calibrate import calibrate as fit_stages
+from turnout.calibration.movements import doubts_on
+from turnout.calibration.progress import State
+from turnout.calibration.result import Calibration
+from turnout.calibration.result import load_calibration as read_record
+from turnout.calibration.stage import default_plan
+from turnout.core.html_table import html_table
 from turnout.errors import FileError
-from turnout.files.html_table import html_table
 from turnout.panel.load import LoadedPanel, library_names, load_panel
-from turnout.response.scheme import Mode, chosen_scheme
-from turnout.study.calibration.belongs import doubts_on
-from turnout.study.calibration.calibrate import calibrate as fit_stages
-from turnout.study.calibration.progress import State
-from turnout.study.calibration.record import Calibration
-from turnout.study.calibration.record import load_calibration as read_record
-from turnout.study.calibration.stage import default_plan
+from turnout.scheme import Mode, chosen_scheme
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
+from turnout.core.html_table import html_table
+from turnout.core.units import LENGTH, parse_quantity
 from turnout.errors import FileError, MeasurementError, PanelError
-from turnout.files.html_table import html_table
-from turnout.files.units import LENGTH, parse_quantity
-from turnout.measurement.campaign import build_campaign as read_folder
-from turnout.measurement.sheet_value import normal_place
+from turnout.measurement.campaign.build import build_campaign as read_folder
+from turnout.measurement.campaign.sheet import normal_place
 from turnout.metric.campaign import places_of
 from turnout.panel.load import LoadedPanel
-from turnout.response.scheme import Mode, chosen_scheme
 from turnout.response.store import open_response, save_response
-from turnout.study.virtual_campaign import make_virtual_campaign
-from turnout.study.virtual_plan import SIZES, Plan, default_places
+from turnout.scheme import Mode, chosen_scheme
+from turnout.virtual.campaign import make_virtual_campaign
+from turnout.virtual.plan import SIZES, Plan, default_places
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,7 +8,7 @@ from turnout.api.sweep import cells_of
 from turnout.plot.campaign import plot_overview, plot_stacked
 from turnout.plot.modes import plot_modes
 from turnout.plot.recording import plot_measured
-from turnout.plot.sweep_map import plot_sweep_map
+from turnout.plot.sweep import plot_sweep_map
 from turnout.plot.throw import plot_throw
 from turnout.plot.validation import plot_comparison, plot_error_map
 from turnout.report.view import kind_of

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import xarray as xr
 
+from turnout.core.units import TIME, parse_quantity
 from turnout.errors import FileError
-from turnout.files.units import TIME, parse_quantity
-from turnout.measurement.chain import apply_chain, load_channel_map
-from turnout.measurement.condition import condition
-from turnout.measurement.read import read_recording
+from turnout.measurement.chain.apply import apply_chain, load_channel_map
+from turnout.measurement.chain.condition import condition
+from turnout.measurement.formats.files import read_recording
 
 
 def import_recording(

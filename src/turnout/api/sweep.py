@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 import xarray as xr
 
+from turnout.core.html_table import html_table
 from turnout.errors import StudyError
-from turnout.files.html_table import html_table
 from turnout.metric.sweep_map import STATES, end_state, sweep_map
 from turnout.study.study import Study, load_study
-from turnout.study.sweep_effects import sweep_effects
-from turnout.study.sweep_export import table_of
-from turnout.study.sweep_read import open_sweep as open_batches
-from turnout.study.sweep_read import read_labels
-from turnout.study.sweep_run import State
-from turnout.study.sweep_run import run_sweep as run_batches
+from turnout.sweep.effects import sweep_effects
+from turnout.sweep.export import table_of
+from turnout.sweep.read import open_sweep as open_batches
+from turnout.sweep.read import read_labels
+from turnout.sweep.run import State
+from turnout.sweep.run import run_sweep as run_batches
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,13 +73,13 @@ class Sweep:
         direction : str
             Movement whose forces are shown.
         """
-        from turnout.plot.sweep_map import plot_sweep_map
+        from turnout.plot.sweep import plot_sweep_map
 
         return plot_sweep_map(cells_of(self.labels, x=x, y=y, direction=direction))
 
     def plot_effects(self) -> "Figure":
         """Draw the sensitivity of each output: Sobol indices of the inputs and main effects."""
-        from turnout.plot.sweep_effects import plot_sweep_effects
+        from turnout.plot.sweep import plot_sweep_effects
 
         return plot_sweep_effects(
             sweep_effects(self.labels), title=str(self.labels.attrs.get("name", ""))

@@ -9,12 +9,12 @@ import xarray as xr
 
 from turnout.api.calibration import CalibrationResult
 from turnout.api.campaign import Campaign, dataset_of, kept_throws
+from turnout.calibration.evaluate import Evaluator
+from turnout.core.html_table import html_table
 from turnout.errors import MeasurementError
-from turnout.files.html_table import html_table
 from turnout.response.store import save_response
-from turnout.study.calibration.evaluate import Evaluator
-from turnout.study.validation.validate import validate as predict
-from turnout.study.validation.verdict import Verdict, judge
+from turnout.validation.validate import validate as predict
+from turnout.validation.verdict import Verdict, judge
 
 if TYPE_CHECKING:
     import pandas as pd

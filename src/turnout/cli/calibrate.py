@@ -8,14 +8,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from turnout.cli.campaign import INTERRUPTED, OutsideOption, dataset_of
-from turnout.cli.options import DEFAULT_PANEL, SetOption, opened_panel
-from turnout.cli.outputs import check_outputs, made_folder, write_told
+from turnout.cli.options import (
+    DEFAULT_PANEL,
+    SetOption,
+    check_outputs,
+    made_folder,
+    opened_panel,
+    write_told,
+)
 from turnout.cli.validate import kept_throws
 
 if TYPE_CHECKING:
-    from turnout.study.calibration.calibrate import Outcome
-    from turnout.study.calibration.progress import State
-    from turnout.study.calibration.record import Calibration
+    from turnout.calibration.calibrate import Outcome
+    from turnout.calibration.progress import State
+    from turnout.calibration.result import Calibration
 
 SECONDS_BETWEEN_LINES = 2.0
 NOT_TRUSTED = 1
@@ -78,11 +84,11 @@ def calibrate_command(
     if figures is not None:
         made_folder("--figures", figures)
     loaded = opened_panel(panel, settings)
-    from turnout.study.calibration.stage import default_plan
+    from turnout.calibration.stage import default_plan
 
     plan = default_plan(loaded, free=free, fixed=fix, most=most)
     dataset = dataset_of(source, None, out=out, allow_outside=allow_outside, quiet=quiet)
-    from turnout.study.calibration.calibrate import calibrate
+    from turnout.calibration.calibrate import calibrate
 
     try:
         outcome = calibrate(

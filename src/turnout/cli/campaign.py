@@ -5,15 +5,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.options import CalibrationOption, PanelOption, SetOption, opened_panel
-from turnout.cli.outputs import check_outputs
+from turnout.cli.options import (
+    CalibrationOption,
+    PanelOption,
+    SetOption,
+    check_outputs,
+    opened_panel,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from turnout.measurement.campaign import Campaign
+    from turnout.measurement.campaign.build import Campaign
     from turnout.panel.load import LoadedPanel
-    from turnout.study.virtual_plan import Plan
+    from turnout.virtual.plan import Plan
 
 FIGURES = (".png", ".pdf", ".svg")
 INTERRUPTED = 130
@@ -78,7 +83,7 @@ def build_command(
     """Build one dataset of all usable movements; what was built before is taken up."""
     if out is not None:
         check_outputs({"--out": out}, {"--out": (".nc",)})
-    from turnout.measurement.inside import refuse_to_leave
+    from turnout.measurement.campaign.inside import refuse_to_leave
 
     target = out if out is not None else folder / "campaign.nc"
     refuse_to_leave(target, folder)
@@ -124,7 +129,7 @@ def plot_command(
         raise FileError(message)
     place = None if place is None else _place(place)
     dataset = dataset_of(source, channels, out=target, allow_outside=allow_outside, quiet=quiet)
-    from turnout.files.atomic import write_atomic
+    from turnout.core.atomic import write_atomic
     from turnout.plot.campaign import plot_overview, plot_stacked
     from turnout.plot.style import rendered
 
@@ -174,8 +179,8 @@ def virtual_command(
     quiet: QuietOption = False,
 ) -> None:
     """Make a campaign of simulated throws as a data acquisition system would have recorded it."""
-    from turnout.study.virtual_plan import virtual_plan
-    from turnout.study.virtual_truth import finer_panel, finer_scheme
+    from turnout.virtual.plan import virtual_plan
+    from turnout.virtual.throw import finer_panel, finer_scheme
 
     loaded = opened_panel(panel, settings, calibration)
     if finer:
@@ -197,7 +202,7 @@ def virtual_command(
 
 def _place(text: str) -> str:
     from turnout.errors import FileError
-    from turnout.measurement.sheet_value import normal_place
+    from turnout.measurement.campaign.sheet import normal_place
 
     try:
         return normal_place(text)
@@ -209,7 +214,7 @@ def _place(text: str) -> str:
 def _make(panel: "LoadedPanel", out: Path, plan: "Plan", *, workers: int, quiet: bool) -> None:
     from turnout.cli.watch import Watch
     from turnout.response.compilation import must_compile
-    from turnout.study.virtual_campaign import make_virtual_campaign
+    from turnout.virtual.campaign import make_virtual_campaign
 
     text = f"throwing {panel.name}"
     try:
@@ -244,7 +249,7 @@ def built_campaign(
 ) -> "Campaign":
     """Read a campaign's folder with its progress shown; Ctrl-C loses nothing."""
     from turnout.cli.watch import Watch
-    from turnout.measurement.campaign import build_campaign
+    from turnout.measurement.campaign.build import build_campaign
 
     try:
         with Watch(f"reading {folder.name or folder}", compiling=False, quiet=quiet) as watch:
@@ -275,8 +280,8 @@ def dataset_of(
 
     What is to be written, `out`, must not leave the folder by a link in it.
     """
-    from turnout.measurement.inside import refuse_links_out, refuse_to_leave
-    from turnout.measurement.piece import STORE
+    from turnout.measurement.campaign.inside import refuse_links_out, refuse_to_leave
+    from turnout.measurement.campaign.piece import STORE
 
     received = source if source.is_dir() else source.parent
     refuse_links_out(received / STORE, received)

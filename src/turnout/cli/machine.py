@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from turnout.cli.outputs import check_outputs
+from turnout.cli.options import check_outputs
 
 if TYPE_CHECKING:
     from turnout.machine.load import LoadedMachines
@@ -134,7 +134,7 @@ def _leaves(prefix: str, value: Any) -> list[tuple[str, Any]]:
 
 
 def _shown(value: Any) -> str:
-    from turnout.files.problems import show_value
+    from turnout.core.problems import show_value
 
     return show_value(value)
 

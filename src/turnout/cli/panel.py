@@ -5,10 +5,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.ending import end_code
 from turnout.cli.modes import modes_command
-from turnout.cli.options import CalibrationOption, PanelArgument, SetOption, opened_panel
-from turnout.cli.outputs import FIGURES, check_outputs, tell_schema, write_told
+from turnout.cli.options import (
+    FIGURES,
+    CalibrationOption,
+    PanelArgument,
+    SetOption,
+    check_outputs,
+    end_code,
+    opened_panel,
+    tell_schema,
+    write_told,
+)
 
 if TYPE_CHECKING:
     pass
@@ -54,8 +62,7 @@ def show_command(
 ) -> None:
     """Show a panel: plan, closed gap, force margins, test piece, and what is assumed."""
     check_outputs({"--plot": plot}, {"--plot": FIGURES})
-    from turnout.cli.show import panel_lines
-    from turnout.cli.throwing import thrown
+    from turnout.cli.show import panel_lines, thrown
 
     opened = opened_panel(panel, settings, calibration)
     found = thrown(opened) if throw else None
@@ -90,8 +97,8 @@ def check_command(
     """
     panel = opened_panel(file, settings, calibration)
     typer.echo(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
-    from turnout.cli.throwing import thrown_alone
-    from turnout.study.panel_check import concern_lines, panel_concerns, unusual_concerns
+    from turnout.analysis.panel_check import concern_lines, panel_concerns, unusual_concerns
+    from turnout.cli.show import thrown_alone
 
     dataset = thrown_alone(panel) if throw else None
     found = unusual_concerns(panel) if dataset is None else panel_concerns(panel, dataset)
@@ -121,7 +128,7 @@ def sections_command(
     for line in section_lines(opened):
         typer.echo(line)
     if plot is not None:
-        from turnout.cli.section_figure import section_figure
+        from turnout.cli.sections import section_figure
         from turnout.plot.style import rendered
 
         figure = section_figure(opened, opened.instrumented_rail)
@@ -140,8 +147,8 @@ def export_command(
     calibration: CalibrationOption = None,
 ) -> None:
     """Write the matrices of every rail, whole and reduced, for other programs (.mat)."""
-    from turnout.cli.outputs import made_folder
-    from turnout.response.export import export_matrices
+    from turnout.analysis.export import export_matrices
+    from turnout.cli.options import made_folder
 
     opened = opened_panel(panel, settings, calibration)
     folder = made_folder("--out", out)

@@ -10,22 +10,24 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.ending import INTERRUPTED, end_code
 from turnout.cli.options import (
+    FIGURES,
+    INTERRUPTED,
     CalibrationOption,
     DatasetOption,
     FigureOption,
     PanelArgument,
     SetOption,
     all_told,
+    check_outputs,
+    end_code,
     opened_panel,
 )
-from turnout.cli.outputs import FIGURES, check_outputs
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from turnout.response.scheme import Scheme
+    from turnout.scheme import Scheme
 
 
 def simulate_command(
@@ -188,16 +190,16 @@ def _overlaid(overlay: Path | None, plot: Path | None) -> "xr.Dataset | None":
 
         message = f"--overlay {overlay}: is drawn in the figure; name one with --plot"
         raise FileError(message)
-    from turnout.measurement.history import read_history
+    from turnout.measurement.formats.history import read_history
 
     return read_history(overlay)
 
 
 def _scheme(mode: str, *, step: str, cutoff: str, every: str) -> "Scheme":
     """Return the scheme of a mode, with what is given instead of its own choices."""
+    from turnout.core.units import FREQUENCY, TIME, parse_quantity
     from turnout.errors import FileError
-    from turnout.files.units import FREQUENCY, TIME, parse_quantity
-    from turnout.response.scheme import Scheme
+    from turnout.scheme import Scheme
 
     changes: dict[str, float] = {}
     problems = []
@@ -234,7 +236,7 @@ def _write(
         save_response(dataset, out)
         written.append(out)
     if plot is not None and figure:
-        from turnout.files.atomic import write_atomic
+        from turnout.core.atomic import write_atomic
 
         write_atomic(plot, figure)
         written.append(plot)

@@ -6,15 +6,14 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from turnout.cli.campaign import INTERRUPTED, OutsideOption, dataset_of
-from turnout.cli.options import SetOption, calibrated_panel, opened_panel
-from turnout.cli.outputs import made_folder, write_told
+from turnout.cli.options import SetOption, calibrated_panel, made_folder, opened_panel, write_told
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from turnout.calibration.result import Calibration
     from turnout.panel.load import LoadedPanel
-    from turnout.study.calibration.record import Calibration
-    from turnout.study.validation.verdict import Verdict
+    from turnout.validation.verdict import Verdict
 
 NOT_VALID = 1
 PAGE, TABLE, DATASET = "validation.md", "movements.csv", "validation.nc"
@@ -55,8 +54,8 @@ def validate_command(
 
     Exit code 1 where the calibration is not valid for the campaign.
     """
-    from turnout.study.calibration.belongs import doubts_on
-    from turnout.study.calibration.record import load_calibration
+    from turnout.calibration.movements import doubts_on
+    from turnout.calibration.result import load_calibration
 
     known = load_calibration(calibration)
     given = opened_panel(panel, []) if panel is not None else calibrated_panel(known, calibration)
@@ -68,17 +67,17 @@ def validate_command(
     if place is not None:
         _check_place(dataset, place)
     if laws is not None:
-        from turnout.study.discrepancy.laws import drive_laws
+        from turnout.calibration.drive_law.candidates import drive_laws
 
         drive_laws(loaded, laws)
     for text in doubts_on(known, loaded):
         typer.echo(f"turnout: {calibration}: {text}", err=True)
-    from turnout.study.validation.verdict import judge, verdict_lines
+    from turnout.validation.verdict import judge, verdict_lines
 
     found = _validated(source, dataset, loaded, known, workers=workers, quiet=quiet)
     verdict = judge(found)
     if not quiet:
-        from turnout.study.validation.report import notes
+        from turnout.validation.text import notes
 
         for line in (*verdict_lines(verdict), *notes(found)):
             typer.echo(line)
@@ -93,8 +92,8 @@ def validate_command(
 
 def _check_place(dataset: "xr.Dataset", place: str) -> None:
     """Refuse a place without movements before anything is thrown."""
+    from turnout.core.problems import choices
     from turnout.errors import FileError
-    from turnout.files.problems import choices
     from turnout.metric.campaign import places_of
 
     known = places_of(dataset)
@@ -118,9 +117,9 @@ def _validated(
     workers: int,
     quiet: bool,
 ) -> "xr.Dataset":
+    from turnout.calibration.evaluate import Evaluator
     from turnout.cli.watch import watched
-    from turnout.study.calibration.evaluate import Evaluator
-    from turnout.study.validation.validate import validate
+    from turnout.validation.validate import validate
 
     total = dataset.sizes["movement"] * (1 + len(known.fitted))
     try:
@@ -144,10 +143,9 @@ def _compare_laws(
     workers: int,
     quiet: bool,
 ) -> None:
+    from turnout.calibration.drive_law.compare import compare_laws, law_lines
+    from turnout.calibration.evaluate import Evaluator
     from turnout.cli.watch import watched
-    from turnout.study.calibration.evaluate import Evaluator
-    from turnout.study.discrepancy.compare import compare_laws
-    from turnout.study.discrepancy.lines import law_lines
 
     try:
         with (
@@ -173,7 +171,7 @@ def _write(out: Path, found: "xr.Dataset", verdict: "Verdict", *, place: str | N
     from turnout.plot.style import rendered
     from turnout.plot.validation import plot_comparison, plot_error_map
     from turnout.response.store import save_response
-    from turnout.study.validation.report import page_text, table_text
+    from turnout.validation.text import page_text, table_text
 
     figures = [MAP]
     write_told(out / MAP, rendered(plot_error_map(found), ".png"))

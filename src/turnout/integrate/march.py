@@ -6,15 +6,16 @@ Kernels change `State` in place and return an outcome code; they never raise and
 from typing import NamedTuple
 
 from turnout.integrate.accuracy import DRIFTS, correct, equilibrium_residual, is_inaccurate, measure
-from turnout.integrate.columns import REBUILD_AFTER, rebuild
-from turnout.integrate.compliance import make_level
+from turnout.integrate.columns import REBUILD_AFTER, make_level, rebuild
 from turnout.integrate.energy import (
     account_friction,
     account_laws,
+    store_energy,
     switch_laws,
 )
 from turnout.integrate.follow import follow_path
 from turnout.integrate.quasistatic import advance_static
+from turnout.integrate.scratch import Work
 from turnout.integrate.solve import (
     CONVERGED,
     NOT_CONVERGED,
@@ -28,12 +29,10 @@ from turnout.integrate.solve import (
 )
 from turnout.integrate.state import COUNT_HALVED, COUNT_RECENT, LEVEL, State
 from turnout.integrate.step import Factors, Stepping, begin_step, complete_step, factors_of
-from turnout.integrate.stored import store_energy
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import copy
-from turnout.integrate.work import Work
-from turnout.law.compiled import compiled, compiled_loop, compiled_part
-from turnout.law.lanes import LANES, load, pick, stream
+from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
+from turnout.kernels.lanes import LANES, load, pick, stream
+from turnout.kernels.vector import copy
 from turnout.law.table import LawTable
 
 MEASURE_EVERY = 100

@@ -14,9 +14,9 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.law.lanes import LANES
+from turnout.condense.condense import BlockModel
+from turnout.kernels.lanes import LANES
 from turnout.law.table import LawTable
-from turnout.mechanism.condense import BlockModel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -9,25 +9,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.condense.modal import ModalModel
+from turnout.core.threads import one_blas_thread
 from turnout.errors import SolverError
 from turnout.integrate.accuracy import equilibrium_residual
-from turnout.integrate.arrange import arranged
+from turnout.integrate.arrange import Run, arranged, instants_of, prepare, start
 from turnout.integrate.dense import fill_in
 from turnout.integrate.energy import energy_balance
-from turnout.integrate.interrupt import heard, one_thread
 from turnout.integrate.march import Record, march, store
 from turnout.integrate.outcome import Code, Outcome, is_closed
-from turnout.integrate.prepare import Run, instants_of, prepare, start
-from turnout.integrate.scheme import Scheme
 from turnout.integrate.state import (
     COUNT_FLIPS,
     COUNT_HALVED,
     COUNT_ITERATIONS,
 )
+from turnout.kernels.interrupt import heard, one_thread
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
-from turnout.mechanism.modal import ModalModel
-from turnout.mechanism.threads import one_blas_thread
+from turnout.scheme import Scheme
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -56,7 +55,7 @@ class History:
     law_force, friction_force : ndarray, shape (n, n_laws), (n, n_frictions)
         Forces with which laws and frictions resist [N].
     stored, ledger : ndarray, shape (n, 4), (n, 6)
-        Energies, see `turnout.integrate.stored` and `turnout.integrate.energy` for the columns [J].
+        Energies, see `turnout.integrate.energy` and `turnout.integrate.energy` for the columns [J].
     law_placed, law_first : ndarray, shape (n_laws,)
         When a law began to act (nan: there was never room for it), and when it first had a force,
         from every step; of laws that do not act all the time (objects), nan for all others [s].

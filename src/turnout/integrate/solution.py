@@ -1,12 +1,12 @@
 """The solution of one implicit step for a given contact set; see `turnout.integrate.columns`."""
 
-from turnout.integrate.coupling import at_end, couple, solve_coupling
+from turnout.integrate.columns import at_end, couple, solve_coupling
+from turnout.integrate.scratch import Work
 from turnout.integrate.state import COUNT_JOINING, COUPLED, State
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import add, add_two, gather, sum_rows
-from turnout.integrate.work import Work
-from turnout.law.compiled import compiled, compiled_loop, compiled_part
-from turnout.law.lanes import LANES, every, load, pick, store
+from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
+from turnout.kernels.lanes import LANES, every, load, pick, store
+from turnout.kernels.vector import add, add_two, gather, sum_rows
 from turnout.law.table import LawTable
 
 

@@ -11,19 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from turnout.integrate.columns import update_row
+from turnout.integrate.scratch import Work
 from turnout.integrate.solution import set_modes, solve_set
 from turnout.integrate.state import COUNT_ITERATIONS, State, set_segment
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import copy
-from turnout.integrate.work import Work
-from turnout.law.compiled import compiled, compiled_loop, compiled_part
-from turnout.law.kernel import (
-    STICK,
-    any_not_finite,
-    friction_state,
-    segment_for,
-)
-from turnout.law.lanes import (
+from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
+from turnout.kernels.lanes import (
     LANES,
     choose,
     either,
@@ -34,6 +27,13 @@ from turnout.law.lanes import (
     pick,
     some,
     store,
+)
+from turnout.kernels.vector import copy
+from turnout.law.kernel import (
+    STICK,
+    any_not_finite,
+    friction_state,
+    segment_for,
 )
 from turnout.law.table import LawTable
 

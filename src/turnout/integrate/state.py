@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from turnout.integrate.system import Floats, Ints, System
-from turnout.law.compiled import compiled
+from turnout.kernels.compiled import compiled
+from turnout.kernels.lanes import zeros_in_lines
+from turnout.kernels.records import another, shared
 from turnout.law.kernel import segment_for
-from turnout.law.lanes import zeros_in_lines
-from turnout.law.shared import another, shared
 from turnout.law.table import LawTable
 
 
@@ -28,7 +28,7 @@ class State(NamedTuple):
     ``drift`` is the growth of rounding since it was last measured. ``push_force`` are the forces of
     the driven laws at the last instant, ``jump`` is what a law that was switched lost there.
     ``resting``, ``held_at_rest``, ``law_apart`` and ``friction_apart`` are those of
-    `turnout.integrate.stored`. ``law_placed`` and ``law_first`` are of laws that do not act all the
+    `turnout.integrate.energy`. ``law_placed`` and ``law_first`` are of laws that do not act all the
     time.
     """
 

@@ -10,11 +10,11 @@ follows from the predicted coordinates :math:`\tilde q` and velocities :math:`\t
 from typing import NamedTuple
 
 from turnout.integrate.energy import ALGORITHMIC, DAMPING
+from turnout.integrate.scratch import Work
 from turnout.integrate.state import State
 from turnout.integrate.system import Floats, System
-from turnout.integrate.work import Work
-from turnout.law.compiled import compiled, compiled_loop, compiled_part
-from turnout.law.lanes import LANES, every, load, store, total
+from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
+from turnout.kernels.lanes import LANES, every, load, store, total
 
 
 class Stepping(NamedTuple):

@@ -8,7 +8,7 @@ with, so that the structure feels ``-F`` along the law's row.
 
 import numpy as np
 
-from turnout.law.compiled import compiled, compiled_loop
+from turnout.kernels.compiled import compiled, compiled_loop
 from turnout.law.table import Floats, LawTable
 
 STICK = 0

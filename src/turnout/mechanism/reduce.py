@@ -7,19 +7,18 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from turnout.files.latest import Latest
-from turnout.mechanism.cache import digest, remembered
-from turnout.mechanism.mechanism import RailBody
-from turnout.mechanism.rail import RailData, ReducedRail
+from turnout.core.content_cache import digest, remembered
+from turnout.core.lru_cache import Latest
+from turnout.mechanism.mechanism import RailBody, RailData, ReducedRail
 from turnout.mechanism.structure import Structure, point_rows, rail_structure
-from turnout.panel.rail_matrices import RailMatrices
+from turnout.panel.records import RailMatrices
 from turnout.reduction.craig_bampton import (
     Superelement,
     craig_bampton,
     reduce_matrix,
     reduce_vector,
 )
-from turnout.reduction.report import ReductionReport, reduction_report
+from turnout.reduction.truncation import ReductionReport, reduction_report
 from turnout.section.properties import SectionProperties
 
 Floats = NDArray[np.float64]

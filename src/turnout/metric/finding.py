@@ -7,10 +7,9 @@ from typing import Any, Literal
 
 import xarray as xr
 
-from turnout.metric.books import is_inaccurate, numerical_warning
-from turnout.metric.movement import Slip, margins, slips
 from turnout.metric.signal import at_end
-from turnout.metric.words import kilo, milli
+from turnout.metric.slip import Slip, margins, slips
+from turnout.metric.summary import is_inaccurate, kilo, milli, numerical_warning
 
 HEADLINE = "Outcome"
 """The question that the headline of a run answers; it goes without being asked."""

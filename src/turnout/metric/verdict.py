@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from turnout.metric.movement import Slip, movements, slips
 from turnout.metric.signal import at_end
-from turnout.metric.words import kilo, milli
+from turnout.metric.slip import Slip, movements, slips
+from turnout.metric.summary import kilo, milli
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,12 +12,11 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from turnout.files.problems import Problem, nearest, show_value
-from turnout.files.toml import Origin, TomlFile
-from turnout.files.units import LENGTH, SI, parse_quantities
+from turnout.core.problems import Problem, nearest, show_value
+from turnout.core.toml import Origin, TomlFile
+from turnout.core.units import LENGTH, SI, parse_quantities
 from turnout.panel.model import Panel
-from turnout.panel.rail_matrices import RailMatrices
-from turnout.panel.record import Placed
+from turnout.panel.records import Placed, RailMatrices
 
 Path = tuple[str, ...]
 

@@ -8,16 +8,17 @@ from typing import Any, Self
 
 from pydantic import PrivateAttr
 
+from turnout.core.html_table import html_table
+from turnout.core.library import names_in_library, text_in_library
+from turnout.core.problems import Problem, choices
+from turnout.core.provenance import content_hash
+from turnout.core.regular import user_path
+from turnout.core.toml import Origin, TomlFile, parse_toml, read_toml
 from turnout.errors import FileError, PanelError
-from turnout.files.html_table import html_table
-from turnout.files.library import names_in_library, text_in_library
-from turnout.files.problems import Problem, choices
-from turnout.files.provenance import content_hash
-from turnout.files.regular import user_path
-from turnout.files.toml import Origin, TomlFile, parse_toml, read_toml
 from turnout.panel.check import check
 from turnout.panel.document import Document, expand
 from turnout.panel.library_outlines import add_library_outlines
+from turnout.panel.markers import read_schedule_files
 from turnout.panel.matrices import check_matrices, read_matrices
 from turnout.panel.model import Panel
 from turnout.panel.override import (
@@ -27,8 +28,7 @@ from turnout.panel.override import (
     restated,
     supersede,
 )
-from turnout.panel.rail_matrices import RailMatrices
-from turnout.panel.schedule_file import read_schedule_files
+from turnout.panel.records import RailMatrices
 from turnout.panel.validate import Known, validate
 
 # Neither changes what the panel is: the text about it, and where a schedule's numbers were read.

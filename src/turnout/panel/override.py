@@ -13,9 +13,9 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from turnout.files.problems import Problem, nearest, show_value
-from turnout.files.toml import Origin, load_toml
-from turnout.files.units import SI, is_finite
+from turnout.core.problems import Problem, nearest, show_value
+from turnout.core.toml import Origin, load_toml
+from turnout.core.units import SI, is_finite
 from turnout.panel.document import FAMILIES, Document, Path
 from turnout.panel.model import Panel
 

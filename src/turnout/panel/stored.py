@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from turnout.files.toml import Origin
-from turnout.files.units import SI
+from turnout.core.toml import Origin
+from turnout.core.units import SI
 from turnout.panel.document import Document
 from turnout.panel.load import LoadedPanel
-from turnout.panel.rail_matrices import RailMatrices
+from turnout.panel.records import RailMatrices
 
 SI_MARK = "$si"
 """Key of a number that Python code handed over as SI, where a file would need a unit."""

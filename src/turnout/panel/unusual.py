@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from turnout.files.field_unit import unit_of
+from turnout.core.quantity import unit_of
 from turnout.panel.document import FAMILIES
 from turnout.panel.model import Panel
 from turnout.panel.override import field_at

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError, create_model
 
-from turnout.files.problems import Problem, choices, describe_error, nearest, show_value
+from turnout.core.problems import Problem, choices, describe_error, nearest, show_value
 from turnout.panel.document import FAMILIES, Document, Path
 from turnout.panel.model import Panel
 from turnout.panel.override import fields_at, records_in

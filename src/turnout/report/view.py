@@ -9,12 +9,12 @@ from turnout.metric.finding import Finding, findings
 from turnout.plot.draw import draw_sheet
 from turnout.plot.sheet import Sheet
 from turnout.plot.style import rendered, title_of
-from turnout.plot.throw_sheet import throw_sheet
+from turnout.plot.throw import throw_sheet
 from turnout.report.campaign import campaign_findings
 from turnout.report.page import data_address
 from turnout.report.sweep import sweep_findings
 from turnout.report.validation import validation_findings
-from turnout.study.validation.verdict import judge
+from turnout.validation.verdict import judge
 
 # Told by colour and by sign, so that no reader depends on colour.
 SIGNS = {"good": ("✓", "#00875f"), "look": ("!", "#b36b00"), "bad": ("✗", "#c8322b")}

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from turnout.files.cache_folder import why_private
+from turnout.core.cache_folder import why_private
 from turnout.integrate import march
 
 # Set when the kernels are imported; the time loop is compiled last, after all that it calls.

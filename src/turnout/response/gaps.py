@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.files.latest import Latest
+from turnout.core.lru_cache import Latest
 from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
 from turnout.panel.profile import running_edge_distance, stock_rail_gap

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.files.latest import Latest
+from turnout.core.lru_cache import Latest
+from turnout.panel.markers import movement_end, ordered_movements
 from turnout.panel.model import Panel
-from turnout.panel.motion import movement_end, ordered_movements
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from turnout.core.threads import one_blas_thread
 from turnout.errors import ResponseError
 from turnout.integrate.outcome import NotConverged
 from turnout.integrate.run import Floats, History, integrate
-from turnout.integrate.scheme import Mode, Scheme, chosen_scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
-from turnout.mechanism.threads import one_blas_thread
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.panel.motion import marker_offsets, marker_positions
+from turnout.panel.markers import marker_offsets, marker_positions
 from turnout.response.compilation import must_compile
 from turnout.response.dataset import describe_run, response_dataset
 from turnout.response.save import Save
+from turnout.scheme import Mode, Scheme, chosen_scheme
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from turnout.core.atomic import write_atomic
+from turnout.core.regular import require_regular_file
 from turnout.errors import FileError
-from turnout.files.atomic import write_atomic
-from turnout.files.regular import require_regular_file
 from turnout.schema.channels import CONVENTIONS, SCHEMA_VERSION
 
 SUFFIXES = (".nc",)

@@ -7,20 +7,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from turnout.files.plain import to_plain
-from turnout.files.provenance import content_hash
-from turnout.integrate.scheme import Scheme
+from turnout.core.json_files import to_plain
+from turnout.core.provenance import content_hash
 from turnout.panel.load import LoadedPanel
-from turnout.study.assemble import foreign_objects, multiplied, shown
+from turnout.scheme import Scheme
+from turnout.study.chance import RandomField, TemperatureLaw
 from turnout.study.design import Design
-from turnout.study.random_field import RandomField
 from turnout.study.sampling import FIELDS, SCENARIOS
 from turnout.study.scenario import Output, Rule, Scenario, Value, chains_of
-from turnout.study.temperature import TemperatureLaw
-from turnout.study.variable import OBJECT_KEYS, TEMPERATURE_KEY, Variable
+from turnout.study.variable import (
+    OBJECT_KEYS,
+    TEMPERATURE_KEY,
+    Variable,
+    foreign_objects,
+    multiplied,
+    shown,
+)
 
 if TYPE_CHECKING:
-    from turnout.files.toml import TomlFile
+    from turnout.core.toml import TomlFile
 
 PARTS = ("scheme", "output", "design", "variables", "fields", "law", "rule", "split")
 """What besides panel and seed determines the results of a study."""
@@ -215,7 +220,7 @@ def load_study(name_or_path: str | Path, *, calibration: Path | None = None) -> 
     >>> load_study("sleeper-6").count
     11
     """
-    from turnout.study.study_library import open_study
+    from turnout.study.read import open_study
 
     return study_from_file(open_study(name_or_path), calibration=calibration)
 
@@ -223,10 +228,9 @@ def load_study(name_or_path: str | Path, *, calibration: Path | None = None) -> 
 def study_from_file(file: "TomlFile", *, calibration: Path | None = None) -> Study:
     """Make a study from a TOML document that was already read."""
     # Workers of a sweep get their study ready, and need not wait for what reads files.
-    from turnout.study.calibration.belongs import doubts_on
-    from turnout.study.calibration.record import load_calibration
-    from turnout.study.study_library import named_panel, path_from
-    from turnout.study.study_read import read_parts, read_record
+    from turnout.calibration.movements import doubts_on
+    from turnout.calibration.result import load_calibration
+    from turnout.study.read import named_panel, path_from, read_parts, read_record
 
     record, unknown = read_record(file)
     if calibration is None and record.calibration is not None:

@@ -16,14 +16,14 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from turnout.errors import FileError, TurnoutError
-from turnout.report.script import plotly_script
+from turnout.report.page import plotly_script
 from turnout.web.desk import LARGEST_PANEL
-from turnout.web.download import FILES
 from turnout.web.guard import LARGEST_UPLOAD, TooLargeError
 from turnout.web.measured import campaign_file, plain_name
 from turnout.web.process import without_folders
 from turnout.web.question import CHECK_TIME_LIMIT, TIME_LIMIT, Reply, Superseded, Task
 from turnout.web.studio import Studio
+from turnout.web.throw import FILES
 from turnout.web.worker import ClosedError, Worker
 
 PAGE = str(files("turnout.web").joinpath("page"))

@@ -15,18 +15,16 @@ from typing import Any
 
 import xarray as xr
 
+from turnout.analysis.panel_check import concern_lines, panel_concerns
+from turnout.core.lru_cache import Latest
+from turnout.core.toml import decode, parse_toml
 from turnout.errors import FileError, PanelError, TurnoutError
-from turnout.files.latest import Latest
-from turnout.files.toml import decode, parse_toml
 from turnout.panel.load import LoadedPanel, library_names, load_panel, panel_from_file
 from turnout.plot.sheet import sheet_record
-from turnout.plot.throw_sheet import throw_sheet
-from turnout.response.scheme import Scheme
+from turnout.plot.throw import throw_sheet
 from turnout.response.simulate import simulate
-from turnout.study.panel_check import concern_lines, panel_concerns
-from turnout.web.answer import answer
+from turnout.scheme import Scheme
 from turnout.web.described import described, measured_record
-from turnout.web.download import FILES, made_file
 from turnout.web.measured import (
     Measured,
     channel_map_of,
@@ -41,7 +39,10 @@ from turnout.web.request import AskedFile, AskedMark, AskedPanel, AskedRun, read
 from turnout.web.throw import (
     FILE_KEYS,
     FILE_MESSAGE,
+    FILES,
+    answer,
     changed_panel,
+    made_file,
     made_ready,
     places_around,
     thrown,

@@ -9,19 +9,22 @@ import h5py
 import numpy as np
 import xarray as xr
 
+from turnout.core.toml import parse_toml
 from turnout.errors import FileError
-from turnout.files.toml import parse_toml
-from turnout.measurement.campaign import CHANNEL_FILE, Campaign
-from turnout.measurement.chain import apply_chain, load_channel_map, parse_channel_map
-from turnout.measurement.channel_map import ChannelMap
-from turnout.measurement.condition import condition
-from turnout.measurement.movement import find_throws
-from turnout.measurement.overview import overview
-from turnout.measurement.read import format_of, read_recording
-from turnout.measurement.recording import Recording
-from turnout.measurement.report import channel_rows
-from turnout.measurement.skeleton import skeleton
-from turnout.metric.movement import movements
+from turnout.measurement.campaign.build import CHANNEL_FILE, Campaign
+from turnout.measurement.campaign.throws import find_throws
+from turnout.measurement.chain.apply import (
+    apply_chain,
+    channel_rows,
+    load_channel_map,
+    parse_channel_map,
+)
+from turnout.measurement.chain.channel_map import ChannelMap
+from turnout.measurement.chain.condition import condition
+from turnout.measurement.chain.skeleton import skeleton
+from turnout.measurement.formats.files import format_of, read_recording
+from turnout.measurement.recording import Recording, overview
+from turnout.metric.slip import movements
 
 WINDOW = 0.1
 DRAWN = ("drive_force", "object_force", "drive_displacement", "drive_gap")

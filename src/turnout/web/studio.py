@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from turnout.files.provenance import version
-from turnout.measurement.campaign import Campaign
+from turnout.core.provenance import version
+from turnout.measurement.campaign.build import Campaign
 from turnout.panel.load import LoadedPanel, library_names
 from turnout.response.compilation import must_compile
 from turnout.web.described import described, measured_record
