@@ -19,7 +19,7 @@ from benchmarks.page import write_section
 from benchmarks.schemes import MODES
 from turnout.core.threads import one_blas_thread
 from turnout.integrate import energy, march, solution, solve, step
-from turnout.integrate.arrange import Run, arranged, prepare, start
+from turnout.integrate.arrange import Run, arrange, prepare, start
 from turnout.integrate.columns import update_row
 from turnout.integrate.state import COUNT_FLIPS, COUNT_ITERATIONS
 from turnout.kernels.interrupt import one_thread
@@ -68,7 +68,7 @@ def marched(name: str, scheme: Scheme, share: float, *, stride: int = 1) -> tupl
     positions = marker_positions(panel, times) + marker_offsets(panel)[:, np.newaxis]
     with one_blas_thread(), one_thread() as thread:
         positions = positions.T.copy()
-        made = prepare(arranged(mechanism, scheme), scheme, positions, times.size, filled_in=False)
+        made = prepare(arrange(mechanism, scheme), scheme, positions, times.size, filled_in=False)
         start(made, mechanism, thread)
         began = time.perf_counter()
         march.march(

@@ -16,7 +16,7 @@ from turnout.condense.followers import leading_rows
 from turnout.condense.modal import damped_apart, modal_model
 from turnout.errors import MechanicsError
 from turnout.integrate.columns import activate, deactivate, make_level, rebuild, update_row
-from turnout.integrate.places import placed
+from turnout.integrate.places import place_laws
 from turnout.integrate.scratch import Work, new_work
 from turnout.integrate.solution import set_modes, solve_set
 from turnout.integrate.state import (
@@ -29,7 +29,7 @@ from turnout.integrate.state import (
     set_segment,
 )
 from turnout.integrate.system import System, check_normals, condensed_system
-from turnout.kernels.records import shared
+from turnout.kernels.records import shared_record
 from turnout.law.kernel import STICK
 from turnout.law.table import LawTable, LawTableBuilder
 
@@ -118,7 +118,7 @@ def setup(cutoff_modes: int, seed: int) -> Setup:
         parts.append(BlockModel(of_block, damped_apart(model), leading))
     assert [rows.size for rows in (part.leading.leaders for part in parts)] == [12, 3]
     system = condensed_system(parts, given)
-    table = shared(placed(given, system.row_place))
+    table = shared_record(place_laws(given, system.row_place))
     state = fresh_state(system, table, n_inputs=len(DRIVEN), levels=2)
     work = new_work(system, table)
     make_level(system, state, 0, INERTIA, VISCOSITY)

@@ -28,5 +28,5 @@ def test_the_collector_rests_until_all_is_loaded() -> None:
         assert not pool.submit(gc.isenabled).result()
         pool.submit(sweep_work.get_ready).result()
         assert pool.submit(gc.isenabled).result()
-        assert pool.submit(gc.get_threshold).result()[0] == sweep_work.SELDOM
+        assert pool.submit(gc.get_threshold).result()[0] == sweep_work.GC_THRESHOLD
         assert pool.submit(gc.get_freeze_count).result() > 10_000

@@ -9,7 +9,7 @@ import xarray as xr
 
 from turnout.api.campaign import Campaign, checked_panel, dataset_of, kept_throws
 from turnout.calibration.calibrate import calibrate as fit_stages
-from turnout.calibration.movements import doubts_on
+from turnout.calibration.movements import check_provenance
 from turnout.calibration.progress import State
 from turnout.calibration.result import Calibration
 from turnout.calibration.result import load_calibration as read_record
@@ -95,7 +95,7 @@ class CalibrationResult:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What to look at, such as a panel that is not the one that was calibrated."""
-        strange = doubts_on(self.record, self.before)[len(self.record.distrust) :]
+        strange = check_provenance(self.record, self.before)[len(self.record.distrust) :]
         return (*self.record.warnings, *strange)
 
     @property

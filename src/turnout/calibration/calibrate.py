@@ -26,7 +26,11 @@ from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.fit import LOOSE, TIGHTENING, Fit, fit
 from turnout.calibration.grid_search import Sweep, sweep
 from turnout.calibration.misfit import Misfit
-from turnout.calibration.movements import check_campaign, told_from_above, with_room
+from turnout.calibration.movements import (
+    check_campaign,
+    drop_unidentified_slip_levels,
+    exclude_oversized_objects,
+)
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.observed import Movement, observe, selected
 from turnout.calibration.posterior import posterior_of
@@ -121,7 +125,7 @@ def calibrate(
         When a throw cannot be simulated.
     """
     plan = plan or default_plan(panel)
-    movements, roomless = with_room(observe(dataset, panel, exclude=exclude), panel)
+    movements, roomless = exclude_oversized_objects(observe(dataset, panel, exclude=exclude), panel)
     check_campaign(movements, plan, panel, source=str(dataset.attrs.get("title", "campaign")))
     comparison = Comparison(
         noise=measured_noise(movements),
@@ -134,7 +138,7 @@ def calibrate(
         evaluator.told = lambda: watch.tell(evaluator)
         run = _Run(plan, panel, movements, comparison, evaluator, watch)
         logs, sweeps, warnings, final = run.stages()
-        final, untold = told_from_above(final)
+        final, untold = drop_unidentified_slip_levels(final)
         warnings += untold
         spread = spread_of(final)
         warnings = [*unusable(dataset), *roomless, *warnings, *warnings_of(final, spread)]

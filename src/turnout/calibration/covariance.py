@@ -15,7 +15,7 @@ from turnout.calibration.parameter import Parameter
 
 Floats = NDArray[np.float64]
 # A deviation above this share of what the bounds alone allow: the data say next to nothing.
-UNTOLD = 0.7
+UNIDENTIFIED = 0.7
 # Correlation from which two parameters are told apart badly [-].
 CORRELATED = 0.95
 NORMAL_95 = float(norm.ppf(0.975))
@@ -121,7 +121,11 @@ def spread_of(found: Fit) -> Spread:
     whole = whole + np.diag(_of_solver(found) ** 2)
     sizes = np.sqrt(np.diag(whole))
     states = [
-        "at its bound" if at else "not identified" if size > UNTOLD / np.sqrt(know) else "fitted"
+        "at its bound"
+        if at
+        else "not identified"
+        if size > UNIDENTIFIED / np.sqrt(know)
+        else "fitted"
         for at, size, know in zip(bound, sizes, prior, strict=True)
     ]
     kept = [number for number, state in enumerate(states) if state == "fitted"]

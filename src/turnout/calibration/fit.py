@@ -10,7 +10,11 @@ from scipy.optimize import lsq_linear
 from turnout.calibration.comparison import Key
 from turnout.calibration.local import Local
 from turnout.calibration.misfit import Frame, Misfit, jacobian
-from turnout.calibration.movement_effects import OWN_TURNS, own_after, settled
+from turnout.calibration.movement_effects import (
+    EFFECT_PASSES,
+    effects_after,
+    update_movement_effects,
+)
 from turnout.calibration.noise import missed_by_model, poorly_followed
 from turnout.calibration.observed import BIN
 from turnout.calibration.parameter import Parameter, coordinates, values_at
@@ -230,7 +234,9 @@ def _least_squares(
     most, most_refused = (ROUGH_STEPS, ROUGH_REFUSED) if rough else (MOST_STEPS, MOST_STEPS)
     message, converged = "", rough
     while True:
-        misfit, local, frame = settled(misfit, local, names, turns=1 if rough else OWN_TURNS)
+        misfit, local, frame = update_movement_effects(
+            misfit, local, names, turns=1 if rough else EFFECT_PASSES
+        )
         residuals = misfit.residuals_of(local.here, frame)
         slopes = jacobian(local, frame, names)
         cost = float(residuals @ residuals)
@@ -246,7 +252,7 @@ def _least_squares(
                 break
             point = coordinates(parameters, local.values) + step
             trial = {**local.values, **values_at(parameters, point)}
-            ahead = replace(misfit, own=own_after(misfit, local, frame, names, step))
+            ahead = replace(misfit, own=effects_after(misfit, local, frame, names, step))
             here = tuple(ahead.responses([trial])[0])
             at_trial = ahead.residuals_of(here, frame)
             left = float(at_trial @ at_trial)

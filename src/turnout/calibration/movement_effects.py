@@ -12,10 +12,10 @@ from turnout.calibration.misfit import Frame, Misfit, framed, slopes_of
 Floats = NDArray[np.float64]
 # How far a movement's own value may be from where it is thrown, how often it is thrown anew where
 # it is further, and by how much at most it then changes [share].
-SAME_OWN, OWN_TURNS, LONGEST_OWN, FURTHEST_OWN = 2e-3, 6, 0.04, 0.5
+SAME_EFFECT, EFFECT_PASSES, LONGEST_EFFECT_STEP, FURTHEST_EFFECT = 2e-3, 6, 0.04, 0.5
 
 
-def settled(
+def update_movement_effects(
     misfit: Misfit, local: Local, names: Sequence[str], *, turns: int
 ) -> tuple[Misfit, Local, Frame]:
     """Throw movements at their own values, until these are where the measurement has them.
@@ -26,7 +26,7 @@ def settled(
     frame = framed(local, misfit)
     for _ in range(turns):
         own = _clipped(misfit, [view.estimates for view in frame.views])
-        if _furthest(misfit, own) <= SAME_OWN:
+        if _furthest(misfit, own) <= SAME_EFFECT:
             break
         misfit = replace(misfit, own=own)
         local = replace(local, here=tuple(misfit.responses([local.values])[0]))
@@ -36,7 +36,7 @@ def settled(
     return misfit, local, frame if local.moved is known else framed(local, misfit)
 
 
-def own_after(
+def effects_after(
     misfit: Misfit, local: Local, frame: Frame, names: Sequence[str], step: Floats
 ) -> dict[str, tuple[float, ...]]:
     """Return the movements' own values as they are expected after a step of the common ones."""
@@ -61,8 +61,8 @@ def _clipped(
         for number, found in enumerate(estimates):
             before = misfit.share(name, number)
             after = found[name][0] if name in found else 0.0
-            near = float(np.clip(after, before - LONGEST_OWN, before + LONGEST_OWN))
-            shares.append(float(np.clip(near, -FURTHEST_OWN, FURTHEST_OWN)))
+            near = float(np.clip(after, before - LONGEST_EFFECT_STEP, before + LONGEST_EFFECT_STEP))
+            shares.append(float(np.clip(near, -FURTHEST_EFFECT, FURTHEST_EFFECT)))
         own[name] = tuple(shares)
     return own
 

@@ -62,7 +62,7 @@ def check_campaign(
         raise MeasurementError(problems, source=source)
 
 
-def with_room(
+def exclude_oversized_objects(
     movements: Sequence[Movement], panel: LoadedPanel
 ) -> tuple[tuple[Movement, ...], list[str]]:
     """Return the movements whose object the model has room for, and what to say of the others.
@@ -114,10 +114,10 @@ def _has_room(panel: LoadedPanel, item: Movement) -> bool:
 Floats = NDArray[np.float64]
 # How much further a slip level is tried [coordinate], and by how much the cost must then rise for
 # the level to be told from above (95 %, one parameter).
-FURTHER, TOLD = 0.05, 3.84
+FURTHER, IDENTIFIED = 0.05, 3.84
 
 
-def told_from_above(found: Fit) -> tuple[Fit, list[str]]:
+def drop_unidentified_slip_levels(found: Fit) -> tuple[Fit, list[str]]:
     """Forget slip levels that were only pushed out of the way, and say so.
 
     A level below the largest force is raised by a fit until it just no longer matters. There the
@@ -135,7 +135,7 @@ def told_from_above(found: Fit) -> tuple[Fit, list[str]]:
     """
     slopes, warnings = found.jacobian.copy(), []
     for column, item in enumerate(found.parameters):
-        if is_slip_level(item) and not _told(found, item, column):
+        if is_slip_level(item) and not _is_identified(found, item, column):
             slopes[:, column] = 0.0
             value = found.values[item.name]
             warnings.append(
@@ -145,7 +145,7 @@ def told_from_above(found: Fit) -> tuple[Fit, list[str]]:
     return (replace(found, jacobian=slopes) if warnings else found), warnings
 
 
-def _told(found: Fit, item: Parameter, column: int) -> bool:
+def _is_identified(found: Fit, item: Parameter, column: int) -> bool:
     """Tell whether a higher level makes the cost rise, whatever the other parameters do."""
     value = found.values[item.name]
     higher = item.value(item.coordinate(value) + FURTHER)
@@ -154,7 +154,7 @@ def _told(found: Fit, item: Parameter, column: int) -> bool:
         return bool(numbers)
     others = np.delete(found.jacobian, column, axis=1)
     ahead = _least(_residuals(found, item, higher, numbers), others)
-    return ahead - _least(found.residuals, others) > TOLD
+    return ahead - _least(found.residuals, others) > IDENTIFIED
 
 
 def _residuals(found: Fit, item: Parameter, value: float, numbers: Sequence[int]) -> Floats:
@@ -180,7 +180,7 @@ def _least(residuals: Floats, slopes: Floats) -> float:
     return float(rest @ rest)
 
 
-def doubts_on(calibration: Calibration, *panels: LoadedPanel) -> tuple[str, ...]:
+def check_provenance(calibration: Calibration, *panels: LoadedPanel) -> tuple[str, ...]:
     """Say why a calibration is not to be trusted, and that it is of none of some panels, by hash.
 
     Parameters

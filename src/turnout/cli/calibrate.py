@@ -14,7 +14,7 @@ from turnout.cli.options import (
     check_outputs,
     made_folder,
     opened_panel,
-    write_told,
+    write_and_report,
 )
 from turnout.cli.validate import kept_throws
 
@@ -195,4 +195,4 @@ def _draw(outcome: "Outcome", folder: Path) -> None:
     for number, item in enumerate(outcome.sweeps, 1):
         name = item.parameter.name.replace(".", "-")
         figure = plot_sweep(item.curves)
-        write_told(folder / f"sweep-{number}-{name}.png", rendered(figure, ".png"))
+        write_and_report(folder / f"sweep-{number}-{name}.png", rendered(figure, ".png"))

@@ -13,7 +13,7 @@ from turnout.cli.options import (
     SetOption,
     check_outputs,
     opened_panel,
-    write_told,
+    write_and_report,
 )
 from turnout.errors import FileError
 
@@ -85,7 +85,7 @@ def modes_command(
         save_response(dataset, out)
         typer.echo(f"{out}: written")
     if plot is not None:
-        write_told(plot, figure)
+        write_and_report(plot, figure)
 
 
 def mode_lines(dataset: "xr.Dataset") -> Iterator[str]:

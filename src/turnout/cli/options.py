@@ -84,7 +84,7 @@ def _refused(folder: Path) -> str | None:
         return f"no file can be made in {folder} ({error.strerror}); choose another folder"
 
 
-def write_told(path: Path, content: str | bytes) -> None:
+def write_and_report(path: Path, content: str | bytes) -> None:
     """Write a file, completely or not at all, and say so."""
     import typer
 
@@ -94,7 +94,7 @@ def write_told(path: Path, content: str | bytes) -> None:
     typer.echo(f"{path}: written")
 
 
-def tell_schema(schema: dict[str, Any], out: Path | None) -> None:
+def print_schema(schema: dict[str, Any], out: Path | None) -> None:
     """Show a JSON schema, or write it to a file."""
     import json
 
@@ -104,7 +104,7 @@ def tell_schema(schema: dict[str, Any], out: Path | None) -> None:
     if out is None:
         typer.echo(text)
         return
-    write_told(out, text + "\n")
+    write_and_report(out, text + "\n")
 
 
 def made_folder(option: str, folder: Path) -> Path:
@@ -203,13 +203,13 @@ def opened_panel(
     if calibration is None:
         panel = load_panel(name if name is not None else DEFAULT_PANEL)
         return panel.with_settings(settings) if settings else panel
-    from turnout.calibration.movements import doubts_on
+    from turnout.calibration.movements import check_provenance
     from turnout.calibration.result import load_calibration
 
     known = load_calibration(calibration)
     panel = load_panel(name) if name is not None else calibrated_panel(known, calibration)
     changed = panel.with_settings(settings) if settings else panel
-    for text in doubts_on(known, panel, changed):
+    for text in check_provenance(known, panel, changed):
         typer.echo(f"turnout: {calibration}: {text}", err=True)
     found = known.apply(panel)
     return found.with_settings(settings) if settings else found
@@ -225,7 +225,7 @@ def calibrated_panel(calibration: "Calibration", source: Path) -> "LoadedPanel":
     return load_panel(calibration.panel)
 
 
-def all_told(
+def collect_errors(
     first: Callable[[], A], second: Callable[[], B], third: Callable[[], C]
 ) -> tuple[A, B, C]:
     """Read three parts of a command line that do not need each other.
@@ -242,7 +242,7 @@ def all_told(
 
     Examples
     --------
-    >>> all_told(lambda: 1, lambda: "two", lambda: None)
+    >>> collect_errors(lambda: 1, lambda: "two", lambda: None)
     (1, 'two', None)
     """
     errors: list[TurnoutError] = []

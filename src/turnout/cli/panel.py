@@ -14,8 +14,8 @@ from turnout.cli.options import (
     check_outputs,
     end_code,
     opened_panel,
-    tell_schema,
-    write_told,
+    print_schema,
+    write_and_report,
 )
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def show_command(
         from turnout.plot.style import rendered
 
         figure = plot_plan(opened, dataset=found.dataset if found else None)
-        write_told(plot, rendered(figure, plot.suffix))
+        write_and_report(plot, rendered(figure, plot.suffix))
     if found and (code := end_code(found.dataset)):
         raise typer.Exit(code)
 
@@ -132,7 +132,7 @@ def sections_command(
         from turnout.plot.style import rendered
 
         figure = section_figure(opened, opened.instrumented_rail)
-        write_told(plot, rendered(figure, plot.suffix))
+        write_and_report(plot, rendered(figure, plot.suffix))
 
 
 @app.command("export")
@@ -153,7 +153,7 @@ def export_command(
     opened = opened_panel(panel, settings, calibration)
     folder = made_folder("--out", out)
     for name, content in export_matrices(opened).items():
-        write_told(folder / name, content)
+        write_and_report(folder / name, content)
 
 
 @app.command("schema")
@@ -167,4 +167,4 @@ def schema_command(
 
     from turnout.panel.schema import panel_schema
 
-    tell_schema(panel_schema(), out)
+    print_schema(panel_schema(), out)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from turnout.cli.campaign import ChannelsOption, built_campaign, excluded_movements, usable_dataset
-from turnout.cli.options import check_outputs, made_folder, opened_panel, write_told
+from turnout.cli.options import check_outputs, made_folder, opened_panel, write_and_report
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -65,7 +65,7 @@ def report_command(
     if quiet:
         write_atomic(out, page_html(page))
     else:
-        write_told(out, page_html(page))
+        write_and_report(out, page_html(page))
 
 
 def _pictures(page: "Page") -> dict[str, bytes]:

@@ -18,8 +18,8 @@ from turnout.cli.options import (
     FigureOption,
     PanelArgument,
     SetOption,
-    all_told,
     check_outputs,
+    collect_errors,
     end_code,
     opened_panel,
 )
@@ -110,13 +110,13 @@ def simulate_command(
         typer.echo("turnout: interrupted before there was anything to keep", err=True)
         raise typer.Exit(INTERRUPTED) from None
     if not quiet:
-        _tell(dataset, written)
+        _print_summary(dataset, written)
     if failed:
         typer.echo(f"turnout: {dataset.attrs['outcome_message']}", err=True)
         raise typer.Exit(end_code(dataset))
 
 
-def _rehearse(plots: bool) -> None:
+def preload_writers(plots: bool) -> None:
     """Write a small dataset to nowhere, so that all that loads for it does while kernels work.
 
     It begins with the steps and not before: what loads at the same time only waits for each other.
@@ -148,17 +148,17 @@ def _run(
     from turnout.panel.foreign_object import parse_objects, resolve_objects
     from turnout.response.save import Save
 
-    panel, foreign, (chosen, save, _) = all_told(
+    panel, foreign, (chosen, save, _) = collect_errors(
         lambda: opened_panel(name, settings, calibration),
         lambda: parse_objects(objects),
-        lambda: all_told(scheme, lambda: Save(also=tuple(also)), lambda: None),
+        lambda: collect_errors(scheme, lambda: Save(also=tuple(also)), lambda: None),
     )
     resolve_objects(panel, foreign)
 
     from turnout.response.placed import check_placed
     from turnout.response.simulate import simulate
 
-    rehearsal = threading.Thread(target=_rehearse, args=(plots,), daemon=True)
+    rehearsal = threading.Thread(target=preload_writers, args=(plots,), daemon=True)
 
     with watched(f"simulating {panel.name}", quiet=quiet) as watch:
 
@@ -243,7 +243,7 @@ def _write(
     return written
 
 
-def _tell(dataset: "xr.Dataset", written: list[Path]) -> None:
+def _print_summary(dataset: "xr.Dataset", written: list[Path]) -> None:
     from turnout.metric.summary import summary
 
     for heading, text in summary(dataset):

@@ -17,7 +17,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.options import FIGURES, CalibrationOption, check_outputs, tell_schema, write_told
+from turnout.cli.options import (
+    FIGURES,
+    CalibrationOption,
+    check_outputs,
+    print_schema,
+    write_and_report,
+)
 from turnout.cli.watch import FIRST_LINE_AFTER, SECONDS_BETWEEN_LINES
 
 if TYPE_CHECKING:
@@ -118,7 +124,7 @@ def map_command(
         from turnout.plot.style import rendered
         from turnout.plot.sweep import plot_sweep_map
 
-        write_told(out, rendered(plot_sweep_map(cells), out.suffix))
+        write_and_report(out, rendered(plot_sweep_map(cells), out.suffix))
 
 
 def effects_command(
@@ -150,7 +156,7 @@ def effects_command(
         from turnout.plot.sweep import plot_sweep_effects
 
         figure = plot_sweep_effects(found, title=str(labels.attrs["name"]))
-        write_told(out, rendered(figure, out.suffix))
+        write_and_report(out, rendered(figure, out.suffix))
 
 
 def _tell_missing(labels: "xr.Dataset") -> None:
@@ -425,4 +431,4 @@ def schema_command(
 
     from turnout.study.schema import study_schema
 
-    tell_schema(study_schema(), out)
+    print_schema(study_schema(), out)

@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from turnout.cli.campaign import INTERRUPTED, OutsideOption, dataset_of
-from turnout.cli.options import SetOption, calibrated_panel, made_folder, opened_panel, write_told
+from turnout.cli.options import (
+    SetOption,
+    calibrated_panel,
+    made_folder,
+    opened_panel,
+    write_and_report,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -54,7 +60,7 @@ def validate_command(
 
     Exit code 1 where the calibration is not valid for the campaign.
     """
-    from turnout.calibration.movements import doubts_on
+    from turnout.calibration.movements import check_provenance
     from turnout.calibration.result import load_calibration
 
     known = load_calibration(calibration)
@@ -70,7 +76,7 @@ def validate_command(
         from turnout.calibration.drive_law.candidates import drive_laws
 
         drive_laws(loaded, laws)
-    for text in doubts_on(known, loaded):
+    for text in check_provenance(known, loaded):
         typer.echo(f"turnout: {calibration}: {text}", err=True)
     from turnout.validation.verdict import judge, verdict_lines
 
@@ -174,16 +180,16 @@ def _write(out: Path, found: "xr.Dataset", verdict: "Verdict", *, place: str | N
     from turnout.validation.text import page_text, table_text
 
     figures = [MAP]
-    write_told(out / MAP, rendered(plot_error_map(found), ".png"))
+    write_and_report(out / MAP, rendered(plot_error_map(found), ".png"))
     places = places_of(found)
     if places:
         chosen = place if place is not None else _middle(places)
-        write_told(out / COMPARISON, rendered(plot_comparison(found, place=chosen), ".png"))
+        write_and_report(out / COMPARISON, rendered(plot_comparison(found, place=chosen), ".png"))
         figures.append(COMPARISON)
-    write_told(out / TABLE, table_text(found))
+    write_and_report(out / TABLE, table_text(found))
     save_response(found, out / DATASET)
     typer.echo(f"{out / DATASET}: written")
-    write_told(out / PAGE, page_text(found, verdict, figures=figures))
+    write_and_report(out / PAGE, page_text(found, verdict, figures=figures))
 
 
 def _middle(places: list[str]) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.lru_cache import Latest
+from turnout.core.lru_cache import LRUCache
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 
@@ -86,7 +86,7 @@ def without_joining_bases(mechanism: Mechanism, laws: LawTable) -> LawTable:
 
 
 # Rows are shared by many throws, and kept here so that no others take their place.
-_memory = Latest[tuple[Floats, Flags]](MOST_KEPT)
+_memory = LRUCache[tuple[Floats, Flags]](MOST_KEPT)
 
 
 def _touched(mechanism: Mechanism) -> Flags:
@@ -98,7 +98,7 @@ def _touched(mechanism: Mechanism) -> Flags:
     used = mechanism.rows != 0.0
     found = np.array([used[:, first : first + count].any(axis=1) for first, count in places]).T
     if not mechanism.rows.flags.writeable:
-        _memory.keep(key, (mechanism.rows, found))
+        _memory.put(key, (mechanism.rows, found))
     return found
 
 

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from turnout.condense.blocks import Block, split_blocks
 from turnout.condense.followers import Leading, leading_rows
 from turnout.condense.modal import ModalModel, damped_apart, modal_model
-from turnout.core.content_cache import remembered
+from turnout.core.content_cache import cached_arrays
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 
 Floats = NDArray[np.float64]
 
 
-def _remembered_model(
+def _cached_model(
     stiffness: Floats,
     mass: Floats,
     *,
@@ -53,7 +53,7 @@ def _remembered_model(
         return found | of_rows
 
     parts = (stiffness, mass, damping, rows, at_rows, first, load, cutoff_frequency)
-    kept = dict(remembered("modes", parts, compute, on_disk=False))
+    kept = dict(cached_arrays("modes", parts, compute, on_disk=False))
     leading = Leading(kept.pop("leaders").astype(np.int64), kept.pop("weights"))
     return ModalModel(**kept), leading
 
@@ -86,7 +86,7 @@ def condense_blocks(
     found = []
     for block in split_blocks(mechanism, laws):
         square = np.ix_(block.coordinates, block.coordinates)
-        model, leading = _remembered_model(
+        model, leading = _cached_model(
             mechanism.stiffness[square],
             mechanism.mass[square],
             damping=mechanism.damping[square],

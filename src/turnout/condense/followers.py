@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from turnout.core.lru_cache import Latest
+from turnout.core.lru_cache import LRUCache
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -39,7 +39,7 @@ class Leading:
     weights: Floats
 
 
-_memory = Latest[Leading](MOST_KEPT)
+_memory = LRUCache[Leading](MOST_KEPT)
 
 
 def leading_rows(rows: Floats, *, first: NDArray[np.bool_]) -> Leading:
@@ -66,7 +66,7 @@ def leading_rows(rows: Floats, *, first: NDArray[np.bool_]) -> Leading:
     """
     key = (rows.shape, rows.tobytes(), first.tobytes())
     found = _memory.get(key)
-    return found if found is not None else _memory.keep(key, _chosen(rows, first))
+    return found if found is not None else _memory.put(key, _chosen(rows, first))
 
 
 def _chosen(rows: Floats, first: NDArray[np.bool_]) -> Leading:

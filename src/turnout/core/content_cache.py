@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from turnout.core.atomic import write_atomic
 from turnout.core.cache_folder import safe_folder, user_cache_folder, why_private
 from turnout.core.kept_arrays import DamagedError, arrays_from_bytes, arrays_to_bytes
-from turnout.core.lru_cache import Latest
+from turnout.core.lru_cache import LRUCache
 from turnout.core.sources import RAILS, digest_of_sources
 from turnout.errors import FileError
 
@@ -29,12 +29,12 @@ counts: Counter[str] = Counter()
 
 MOST_IN_MEMORY = 64
 MOST_FILES = 300
-_memory = Latest[Arrays](MOST_IN_MEMORY)
-_told: set[str] = set()
+_memory = LRUCache[Arrays](MOST_IN_MEMORY)
+_reported: set[str] = set()
 _log = logging.getLogger("turnout")
 
 
-def remembered(
+def cached_arrays(
     kind: str, parts: Sequence[object], compute: Callable[[], Arrays], *, on_disk: bool = True
 ) -> Arrays:
     """Return arrays from memory, from a file, or computed and then kept in both.
@@ -57,8 +57,8 @@ def remembered(
 
     Examples
     --------
-    >>> made = remembered("example", [1.0], lambda: {"double": np.array([2.0])})
-    >>> again = remembered("example", [1.0], lambda: {"double": np.array([9.0])})
+    >>> made = cached_arrays("example", [1.0], lambda: {"double": np.array([2.0])})
+    >>> again = cached_arrays("example", [1.0], lambda: {"double": np.array([9.0])})
     >>> float(again["double"][0])
     2.0
     """
@@ -77,7 +77,7 @@ def remembered(
             _write(key, found)
     for array in found.values():
         array.flags.writeable = False
-    return _memory.keep(key, found)
+    return _memory.put(key, found)
 
 
 def forget() -> None:
@@ -121,7 +121,7 @@ def _read(key: str) -> Arrays | None:
         return None
     except (OSError, DamagedError) as error:
         counts["damaged"] += 1
-        _tell("damaged", f"{path}: cannot be used ({error}); it is made anew")
+        _report_once("damaged", f"{path}: cannot be used ({error}); it is made anew")
         return None
 
 
@@ -134,7 +134,7 @@ def _write(key: str, arrays: Arrays) -> None:
         _prune(folder)
     except (OSError, FileError) as error:
         counts["unwritable"] += 1
-        _tell("unwritable", f"{error}; rails are made anew in each run (TURNOUT_CACHE_DIR)")
+        _report_once("unwritable", f"{error}; rails are made anew in each run (TURNOUT_CACHE_DIR)")
 
 
 def _prune(folder: Path) -> None:
@@ -148,8 +148,8 @@ def _prune(folder: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def _tell(what: str, text: str) -> None:
+def _report_once(what: str, text: str) -> None:
     """Log a problem with the cache once a process."""
-    if what not in _told:
-        _told.add(what)
+    if what not in _reported:
+        _reported.add(what)
         _log.warning("cache: %s", text)

@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 V = TypeVar("V")
 
 
-class Latest(Generic[V]):
+class LRUCache(Generic[V]):
     """Values by key, of which the latest used stay; several threads may ask at once.
 
     Parameters
@@ -18,8 +18,8 @@ class Latest(Generic[V]):
 
     Examples
     --------
-    >>> kept = Latest[str](2)
-    >>> kept.keep("a", "one"), kept.keep("b", "two"), kept.get("a"), kept.keep("c", "three")
+    >>> kept = LRUCache[str](2)
+    >>> kept.put("a", "one"), kept.put("b", "two"), kept.get("a"), kept.put("c", "three")
     ('one', 'two', 'one', 'three')
     >>> kept.get("b") is None
     True
@@ -38,7 +38,7 @@ class Latest(Generic[V]):
                 self._kept.move_to_end(key)
             return found
 
-    def keep(self, key: Hashable, value: V) -> V:
+    def put(self, key: Hashable, value: V) -> V:
         """Keep a value, and return it."""
         with self._lock:
             self._kept[key] = value

@@ -25,14 +25,14 @@ from turnout.integrate.columns import rebuild
 from turnout.integrate.equilibrium import begin_at_rest, equilibrium, resting_segments
 from turnout.integrate.march import Record
 from turnout.integrate.outcome import Code
-from turnout.integrate.places import placed, whole_lines
-from turnout.integrate.scratch import Work, borrowed, new_work, release
+from turnout.integrate.places import place_laws, whole_lines
+from turnout.integrate.scratch import Work, acquire_buffer, new_work, release_buffers
 from turnout.integrate.solve import Tolerances
 from turnout.integrate.state import LEVEL, State, fresh_copy, fresh_state, set_segments
 from turnout.integrate.step import Stepping
 from turnout.integrate.system import System, check_normals, condensed_system
-from turnout.kernels.interrupt import heard
-from turnout.kernels.records import another, shared
+from turnout.kernels.interrupt import call_interruptible
+from turnout.kernels.records import clone_record, shared_record
 from turnout.law.kernel import SLIP_FORWARD
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
@@ -48,7 +48,7 @@ Blanks = dict[tuple[int, int], tuple[State, Work]]
 
 
 @dataclass(frozen=True, slots=True)
-class Arranged:
+class Arrangement:
     """A condensed mechanism.
 
     Attributes
@@ -86,7 +86,7 @@ class _Kept:
 _memory: OrderedDict[Hashable, _Kept] = OrderedDict()
 
 
-def arranged(mechanism: Mechanism, scheme: Scheme) -> Arranged:
+def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
     """Condense the rails apart from each other; in one piece if one is held by another only.
 
     Raises
@@ -106,14 +106,14 @@ def arranged(mechanism: Mechanism, scheme: Scheme) -> Arranged:
     elif key in _memory:
         _memory.move_to_end(key)
     laws = mechanism.laws._replace(base_segment=kept.base_segment)
-    table = shared(placed(laws, kept.system.row_place))
-    return Arranged(laws, table, kept.model, kept.system, kept.blanks)
+    table = shared_record(place_laws(laws, kept.system.row_place))
+    return Arrangement(laws, table, kept.model, kept.system, kept.blanks)
 
 
 def forget() -> None:
     """Empty the memory of condensed mechanisms, and that of histories that are gone."""
     _memory.clear()
-    release()
+    release_buffers()
 
 
 def _key(mechanism: Mechanism, scheme: Scheme) -> Hashable | None:
@@ -177,7 +177,7 @@ class Run:
 
 
 def prepare(
-    made: Arranged,
+    made: Arrangement,
     scheme: Scheme,
     positions: Floats,
     n_stored: int,
@@ -217,14 +217,14 @@ def prepare(
     )
 
 
-def _fresh(made: Arranged, *, n_inputs: int, halvings: int) -> tuple[State, Work]:
+def _fresh(made: Arrangement, *, n_inputs: int, halvings: int) -> tuple[State, Work]:
     """Return a state at rest and scratch arrays, copied from those that were made first."""
     levels = halvings + 2  # one a halving, and one without inertia
     blank = made.blanks.get((n_inputs, levels))
     if blank is None:
         state = fresh_state(made.system, made.table, n_inputs=n_inputs, levels=levels)
         blank = made.blanks[n_inputs, levels] = (state, new_work(made.system, made.table))
-    return fresh_copy(blank[0], made.table), another(blank[1])
+    return fresh_copy(blank[0], made.table), clone_record(blank[1])
 
 
 def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: bool) -> Record:
@@ -240,13 +240,13 @@ def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: 
         "ledger": 6,
     }
     page = LARGE_PAGE // 8
-    memory = borrowed(count * sum(widths.values()) + page)
+    memory = acquire_buffer(count * sum(widths.values()) + page)
     at, arrays = (-(memory.ctypes.data // 8)) % page, {}
     for name, width in widths.items():
         arrays[name] = memory[at : at + count * width].reshape(count, width)
         at += count * width
     velocity = np.zeros((count if with_velocity else 1, arrays["q"].shape[1]))
-    return shared(Record(**arrays, residual=np.zeros(1), v=velocity))
+    return shared_record(Record(**arrays, residual=np.zeros(1), v=velocity))
 
 
 def instants_of(run: Run, count: int) -> Record:
@@ -290,7 +290,7 @@ def _rests(run: Run, thread: Executor) -> bool:
     """Iterate the contact set of the static equilibrium from the present one."""
     patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
     given = (run.system, run.table, run.state, run.work, patient)
-    code = heard(thread, run.work.stop, equilibrium, *given)
+    code = call_interruptible(thread, run.work.stop, equilibrium, *given)
     if code == Code.INTERRUPTED:
         raise KeyboardInterrupt
     return code == Code.COMPLETE

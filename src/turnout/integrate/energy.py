@@ -22,7 +22,17 @@ from turnout.integrate.solve import mark_law
 from turnout.integrate.state import State, set_segment
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
-from turnout.kernels.lanes import LANES, choose, every, load, magnitude, over, pick, store, total
+from turnout.kernels.lanes import (
+    LANES,
+    absolute,
+    broadcast,
+    gather,
+    greater,
+    horizontal_sum,
+    load,
+    select,
+    store,
+)
 from turnout.kernels.vector import add_rows, copy, dot
 from turnout.law.kernel import law_argument, law_energy, law_force, segment_for
 from turnout.law.table import LawTable
@@ -127,18 +137,18 @@ def _slip(
     forces: Floats,
     anchor: Floats,
 ) -> tuple[float, float]:
-    zero, half = every(0.0), every(0.5)
+    zero, half = broadcast(0.0), broadcast(0.5)
     lost, turned = zero, zero
     for i in range(0, trials.size, LANES):
         branch, old, trial = load(branches, i), load(forces, i), load(trials, i)
-        force = choose(over(magnitude(branch), zero), branch * load(limits, i), trial)
+        force = select(greater(absolute(branch), zero), branch * load(limits, i), trial)
         way = (trial - force) * load(flexibility, i)
-        kept = choose(over(zero, old * way), force, old)
+        kept = select(greater(zero, old * way), force, old)
         lost = lost + half * (force + kept) * way
         turned = turned + half * (old - kept) * way
         store(force, forces, i)
         store(load(anchor, i) + way, anchor, i)
-    return total(lost), total(turned)
+    return horizontal_sum(lost), horizontal_sum(turned)
 
 
 @compiled_part
@@ -254,14 +264,14 @@ def _modal_work(
     """Return what forces on the modes do on their way, and the load; and twice kinetic energy."""
     q, v, acceleration = motion
     resting, held = rest
-    done, height, moving = every(0.0), every(0.0), every(0.0)
+    done, height, moving = broadcast(0.0), broadcast(0.0), broadcast(0.0)
     for i in range(0, q.size, LANES):
         at, speed, weight = load(q, i), load(v, i), load(constant, i)
         force = weight - load(acceleration, i) - load(damping, i) * speed
         done = done + (load(held, i) * at + force * (at - load(resting, i)))
         height = height + weight * at
         moving = moving + speed * speed
-    return total(done), total(height), total(moving)
+    return horizontal_sum(done), horizontal_sum(height), horizontal_sum(moving)
 
 
 @compiled_loop
@@ -275,8 +285,8 @@ def _law_work(
     """Return what laws do on their way, their energy, and what they raise."""
     slope, intercept, potential = energy
     offset, inputs, aparts, loads = rows
-    half = every(0.5)
-    done, contacts, raised = every(0.0), every(0.0), every(0.0)
+    half = broadcast(0.5)
+    done, contacts, raised = broadcast(0.0), broadcast(0.0), broadcast(0.0)
     for i in range(0, forces.size, LANES):
         argument, force, apart = load(arguments, i), load(forces, i), load(aparts, i)
         e, at = argument - load(offset, i), argument + load(inputs, i)
@@ -285,7 +295,7 @@ def _law_work(
         held = load(base_slope, i) * at
         raised = raised + (held - force) * load(loads, i)
         done = done + (force * (at + apart) - held * apart)
-    return total(done), total(contacts), total(raised)
+    return horizontal_sum(done), horizontal_sum(contacts), horizontal_sum(raised)
 
 
 @compiled_loop
@@ -294,10 +304,10 @@ def _friction_work(
 ) -> tuple[float, float, float]:
     """Return what frictions do on their way, twice the energy of their springs, and the height."""
     aparts, loads, flexibility = held
-    done, springs, lowered = every(0.0), every(0.0), every(0.0)
+    done, springs, lowered = broadcast(0.0), broadcast(0.0), broadcast(0.0)
     for i in range(0, forces.size, LANES):
         force = load(forces, i)
-        done = done + force * (pick(g, row, i) + load(aparts, i))
+        done = done + force * (gather(g, row, i) + load(aparts, i))
         springs = springs + force * force * load(flexibility, i)
         lowered = lowered + force * load(loads, i)
-    return total(done), total(springs), total(lowered)
+    return horizontal_sum(done), horizontal_sum(springs), horizontal_sum(lowered)

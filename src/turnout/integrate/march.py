@@ -31,7 +31,7 @@ from turnout.integrate.state import COUNT_HALVED, COUNT_RECENT, LEVEL, State
 from turnout.integrate.step import Factors, Stepping, begin_step, complete_step, factors_of
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
-from turnout.kernels.lanes import LANES, load, pick, stream
+from turnout.kernels.lanes import LANES, gather, load, store_nontemporal
 from turnout.kernels.vector import copy
 from turnout.law.table import LawTable
 
@@ -168,13 +168,13 @@ def _advance(
 @compiled_loop
 def _gather(g: Floats, places: Ints, to: Floats) -> None:
     for i in range(0, places.size, LANES):
-        stream(pick(g, places, i), to, i)
+        store_nontemporal(gather(g, places, i), to, i)
 
 
 @compiled_loop
 def _write(values: Floats, to: Floats) -> None:
     for i in range(0, values.size, LANES):
-        stream(load(values, i), to, i)
+        store_nontemporal(load(values, i), to, i)
 
 
 @compiled_part

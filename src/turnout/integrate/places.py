@@ -115,7 +115,7 @@ def number_places(parts: Sequence[BlockModel]) -> Places:
     )
 
 
-def placed(laws: LawTable, of_row: Ints) -> LawTable:
+def place_laws(laws: LawTable, of_row: Ints) -> LawTable:
     """Return laws for the kernels, whose rows are places, given the place of every row."""
     return laws._replace(
         row=unsigned(of_row[laws.row]),

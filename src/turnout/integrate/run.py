@@ -13,7 +13,7 @@ from turnout.condense.modal import ModalModel
 from turnout.core.threads import one_blas_thread
 from turnout.errors import SolverError
 from turnout.integrate.accuracy import equilibrium_residual
-from turnout.integrate.arrange import Run, arranged, instants_of, prepare, start
+from turnout.integrate.arrange import Run, arrange, instants_of, prepare, start
 from turnout.integrate.dense import fill_in
 from turnout.integrate.energy import energy_balance
 from turnout.integrate.march import Record, march, store
@@ -23,7 +23,7 @@ from turnout.integrate.state import (
     COUNT_HALVED,
     COUNT_ITERATIONS,
 )
-from turnout.kernels.interrupt import heard, one_thread
+from turnout.kernels.interrupt import call_interruptible, one_thread
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import Scheme
@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 # Progress is told after so many seconds, and at the first after so many steps.
-BREATH, FIRST_CHUNK = 0.1, 2200
+INTERRUPT_INTERVAL, FIRST_CHUNK = 0.1, 2200
 # A history may take so much memory [bytes], and so many steps.
 MOST_MEMORY = 2e9
 MOST_STEPS = 2_000_000
@@ -128,7 +128,7 @@ def _integrate(
 ) -> History:
     grid = _grid(mechanism, scheme, end)
     stride = grid.stride
-    made = arranged(mechanism, scheme)
+    made = arrange(mechanism, scheme)
     times = scheme.step * np.arange(grid.n_steps + 1, dtype=np.float64)
     positions = np.ascontiguousarray(inputs(times).T)
     run = prepare(made, scheme, positions, grid.n_stored, filled_in=grid.filled_in)
@@ -257,11 +257,11 @@ def _march_in_chunks(
         while done < n_steps:
             began = time.perf_counter()
             last = min(done + chunk, n_steps)
-            number, done = heard(thread, run.work.stop, _march, run, done, last)
+            number, done = call_interruptible(thread, run.work.stop, _march, run, done, last)
             if number != Code.COMPLETE:
                 return Code(number), done
             took = max(time.perf_counter() - began, 1e-3)
-            chunk = max(1, round(chunk * min(BREATH / took, 4.0)))
+            chunk = max(1, round(chunk * min(INTERRUPT_INTERVAL / took, 4.0)))
             if report is not None:
                 report(done, n_steps)
     except KeyboardInterrupt:  # between two kernels

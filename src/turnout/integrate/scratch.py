@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.integrate.system import Ints, System
-from turnout.kernels.records import shared
+from turnout.kernels.records import shared_record
 from turnout.law.table import LawTable
 
 Floats = NDArray[np.float64]
@@ -24,24 +24,24 @@ Floats = NDArray[np.float64]
 MOST_KEPT = 16 * 2**20
 """Pieces of more numbers than this go back to the operating system; two pieces are kept at most."""
 
-_spare: deque[Floats] = deque(maxlen=2)
+_free_buffers: deque[Floats] = deque(maxlen=2)
 
 
-def borrowed(count: int) -> Floats:
+def acquire_buffer(count: int) -> Floats:
     """Return room for so many numbers or a few more; what they are means nothing.
 
     It comes back by itself once the last array that shares it is gone.
 
     Examples
     --------
-    >>> first = borrowed(1000)
+    >>> first = acquire_buffer(1000)
     >>> address = first.ctypes.data
     >>> part = first[10:20]
     >>> del first
-    >>> borrowed(1000).ctypes.data == address  # a part of it is in use
+    >>> acquire_buffer(1000).ctypes.data == address  # a part of it is in use
     False
     >>> del part
-    >>> borrowed(900).ctypes.data == address
+    >>> acquire_buffer(900).ctypes.data == address
     True
     """
     memory = _fitting(count)
@@ -49,25 +49,25 @@ def borrowed(count: int) -> Floats:
         memory = np.empty(count)
     found = np.frombuffer(memory.data, dtype=np.float64)
     if memory.size <= MOST_KEPT:
-        weakref.finalize(found, _spare.append, memory).atexit = False
+        weakref.finalize(found, _free_buffers.append, memory).atexit = False
     return found
 
 
-def release() -> None:
+def release_buffers() -> None:
     """Give spare memory back to the operating system."""
-    _spare.clear()
+    _free_buffers.clear()
 
 
 def _fitting(count: int) -> Floats | None:
     """Take a spare piece of memory that is large enough and not twice as large."""
-    for _ in range(len(_spare)):
+    for _ in range(len(_free_buffers)):
         try:
-            memory = _spare.pop()  # the last one may still be in the processor's caches
+            memory = _free_buffers.pop()  # the last one may still be in the processor's caches
         except IndexError:  # another thread was quicker
             return None
         if count <= memory.size <= 2 * count:
             return memory
-        _spare.appendleft(memory)
+        _free_buffers.appendleft(memory)
     return None
 
 
@@ -133,7 +133,7 @@ def new_work(system: System, table: LawTable) -> Work:
     def flags() -> Ints:
         return np.zeros(n_places, dtype=np.int64)
 
-    return shared(
+    return shared_record(
         Work(
             row=np.zeros(2 * n_places + int(np.max(np.diff(system.pattern_start), initial=1))),
             predicted=modal(),

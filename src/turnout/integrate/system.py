@@ -19,7 +19,7 @@ from turnout.condense.condense import BlockModel, base_stiffness
 from turnout.errors import MechanicsError
 from turnout.integrate.places import Places, Terms, number_places, unsigned
 from turnout.kernels.lanes import LANES
-from turnout.kernels.records import shared
+from turnout.kernels.records import shared_record
 from turnout.law.table import LawTable
 
 Floats = NDArray[np.float64]
@@ -155,7 +155,7 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
             np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1)
         ),
     )
-    return shared(system)
+    return shared_record(system)
 
 
 def _of_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Any]:

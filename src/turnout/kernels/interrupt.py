@@ -17,7 +17,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 # A wait without an end would be deaf on some platforms [s].
-LISTEN = 0.1
+POLL_INTERVAL = 0.1
 
 
 def one_thread() -> Executor:
@@ -25,7 +25,7 @@ def one_thread() -> Executor:
     return ThreadPoolExecutor(1, thread_name_prefix="turnout")
 
 
-def heard(
+def call_interruptible(
     thread: Executor, stop: Ints, kernel: Callable[P, T], *given: P.args, **named: P.kwargs
 ) -> T:
     """Call a kernel; on Ctrl-C set the flag, and return what the kernel then returns.
@@ -45,13 +45,13 @@ def heard(
     --------
     >>> import numpy as np
     >>> with one_thread() as thread:
-    ...     heard(thread, np.zeros(1, dtype=np.int64), max, 1, 2)
+    ...     call_interruptible(thread, np.zeros(1, dtype=np.int64), max, 1, 2)
     2
     """
     future = thread.submit(kernel, *given, **named)
     while True:
         try:
-            return future.result(timeout=LISTEN)
+            return future.result(timeout=POLL_INTERVAL)
         except TimeoutError:
             continue
         except KeyboardInterrupt:

@@ -145,14 +145,14 @@ def _build_store(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     builder.store(eight, _eight_at(builder, array, at), align=8)
 
 
-def _build_stream(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
+def _build_store_nontemporal(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     eight, array, at = args
     kept = builder.store(eight, _eight_at(builder, array, at), align=8 * LANES)
     one = ir.Constant(ir.IntType(32), 1)
     kept.set_metadata("nontemporal", builder.module.add_metadata([one]))
 
 
-def _build_pick(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
+def _build_gather(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     values, places, at = args
     found = ir.Constant(_EIGHT, ir.Undefined)
     for lane in range(LANES):
@@ -164,14 +164,14 @@ def _build_pick(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     return found
 
 
-def _build_every(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
+def _build_broadcast(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     zero = ir.Constant(ir.IntType(32), 0)
     one = builder.insert_element(ir.Constant(_EIGHT, ir.Undefined), args[0], zero)
     all_first = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
     return builder.shuffle_vector(one, ir.Constant(_EIGHT, ir.Undefined), all_first)
 
 
-def _build_total(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
+def _build_horizontal_sum(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     part = args[0]
     for half in (4, 2, 1):
         low, high = (
@@ -186,25 +186,25 @@ def _build_total(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     return builder.extract_element(part, ir.Constant(ir.IntType(32), 0))
 
 
-def _build_magnitude(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
+def _build_absolute(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     kind = ir.FunctionType(_EIGHT, [_EIGHT])
     fabs = get_or_insert_function(builder.module, kind, f"llvm.fabs.v{LANES}f64")
     return builder.call(fabs, args)
 
 
-def _build_over(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
+def _build_greater(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     return builder.fcmp_ordered(">", *args)
 
 
-def _build_either(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
+def _build_logical_or(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     return builder.or_(*args)
 
 
-def _build_choose(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
+def _build_select(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     return builder.select(*args)
 
 
-def _build_any(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
+def _build_any_true(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     together = builder.bitcast(args[0], ir.IntType(LANES))
     return builder.icmp_unsigned("!=", together, ir.Constant(ir.IntType(LANES), 0))
 
@@ -227,32 +227,32 @@ def store(eight: Floats, to: Floats, at: int) -> None:
     to[at : at + LANES] = eight
 
 
-@_built_by(types.none, _build_stream, _eight, _values, _index)
-def stream(eight: Floats, to: Floats, at: int) -> None:
+@_built_by(types.none, _build_store_nontemporal, _eight, _values, _index)
+def store_nontemporal(eight: Floats, to: Floats, at: int) -> None:
     """Write eight neighbours that begin with a line of memory, which are not read soon."""
     to[at : at + LANES] = eight
 
 
-@_built_by(_LANES, _build_pick, _values, _places, _index)
-def pick(values: Floats, places: Indices, at: int) -> Floats:
+@_built_by(_LANES, _build_gather, _values, _places, _index)
+def gather(values: Floats, places: Indices, at: int) -> Floats:
     """Return the values at eight neighbouring entries of a list of places."""
     found: Floats = values[places[at : at + LANES]]
     return found
 
 
-@_built_by(_LANES, _build_every, _number)
-def every(value: float) -> Floats:
+@_built_by(_LANES, _build_broadcast, _number)
+def broadcast(value: float) -> Floats:
     """Return a number eight times."""
     return np.full(LANES, float(value))
 
 
-@_built_by(types.float64, _build_total, _eight)
-def total(eight: Floats) -> float:
+@_built_by(types.float64, _build_horizontal_sum, _eight)
+def horizontal_sum(eight: Floats) -> float:
     """Return the sum, halves first.
 
     Examples
     --------
-    >>> total(np.arange(8.0))
+    >>> horizontal_sum(np.arange(8.0))
     28.0
     """
     part = eight
@@ -261,32 +261,32 @@ def total(eight: Floats) -> float:
     return float(part[0])
 
 
-@_built_by(_LANES, _build_magnitude, _eight)
-def magnitude(eight: Floats) -> Floats:
+@_built_by(_LANES, _build_absolute, _eight)
+def absolute(eight: Floats) -> Floats:
     """Return the magnitudes."""
     return np.abs(eight)
 
 
-@_built_by(_FLAGGED, _build_over, _eight, _eight)
-def over(a: Floats, b: Floats) -> Bools:
+@_built_by(_FLAGGED, _build_greater, _eight, _eight)
+def greater(a: Floats, b: Floats) -> Bools:
     """Tell which of eight numbers exceed which others; nothing exceeds NaN, nor NaN anything."""
     return a > b
 
 
-@_built_by(_FLAGGED, _build_either, _answers, _answers)
-def either(one: Bools, other: Bools) -> Bools:
+@_built_by(_FLAGGED, _build_logical_or, _answers, _answers)
+def logical_or(one: Bools, other: Bools) -> Bools:
     """Tell where one or the other answer is yes."""
     return one | other
 
 
-@_built_by(_LANES, _build_choose, _answers, _eight, _eight)
-def choose(where: Bools, yes: Floats, no: Floats) -> Floats:
+@_built_by(_LANES, _build_select, _answers, _eight, _eight)
+def select(where: Bools, yes: Floats, no: Floats) -> Floats:
     """Return one number where the answer is yes, the other where it is no."""
     return np.where(where, yes, no)
 
 
-@_built_by(types.boolean, _build_any, _answers)
-def some(answers: Bools) -> bool:
+@_built_by(types.boolean, _build_any_true, _answers)
+def any_true(answers: Bools) -> bool:
     """Tell whether any answer is yes."""
     return bool(answers.any())
 

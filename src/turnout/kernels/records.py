@@ -1,8 +1,8 @@
 """Records of arrays that kernels take by reference.
 
 A kernel that takes a named tuple of arrays by value gets every pointer and every length of it on
-each call, hundreds of numbers, which costs more than what a small kernel does. `shared` lays these
-numbers down in memory once and hands kernels the address alone. In Python as in a kernel the arrays
+each call, hundreds of numbers, which costs more than what a small kernel does. `shared_record` lays
+these numbers down in memory once and hands kernels the address alone. In Python as in a kernel the arrays
 are read as attributes of the same names; which arrays they are can no longer be changed, what is
 in them can.
 """
@@ -63,7 +63,7 @@ class _SharedModel(models.PrimitiveModel):
 
 
 class Shared:
-    """A named tuple of arrays with its address; made by `shared` and `another`.
+    """A named tuple of arrays with its address; made by `shared_record` and `clone_record`.
 
     Vectors are pieces of one `memory`, `vectors` tells which; `words` are the numbers that kernels
     are handed, the address and the lengths of each array. `arrays` are those asked for so far.
@@ -104,7 +104,7 @@ def _kind(record: type[Any], arrays: tuple[tuple[str, int], ...]) -> _SharedType
     return _SharedType(record.__name__, tuple((name, *array) for name, array in named))
 
 
-def shared(arrays: T, **beyond: float) -> T:
+def shared_record(arrays: T, **beyond: float) -> T:
     """Return a named tuple of arrays as a record that kernels take by reference.
 
     Parameters
@@ -133,7 +133,7 @@ def shared(arrays: T, **beyond: float) -> T:
     >>> from turnout.law.table import LawTableBuilder
     >>> builder = LawTableBuilder()
     >>> law = builder.add_contact(0, stiffness=2.0, clearance=0.5)
-    >>> shared(builder.table()).offset.tolist()
+    >>> shared_record(builder.table()).offset.tolist()
     [0.5]
     """
     vectors, words, at = {}, [], 0
@@ -160,20 +160,20 @@ def shared(arrays: T, **beyond: float) -> T:
     return cast("T", record)
 
 
-def another(record: T, **matrices: NDArray[Any]) -> T:
+def clone_record(record: T, **matrices: NDArray[Any]) -> T:
     """Return a record of the same content with vectors of its own.
 
     Parameters
     ----------
     record : named tuple of ndarray
-        Made by `shared`.
+        Made by `shared_record`.
     **matrices : ndarray
         All its arrays of more dimensions, of the same shapes.
 
     Returns
     -------
     named tuple of ndarray
-        As of `shared`.
+        As of `shared_record`.
 
     Examples
     --------
@@ -182,8 +182,8 @@ def another(record: T, **matrices: NDArray[Any]) -> T:
     >>> class Pair(NamedTuple):
     ...     left: np.ndarray
     ...     right: np.ndarray
-    >>> first = shared(Pair(np.arange(3.0), np.ones((2, 2))))
-    >>> second = another(first, right=np.zeros((2, 2)))
+    >>> first = shared_record(Pair(np.arange(3.0), np.ones((2, 2))))
+    >>> second = clone_record(first, right=np.zeros((2, 2)))
     >>> second.left[0] = 5.0
     >>> first.left.tolist(), second.left.tolist(), float(second.right.sum())
     ([0.0, 1.0, 2.0], [5.0, 1.0, 2.0], 0.0)

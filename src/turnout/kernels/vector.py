@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.kernels.compiled import compiled_loop
-from turnout.kernels.lanes import LANES, every, load, store, total
+from turnout.kernels.lanes import LANES, broadcast, horizontal_sum, load, store
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -26,12 +26,12 @@ def dot(a: Floats, b: Floats) -> float:
     """
     n = a.size
     whole = n - n % LANES
-    parts, rest = every(0.0), 0.0
+    parts, rest = broadcast(0.0), 0.0
     for i in range(0, whole, LANES):
         parts = parts + load(a, i) * load(b, i)
     for i in range(whole, n):
         rest += a[i] * b[i]
-    return total(parts) + rest
+    return horizontal_sum(parts) + rest
 
 
 @compiled_loop
@@ -41,9 +41,9 @@ def add(weight: float, a: Floats, to: Floats) -> None:
     Examples
     --------
     >>> import numpy as np
-    >>> total = np.ones(2)
-    >>> add(2.0, np.array([1.0, 3.0, 5.0]), total)
-    >>> total.tolist()
+    >>> horizontal_sum = np.ones(2)
+    >>> add(2.0, np.array([1.0, 3.0, 5.0]), horizontal_sum)
+    >>> horizontal_sum.tolist()
     [3.0, 7.0]
     """
     for i in range(to.size):
@@ -57,9 +57,9 @@ def add_two(one: float, a: Floats, other: float, b: Floats, to: Floats) -> None:
     Examples
     --------
     >>> import numpy as np
-    >>> total = np.ones(2)
-    >>> add_two(2.0, np.array([1.0, 3.0, 5.0]), 1.0, np.ones(2), total)
-    >>> total.tolist()
+    >>> horizontal_sum = np.ones(2)
+    >>> add_two(2.0, np.array([1.0, 3.0, 5.0]), 1.0, np.ones(2), horizontal_sum)
+    >>> horizontal_sum.tolist()
     [4.0, 8.0]
     """
     for i in range(to.size):
@@ -75,9 +75,9 @@ def add_rows(weights: Floats, rows: Floats, to: Floats) -> None:
     Examples
     --------
     >>> import numpy as np
-    >>> total = np.zeros(2)
-    >>> add_rows(np.arange(1.0, 6.0), np.arange(15.0).reshape(5, 3), total)
-    >>> total.tolist()
+    >>> horizontal_sum = np.zeros(2)
+    >>> add_rows(np.arange(1.0, 6.0), np.arange(15.0).reshape(5, 3), horizontal_sum)
+    >>> horizontal_sum.tolist()
     [120.0, 135.0]
     """
     n, width = weights.size, to.size
@@ -86,7 +86,7 @@ def add_rows(weights: Floats, rows: Floats, to: Floats) -> None:
     while r + 4 <= n:
         a, b, c, d = weights[r], weights[r + 1], weights[r + 2], weights[r + 3]
         first, second, third, fourth = rows[r], rows[r + 1], rows[r + 2], rows[r + 3]
-        a8, b8, c8, d8 = every(a), every(b), every(c), every(d)
+        a8, b8, c8, d8 = broadcast(a), broadcast(b), broadcast(c), broadcast(d)
         for i in range(0, whole, LANES):
             pair = a8 * load(first, i) + b8 * load(second, i)
             other = c8 * load(third, i) + d8 * load(fourth, i)
@@ -108,17 +108,16 @@ def sum_rows(start: Floats, weights: Floats, rows: Floats, to: Floats) -> None:
     Examples
     --------
     >>> import numpy as np
-    >>> total = np.zeros(8)
-    >>> sum_rows(np.ones(8), np.arange(1.0, 6.0), np.arange(40.0).reshape(5, 8), total)
-    >>> total[:2].tolist()
+    >>> horizontal_sum = np.zeros(8)
+    >>> sum_rows(np.ones(8), np.arange(1.0, 6.0), np.arange(40.0).reshape(5, 8), horizontal_sum)
+    >>> horizontal_sum[:2].tolist()
     [321.0, 336.0]
     """
     n, width, present = weights.size, to.size, start
     r = 0
     while r + 4 <= n:
-        a, b, c, d = (
-            every(weights[r]), every(weights[r + 1]), every(weights[r + 2]), every(weights[r + 3])
-        )  # fmt: skip
+        a, b = broadcast(weights[r]), broadcast(weights[r + 1])
+        c, d = broadcast(weights[r + 2]), broadcast(weights[r + 3])
         first, second, third, fourth = rows[r], rows[r + 1], rows[r + 2], rows[r + 3]
         for i in range(0, width, LANES):
             pair = a * load(first, i) + b * load(second, i)
@@ -127,7 +126,7 @@ def sum_rows(start: Floats, weights: Floats, rows: Floats, to: Floats) -> None:
         present = to
         r += 4
     while r < n:
-        a, row = every(weights[r]), rows[r]
+        a, row = broadcast(weights[r]), rows[r]
         for i in range(0, width, LANES):
             store(load(present, i) + a * load(row, i), to, i)
         present = to
@@ -159,7 +158,7 @@ def spread(change: Floats, at: Ints, pivot: Floats, rows: Floats) -> None:
             a += change[k] * first[at[k]]
             b += change[k] * second[at[k]]
         if a != 0.0 or b != 0.0:
-            a8, b8 = every(a), every(b)
+            a8, b8 = broadcast(a), broadcast(b)
             for i in range(0, width, LANES):
                 moved = load(pivot, i)
                 store(load(first, i) + a8 * moved, first, i)
@@ -173,14 +172,14 @@ def spread(change: Floats, at: Ints, pivot: Floats, rows: Floats) -> None:
 
 
 @compiled_loop
-def gather(a: Floats, at: Ints, to: Floats) -> None:
+def gather_all(a: Floats, at: Ints, to: Floats) -> None:
     """Write chosen entries of a vector to another.
 
     Examples
     --------
     >>> import numpy as np
     >>> chosen = np.zeros(2)
-    >>> gather(np.arange(5.0), np.array([3, 1]), chosen)
+    >>> gather_all(np.arange(5.0), np.array([3, 1]), chosen)
     >>> chosen.tolist()
     [3.0, 1.0]
     """

@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from turnout.core.lru_cache import Latest
+from turnout.core.lru_cache import LRUCache
 from turnout.core.threads import one_blas_thread
 from turnout.mechanism.build_rails import stock_rail_data, switch_rail_data
 from turnout.mechanism.laws import Layout, Rows, law_table, lay_out
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailData, ReducedRail
-from turnout.mechanism.offnode_objects import approach_row, stands_between, yield_between
+from turnout.mechanism.offnode_objects import approach_row, is_off_node, local_flexibility
 from turnout.mechanism.reduce import reduce_rail
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
@@ -120,7 +120,7 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
     Mechanism
         One input a drive, in the order of ``panel.drive``: its marker position [m].
     """
-    between = tuple(item for item in objects if stands_between(panel, item))
+    between = tuple(item for item in objects if is_off_node(panel, item))
     standing = tuple(item for item in objects if item not in between)
     kept = _kept(panel, standing)
     layout, linear, rows = kept.layout, kept.linear, kept.linear.rows
@@ -186,8 +186,8 @@ class _Between:
         ]
 
 
-_memory = Latest[_Kept](MOST_LINEAR)
-_objects = Latest[_Between](MOST_LINEAR)
+_memory = LRUCache[_Kept](MOST_LINEAR)
+_objects = LRUCache[_Between](MOST_LINEAR)
 
 
 def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
@@ -201,7 +201,7 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
         linear = made.linear
         for array in (linear.stiffness, linear.mass, linear.damping, linear.load, linear.rows):
             array.flags.writeable = False
-        _memory.keep(key, made)
+        _memory.put(key, made)
     return made
 
 
@@ -222,7 +222,7 @@ def _with_between(
     key = (id(kept), places)
     found = _objects.get(key)
     if found is None:
-        found = _objects.keep(key, _made_between(kept, panel, standing, between))
+        found = _objects.put(key, _made_between(kept, panel, standing, between))
     return found
 
 
@@ -246,7 +246,7 @@ def _made_between(
     )
     with one_blas_thread():
         yields = tuple(
-            yield_between(
+            local_flexibility(
                 panel, item, rails=lambda: _rail_data(panel, layout.rows, standing), owner=kept
             )
             for item in between
@@ -282,7 +282,7 @@ def rail_data(panel: Panel, objects: Sequence[PlacedObject] = ()) -> list[RailDa
     objects : sequence of PlacedObject
         Foreign objects; those at places of the panel become nodes.
     """
-    objects = [item for item in objects if not stands_between(panel, item)]
+    objects = [item for item in objects if not is_off_node(panel, item)]
     return _rail_data(panel, lay_out(panel, objects).rows, objects)
 
 

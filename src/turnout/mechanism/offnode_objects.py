@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from turnout.core.lru_cache import Latest
+from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
 from turnout.mechanism.build_rails import SIGN, stock_body
 from turnout.mechanism.mechanism import RailBody, RailData
@@ -40,7 +40,7 @@ MOST_RAILS = 16
 UY, RX, RZ, PER_NODE = 1, 3, 5, 6
 
 
-def stands_between(panel: Panel, item: PlacedObject) -> bool:
+def is_off_node(panel: Panel, item: PlacedObject) -> bool:
     """Tell whether an object stands where neither its rail nor the stock rail has a place.
 
     Rails that came as matrices have only the nodes that they came with.
@@ -59,7 +59,7 @@ def stands_between(panel: Panel, item: PlacedObject) -> bool:
     )
 
 
-def row_between(nodes: Floats, *, x: float, z: float) -> tuple[Ints, Floats]:
+def offnode_row(nodes: Floats, *, x: float, z: float) -> tuple[Ints, Floats]:
     """Return which displacements of nodes move a point sideways, and their weights.
 
     Parameters
@@ -77,7 +77,7 @@ def row_between(nodes: Floats, *, x: float, z: float) -> tuple[Ints, Floats]:
 
     Examples
     --------
-    >>> at, weights = row_between(np.array([0.0, 1.0]), x=0.5, z=0.2)
+    >>> at, weights = offnode_row(np.array([0.0, 1.0]), x=0.5, z=0.2)
     >>> at.tolist(), weights.tolist()
     ([1, 5, 7, 11, 3, 9], [0.5, 0.125, 0.5, -0.125, -0.1, -0.1])
     """
@@ -112,7 +112,7 @@ def approach_row(
     by_name = {body.name: body for body in bodies}
     for name, z, sign in _sides(panel, item):
         body = by_name[name]
-        at, weights = row_between(body.x, x=item.x, z=z)
+        at, weights = offnode_row(body.x, x=item.x, z=z)
         row[body.first : body.first + body.count] = sign * (weights @ body.recovery[at])
     return row
 
@@ -139,10 +139,10 @@ class _Inside:
     owner: object
 
 
-_memory = Latest[_Inside](MOST_RAILS)
+_memory = LRUCache[_Inside](MOST_RAILS)
 
 
-def yield_between(
+def local_flexibility(
     panel: Panel, item: PlacedObject, *, rails: Callable[[], Sequence[RailData]], owner: object
 ) -> float:
     """Return what the rails yield to an object beyond their reduced coordinates [m/N].
@@ -164,7 +164,7 @@ def yield_between(
         rail = _memory.get(key)
         if rail is None:
             data = next(data for data in rails() if data.name == name)
-            rail = _memory.keep(key, _inside(data, owner))
+            rail = _memory.put(key, _inside(data, owner))
         total += _residual(rail, x=item.x, z=z)
     return total
 
@@ -181,7 +181,7 @@ def _inside(data: RailData, owner: object) -> _Inside:
 
 def _residual(rail: _Inside, *, x: float, z: float) -> float:
     """Return what a rail yields at a point beyond its reduced coordinates [m/N]."""
-    at, weights = row_between(rail.structure.x, x=x, z=z)
+    at, weights = offnode_row(rail.structure.x, x=x, z=z)
     row = (weights @ rail.structure.motion[at].toarray())[rail.inner]
     element = rail.element
     modes = element.transformation[rail.inner, element.interface.size :]

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
-from turnout.core.content_cache import remembered
+from turnout.core.content_cache import cached_arrays
 from turnout.errors import MechanicsError
 from turnout.panel.model import Panel
 from turnout.panel.profile import (
@@ -91,7 +91,7 @@ def station_columns(panel: Panel, section: str) -> dict[str, Floats]:
             *planed.model_dump(exclude={"outline", "stock_outline"}).values(),
             poisson,
         ]
-    return remembered("section", parts, lambda: _computed(panel, section))
+    return cached_arrays("section", parts, lambda: _computed(panel, section))
 
 
 def section_outlines(panel: Panel, section: str) -> list[tuple[Outline, Outline | None]]:

@@ -7,8 +7,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from turnout.core.content_cache import digest, remembered
-from turnout.core.lru_cache import Latest
+from turnout.core.content_cache import cached_arrays, digest
+from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.mechanism import RailBody, RailData, ReducedRail
 from turnout.mechanism.structure import Structure, point_rows, rail_structure
 from turnout.panel.records import RailMatrices
@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 MOST_RAILS = 48
 """So many reduced rails are kept in memory, the latest used."""
 
-_rails = Latest[ReducedRail](MOST_RAILS)
+_rails = LRUCache[ReducedRail](MOST_RAILS)
 _FIELDS = ("stiffness", "mass", "transformation", "frequencies_kept", "frequency_first_omitted")
 
 
@@ -50,7 +50,7 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
     key = digest(_parts(data))
     found = _rails.get(key)
     if found is None:
-        found = _rails.keep(key, _reduced(data, first=0))
+        found = _rails.put(key, _reduced(data, first=0))
         for array in (found.stiffness, found.mass, found.damping, found.load, found.rows):
             array.flags.writeable = False
     return replace(found, body=replace(found.body, first=first))
@@ -168,7 +168,7 @@ def _kept_superelement(
 
     matrices = (stiffness.tocsr(), mass.tocsr())
     parts = [array for m in matrices for array in (m.data, m.indices, m.indptr)]
-    kept = remembered("superelement", [*parts, interface, float(cutoff_frequency)], made)
+    kept = cached_arrays("superelement", [*parts, interface, float(cutoff_frequency)], made)
     return Superelement(
         stiffness=kept["stiffness"],
         mass=kept["mass"],

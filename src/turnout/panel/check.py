@@ -35,7 +35,7 @@ from turnout.panel.check_rails import (
 from turnout.panel.foreign_object import from_record, object_faults
 from turnout.panel.model import Panel
 from turnout.panel.records import Movement
-from turnout.panel.validate import Draft, Known, Partial, known_part
+from turnout.panel.validate import Draft, Known, Partial, until_unknown
 
 _SAME_TIME = 1e-9
 _TABLE_KEYS = ("table_time", "table_fraction", "table_file")
@@ -45,10 +45,10 @@ def check_schedule(draft: Draft) -> Iterator[Problem]:
     """Find problems of the movements, each and among each other."""
     drives = draft.names["drive"]
     for name, movement in draft.records["movement"].items():
-        yield from known_part(_movement(("movement", name), movement, drives))
-        yield from known_part(_table(("movement", name), movement))
-    yield from known_part(_sequence(draft, drives))
-    yield from known_part(_end(draft, drives))
+        yield from until_unknown(_movement(("movement", name), movement, drives))
+        yield from until_unknown(_table(("movement", name), movement))
+    yield from until_unknown(_sequence(draft, drives))
+    yield from until_unknown(_end(draft, drives))
 
 
 def _times(movement: Movement, drives: tuple[str, ...]) -> list[float]:
@@ -170,7 +170,7 @@ def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
         panel = Panel.model_construct(**draft.records)
         for name, record in objects.items():
             sized = not blocked & _OPENING_NEEDS
-            found += known_part(_object(panel, ("object", name), record, sized=sized))
+            found += until_unknown(_object(panel, ("object", name), record, sized=sized))
     return [_shared(draft, problem) for problem in found]
 
 
@@ -178,7 +178,7 @@ def _each(draft: Draft, family: str) -> Iterator[Problem]:
     """Check the members of a family one by one."""
     check_one = _CHECKS[family]
     for name, record in draft.records[family].items():
-        yield from known_part(check_one(draft, (family, name), record))
+        yield from until_unknown(check_one(draft, (family, name), record))
 
 
 def _shared(draft: Draft, problem: Problem) -> Problem:
@@ -194,9 +194,9 @@ def _plain(draft: Draft) -> Iterator[Problem]:
     instrumented = draft.records["instrumented_rail"]
     if not isinstance(instrumented, Partial) and names and instrumented not in names:
         yield Problem(("instrumented_rail",), unknown_name("rail", instrumented, names))
-    yield from known_part(_object_defaults(draft))
-    yield from known_part(_damping(draft))
-    yield from known_part(_lock(draft))
+    yield from until_unknown(_object_defaults(draft))
+    yield from until_unknown(_damping(draft))
+    yield from until_unknown(_lock(draft))
 
 
 def _object_defaults(draft: Draft) -> Iterator[Problem]:
@@ -229,14 +229,14 @@ def _between_rails(draft: Draft) -> Iterator[Problem]:
             text = ': two rails must close opposite ways, one "+y" and one "-y"'
             yield Problem(("rail",), text)
 
-    yield from known_part(ways())
+    yield from until_unknown(ways())
 
 
 def _rail(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
-    yield from known_part(_rail_closes(draft, path, rail))
-    yield from known_part(_rail_section(draft, path, rail))
-    yield from known_part(_rail_support(draft, path, rail))
-    yield from known_part(_rail_elements(draft, rail))
+    yield from until_unknown(_rail_closes(draft, path, rail))
+    yield from until_unknown(_rail_section(draft, path, rail))
+    yield from until_unknown(_rail_support(draft, path, rail))
+    yield from until_unknown(_rail_elements(draft, rail))
     if rail.stock_rail_gap is not None:
         yield from check_profile((*path, "stock_rail_gap"), rail.stock_rail_gap)
     edge = rail.running_edge
@@ -294,10 +294,12 @@ def _section(draft: Draft, path: tuple[str, str], table: Any) -> Iterator[Proble
 
 def _standing(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
     """Check what stands at one, some or all rails: that these exist and reach there."""
-    yield from known_part(_rails_exist(draft, path, record))
+    yield from until_unknown(_rails_exist(draft, path, record))
     x = record.x
     for name in rails_of(path[0], record, draft):
-        yield from known_part(_on_rail(path, x, name, draft.records["rail"].get(name, Partial())))
+        yield from until_unknown(
+            _on_rail(path, x, name, draft.records["rail"].get(name, Partial()))
+        )
 
 
 def _rails_exist(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
@@ -336,7 +338,7 @@ def _sleeper(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Probl
 
 
 def _chair(draft: Draft, path: tuple[str, str], chair: Any) -> Iterator[Problem]:
-    yield from known_part(_standing(draft, path, chair))
+    yield from until_unknown(_standing(draft, path, chair))
     feet = chair.foot_offsets
     if feet is not None and len(feet) > _MOST_FEET:
         text = f": {len(feet)} foot points, at most {_MOST_FEET}; give those of the edges"
@@ -346,9 +348,9 @@ def _chair(draft: Draft, path: tuple[str, str], chair: Any) -> Iterator[Problem]
 
 
 def _drive(draft: Draft, path: tuple[str, str], drive: Any) -> Iterator[Problem]:
-    yield from known_part(_standing(draft, path, drive))
-    yield from known_part(_drive_saturated(path, drive))
-    yield from known_part(check_drive_table(path, drive))
+    yield from until_unknown(_standing(draft, path, drive))
+    yield from until_unknown(_drive_saturated(path, drive))
+    yield from until_unknown(check_drive_table(path, drive))
     reaches = {"open": drive.over_travel_open, "closed": drive.over_travel_closed}
     for place, reach in reaches.items():
         if drive.stroke + reach <= 0:
@@ -387,7 +389,7 @@ _CHECKS = {
 def _same_places(draft: Draft, family: str) -> Iterator[Problem]:
     seen: dict[tuple[str, int], str] = {}
     for name, record in draft.records[family].items():
-        yield from known_part(_same_place(draft, (family, name), record, seen))
+        yield from until_unknown(_same_place(draft, (family, name), record, seen))
 
 
 def _same_place(

@@ -16,7 +16,7 @@ from turnout.core.problems import Problem, choices, nearest, show_value
 from turnout.panel.library_outlines import library_outline_names
 from turnout.panel.profile import outline_points, section_columns
 from turnout.panel.records import Drive, Profile, SectionTable
-from turnout.panel.validate import Draft, Partial, known_part
+from turnout.panel.validate import Draft, Partial, until_unknown
 
 Path = tuple[str, ...]
 _POSITIVE = (
@@ -209,10 +209,10 @@ def check_outline_section(draft: Draft, path: tuple[str, str], record: Any) -> I
 def check_planed_section(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
     """Check outlines, stations and lowering of a planed section."""
     for key in ("outline", "stock_outline"):
-        yield from known_part(_planing_outline(draft, (*path, key), record, key))
-    yield from known_part(_offsets(path, record, "running_edge_offset"))
-    yield from known_part(_offsets(path, record, "lowering_offset"))
-    yield from known_part(_lowering(path, record))
+        yield from until_unknown(_planing_outline(draft, (*path, key), record, key))
+    yield from until_unknown(_offsets(path, record, "running_edge_offset"))
+    yield from until_unknown(_offsets(path, record, "lowering_offset"))
+    yield from until_unknown(_lowering(path, record))
 
 
 def first_crossing(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
@@ -319,8 +319,8 @@ def rails_of(family: str, record: Any, draft: Draft) -> list[str]:
 
 def check_stock_rail(draft: Draft, path: tuple[str, str], stock: Any) -> Iterator[Problem]:
     """Check a flexible stock rail: whom it faces, where it reaches, that something holds it."""
-    yield from known_part(_stock_rail_faces(draft, path, stock))
-    yield from known_part(_stock_rail_section(draft, path, stock))
+    yield from until_unknown(_stock_rail_faces(draft, path, stock))
+    yield from until_unknown(_stock_rail_section(draft, path, stock))
     if stock.end <= stock.start:
         text = f" = {stock.end:g} m: must be more than start, {stock.start:g} m"
         yield Problem((*path, "end"), text)

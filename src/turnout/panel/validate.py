@@ -40,13 +40,13 @@ class Partial:
         return getattr(self._record, name)
 
 
-def known_part(problems: Iterator[Problem]) -> Iterator[Problem]:
+def until_unknown(problems: Iterator[Problem]) -> Iterator[Problem]:
     """Pass on the problems that a check finds until it needs a value that is wrong itself."""
     with suppress(Unknown):
         yield from problems
 
 
-class Noting(dict[str, Any]):
+class AccessTracker(dict[str, Any]):
     """Values by field name of `Panel` that note which of them were asked for."""
 
     def __init__(self) -> None:
@@ -101,8 +101,8 @@ class Draft:
         Fields that each check asked for, by its name.
     """
 
-    records: Noting = field(default_factory=Noting)
-    names: Noting = field(default_factory=Noting)
+    records: AccessTracker = field(default_factory=AccessTracker)
+    names: AccessTracker = field(default_factory=AccessTracker)
     problems: list[Problem] = field(default_factory=list)
     shared: frozenset[Path] = frozenset()
     changed: set[str] = field(default_factory=set)

@@ -228,7 +228,7 @@ def load_study(name_or_path: str | Path, *, calibration: Path | None = None) -> 
 def study_from_file(file: "TomlFile", *, calibration: Path | None = None) -> Study:
     """Make a study from a TOML document that was already read."""
     # Workers of a sweep get their study ready, and need not wait for what reads files.
-    from turnout.calibration.movements import doubts_on
+    from turnout.calibration.movements import check_provenance
     from turnout.calibration.result import load_calibration
     from turnout.study.read import named_panel, path_from, read_parts, read_record
 
@@ -239,7 +239,7 @@ def study_from_file(file: "TomlFile", *, calibration: Path | None = None) -> Stu
     remarks: tuple[str, ...] = ()
     if calibration is not None:
         known = load_calibration(calibration)
-        remarks = tuple(f"{calibration}: {text}" for text in doubts_on(known, panel))
+        remarks = tuple(f"{calibration}: {text}" for text in check_provenance(known, panel))
         panel = known.apply(panel)
     parts = read_parts(record, panel, source=file.source, unknown=unknown)
     return Study(

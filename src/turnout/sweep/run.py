@@ -46,11 +46,11 @@ from turnout.sweep.verify import sound_batches
 from turnout.sweep.worker import BatchDone, make_batch, worker_processes
 
 # Batches handed out beyond one a worker, so that none waits for the next.
-AHEAD = 2
+PREFETCH = 2
 # Breaks of the pool in a row without a batch in between after which a run gives up.
 MOST_BREAKS = 3
 # Progress is told so often at least [s].
-BREATH = 0.5
+REPORT_INTERVAL = 0.5
 
 MakePool = Callable[[], Executor]
 
@@ -160,24 +160,24 @@ def run_sweep(
         )
         if todo and pool is None and must_compile():
             compile_kernels()
-        told = _Told(
+        log = ProgressLog(
             total=study.count,
             before=sum(sizes[number] for number in there),
             journal=folder / JOURNAL,
             report=report,
         )
-        told.say()
-        made = _made(folder, study.digest, todo, make=make, ahead=workers + AHEAD, told=told)
+        log.emit()
+        made = _made(folder, study.digest, todo, make=make, ahead=workers + PREFETCH, log=log)
         with closing(made):
             for done in made:
-                told.take(done)
+                log.record(done)
         clear_leftovers(folder)
         write_card(folder, study)
-    thrown = sum(sum(done.outcomes.values()) for done in told.batches)
-    return Finished(thrown, tuple(told.batches), damaged)
+    thrown = sum(sum(done.outcomes.values()) for done in log.batches)
+    return Finished(thrown, tuple(log.batches), damaged)
 
 
-class _Told:
+class ProgressLog:
     """Counts what is done, writes the journal, and tells the watcher."""
 
     def __init__(
@@ -188,7 +188,7 @@ class _Told:
         self._journal, self._report = journal, report
         self._began = time.monotonic()
 
-    def take(self, done: BatchDone) -> None:
+    def record(self, done: BatchDone) -> None:
         """Count a batch."""
         self.batches.append(done)
         self._done += sum(done.outcomes.values())
@@ -200,9 +200,9 @@ class _Told:
                 file.write(json.dumps(asdict(done)) + "\n")
         except OSError as error:
             raise FileError(write_fault(self._journal, error)) from None
-        self.say()
+        self.emit()
 
-    def say(self) -> None:
+    def emit(self) -> None:
         """Tell how far the run is."""
         if self._report is None:
             return
@@ -218,14 +218,14 @@ def _made(
     *,
     make: MakePool,
     ahead: int,
-    told: _Told,
+    log: ProgressLog,
 ) -> Generator[BatchDone, None, None]:
     """Yield batches as they are written; a pool that breaks is replaced."""
     left, breaks = list(todo), 0
     while left:
         with _stopped_at_once(make()) as pool:
             try:
-                for done in _through(pool, folder, digest, left, ahead=ahead, told=told):
+                for done in submit_batches(pool, folder, digest, left, ahead=ahead, log=log):
                     left.remove(done.number)
                     breaks = 0
                     yield done
@@ -237,7 +237,7 @@ def _made(
                         "written stays; look for memory running out, then run the same again"
                     )
                     raise FileError(message) from None
-            except _lost() as error:
+            except cluster_errors() as error:
                 message = (
                     f"the cluster lost its workers or its scheduler ({error}); what is written "
                     "stays; run the same again once they are back"
@@ -245,20 +245,20 @@ def _made(
                 raise FileError(message) from None
 
 
-def _lost() -> tuple[type[BaseException], ...]:
+def cluster_errors() -> tuple[type[BaseException], ...]:
     """Return what a cluster raises where a task cannot be done any more."""
     cluster = sys.modules.get("distributed")
     return (CancelledError, cluster.KilledWorker) if cluster else (CancelledError,)
 
 
-def _through(
+def submit_batches(
     pool: Executor,
     folder: Path,
     digest: str,
     todo: Sequence[int],
     *,
     ahead: int,
-    told: _Told,
+    log: ProgressLog,
 ) -> Iterator[BatchDone]:
     """Hand out batches, a few more than there are workers, and yield what is done."""
     waiting: set[Future[BatchDone]] = set()
@@ -270,11 +270,11 @@ def _through(
             )
         if not waiting:
             return
-        done, waiting = wait(waiting, timeout=BREATH, return_when=FIRST_COMPLETED)
+        done, waiting = wait(waiting, timeout=REPORT_INTERVAL, return_when=FIRST_COMPLETED)
         for future in done:
             yield future.result()
         if not done:
-            told.say()
+            log.emit()
 
 
 @contextmanager

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 from h5py import h5a
 
-from turnout.core.lru_cache import Latest
+from turnout.core.lru_cache import LRUCache
 from turnout.errors import FileError
 from turnout.sweep.batch import BATCH_NAME, DIGITS, ORIGIN, BatchOrigin, written_batches
 
@@ -20,7 +20,7 @@ SETTLED = 2_000_000_000
 
 Key = tuple[Path, int, int, int, int]
 
-_origins = Latest[BatchOrigin](200_000)
+_origins = LRUCache[BatchOrigin](200_000)
 """Of files whose content was verified, by path, size, time stamps and inode."""
 
 
@@ -123,7 +123,7 @@ def opened(path: Path, of_sweep: BatchOrigin) -> Iterator["h5py.File"]:
         if origin is None:
             origin = origin_of(file)
             if origin is not None and key is not None and settled:
-                _origins.keep(key, origin)
+                _origins.put(key, origin)
         fault = origin_fault(origin, wanted_origin(path, of_sweep))
         if fault:
             message = (

@@ -96,7 +96,7 @@ M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 LARGEST_KEPT, MOST_KEPT = 32 << 20, 1 << 30
 
 # So many more objects made than let go before the collector looks at them.
-SELDOM = 50_000
+GC_THRESHOLD = 50_000
 
 # A worker of a cluster may have several threads; the caches and HDF5 want one.
 _one_at_a_time = threading.Lock()
@@ -189,7 +189,7 @@ def get_ready() -> None:
     keep_memory()
     compile_kernels()
     gc.freeze()
-    gc.set_threshold(SELDOM, *gc.get_threshold()[1:])
+    gc.set_threshold(GC_THRESHOLD, *gc.get_threshold()[1:])
     gc.enable()
 
 

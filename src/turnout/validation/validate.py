@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from turnout.calibration.entries import unusable
 from turnout.calibration.evaluate import Evaluator, Throw
 from turnout.calibration.local import stepped_value
-from turnout.calibration.movements import with_room
+from turnout.calibration.movements import exclude_oversized_objects
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.observed import BIN, Movement, observe
 from turnout.calibration.parameter import Parameter
@@ -92,7 +92,7 @@ def validate(
     MeasurementError
         When the campaign does not fit the panel, or no throw can be simulated.
     """
-    movements, roomless = with_room(observe(dataset, panel), panel)
+    movements, roomless = exclude_oversized_objects(observe(dataset, panel), panel)
     grid = Grid.of(movements)
     model = _model(movements, grid, calibration, evaluator)
     sheet = dataset.sel(movement=[item.name for item in movements])

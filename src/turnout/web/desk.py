@@ -16,7 +16,7 @@ from typing import Any
 import xarray as xr
 
 from turnout.analysis.panel_check import concern_lines, panel_concerns
-from turnout.core.lru_cache import Latest
+from turnout.core.lru_cache import LRUCache
 from turnout.core.toml import decode, parse_toml
 from turnout.errors import FileError, PanelError, TurnoutError
 from turnout.panel.load import LoadedPanel, library_names, load_panel, panel_from_file
@@ -88,9 +88,9 @@ class Desk:
 
     def __init__(self, opening: Opening) -> None:
         self._opening = opening
-        self._panels = Latest[LoadedPanel](MOST_PANELS)
-        self._runs = Latest[xr.Dataset](MOST_RUNS)
-        self._sent = Latest[Measured](MOST_MEASURED)
+        self._panels = LRUCache[LoadedPanel](MOST_PANELS)
+        self._runs = LRUCache[xr.Dataset](MOST_RUNS)
+        self._sent = LRUCache[Measured](MOST_MEASURED)
         self._ahead: deque[Callable[[], object]] = deque()
         self._tasks: Mapping[str, Callable[[Task, Question], Reply]] = {
             "panel/open": self._open_panel,
@@ -125,7 +125,7 @@ class Desk:
 
     def _shown(self, panel: LoadedPanel, origin: tuple[str, str, bytes]) -> Reply:
         mark = panel.hash[:16]
-        self._panels.keep(mark, panel)
+        self._panels.put(mark, panel)
         reply = Reply.of(described(panel, mark))
         return Reply(reply.content, kept=((mark, pickle.dumps(origin)),))
 
@@ -142,7 +142,7 @@ class Desk:
         if found is None and mark in self._restored:
             kind, name, content = pickle.loads(self._restored[mark])
             panel = load_panel(name) if kind == "library" else _sent_panel(content, name)
-            found = self._panels.keep(mark, panel)
+            found = self._panels.put(mark, panel)
         if found is None:
             raise UnknownMarkError(mark, "the studio no longer knows this panel; open it again")
         return found
@@ -169,7 +169,7 @@ class Desk:
         key = asked.model_dump_json()
         found = self._runs.get(key)
         if found is None:
-            found = self._runs.keep(key, thrown(panel, asked, question))
+            found = self._runs.put(key, thrown(panel, asked, question))
         return panel, found
 
     def _one_ahead(self, _task: Task, _question: Question) -> Reply:
@@ -197,7 +197,7 @@ class Desk:
         # Another process may have to know it by the same mark.
         marks = {f"sent-{secrets.token_hex(8)}": item for item in found}
         for mark, item in marks.items():
-            self._sent.keep(mark, item)
+            self._sent.put(mark, item)
         movements = [measured_record(mark, item) for mark, item in marks.items()]
         content = Reply.of({"lines": lines, "movements": movements}).content
         return Reply(content, kept=tuple((m, pickle.dumps(item)) for m, item in marks.items()))
@@ -213,7 +213,7 @@ class Desk:
         """Return a measured movement by its mark."""
         found = self._opening.campaign.get(mark) or self._sent.get(mark)
         if found is None and mark in self._restored:
-            found = self._sent.keep(mark, pickle.loads(self._restored[mark]))
+            found = self._sent.put(mark, pickle.loads(self._restored[mark]))
         if found is None:
             message = "the studio does not know this movement; send its recording again"
             raise UnknownMarkError(mark, message)
