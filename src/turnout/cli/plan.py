@@ -90,7 +90,7 @@ def _side(
     flexible = [item for item in panel.stock_rail.values() if item.faces == name]
     for item in flexible:
         stock.line(item.start, item.end, "=")
-    if not flexible and rail.stock_rail_gap is not None:
+    if not flexible and rail.has_stock_rail:
         stock.line(*extent(panel), "=")
     against = blank()
     against.put((item.x, ":") for item in panel.stop.values() if stands_at(item, name))

@@ -93,7 +93,7 @@ def _closed_gap(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
         yield "CLOSED GAP [mm] at contact height, simulated, each rail when it lies closed"
         x = thrown.dataset["x"].values
         for name, rail in panel.rail.items():
-            if rail.stock_rail_gap is None:
+            if not rail.has_stock_rail:
                 continue
             closed = settled(thrown.dataset, to="closed" if rail.closes == "+y" else "open")
             rails[name] = closed["gap"].sel(rail=name).values

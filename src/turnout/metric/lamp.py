@@ -1,5 +1,6 @@
 """Lock, control and slip as lamps: on or off over time, with the rule that says so in words."""
 
+import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,7 +105,18 @@ def _lock(dataset: xr.Dataset) -> str:
     rule = dataset.attrs.get("lock_rule", "not stated")
     if rule == "no slip":
         return f"no drive is at its saturation force, {rest}"
+    gap = f"the gap at every drive is below {_limits(dataset)}"
+    if rule == "slip or gap":
+        return f"no drive is at its saturation force, {gap}, {rest}"
     if rule == "raw gap":
-        limit = 1e3 * float(dataset.attrs["lock_gap_limit"])
-        return f"the raw gap at every drive is below {limit:g} mm, {rest}"
+        return f"{gap}, {rest}"
     return f"the rule is {rule}"
+
+
+def _limits(dataset: xr.Dataset) -> str:
+    """Say the gap limits of the drives: one, or each with its drive."""
+    common = float(dataset.attrs["lock_gap_limit"])
+    own: dict[str, float] = json.loads(dataset.attrs.get("lock_gap_limits", "{}"))
+    if len(set(own.values()) | ({common} if not own else set())) == 1:
+        return f"{1e3 * next(iter(own.values()), common):g} mm"
+    return " and ".join(f"{1e3 * limit:g} mm at drive {name}" for name, limit in own.items())

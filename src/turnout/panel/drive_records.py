@@ -33,18 +33,49 @@ class Drive(Placed):
     stiffness: Stiffness = Field(gt=0, description="bushing below saturation [N/m]")
     saturation_force: Force = Field(gt=0, description="slip level of the clutch [N]")
     saturated_stiffness: Stiffness = Field(ge=0, description="bushing beyond saturation [N/m]")
+    gap_limit: Length | None = Field(
+        None, gt=0, description="gap at which this drive refuses lock [m]; default lock.gap_limit"
+    )
     extension: LengthList | None = Field(
         None, description="elastic law as a table: extension of the bushing, rising [m]"
     )
     force: ForceList | None = Field(None, description="elastic law as a table: its force [N]")
 
 
-class Link(Placed):
-    """Linear lateral spring between two switch rails."""
+class Linkage(Placed):
+    """A rod that transmits motion: stiff, with an adjustable length and play."""
 
-    rails: list[str] = Field(min_length=2, max_length=2, description="the two rails it joins")
     height: Length = Field(0.0, ge=-1, le=1, description="z of the connection [m]")
     stiffness: Stiffness = Field(gt=0, description="[N/m]")
+    lost_motion: Length = Field(
+        0.0, ge=0, le=0.5, description="play, half of it to either side of the free length [m]"
+    )
+
+
+class Link(Linkage):
+    """Linear lateral spring between two switch rails.
+
+    It is free of force in the through route, where the instrumented rail is closed and the other
+    open, each in its position by strokes; `adjustment` lengthens it from there.
+    """
+
+    rails: list[str] = Field(min_length=2, max_length=2, description="the two rails it joins")
+    adjustment: Length = Field(
+        0.0, ge=-0.1, le=0.1, description="added to its free length; spreads the rails [m]"
+    )
+
+
+class BackDrive(Linkage):
+    """Linkage that moves a second place of a rail by a ratio of what the rail does at a drive."""
+
+    drive: str = Field(description="the drive at whose place the linkage takes its motion")
+    rails: list[str] | None = Field(None, description="names of the rails; default all")
+    ratio: float = Field(
+        gt=0, le=10, description="motion at `x` over motion at the drive's place [-]"
+    )
+    adjustment: Length = Field(
+        0.0, ge=-0.1, le=0.1, description="moves its place further closed when closed [m]"
+    )
 
 
 class Sensor(Placed):
@@ -62,7 +93,9 @@ class Sleeper(Placed):
 class Lock(Record):
     """Rule by which the drives confirm locking at the end of a movement."""
 
-    rule: Literal["no slip", "raw gap"] = Field(
-        "no slip", description="'no slip': no drive saturated; 'raw gap': every gap below the limit"
+    rule: Literal["slip or gap", "no slip", "raw gap"] = Field(
+        "slip or gap",
+        description="refused: 'slip or gap' where a drive is saturated or a gap at a drive is at "
+        "its limit or above; 'no slip' where a drive is saturated; 'raw gap' where a gap is",
     )
-    gap_limit: Length = Field(gt=0, description="largest raw gap at a drive [m]")
+    gap_limit: Length = Field(gt=0, description="gap at a drive from which lock is refused [m]")

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from turnout.panel.model import Panel
-from turnout.panel.opening import displaced
-from turnout.panel.profile import running_edge_distance, stock_rail_gap
+from turnout.panel.opening import displaced, unloaded_gap
+from turnout.panel.profile import running_edge_distance
 from turnout.panel.record import OnRails
 
 FloatArray = npt.NDArray[np.float64]
@@ -78,7 +78,7 @@ def resting_gap(panel: Panel, rail: str, x: npt.ArrayLike, *, closed: bool) -> F
     """
     record = panel.rail[rail]
     places = np.atleast_1d(np.asarray(x, dtype=np.float64))
-    gap = stock_rail_gap(record, places)
+    gap = unloaded_gap(panel, rail, places)
     if gap is None:
         return None
     position = "closed" if closed == (record.closes == "+y") else "open"

@@ -16,7 +16,7 @@ from turnout.files.quantity import (
     Length,
     Pressure,
 )
-from turnout.panel.drive_records import Drive, Link, Lock, Sensor, Sleeper
+from turnout.panel.drive_records import BackDrive, Drive, Link, Lock, Sensor, Sleeper
 from turnout.panel.rail_records import Rail, StockRail
 from turnout.panel.record import Record
 from turnout.panel.schedule_records import Movement, ObjectDefaults, PanelObject, Schedule
@@ -89,6 +89,7 @@ class Panel(Record):
     stud: dict[str, Stop] = {}
     drive: dict[str, Drive] = Field(min_length=1, max_length=6)
     link: dict[str, Link] = {}
+    back_drive: dict[str, BackDrive] = {}
     sensor: dict[str, Sensor] = {}
     sleeper: dict[str, Sleeper] = {}
     schedule: Schedule
@@ -97,3 +98,11 @@ class Panel(Record):
     object: dict[str, PanelObject] = {}
     lock: Lock
     flangeway: Flangeway | None = None
+
+    def gap_limits(self) -> dict[str, float]:
+        """Return the gap from which each drive refuses lock [m]."""
+        common = self.lock.gap_limit
+        return {
+            name: common if drive.gap_limit is None else drive.gap_limit
+            for name, drive in self.drive.items()
+        }

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from turnout.files.quantity import (
     Length,
@@ -42,14 +42,34 @@ Gap = Annotated[
 ]
 
 
+def _stress_free(value: object) -> object:
+    """Read "closed", "open" or a fraction; one sentence says what is allowed."""
+    if value in ("closed", "open"):
+        return value
+    number = float(value) if isinstance(value, int | float) else -1.0
+    if isinstance(value, bool) or not 0.0 <= number <= 1.0:
+        message = 'must be "closed", "open" or a fraction from 0 to 1, such as 0.25'
+        raise ValueError(message)
+    return number
+
+
+StressFree = Annotated[Literal["closed", "open"] | float, BeforeValidator(_stress_free)]
+
+
 class Rail(Record):
     """A switch rail in its stress-free position, straight or curved in plan.
 
-    The gap to the stock rail is data of its own: a curve changes what the rail does, not the gap.
+    With `fit_gap` its shapes are computed: closed, the rail is held by its drives and leaves that
+    gap to the stock rail; open, the drives have moved it by their strokes; stress-free, it stands
+    at the fraction `stress_free` between the two. With `stock_rail_gap` the stress-free shape is
+    typed. The gap is data of its own: a curve changes what the rail does, not the gap.
     """
 
     closes: Literal["+y", "-y"] = Field(description="closing direction; instrumented rail: '+y'")
-    stress_free: Literal["closed", "open"] = Field(description="position without any force")
+    stress_free: StressFree = Field(
+        description="position without any force: 'closed', 'open', or the fraction of the way "
+        "from closed to open [-]"
+    )
     start: Length = Field(0.0, description="x of the toe end [m]")
     end: Length = Field(description="x of the heel end [m]")
     heel: Literal["clamped", "free"] = Field("free", description="condition at the heel end")
@@ -72,14 +92,31 @@ class Rail(Record):
         description="radius of the reference line in plan, away from the stock rail [m]; default "
         "straight",
     )
+    fit_gap: Gap | None = Field(
+        None,
+        description="open distance to the unloaded stock rail that is left when the drives hold "
+        "the rail closed, at contact height, without any contact [m]; the stress-free shape "
+        "follows from it, `stress_free` and the strokes",
+    )
     stock_rail_gap: Gap | None = Field(
         None,
-        description="open distance to the unloaded stock rail in the stress-free position, at "
-        "contact height [m]; leave out where there is none",
+        description="typed or measured shape in place of fit_gap: open distance to the unloaded "
+        "stock rail in the stress-free position, at contact height [m]",
     )
     head_width: Length | None = Field(
         None, gt=0, description="full head width: w beyond it adds to the flangeway [m]"
     )
+
+    @property
+    def has_stock_rail(self) -> bool:
+        """Whether the rail has a stock rail to close against."""
+        return self.stock_rail_gap is not None or self.fit_gap is not None
+
+    @property
+    def fraction(self) -> float:
+        """Place of the stress-free position on the way from closed (0) to open (1) [-]."""
+        given = self.stress_free
+        return given if isinstance(given, float) else {"closed": 0.0, "open": 1.0}[given]
 
 
 class StockRail(Record):

@@ -37,6 +37,11 @@ class Schedule(Record):
     """When the drives move; before, between and after the movements the markers rest."""
 
     starts: Literal["open", "closed"] = Field(description="position of the instrumented rail")
+    loaded: bool = Field(
+        False,
+        description="whether the drives start at their over-travel, where the movement before the "
+        "first left them: the closed rail is then pressed against its stock rail",
+    )
     end: Time = Field(gt=0, description="end of the simulation [s]")
 
 

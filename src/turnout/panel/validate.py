@@ -312,7 +312,7 @@ def _path(error: Any) -> Path:
     return tuple(
         part
         for before, part in zip(["", *parts], parts, strict=False)
-        if not (before == "stock_rail_gap" and part in _VARIANT_TAGS)
+        if not (before in ("stock_rail_gap", "fit_gap") and part in _VARIANT_TAGS)
     )
 
 

@@ -36,7 +36,7 @@ def plot_closed_gap(panel: Panel, *, dataset: xr.Dataset | None = None, ax: "Axe
     """
     simulated = dataset is not None and dataset.sizes["time"] > 0
     for number, (name, rail) in enumerate(panel.rail.items()):
-        if rail.stock_rail_gap is None:
+        if not rail.has_stock_rail:
             continue
         if dataset is None or not simulated:
             x = np.linspace(rail.start, rail.end, POINTS)

@@ -102,7 +102,7 @@ def _rails(ax: "Axes", panel: Panel, line: RailLine) -> None:
     """Draw the heads of a stock rail and of its switch rail, closed (filled) and open (outline)."""
     base, side = _base(line), line.side
     width = panel.rail[line.rail].head_width or 0.0
-    if panel.rail[line.rail].stock_rail_gap is not None:
+    if panel.rail[line.rail].has_stock_rail:
         edge = base + line.stock_edge
         ax.fill_between(
             line.x,

@@ -26,7 +26,7 @@ from turnout.mechanism.sliding import (
 from turnout.mechanism.threads import one_blas_thread
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
-from turnout.panel.motion import marker_offsets
+from turnout.panel.motion import marker_offsets, marker_positions
 from turnout.response.mode_motion import (
     MOTIONS,
     BodyShape,
@@ -160,7 +160,8 @@ def _alone(mechanism: Mechanism, data: list[RailData], count: int) -> Iterator[_
 def _together(panel: Panel, mechanism: Mechanism, count: int) -> Iterator[_System]:
     """Yield the panel at rest, with feet that slide and with feet that stick."""
     model = condense(mechanism, cutoff_frequency=float("inf"))
-    state = steady_sliding(mechanism, model, inputs=marker_offsets(panel), sense=0.0)
+    start = marker_positions(panel, 0.0)[:, 0] + marker_offsets(panel)
+    state = steady_sliding(mechanism, model, inputs=start, sense=0.0)
     if not state.settled:
         message = f"modes: the panel {panel.name} finds no static equilibrium; look at its supports"
         raise ResponseError(message)

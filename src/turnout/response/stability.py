@@ -17,7 +17,7 @@ from turnout.mechanism.modal import ModalModel
 from turnout.mechanism.sliding import Floats, Sliding, complex_modes, steady_sliding
 from turnout.mechanism.threads import one_blas_thread
 from turnout.panel.model import Panel
-from turnout.panel.motion import marker_level, marker_offsets, ordered_movements
+from turnout.panel.motion import marker_level, marker_offsets, ordered_movements, start_level
 
 SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
 SENSE = {"closed": 1.0, "open": -1.0}
@@ -168,7 +168,7 @@ class SlidingPlace:
 def sliding_places(panel: Panel, *, shares: tuple[float, ...] = SHARES) -> Iterator[SlidingPlace]:
     """Yield the marker positions at shares of the travel of every movement."""
     drives = panel.drive.values()
-    level = np.zeros(len(panel.drive))
+    level = np.array([start_level(panel, drive) for drive in drives])
     for name, movement in ordered_movements(panel):
         target = np.array(
             [marker_level(drive, movement.to, starts=panel.schedule.starts) for drive in drives]
