@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from turnout.panel.load import LoadedPanel
-    from turnout.study.test_piece import PieceResult
+    from turnout.study.test_piece import PieceLimit, PieceResult
 
 WIDTH = 100
 GAPS_IN_A_LINE, GAP_WIDTH = 12, 7
@@ -25,10 +25,11 @@ NEEDS_THROW = "needs throws of the switch: add --throw"
 
 @dataclass(frozen=True, slots=True)
 class Thrown:
-    """What throws of a panel gave: the one without an object, and one a test piece."""
+    """What throws of a panel gave: the one without an object, and those on test pieces."""
 
     dataset: "xr.Dataset"
     pieces: Sequence["PieceResult"]
+    limits: Sequence["PieceLimit"] = ()
 
 
 def panel_lines(
@@ -132,7 +133,7 @@ def _flangeway(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
         return
     least = float(thrown.dataset["least_flangeway"])
     if math.isnan(least):
-        yield "  not known: the rails need running_edge, head_width and stock_rail_gap"
+        yield "  not known: the rails need running_edge, head_width and fit_gap"
         return
     place = float(thrown.dataset["least_flangeway_x"])
     text = f"  {1e3 * least:.2f} mm, rail {thrown.dataset['least_flangeway_rail'].values!s}"
@@ -144,7 +145,8 @@ def _flangeway(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
 
 
 def _pieces(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
-    size = f"{1e3 * panel.lock.gap_limit:g} mm"
+    sizes = sorted({1e3 * limit for limit in panel.gap_limits().values()})
+    size = " and ".join(f"{value:g} mm" for value in sizes)
     yield f"TEST PIECE of {size} at each drive; lock rule '{panel.lock.rule}'"
     if thrown is None:
         yield f"  {NEEDS_THROW}"
@@ -163,6 +165,16 @@ def _pieces(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
             f"{_zero(piece.piece_force / 1e3):12.2f} kN{piece.largest_force / 1e3:20.2f} kN"
             f"{1e3 * piece.gap:9.2f} mm"
         )
+    yield from (f"  {_limit(item)}" for item in thrown.limits)
+
+
+def _limit(item: "PieceLimit") -> str:
+    """Say from which piece on a drive refuses to lock, and by which part of the rule."""
+    if item.fault:
+        return f"drive {item.drive}: least piece that is refused not known: {item.fault}"
+    if math.isinf(item.size):
+        return f"drive {item.drive} locks on every piece up to {1e3 * item.largest:g} mm"
+    return f"drive {item.drive} refuses to lock from {1e3 * item.size:.1f} mm on, by {item.by}"
 
 
 def _zero(value: float, digits: int = 2) -> float:
@@ -186,8 +198,7 @@ def _bushing_note(panel: "LoadedPanel") -> Iterator[str]:
         if drive.extension is not None
     ]
     text += ", ".join(parts) + (
-        ". That alone leaves millimetres at a drive with nothing trapped: it is the bushing, not a "
-        "switch badly maintained. The lock rule 'no slip' therefore asks whether a drive slips, "
-        "'raw gap' asks for the gap itself."
+        ". The rule 'slip or gap' refuses lock where a drive slips or such a gap is at its limit, "
+        "'no slip' and 'raw gap' look at one of the two."
     )
     yield from textwrap.wrap(text, WIDTH)

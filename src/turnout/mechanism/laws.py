@@ -319,7 +319,10 @@ def free_length(panel: Panel, name: str, travel: Travel) -> float:
         rail: travel.link_ends[name, rail] if drive is None else drive.stroke for rail in link.rails
     }
     if not all(np.isfinite(way) for way in ways.values()):
-        msg = f"link {name}: its length follows from the rails' travel there, which nothing holds"
+        msg = (
+            f"link.{name}.x = {link.x:g} m: its length follows from how far both rails move "
+            "there, and no drive or other link moves one of them; move the link to a drive"
+        )
         raise MechanicsError(msg)
     signs = [SIGN[panel.rail[rail].closes] for rail in link.rails]
     return float(np.dot(signs, [offset_at(panel, rail, ways[rail]) for rail in link.rails]))

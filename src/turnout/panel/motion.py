@@ -1,8 +1,8 @@
 """When and how far the markers of the drives move.
 
 Positions are in panel axes: positive in the closing direction of the instrumented rail, zero in the
-position by stroke at t = 0. "Open" and "closed" are the positions of the instrumented rail, also for a
-drive on the other rail, whose marker moves the same way.
+position by stroke at t = 0. "Open" and "closed" are the positions of the instrumented rail, also
+for a drive on the other rail, whose marker moves the same way.
 """
 
 import numpy as np
@@ -107,7 +107,8 @@ def marker_offsets(panel: Panel) -> FloatArray:
     -------
     ndarray, shape (n_drives,)
         Zero where the rail starts in its stress-free position, else up to the stroke [m], positive
-        or negative, positive closing. The bushing is stretched by this at t = 0 if the rail stays stress-free.
+        or negative, positive closing. The bushing is stretched by this at t = 0 if the rail stays
+        stress-free.
     """
     return np.array(
         [start_offset(panel, drive.rail, drive.stroke) for drive in panel.drive.values()]

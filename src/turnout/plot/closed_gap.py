@@ -62,10 +62,11 @@ def plot_closed_gap(panel: Panel, *, dataset: xr.Dataset | None = None, ax: "Axe
             name, (sensor.x, MILLI * sensor.limit), xytext=(6, 0), textcoords="offset points",
             va="center", fontsize=8,
         )  # fmt: skip
-    for number, drive in enumerate(panel.drive.values()):
+    limits = panel.gap_limits()
+    for number, (name, drive) in enumerate(panel.drive.items()):
         ax.plot(
             [drive.x],
-            [MILLI * panel.lock.gap_limit],
+            [MILLI * limits[name]],
             marker="s",
             color=COLOURS[5],
             markeredgecolor="black",

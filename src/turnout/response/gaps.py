@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.files.latest import Latest
+from turnout.mechanism.travel import unloaded_gap
 from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
-from turnout.mechanism.travel import unloaded_gap
 from turnout.panel.profile import contact_height, running_edge_distance
 from turnout.response.recovery import (
     Ints,
