@@ -39,7 +39,7 @@ def check_shape(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Prob
 
 
 def _against_strokes(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
-    if rail.stock_rail_gap is None or rail.fraction == 0.0:
+    if rail.stock_rail_gap is None or rail.independent_shape or rail.fraction == 0.0:
         return
     for name in _moved_by(draft, path[1]):
         drive = draft.records["drive"][name]
@@ -99,7 +99,9 @@ def _slips_at_rest(
     draft: Draft, path: tuple[str, str], drive: Any, known: Drive | None
 ) -> Iterator[Problem]:
     for name, rail in draft.records["rail"].items():
-        if isinstance(rail, Partial) or path[1] not in _moved_by(draft, name):
+        if isinstance(rail, Partial) or rail.independent_shape:
+            continue
+        if path[1] not in _moved_by(draft, name):
             continue
         key = "over_travel_closed" if rail.closes == "+y" else "over_travel_open"
         reach = getattr(drive, key)

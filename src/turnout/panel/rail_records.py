@@ -103,6 +103,10 @@ class Rail(Record):
         description="typed or measured shape in place of fit_gap: open distance to the unloaded "
         "stock rail in the stress-free position, at contact height [m]",
     )
+    independent_shape: bool = Field(
+        False,
+        description="whether a typed shape is taken as it is, though it contradicts the strokes",
+    )
     head_width: Length | None = Field(
         None, gt=0, description="full head width: w beyond it adds to the flangeway [m]"
     )
