@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from turnout.integrate.run import History
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel
+from turnout.panel.motion import marker_offsets
 
 Floats = NDArray[np.float64]
 Variable = tuple[tuple[str, ...], NDArray[np.generic]]
@@ -25,7 +26,7 @@ def drive_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[
     dims = ("drive", "time")
     return {
         "drive_force": (dims, force),
-        "drive_displacement": (dims, history.inputs.T.copy()),
+        "drive_displacement": (dims, history.inputs.T - marker_offsets(panel)[:, np.newaxis]),
         "drive_slipping": (dims, np.abs(force) >= limits[:, np.newaxis]),
     }
 
