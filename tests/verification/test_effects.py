@@ -16,14 +16,15 @@ from tests.verification.effects import (
     figures,
     rigid_stock_rails,
     run,
+    studied,
     tabulated,
 )
 
 from turnout.integrate.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
-from turnout.panel.load import LoadedPanel, load_panel
+from turnout.panel.load import LoadedPanel
 
-PANEL = load_panel(DEFAULT)
+PANEL = studied(DEFAULT)
 
 
 @cache

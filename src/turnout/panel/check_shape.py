@@ -7,7 +7,7 @@ import numpy as np
 
 from turnout.files.problems import Problem
 from turnout.panel.check_stock_rail import unknown_name
-from turnout.panel.check_table import check_profile
+from turnout.panel.check_table import check_drive_table, check_profile
 from turnout.panel.drive_records import Drive
 from turnout.panel.model import Panel
 from turnout.panel.profile import evaluate_profile
@@ -108,7 +108,7 @@ def _slips_at_rest(
         if known is not None and getattr(known, key) == reach:
             continue
         fit = _fit_at(rail, drive)
-        if fit is None or not (drive.stiffness > 0 and drive.saturation_force > 0):
+        if fit is None or any(check_drive_table(path, drive)):
             continue
         force = _force_at(drive, reach - fit)
         if force >= drive.saturation_force:
@@ -123,12 +123,11 @@ def _slips_at_rest(
 
 def _fit_at(rail: Rail, drive: Drive) -> float | None:
     """Return the gap that a closed rail leaves at a drive before it is pressed home [m]."""
-    if rail.fit_gap is not None:
-        return float(evaluate_profile(rail.fit_gap, [drive.x])[0])
-    if rail.stock_rail_gap is None:
+    shape = rail.fit_gap if rail.fit_gap is not None else rail.stock_rail_gap
+    if shape is None or any(check_profile((), shape)):
         return None
-    gap = float(evaluate_profile(rail.stock_rail_gap, [drive.x])[0])
-    return gap - rail.fraction * drive.stroke
+    gap = float(evaluate_profile(shape, [drive.x])[0])
+    return gap if rail.fit_gap is not None else gap - rail.fraction * drive.stroke
 
 
 def _force_at(drive: Drive, extension: float) -> float:

@@ -34,6 +34,9 @@ class Partial:
         """Give a value that is right."""
         if self._record is None or name in self._wrong:
             raise Unknown(name)
+        # What is derived may rest on any value, so on a wrong one too.
+        if self._wrong and isinstance(getattr(type(self._record), name, None), property):
+            raise Unknown(name)
         return getattr(self._record, name)
 
 
