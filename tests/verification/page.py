@@ -178,6 +178,8 @@ def comparison() -> str:
     ]
     hidden = throw(DEFAULT, "sleeper 6", 5)["drive_force"].equals(alone["drive_force"])
     gap = throw(DEFAULT, "sleeper 6", 13)["end_gap"].sel(drive="2")
+    wide = throw(DEFAULT, "sleeper 6", 23)
+    held, agreed = bool(wide["locked"][-1]), bool(wide["in_control"][:, -1].all())
     found = (
         f"{1e3 * float(soft['end_gap'].sel(drive='2')):.1f} mm",
         "invisible" if hidden else "seen",
@@ -193,7 +195,7 @@ def comparison() -> str:
         ", ".join(f"{1e3 * least:.1f}" for least in flangeways(alone, panel).values()) + " mm",
         f"{1e3 * float(gap):.1f} mm",
         "some" if bool(rubbed["drive_slipping"].any()) else "none",
-        "yes, the TKK refuses",
+        f"{'yes' if held else 'no'}, {'TKK agrees' if agreed else 'TKK refuses'}",
         "locks, refuses" if locks == [True, True, False, False] else str(locks),
     )
     rows = ["| fact | paper or railway | former panel | new panel |", "|---|---|---|---|"]
