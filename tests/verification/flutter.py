@@ -33,6 +33,7 @@ import numpy as np
 from scipy.signal import butter, hilbert, sosfiltfilt
 from tests.verification.agreement import Check
 from tests.verification.hand_made import hand_made
+from tests.verification.runs import STUDIED, SYMMETRIC
 
 from turnout.integrate.run import History, integrate
 from turnout.integrate.scheme import Scheme
@@ -97,7 +98,7 @@ COLUMNS = {
 
 
 def unsymmetric_panel(*, friction: float, dashpot: str) -> LoadedPanel:
-    """Return the default panel with the unsymmetry of its section and 2 % of damping."""
+    """Return the studied panel with the unsymmetry of its section and 2 % of damping."""
     settings = [
         f"section.tongue.{name}={{ unit = '{unit}', values = {list(values)} }}"
         for name, (unit, values) in COLUMNS.items()
@@ -107,7 +108,7 @@ def unsymmetric_panel(*, friction: float, dashpot: str) -> LoadedPanel:
         f"chair.friction_coefficient={friction}",
         f"chair.damping={dashpot}",
     ]
-    return load_panel("uic60-760-1-15-symmetric").with_settings(settings)
+    return load_panel(SYMMETRIC, overrides=STUDIED).with_settings(settings)
 
 
 FROM, TO, DURATION, RAMP = 0.55, 0.8, 1.5, 0.3
