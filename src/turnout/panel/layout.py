@@ -71,10 +71,10 @@ def resting_gap(panel: Panel, rail: str, x: npt.ArrayLike, *, closed: bool) -> F
     --------
     >>> from turnout.panel.load import load_panel
     >>> default = load_panel("uic60-760-1-15")
-    >>> resting_gap(default, "straight", [0.3, 3.6], closed=True).tolist()
-    [0.0, 0.0]
+    >>> resting_gap(default, "straight", [0.3, 3.6], closed=True).round(4).tolist()
+    [0.0, 0.0046]
     >>> resting_gap(default, "straight", [0.3], closed=False).round(4).tolist()
-    [0.116]
+    [0.117]
     """
     record = panel.rail[rail]
     places = np.atleast_1d(np.asarray(x, dtype=np.float64))
@@ -104,7 +104,7 @@ def rail_line(panel: Panel, rail: str, x: npt.ArrayLike) -> RailLine:
     >>> from turnout.panel.load import load_panel
     >>> line = rail_line(load_panel("uic60-760-1-15"), "straight", [3.6])
     >>> line.closed_edge.round(4).tolist(), line.stock_edge.round(4).tolist()
-    ([0.0], [0.0214])
+    ([-0.0046], [0.0214])
     """
     record = panel.rail[rail]
     places = np.atleast_1d(np.asarray(x, dtype=np.float64))
