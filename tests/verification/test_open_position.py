@@ -14,7 +14,7 @@ import xarray as xr
 from tests.verification.open_position import beam, position
 from tests.verification.runs import DEFAULT, SYMMETRIC, books
 
-from turnout.errors import PanelError
+from turnout.errors import MechanicsError, PanelError
 from turnout.files.toml import parse_toml
 from turnout.mechanism.build import build_mechanism
 from turnout.metric.movement import settled
@@ -235,3 +235,10 @@ def test_a_back_drive_that_cannot_be_is_refused(ratio: str, drive: str, x: str, 
         with_text(("[sensor]\n", back))
     assert len(caught.value.problems) == 1
     assert told in str(caught.value)
+
+
+def test_a_back_drive_at_the_place_of_another_drive_is_refused_when_it_is_built() -> None:
+    back = '[back_drive.far]\ndrive = "2"\nx = "0.3 m"\nratio = 0.7\nstiffness = "5e7 N/m"\n\n[sensor]\n'
+    panel = with_text(("[sensor]\n", back))
+    with pytest.raises(MechanicsError, match="rail.straight.fit_gap: the rail cannot stand open"):
+        build_mechanism(panel)

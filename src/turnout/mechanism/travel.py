@@ -32,6 +32,8 @@ UY, RX, PER_NODE = 1, 3, 6
 
 HOLDING = 1e9
 """Stiffness that keeps a foot on its chair, far above that of any chair [N/m]."""
+MOST_ROLL = 0.1
+"""A rail that rolls more on its way is asked to stand at two positions at one place [rad]."""
 SAME_PLACE = 1e-6
 """What is nearer than this stands at one place [m]."""
 
@@ -123,14 +125,15 @@ def _moved(
         moved: Floats = yielded @ np.linalg.solve(matrix @ yielded, wanted)
     except np.linalg.LinAlgError:
         moved = np.full(rail.body.count, np.nan)
-    if np.allclose(matrix @ moved, wanted, rtol=0.0, atol=1e-6):
+    roll = np.abs((rail.body.recovery @ moved)[RX::PER_NODE])
+    if np.allclose(matrix @ moved, wanted, rtol=0.0, atol=1e-6) and roll.max() < MOST_ROLL:
         return moved
     if panel.rail[name].fit_gap is None:  # what is typed needs no travel
         return np.full(rail.body.count, np.nan)
     message = (
-        f"rail {name} cannot stand open as its drives, links and back drives ask: two of them hold "
-        "the same place, or nothing holds the rail; take one of them away, or type the shape "
-        "(stock_rail_gap)"
+        f"rail.{name}.fit_gap: the rail cannot stand open as its drives, links and back drives ask: "
+        "two of them hold the same place, or nothing holds the rail; take one of them away, or "
+        "type the shape (stock_rail_gap)"
     )
     raise MechanicsError(message)
 

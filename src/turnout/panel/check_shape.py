@@ -33,7 +33,7 @@ def check_shape(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Prob
                 return
     linked = any(path[1] in link.rails for link in draft.records["link"].values())
     if rail.fit_gap is not None and not (linked or _moved_by(draft, path[1])):
-        text = ": computes the shape from strokes, but no drive or link moves this rail; add one"
+        text = f": needs strokes, but no drive or link moves rail '{path[1]}'; add one"
         yield Problem((*path, "fit_gap"), text)
     yield from known_part(_against_strokes(draft, path, rail))
 
