@@ -238,7 +238,10 @@ def test_a_back_drive_that_cannot_be_is_refused(ratio: str, drive: str, x: str, 
 
 
 def test_a_back_drive_at_the_place_of_another_drive_is_refused_when_it_is_built() -> None:
-    back = '[back_drive.far]\ndrive = "2"\nx = "0.3 m"\nratio = 0.7\nstiffness = "5e7 N/m"\n\n[sensor]\n'
+    back = (
+        '[back_drive.far]\ndrive = "2"\nx = "0.3 m"\nratio = 0.7\n'
+        'stiffness = "5e7 N/m"\n\n[sensor]\n'
+    )
     panel = with_text(("[sensor]\n", back))
     with pytest.raises(MechanicsError, match="rail.straight.fit_gap: the rail cannot stand open"):
         build_mechanism(panel)

@@ -131,8 +131,8 @@ def _moved(
     if panel.rail[name].fit_gap is None:  # what is typed needs no travel
         return np.full(rail.body.count, np.nan)
     message = (
-        f"rail.{name}.fit_gap: the rail cannot stand open as its drives, links and back drives ask: "
-        "two of them hold the same place, or nothing holds the rail; take one of them away, or "
+        f"rail.{name}.fit_gap: the rail cannot stand open as its drives, links and back drives "
+        "ask: two of them hold the same place, or nothing holds the rail; take one of them away, or "
         "type the shape (stock_rail_gap)"
     )
     raise MechanicsError(message)
