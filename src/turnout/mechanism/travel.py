@@ -132,8 +132,8 @@ def _moved(
         return np.full(rail.body.count, np.nan)
     message = (
         f"rail.{name}.fit_gap: the rail cannot stand open as its drives, links and back drives "
-        "ask: two of them hold the same place, or nothing holds the rail; take one of them away, or "
-        "type the shape (stock_rail_gap)"
+        "ask: two of them hold the same place, or nothing holds the rail; take one of them away, "
+        "or type the shape (stock_rail_gap)"
     )
     raise MechanicsError(message)
 
