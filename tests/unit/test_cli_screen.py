@@ -20,7 +20,7 @@ from turnout.report.units import shown
 from turnout.report.values import value_lines
 from turnout.response.compilation import cache_fault
 from turnout.response.simulate import simulate
-from turnout.study.test_piece import PieceResult
+from turnout.study.test_piece import PieceLimit, PieceResult
 
 SUFFIXES = {"--out": (".nc",), "--plot": (".png", ".svg")}
 
@@ -63,7 +63,13 @@ def thrown() -> Thrown:
         PieceResult("2", 0.005, True, -1.0, 0.0, 6001.0, 0.0123),
         PieceResult.without("3", 0.005, "no room"),
     ]
-    return Thrown(simulate(sb2_panel()), pieces)
+    nothing = float("nan")
+    limits = [
+        PieceLimit("1", 0.0049, "slip", 0.015),
+        PieceLimit("2", float("inf"), "", 0.015),
+        PieceLimit("3", nothing, "", nothing, "no room"),
+    ]
+    return Thrown(simulate(sb2_panel()), pieces, limits)
 
 
 def test_the_screen_has_the_order_of_an_engineer(thrown: Thrown) -> None:
@@ -75,6 +81,13 @@ def test_the_screen_has_the_order_of_an_engineer(thrown: Thrown) -> None:
             if line.startswith(order)
         ]
         assert tuple(heads) == order
+
+
+def test_the_least_pieces_are_told_with_the_part_of_the_rule(thrown: Thrown) -> None:
+    text = "\n".join(screen(thrown))
+    assert "drive 1 refuses to lock from 4.9 mm on, by slip" in text
+    assert "drive 2 locks on every piece up to 15 mm" in text
+    assert "drive 3: least piece that is refused not known: no room" in text
 
 
 def test_without_a_throw_the_screen_says_what_one_would_add() -> None:

@@ -77,6 +77,8 @@ def plan_lines(panel: "Panel") -> Iterator[str]:
         if number == 0:
             middle = blank().put((link.x, "|") for link in panel.link.values())
             yield from shown("link", middle)
+            backs = blank().put((item.x, name) for name, item in panel.back_drive.items())
+            yield from shown("back drive", backs)
             drives = blank().put((drive.x, name) for name, drive in panel.drive.items())
             yield from shown("drive", drives)
     yield LEGEND
