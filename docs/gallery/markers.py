@@ -5,8 +5,7 @@ They begin and end beyond the closed position: that over-travel is the closing f
 """
 
 import turnout
-from turnout.plot.draw import draw_sheet
-from turnout.plot.sheet import Line, Row, Sheet
+from turnout.plot import Line, Row, Sheet, draw_sheet
 
 throw = turnout.simulate(turnout.load_panel("uic60-760-1-15"))
 marker = throw["drive_displacement"]

@@ -50,7 +50,7 @@ SINGLE = [
         '"750 furlong"',
         'drive.1.stiffness = "750 furlong": "furlong" is of another dim',
     ),
-    ('"750 kN/m"', '"750 kNm/"', 'drive.1.stiffness = "750 kNm/": "kNm/" is not a known unit'),
+    ('"750 kN/m"', '"750 kNm/"', 'drive.1.stiffness = "750 kNm/": "kNm/" is not a unit'),
     ('"750 kN/m"', "750", "drive.1.stiffness = 750: has no unit, 750 would be 750 N/m; write the"),
     ('"750 kN/m"', '"750"', 'drive.1.stiffness = "750": has no unit, 750 would be 750 N/m; write'),
     ('"750 kN/m"', "true", "drive.1.stiffness = true: must be text with a number and a unit of"),

@@ -365,7 +365,7 @@ def test_an_impact_that_the_model_misses_does_not_bend_the_fit() -> None:
 
 def test_a_response_comes_back_from_its_file() -> None:
     made = response(TRUE)
-    back = unpacked(packed(made))
+    back = unpacked(packed(made, "key"), "key")
     np.testing.assert_allclose(back.drive_force["1"], made.drive_force["1"], rtol=1e-6)
     assert back.onsets == made.onsets
     assert back.failure == ""
@@ -376,7 +376,7 @@ def test_throws_are_taken_up_from_the_folder(tmp_path: Path) -> None:
     throw = Throw(overrides={"chair.friction_coefficient": 0.3})
     with Evaluator(panel, folder=tmp_path) as evaluator:
         key = evaluator._key(throw)
-        evaluator._write(key, packed(response(TRUE)))
+        evaluator._write(key, packed(response(TRUE), key))
         assert evaluator.responses([throw])[0].onsets == {"closing": ONSET}
         assert (evaluator.made, evaluator.reused) == (0, 1)
 

@@ -54,7 +54,7 @@ def test_a_step_ends_where_it_is_and_the_state_is_that_of_the_last_instant() -> 
     system, table, state, work = made.system, made.table, made.state, made.work
     stepping = Stepping(1e-3, 0.0, 1 / 3, 4 / 9, 5 / 6, 6, True, 1, True)
     markers = np.array([[0.0, 0.0], [5e-3, 1e-3], [9e-3, 2e-3]])
-    shapes = [(3, 40)] * 6 + [(1,), (1,), (1, 40)]
+    shapes = [(3, 40)] * 6 + [(1,), (1, 40)]
     record = shared(Record(*(zeros_in_lines(*shape) for shape in shapes)))
     q, inputs = state.q.copy(), state.inputs.copy()
     work.stop[0] = 1

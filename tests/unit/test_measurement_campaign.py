@@ -95,9 +95,9 @@ def test_a_file_of_several_movements_is_read_once(
     sheet.write_text("\n".join(lines), encoding="utf-8")
     read: list[str] = []
 
-    def counted(path: Path) -> Recording:
+    def counted(path: Path, *, allow_outside: bool) -> Recording:
         read.append(path.name)
-        return read_recording(path)
+        return read_recording(path, allow_outside=allow_outside)
 
     monkeypatch.setattr(piece, "read_recording", counted)
     campaign = build_campaign(folder)

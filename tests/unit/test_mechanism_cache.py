@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from turnout.files import cache_folder
 from turnout.files.latest import Latest
 from turnout.mechanism import build, cache, reduce
 from turnout.mechanism.build import build_mechanism
@@ -37,6 +38,12 @@ def built(overrides: dict[str, object]) -> dict[str, int]:
     cache.counts.clear()
     build_mechanism(PANEL.with_overrides(overrides))
     return {name: n for name, n in cache.counts.items() if name.endswith("computed")}
+
+
+def kept_files() -> list[Path]:
+    folder = cache.cache_folder()
+    assert folder is not None
+    return sorted(folder.glob("*.npz"))
 
 
 def test_only_what_changes_is_built_anew(fresh: Path) -> None:
@@ -79,7 +86,7 @@ def test_a_damaged_file_is_made_anew_and_told_once(
     make = {"value": np.array([1.0, 2.0])}
     cache.remembered("a", [1], lambda: make)
     cache.remembered("a", [2], lambda: make)
-    files = sorted(cache.cache_folder().glob("*.npz"))
+    files = kept_files()
     assert len(files) == 2
     files[0].write_bytes(b"no archive")
     files[1].write_bytes(files[1].read_bytes()[:60])
@@ -105,12 +112,25 @@ def test_a_folder_that_cannot_be_written_costs_nothing_but_time(
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
     monkeypatch.setenv("TURNOUT_CACHE_DIR", str(blocked))
+    monkeypatch.setattr(cache_folder, "private_folder", lambda: None)
     with caplog.at_level(logging.WARNING, logger="turnout"):
         for number in (1, 2):
             made = cache.remembered("b", [number], lambda: {"value": np.array([3.0])})
             assert made["value"].tolist() == [3.0]
     assert cache.counts["unwritable"] == 2
     assert [r.message for r in caplog.records if "TURNOUT_CACHE_DIR" in r.message]
+
+
+def test_a_private_folder_takes_the_place_of_one_that_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fresh: Path
+) -> None:
+    blocked, private = tmp_path / "file", tmp_path / "private"
+    blocked.write_text("in the way")
+    private.mkdir(mode=0o700)
+    monkeypatch.setenv("TURNOUT_CACHE_DIR", str(blocked))
+    monkeypatch.setattr(cache_folder, "private_folder", lambda: private)
+    cache.remembered("b", [3], lambda: {"value": np.array([3.0])})
+    assert len(list(private.glob("models-*/*.npz"))) == 1
 
 
 def test_nobody_changes_what_others_share(fresh: Path) -> None:
@@ -124,7 +144,7 @@ def test_old_files_go_and_memory_stays_small(fresh: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(cache, "_memory", Latest(3))
     for number in range(12):
         cache.remembered("d", [number], lambda: {"value": np.array([3.0])})
-    assert len(list(cache.cache_folder().glob("*.npz"))) <= 10
+    assert len(kept_files()) <= 10
     cache.counts.clear()
     cache.remembered("d", [11], lambda: {"value": np.array([4.0])})
     cache.remembered("d", [0], lambda: {"value": np.array([4.0])})

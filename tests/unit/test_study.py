@@ -1,11 +1,11 @@
 """Studies: scenarios by their number, in any order, with what they change and trap."""
 
-import json
 import pickle
 from pathlib import Path
 
 import pytest
 
+from turnout.files.plain import to_plain
 from turnout.files.toml import parse_toml
 from turnout.panel.foreign_object import ForeignObject
 from turnout.study.study import Study, load_study, study_from_file
@@ -75,7 +75,7 @@ def test_every_library_study_loads() -> None:
 
 def test_a_design_says_what_an_analysis_must_know() -> None:
     design = study(DRAWN + "[sampling]\ncount = 3\n").design.described()
-    assert json.loads(json.dumps(design)) == {
+    assert to_plain(design) == {
         "method": "random",
         "draws": 3,
         "states": 3,

@@ -15,6 +15,7 @@ import xarray as xr
 from tests.unit.sweeps import batch_names, here, small_study
 
 from turnout.errors import FileError
+from turnout.files.sealed import sealed_json
 from turnout.integrate.outcome import Code, Outcome
 from turnout.integrate.scheme import Scheme
 from turnout.metric.features import FEATURES, features
@@ -122,11 +123,12 @@ def test_what_is_missing_is_thrown_and_comes_to_the_same_bits(
     (tmp_path / "s" / "batches" / names[1]).unlink()
     torn = tmp_path / "s" / "batches" / names[2]
     torn.write_bytes(torn.read_bytes()[:-200])
-    (tmp_path / "s" / "batches" / ".000001-half.nc").write_bytes(b"half")
+    half = tmp_path / "s" / "batches" / f".{names[1][:-3]}.ab_cd123.nc"
+    half.write_bytes(b"half")
     assert open_sweep(whole).attrs["missing"] == 0
     again = run_sweep(study, tmp_path / "s", pool=here, report=told.append)
     assert again.thrown == 12
-    assert again.torn == (names[2],)
+    assert again.damaged == (tmp_path / "s" / "damaged" / names[2],)
     assert batch_names(tmp_path / "s") == names
     assert not list((tmp_path / "s" / "batches").glob(".*"))
     assert (told[0].done, told[-1].done, told[-1].total) == (8, 20, 20)
@@ -161,8 +163,9 @@ def test_another_version_is_refused(
     with pytest.raises(FileError, match=r"begun with turnout .* this is 9\.9"):
         run_sweep(study, whole, pool=here)
     known = json.loads((whole / "sweep.json").read_text(encoding="utf-8"))
-    (tmp_path / "sweep.json").write_text(json.dumps(known | {"store_version": 99}))
-    with pytest.raises(FileError, match="stored in form 99, this turnout has form 1"):
+    known.pop("checksum")
+    (tmp_path / "sweep.json").write_text(sealed_json(known | {"store_version": 99}))
+    with pytest.raises(FileError, match="stored in form 99, this turnout has form 2"):
         open_sweep(tmp_path)
 
 
@@ -353,7 +356,7 @@ def test_a_worker_loads_only_what_it_needs(study: Study, whole: Path) -> None:
 import sys
 from turnout.study.sweep_file import file_bytes
 from turnout.study.sweep_batch import batch_variables, throw_batch
-from turnout.study.sweep_folder import kept_study
+from turnout.study.sweep_study import kept_study
 from turnout.study.sweep_work import make_batch
 from pathlib import Path
 study = kept_study(Path({str(whole)!r}), {study.digest!r})

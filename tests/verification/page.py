@@ -46,6 +46,7 @@ from the functions that the tests call, on the thinned copies of the independent
 | contact, bushing, objects | closed forms: bounce, impact, blow | `test_laws_*`, `test_impact.py` |
 | integration | equilibrium, books of energy, no creep | `test_integration_*.py` |
 | the whole chain | orders 2 in element length and step | `test_orders.py` |
+| [point machines](machine.md) | closed forms, independent program SB3 | `test_machine_*.py` |
 | vibration, flutter | closed forms, full model, growth | `test_modes.py`, `test_flutter.py` |
 | rails as matrices | the rails that they came from | `test_matrices_round_trip.py` |
 | changing normal force, lift-off | independent fine-step program | `test_brute_force*.py` |

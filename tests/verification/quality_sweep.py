@@ -264,8 +264,15 @@ first 1.5 s, in which no object has a say. Clipping and drop-outs are told by no
 without any cannot be judged. A silent load cell is only remarked upon: an object need not be
 reached.
 
-Not seen: a wrong gain or offset; two faults of one channel that hide each other; one direction
-turned in the sheet as well as both rods reversed.
+Spikes of one or two samples (above 500 N or 2 A, from 500 Hz on) and a zero that drifts by more
+than 200 N, alike before and after the motion, exclude a throw too; both are looked past when its
+start and end are found. Only remarked upon are a zero offset (a rod that carries 750 N more or
+less with the rail open than in the rest of the campaign, a current above 0.15 A or a load cell
+above 200 N at rest) and steps of a converter above 50 N or 0.05 A.
+
+Not seen: a wrong gain; an offset of a rod that the whole campaign has, as rods may carry
+kilonewtons at rest; two faults of one channel that hide each other; one direction turned in the
+sheet as well as both rods reversed.
 
 `python -m tests.verification.quality_sweep` writes the tables below on virtual recordings of panel
 SB2 (0, 13 and 26 mm at sleeper 6, friction 0.38 to 0.42, with the noise, drift and hum of the

@@ -2,13 +2,15 @@
 
 `sb1_A`, `sb1_B`: Exudyn 1.13.6, 0.5 ms, Newmark; OpenSeesPy and a SciPy program agree to 1e-5.
 `sb2_none`, `sb2_sleeper6_13mm`: an independent banded beam program at 1 ms, converged in step and
-element, with an Exudyn twin. Both benchmarks are the project's own; the panels `sb1` and `sb2` are
-their definitions. The thinned copies in `data/` are made from the full files by
+element, with an Exudyn twin. `sb3_S1`, `sb3_S2`, `sb3_S4`: a machine on a one-mass rail by an
+event-driven program, DOP853 at 1e-11; Radau agrees to 3e-9. The benchmarks are the project's own;
+the panels `sb1` and `sb2` and the machine `sb3` are their definitions. The thinned copies in
+`data/` are made from the full files by
 
     python -m tests.verification.reference FOLDER
 
-with the folder that holds `sb1/` and `sb2/`; histories keep every fifth or tenth sample, arrays
-over the chairs every fiftieth, all as float32.
+with the folder that holds `sb1/`, `sb2/` and `sb3/`; histories keep every fifth or tenth sample,
+arrays over the chairs every fiftieth, all as float32; of the energies of `sb3` only the last.
 """
 
 import sys
@@ -24,6 +26,7 @@ CASES = {
     "sb2_none": ("sb2/none.npz", 5),
     "sb2_sleeper6_13mm": ("sb2/sleeper6_13mm.npz", 5),
 }
+MACHINE_CASES, MACHINE_STRIDE = ("S1", "S2", "S4"), 5
 Arrays = dict[str, NDArray[np.float64]]
 
 
@@ -39,6 +42,20 @@ def full(case: str, folder: Path) -> Arrays:
         arrays = {name: file[name].astype(np.float64) for name in file.files}
     arrays["time_chairs"] = arrays["time"]
     return arrays
+
+
+def thin_machine(case: str, folder: Path) -> None:
+    """Write the committed copy of a case of `sb3`, with its events."""
+    kept = {}
+    with np.load(folder / "sb3" / f"{case}.npz") as file:
+        n = file["time"].size
+        for name in file.files:
+            values = file[name]
+            if name.startswith("energy_"):
+                kept[name] = values[-1:]
+            else:
+                kept[name] = values[::MACHINE_STRIDE] if values.shape == (n,) else values
+    np.savez_compressed(DATA / f"sb3_{case}.npz", **kept)
 
 
 def thin(case: str, folder: Path) -> None:
@@ -67,3 +84,5 @@ if __name__ == "__main__":
     DATA.mkdir(exist_ok=True)
     for each in CASES:
         thin(each, Path(sys.argv[1]))
+    for each in MACHINE_CASES:
+        thin_machine(each, Path(sys.argv[1]))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.campaign import INTERRUPTED, dataset_of
+from turnout.cli.campaign import INTERRUPTED, OutsideOption, dataset_of
 from turnout.cli.options import DEFAULT_PANEL, SetOption, opened_panel
 from turnout.cli.outputs import check_outputs, made_folder, write_told
 from turnout.cli.validate import kept_throws
@@ -64,6 +64,7 @@ def calibrate_command(
         bool,
         typer.Option("--strict", help="Exit code 1 where the result is not to be trusted."),
     ] = False,
+    allow_outside: OutsideOption = False,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")] = False,
 ) -> None:
@@ -80,7 +81,7 @@ def calibrate_command(
     from turnout.study.calibration.stage import default_plan
 
     plan = default_plan(loaded, free=free, fixed=fix, most=most)
-    dataset = dataset_of(source, None, quiet=quiet)
+    dataset = dataset_of(source, None, out=out, allow_outside=allow_outside, quiet=quiet)
     from turnout.study.calibration.calibrate import calibrate
 
     try:

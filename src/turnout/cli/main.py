@@ -8,6 +8,7 @@ import typer
 from turnout.cli import (
     calibrate,
     campaign,
+    machine,
     panel,
     recording,
     report,
@@ -35,6 +36,7 @@ app.command("calibrate")(calibrate.calibrate_command)
 app.command("validate")(validate.validate_command)
 app.command("studio")(studio.studio_command)
 app.add_typer(panel.app, name="panel")
+app.add_typer(machine.app, name="machine")
 app.add_typer(campaign.app, name="campaign")
 app.add_typer(sweep.app, name="sweep")
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from turnout.cli.ending import end_code
 from turnout.cli.modes import modes_command
 from turnout.cli.options import CalibrationOption, PanelArgument, SetOption, opened_panel
 from turnout.cli.outputs import FIGURES, check_outputs, tell_schema, write_told
@@ -66,6 +67,8 @@ def show_command(
 
         figure = plot_plan(opened, dataset=found.dataset if found else None)
         write_told(plot, rendered(figure, plot.suffix))
+    if found and (code := end_code(found.dataset)):
+        raise typer.Exit(code)
 
 
 @app.command("check")
@@ -81,17 +84,21 @@ def check_command(
         bool, typer.Option("--strict", help="End with exit code 2 where there are warnings.")
     ] = False,
 ) -> None:
-    """Check a panel file: all that is wrong with it; then throw it, and warn of what comes near."""
+    """Check a panel file: all that is wrong with it; then throw it, and warn of what comes near.
+
+    Ends with exit code 3 where its throw does not converge or is inaccurate.
+    """
     panel = opened_panel(file, settings, calibration)
     typer.echo(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
-    if not throw:
-        return
     from turnout.cli.throwing import thrown_alone
-    from turnout.study.panel_check import concern_lines, panel_concerns
+    from turnout.study.panel_check import concern_lines, panel_concerns, unusual_concerns
 
-    found = panel_concerns(panel, thrown_alone(panel))
-    for line in concern_lines(panel, found):
+    dataset = thrown_alone(panel) if throw else None
+    found = unusual_concerns(panel) if dataset is None else panel_concerns(panel, dataset)
+    for line in concern_lines(panel, found) if throw or found else ():
         typer.echo(line)
+    if dataset is not None and (code := end_code(dataset)):
+        raise typer.Exit(code)
     if found and strict:
         raise typer.Exit(BAD_INPUT)
 

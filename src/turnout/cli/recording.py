@@ -54,6 +54,10 @@ def import_command(
             help="Centred moving average, such as 0.1s; the unfiltered channels stay beside.",
         ),
     ] = None,
+    allow_outside: Annotated[
+        bool,
+        typer.Option("--allow-outside", help="Read other files that FILE takes its samples from."),
+    ] = False,
 ) -> None:
     """Read a measurement: list and preview it, or turn it into forces and currents."""
     check_outputs(
@@ -62,11 +66,15 @@ def import_command(
     )
     window = _checked(channels, out=out, suggest=suggest, smooth=smooth)
     from turnout.measurement.chain import load_channel_map
+    from turnout.measurement.inside import refuse_to_leave
     from turnout.measurement.read import format_of, read_recording
 
+    for target in (out, plot, suggest):
+        if target is not None:
+            refuse_to_leave(target, file.parent)
     channel_map = load_channel_map(channels) if channels is not None else None
     kind = format_of(file).name
-    recording = read_recording(file)
+    recording = read_recording(file, allow_outside=allow_outside)
     if channel_map is None:
         _list(recording, kind, plot=plot, suggest=suggest)
     else:

@@ -10,6 +10,7 @@ import numpy as np
 
 from turnout.cli.plan import plan_lines
 from turnout.panel.layout import resting_gap
+from turnout.panel.unusual import unusual_values
 from turnout.report.values import assumption_lines, value_lines
 
 if TYPE_CHECKING:
@@ -52,9 +53,11 @@ def panel_lines(
     yield from plan_lines(panel)
     yield ""
     if thrown is not None and not thrown.dataset.attrs["complete"]:
-        yield f"THROW NOT COMPLETE: {thrown.dataset.attrs['outcome_message']}"
+        what = "INACCURATE" if thrown.dataset.attrs["outcome"] == "inaccurate" else "NOT COMPLETE"
+        yield f"THROW {what}: {thrown.dataset.attrs['outcome_message']}"
         if not thrown.dataset.sizes["time"]:
             thrown = None
+    yield from _unusual(panel)
     yield from _closed_gap(panel, thrown)
     yield ""
     yield from _margins(thrown)
@@ -71,6 +74,14 @@ def panel_lines(
     else:
         yield "ASSUMED, where the file says so (all values with their origins: --values)"
         yield from list(assumption_lines(panel)) or ["nothing that the file says"]
+
+
+def _unusual(panel: "LoadedPanel") -> Iterator[str]:
+    found = unusual_values(panel)
+    if found:
+        yield "UNUSUAL VALUES, which no switch has: check value and unit"
+        yield from (f"  {item.text}" for item in found)
+        yield ""
 
 
 def gap_places(panel: "LoadedPanel") -> "np.ndarray":

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from turnout.cli.ending import INTERRUPTED, end_code
 from turnout.cli.options import (
     CalibrationOption,
     DatasetOption,
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from turnout.response.scheme import Scheme
-
-INCOMPLETE, INTERRUPTED = 3, 130
 
 
 def simulate_command(
@@ -112,8 +111,7 @@ def simulate_command(
         _tell(dataset, written)
     if failed:
         typer.echo(f"turnout: {dataset.attrs['outcome_message']}", err=True)
-        interrupted = dataset.attrs["outcome"] == "interrupted"
-        raise typer.Exit(INTERRUPTED if interrupted else INCOMPLETE)
+        raise typer.Exit(end_code(dataset))
 
 
 def _rehearse(plots: bool) -> None:

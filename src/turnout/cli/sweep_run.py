@@ -75,8 +75,8 @@ def run_command(
             err=True,
         )
         raise typer.Exit(INTERRUPTED) from None
-    for name in finished.torn:
-        typer.echo(f"turnout: {out / name}: was damaged and was made anew", err=True)
+    for path in finished.damaged:
+        typer.echo(f"turnout: {path}: was a damaged batch, which was thrown again", err=True)
     if not quiet:
         _tell(finished, out)
 

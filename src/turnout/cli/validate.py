@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from turnout.cli.campaign import INTERRUPTED, dataset_of
+from turnout.cli.campaign import INTERRUPTED, OutsideOption, dataset_of
 from turnout.cli.options import SetOption, calibrated_panel, opened_panel
 from turnout.cli.outputs import made_folder, write_told
 
@@ -47,6 +47,7 @@ def validate_command(
             "--drive-laws", metavar="DRIVE", help="Also ask which law this drive follows."
         ),
     ] = None,
+    allow_outside: OutsideOption = False,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show only the verdict.")] = False,
 ) -> None:
@@ -62,7 +63,8 @@ def validate_command(
     loaded = given.with_settings(settings) if settings else given
     if out is not None:
         made_folder("--out", out)
-    dataset = dataset_of(source, None, quiet=quiet)
+    written = None if out is None else out / PAGE
+    dataset = dataset_of(source, None, out=written, allow_outside=allow_outside, quiet=quiet)
     if place is not None:
         _check_place(dataset, place)
     if laws is not None:

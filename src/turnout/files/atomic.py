@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import signal
 import tempfile
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from pathlib import Path
 from turnout.errors import FileError
 
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_TEMPORARY = re.compile(r"\.(.+)\.[a-z0-9_]{8}(\.[^.]+)")
 
 
 @contextmanager
@@ -71,6 +73,27 @@ def write_atomic(target: Path | str, content: str | bytes, *, durable: bool = Tr
     data = content.encode() if isinstance(content, str) else content
     with atomic_path(target, durable=durable) as temporary:
         temporary.write_bytes(data)
+
+
+def is_leftover(path: Path, *, of: re.Pattern[str]) -> bool:
+    """Tell whether a file is what an ended `atomic_path` has left of a target.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    of : pattern
+        Of the whole names of targets, each with a suffix.
+
+    Examples
+    --------
+    >>> is_leftover(Path(".env.local"), of=re.compile("sweep.json"))
+    False
+    """
+    match = _TEMPORARY.fullmatch(path.name)
+    if match is None or of.fullmatch(match[1] + match[2]) is None:
+        return False
+    return path.is_file() and not path.is_symlink()
 
 
 def write_fault(path: Path, error: OSError) -> str:

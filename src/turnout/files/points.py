@@ -1,6 +1,9 @@
 """Points of a plane in a file: one unit for all, a pair of numbers each."""
 
-from turnout.files.units import LENGTH, SI, parse_numbers, parse_quantity
+from turnout.files.units import LENGTH, SI, parse_numbers, unit_factor
+
+MOST_POINTS = 2000
+"""Points of one outline."""
 
 
 def parse_points(value: object, *, si: bool = False) -> tuple[tuple[float, float], ...]:
@@ -23,7 +26,10 @@ def parse_points(value: object, *, si: bool = False) -> tuple[tuple[float, float
     if not isinstance(value, list | tuple) or not value:
         message = "needs a list of points [y, z]"
         raise ValueError(message)
-    metre = parse_quantity(f"1 {unit}", LENGTH)
+    if len(value) > MOST_POINTS:
+        message = f"has {len(value)} points; at most {MOST_POINTS} are read, leave some out"
+        raise ValueError(message)
+    metre = unit_factor(unit, LENGTH)
     points = []
     for number, pair in enumerate(value, 1):
         if not isinstance(pair, list | tuple) or len(pair) != 2:

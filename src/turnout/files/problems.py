@@ -17,7 +17,7 @@ class Problem:
 
     def __str__(self) -> str:
         """Give the line that a user reads."""
-        return f"{'.'.join(self.path)}{self.text}"
+        return f"{'.'.join(shortened(part) for part in self.path)}{self.text}"
 
 
 def show_value(value: object) -> str:
@@ -34,13 +34,43 @@ def show_value(value: object) -> str:
         return "nothing"
     if isinstance(value, float):
         return f"{float(value):g}"
+    if isinstance(value, int) and value.bit_length() > _LONGEST * 4:
+        return "a number of more than 60 digits"
+    return _beginning(value)
+
+
+def _beginning(value: object) -> str:
+    """Show a value as far as it fits, looking at no more of it than that."""
     if isinstance(value, Mapping):
-        text = "{" + ", ".join(f"{key} = {show_value(item)}" for key, item in value.items()) + "}"
+        shown = (f"{shortened(str(key))} = {show_value(item)}" for key, item in value.items())
+        text = "{" + _joined(shown) + "}"
     elif isinstance(value, list | tuple):
-        text = "[" + ", ".join(show_value(item) for item in value) + "]"
+        text = "[" + _joined(show_value(item) for item in value) + "]"
+    elif isinstance(value, str):
+        text = f'"{value[:_LONGEST]}"'
     else:
-        text = f'"{value}"' if isinstance(value, str) else str(value)
-    return text if len(text) <= _LONGEST else text[: _LONGEST - 4] + " ..."
+        text = str(value)
+    return shortened(text)
+
+
+def _joined(items: Iterable[str]) -> str:
+    text = ""
+    for number, item in enumerate(items):
+        text += f", {item}" if number else item
+        if len(text) > _LONGEST:
+            break
+    return text
+
+
+def shortened(text: str, longest: int = _LONGEST) -> str:
+    """Cut a text for a message.
+
+    Examples
+    --------
+    >>> shortened("a" * 100, 10)
+    'aaaaaa ...'
+    """
+    return text if len(text) <= longest else text[: longest - 4] + " ..."
 
 
 def nearest(name: str, names: Iterable[str]) -> str:

@@ -13,19 +13,35 @@ from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
 from turnout.files.points import parse_points
 from turnout.files.units import (
     ACCELERATION,
+    ANGLE,
     ANGULAR_STIFFNESS,
     AREA,
+    CURRENT,
     CURRENT_SENSITIVITY,
     DAMPING,
     DENSITY,
+    FIELD_CONSTANT,
     FORCE,
     FREQUENCY,
+    HEAT_CAPACITY,
+    INDUCTANCE,
+    INERTIA,
     LENGTH,
+    MASS,
+    MOTOR_CONSTANT,
+    PER_ENERGY,
     PRESSURE,
+    RESISTANCE,
+    ROTATIONAL_DRAG,
+    ROTATIONAL_SPEED,
     SECOND_MOMENT,
     SECTION_MODULUS,
+    SHAFT_RATIO,
     STIFFNESS,
+    TEMPERATURE,
+    TEMPERATURE_COEFFICIENT,
     TIME,
+    TORQUE,
     VOLTAGE,
     VOLTAGE_RATIO,
     Dimension,
@@ -170,6 +186,54 @@ CurrentSensitivity = Annotated[
     float,
     BeforeValidator(_scalar(CURRENT_SENSITIVITY)),
     WithJsonSchema(_scalar_schema(CURRENT_SENSITIVITY)),
+]
+Resistance = Annotated[
+    float, BeforeValidator(_scalar(RESISTANCE)), WithJsonSchema(_scalar_schema(RESISTANCE))
+]
+Inductance = Annotated[
+    float, BeforeValidator(_scalar(INDUCTANCE)), WithJsonSchema(_scalar_schema(INDUCTANCE))
+]
+Torque = Annotated[float, BeforeValidator(_scalar(TORQUE)), WithJsonSchema(_scalar_schema(TORQUE))]
+Inertia = Annotated[
+    float, BeforeValidator(_scalar(INERTIA)), WithJsonSchema(_scalar_schema(INERTIA))
+]
+Mass = Annotated[float, BeforeValidator(_scalar(MASS)), WithJsonSchema(_scalar_schema(MASS))]
+RotationalSpeed = Annotated[
+    float,
+    BeforeValidator(_scalar(ROTATIONAL_SPEED)),
+    WithJsonSchema(_scalar_schema(ROTATIONAL_SPEED)),
+]
+Angle = Annotated[float, BeforeValidator(_scalar(ANGLE)), WithJsonSchema(_scalar_schema(ANGLE))]
+ShaftRatio = Annotated[
+    float, BeforeValidator(_scalar(SHAFT_RATIO)), WithJsonSchema(_scalar_schema(SHAFT_RATIO))
+]
+RotationalDrag = Annotated[
+    float,
+    BeforeValidator(_scalar(ROTATIONAL_DRAG)),
+    WithJsonSchema(_scalar_schema(ROTATIONAL_DRAG)),
+]
+MotorConstant = Annotated[
+    float, BeforeValidator(_scalar(MOTOR_CONSTANT)), WithJsonSchema(_scalar_schema(MOTOR_CONSTANT))
+]
+FieldConstant = Annotated[
+    float, BeforeValidator(_scalar(FIELD_CONSTANT)), WithJsonSchema(_scalar_schema(FIELD_CONSTANT))
+]
+HeatCapacity = Annotated[
+    float, BeforeValidator(_scalar(HEAT_CAPACITY)), WithJsonSchema(_scalar_schema(HEAT_CAPACITY))
+]
+PerEnergy = Annotated[
+    float, BeforeValidator(_scalar(PER_ENERGY)), WithJsonSchema(_scalar_schema(PER_ENERGY))
+]
+Current = Annotated[
+    float, BeforeValidator(_scalar(CURRENT)), WithJsonSchema(_scalar_schema(CURRENT))
+]
+Temperature = Annotated[
+    float, BeforeValidator(_scalar(TEMPERATURE)), WithJsonSchema(_scalar_schema(TEMPERATURE))
+]
+TemperatureCoefficient = Annotated[
+    float,
+    BeforeValidator(_scalar(TEMPERATURE_COEFFICIENT)),
+    WithJsonSchema(_scalar_schema(TEMPERATURE_COEFFICIENT)),
 ]
 LengthList = Annotated[
     tuple[float, ...], BeforeValidator(_list(LENGTH)), WithJsonSchema(_list_schema(LENGTH))

@@ -6,17 +6,21 @@ or on the first or last line of an array, covers what is inside unless that has 
 
 import re
 import tomllib
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from turnout.errors import FileError
+from turnout.files.problems import shortened
+from turnout.files.regular import read_fault, require_regular_file
+from turnout.files.toml_tokens import Token, beyond_limits, key_name, tokens
 
 ORIGIN_KINDS = ("paper", "source", "computed", "assumption")
 LARGEST_FILE = 4_000_000
-_COMMENT = re.compile(rf"#\s*({'|'.join(ORIGIN_KINDS)})\s*:\s*(.+?)\s*\Z")
-_PLACE = re.compile(r"\s*\((?:at line (\d+), column (\d+)|at end of document)\)\s*\Z")
-_TOKEN = re.compile(r'"""|\'\'\'|"(?:\\.|[^"\\])*"|\'[^\']*\'|#.*|[\[\]{},]')
+# Characters of a line in a message.
+LONGEST_SHOWN = 160
+_PLACE = re.compile(r"\((?:at line (\d+), column (\d+)|at end of document)\)\Z")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,27 +62,17 @@ def read_toml(path: Path | str) -> TomlFile:
 
 
 def read_bytes(path: Path, *, largest: int = LARGEST_FILE) -> bytes:
-    """Read a whole small file; FileError when it is missing, a folder, unreadable or too large."""
+    """Read a whole small file; FileError when it is missing, no file, unreadable or too large."""
+    require_regular_file(path)
     try:
-        if path.is_dir():
-            message = f"{path}: is a folder, not a file; name a file inside it"
-            raise FileError(message)
         size = path.stat().st_size
         if size > largest:
             message = f"{path}: too large ({size} bytes, at most {largest} are read)"
             raise FileError(message)
         with path.open("rb") as file:
             content = file.read(largest + 1)
-    except FileNotFoundError:
-        message = f"{path}: no such file; check the path (the current folder is {Path.cwd()})"
-        raise FileError(message) from None
-    except PermissionError:
-        message = f"{path}: may not be read; check its permissions"
-        raise FileError(message) from None
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        message = f"{path}: cannot be read ({reason})"
-        raise FileError(message) from None
+        raise FileError(read_fault(path, error)) from None
     if len(content) > largest:
         message = f"{path}: too large (at most {largest} bytes are read)"
         raise FileError(message)
@@ -117,26 +111,37 @@ def parse_toml(text: str, *, source: str, folder: Path | None = None) -> TomlFil
     ({'size': '13 mm'}, 'paper')
     """
     try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        data = load_toml(text)
+    except ValueError as error:
         raise FileError(_syntax(str(error), text, source)) from None
-    except RecursionError:
-        message = f"{source}: tables or lists are nested too deeply"
-        raise FileError(message) from None
     return TomlFile(data, _origins(text), source, folder)
+
+
+def load_toml(text: str) -> dict[str, Any]:
+    """Return the tables of a TOML text; ValueError when it is none, or beyond limits.
+
+    Examples
+    --------
+    >>> load_toml("a.b = [1, 2]")
+    {'a': {'b': [1, 2]}}
+    """
+    if fault := beyond_limits(text):
+        message = f"{fault[0]} (at line {fault[1]}, column 1)"
+        raise ValueError(message)
+    return tomllib.loads(text)
 
 
 def _syntax(message: str, text: str, source: str) -> str:
     lines = text.splitlines()
     place = _PLACE.search(message)
-    reason = _PLACE.sub("", message)
     if place is None:
-        return f"{source}: not valid TOML: {reason}"
+        return f"{source}: not valid TOML: {shortened(message, LONGEST_SHOWN)}"
+    reason = shortened(message[: place.start()].rstrip(), LONGEST_SHOWN)
     if place[1] is None:
-        last = lines[-1].strip() if lines else ""
+        last = shortened(lines[-1].strip(), LONGEST_SHOWN) if lines else ""
         return f"{source}: not valid TOML: {reason} (the file ends too early, after: {last})"
     line = int(place[1])
-    shown = lines[line - 1].strip() if line <= len(lines) else ""
+    shown = shortened(lines[line - 1].strip(), LONGEST_SHOWN) if line <= len(lines) else ""
     return f"{source}: not valid TOML: {reason} at line {line}, column {place[2]}: {shown}"
 
 
@@ -148,98 +153,93 @@ class _Scan:
     key: tuple[str, ...] = ()
     depth: int = 0
     list_depth: int = 0
+    # Items of the list that are complete: at the start of the line, and now; another one began.
+    item_before: int = 0
     item: int = 0
-    string: str = ""
+    pending: bool = False
     first_line: bool = True
     origins: dict[tuple[str, ...], Origin] = field(default_factory=dict)
 
 
 def _origins(text: str) -> dict[tuple[str, ...], Origin]:
-    scan = _Scan()
-    for line in text.splitlines():
-        if scan.string or scan.depth:
-            scan.first_line = False
-        elif not line.strip() or line.lstrip().startswith("#"):
+    """Return the origin comments of a text that is valid TOML."""
+    scan, stream = _Scan(), tokens(text)
+    for token in stream:
+        if token.kind == "comment" or token.text == "\n":
             continue
-        elif line.lstrip().startswith("["):
-            _header(scan, line)
-            continue
+        if token.text == "[":
+            scan.table, comment = _header(stream)
+            _note(scan, scan.table, comment)
         else:
-            scan.key = (*scan.table, *_path(line))
-            scan.list_depth = scan.item = 0
-            scan.first_line = True
-        _value_line(scan, line)
+            scan.key = (*scan.table, *_key(token, stream))
+            _value(scan, stream)
     return scan.origins
 
 
-def _path(line: str) -> tuple[str, ...]:
-    """Give the parts of a (dotted, quoted) key at the start of a line."""
-    match = re.match(r"\s*((?:\"(?:\\.|[^\"\\])*\"|'[^']*'|[^='\"])+?)\s*=", line)
-    return _parts(tomllib.loads(f"{match[1]} = 0")) if match else ()
+def _header(stream: Iterator[Token]) -> tuple[tuple[str, ...], str]:
+    """Return the path in the header of a table, of which one bracket was read, and its comment."""
+    path: list[str] = []
+    comment = ""
+    for token in stream:
+        if token.text == "\n":
+            break
+        if token.kind == "comment":
+            comment = token.text
+        elif token.kind != "sign":
+            path.append(key_name(token))
+    return tuple(path), comment
 
 
-def _header(scan: _Scan, line: str) -> None:
-    scan.table = _parts(tomllib.loads(line))
-    _note(scan, scan.table, _last_comment(line))
+def _key(first: Token, stream: Iterator[Token]) -> list[str]:
+    """Return the parts of a (dotted, quoted) key of which the first was read."""
+    path = [key_name(first)]
+    for token in stream:
+        if token.text == "=":
+            break
+        if token.kind != "sign":
+            path.append(key_name(token))
+    return path
 
 
-def _parts(nested: Any) -> tuple[str, ...]:
-    parts: list[str] = []
-    while isinstance(nested, dict | list) and nested:
-        if isinstance(nested, list):
-            nested = nested[0]
-            continue
-        name, nested = next(iter(nested.items()))
-        parts.append(name)
-    return tuple(parts)
+def _value(scan: _Scan, stream: Iterator[Token]) -> None:
+    """Read a value to the end of its last line, and note the comments of its lines."""
+    scan.list_depth = scan.item = scan.item_before = 0
+    scan.pending, scan.first_line = False, True
+    for token in stream:
+        if token.kind == "comment":
+            _line_comment(scan, token.text)
+        elif token.text == "\n":
+            if not scan.depth:
+                return
+            scan.item_before, scan.pending, scan.first_line = scan.item, False, False
+        else:
+            _value_token(scan, token)
+            if token.kind == "string" and "\n" in token.text:
+                scan.item_before, scan.first_line = scan.item, False
 
 
-def _last_comment(line: str) -> str:
-    last = ""
-    for token in _TOKEN.findall(line):
-        last = token
-    return last if last.startswith("#") else ""
+def _value_token(scan: _Scan, token: Token) -> None:
+    if token.kind != "sign":
+        scan.pending = True
+    elif token.text in "[{":
+        scan.depth += 1
+        if token.text == "[" and not scan.list_depth:
+            scan.list_depth = scan.depth
+    elif token.text in "]}":
+        scan.depth -= 1
+    elif token.text == "," and scan.depth == scan.list_depth:
+        scan.item, scan.pending = scan.item + 1, False
+
+
+def _line_comment(scan: _Scan, comment: str) -> None:
+    if scan.first_line or not scan.depth:
+        _note(scan, scan.key, comment)
+    elif scan.list_depth:
+        for item in range(scan.item_before, scan.item + scan.pending):
+            _note(scan, (*scan.key, str(item)), comment)
 
 
 def _note(scan: _Scan, path: tuple[str, ...], comment: str) -> None:
-    match = _COMMENT.match(comment)
-    if match:
-        scan.origins.setdefault(path, Origin(match[1], match[2]))
-
-
-def _value_line(scan: _Scan, line: str) -> None:
-    position, item_before, comment = 0, scan.item, ""
-    pending = False
-    while position < len(line):
-        if scan.string:
-            end = line.find(scan.string, position)
-            if end < 0:
-                return
-            position, scan.string = end + 3, ""
-            continue
-        match = _TOKEN.search(line, position)
-        if match is None:
-            pending = pending or bool(line[position:].strip())
-            break
-        pending = pending or bool(line[position : match.start()].strip())
-        token, position = match[0], match.end()
-        if token.startswith("#"):
-            comment = token
-            break
-        if token in ('"""', "'''"):
-            scan.string = token
-        elif token in ("[", "{"):
-            scan.depth += 1
-            if token == "[" and not scan.list_depth:
-                scan.list_depth = scan.depth
-        elif token in ("]", "}"):
-            scan.depth -= 1
-        elif token == "," and scan.depth == scan.list_depth:
-            scan.item, pending = scan.item + 1, False
-        elif token != ",":
-            pending = True
-    if scan.first_line or not scan.depth:
-        _note(scan, scan.key, comment)
-    elif comment and scan.list_depth:
-        for item in range(item_before, scan.item + pending):
-            _note(scan, (*scan.key, str(item)), comment)
+    kind, _, text = comment.removeprefix("#").partition(":")
+    if kind.strip() in ORIGIN_KINDS and text.strip():
+        scan.origins.setdefault(path, Origin(kind.strip(), text.strip()))

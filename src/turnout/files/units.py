@@ -13,6 +13,9 @@ from decimal import Decimal
 from functools import cache, lru_cache
 from typing import Any
 
+from turnout.files.problems import show_value
+from turnout.files.unit_text import is_unit_text
+
 
 class SI(float):
     """A number that Python code handed over as SI; a file cannot produce one."""
@@ -50,6 +53,19 @@ SECTION_MODULUS = Dimension("section modulus", "m^3", "6.28 cm^3")
 TEMPERATURE = Dimension("temperature", "K", "20 degC")
 TEMPERATURE_DIFFERENCE = Dimension("temperature difference", "K", "5 K")
 TEMPERATURE_COEFFICIENT = Dimension("temperature coefficient", "1/K", "-0.004 1/K")
+RESISTANCE = Dimension("resistance", "ohm", "13 ohm")
+INDUCTANCE = Dimension("inductance", "H", "150 mH")
+TORQUE = Dimension("torque", "N m", "0.88 N m")
+INERTIA = Dimension("moment of inertia", "kg m^2", "0.002 kg m^2")
+MASS = Dimension("mass", "kg", "600 kg")
+ROTATIONAL_SPEED = Dimension("rotational speed", "rad/s", "60 rad/s")
+ANGLE = Dimension("angle", "rad", "650 rad")
+SHAFT_RATIO = Dimension("shaft angle per length", "rad/m", "5600 rad/m")
+ROTATIONAL_DRAG = Dimension("rotational drag", "N m s/rad", "5e-5 N m s/rad")
+MOTOR_CONSTANT = Dimension("motor constant", "V s/rad", "0.99 V s/rad")
+FIELD_CONSTANT = Dimension("motor constant per ampere of field", "V s/(rad A)", "1.155 V s/(rad A)")
+HEAT_CAPACITY = Dimension("heat capacity", "J/K", "900 J/K")
+PER_ENERGY = Dimension("share per energy", "1/J", "1e-9 1/J")
 
 DIMENSIONS = (
     LENGTH,
@@ -73,6 +89,19 @@ DIMENSIONS = (
     TEMPERATURE,
     TEMPERATURE_DIFFERENCE,
     TEMPERATURE_COEFFICIENT,
+    RESISTANCE,
+    INDUCTANCE,
+    TORQUE,
+    INERTIA,
+    MASS,
+    ROTATIONAL_SPEED,
+    ANGLE,
+    SHAFT_RATIO,
+    ROTATIONAL_DRAG,
+    MOTOR_CONSTANT,
+    FIELD_CONSTANT,
+    HEAT_CAPACITY,
+    PER_ENERGY,
 )
 
 # Unit texts resolved without pint; tests/unit/test_files_quantity.py compares each with pint.
@@ -100,15 +129,33 @@ COMMON_UNITS: dict[str, dict[str, float]] = {
     "temperature": {"K": 1.0},
     "temperature difference": {"K": 1.0},
     "temperature coefficient": {"1/K": 1.0},
+    "resistance": {"ohm": 1.0, "mohm": 0.001, "kohm": 1000.0},
+    "inductance": {"H": 1.0, "mH": 0.001},
+    "torque": {"N m": 1.0, "N mm": 0.001, "kN m": 1000.0},
+    "moment of inertia": {"kg m^2": 1.0, "kg cm^2": 0.0001},
+    "mass": {"kg": 1.0, "t": 1000.0},
+    "rotational speed": {"rad/s": 1.0},
+    "angle": {"rad": 1.0},
+    "shaft angle per length": {"rad/m": 1.0, "rad/mm": 1000.0},
+    "rotational drag": {"N m s/rad": 1.0},
+    "motor constant": {"V s/rad": 1.0},
+    "motor constant per ampere of field": {"V s/(rad A)": 1.0},
+    "heat capacity": {"J/K": 1.0, "kJ/K": 1000.0},
+    "share per energy": {"1/J": 1.0, "1/MJ": 1e-06},
 }  # fmt: skip
 
 # Counted from another zero than kelvins, so that no factor turns one into the other.
 CELSIUS, CELSIUS_ZERO = ("degC", "°C"), Decimal("273.15")
 
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*\Z", re.DOTALL)
-_NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\b", re.IGNORECASE)
-_UNIT_TEXT = re.compile(r"[\w\s/*^().·²³⁴⁻¹-]{1,40}\Z")
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)\b", re.IGNORECASE)
 _LARGEST_COUNT = 10_000
+
+LONGEST = 100
+"""Characters of a quantity."""
+
+MOST_VALUES = 100_000
+"""Values of one list."""
 
 MOST_KEPT = 4096
 """So many texts are known by what they say, the latest read."""
@@ -159,14 +206,18 @@ def parse_quantity(value: object, dimension: Dimension, *, si: bool = False) -> 
 @lru_cache(maxsize=MOST_KEPT)
 def _read(value: str, dimension: Dimension) -> float:
     """Read a text, the same ones of a panel again and again while it is changed."""
-    if _NOT_FINITE.match(value):
+    if len(value) > LONGEST:
+        message = f"has {len(value)} characters; a quantity has at most {LONGEST}"
+        raise ValueError(message)
+    text = value.strip()
+    if _NOT_FINITE.match(text):
         message = "must be a finite number"
         raise ValueError(message)
-    match = _NUMBER.match(value)
+    match = _NUMBER.match(text)
     if match is None:
         message = f"must be a number and a unit of {_of(dimension)}"
         raise ValueError(message)
-    number, unit = match.groups()
+    number, unit = match[0], text[match.end() :].strip()
     if not unit:
         raise ValueError(_bare(number, dimension))
     return _scaled(float(number), unit, dimension)
@@ -207,7 +258,7 @@ def _scaled(number: float, unit: str, dimension: Dimension) -> float:
     return result
 
 
-@cache
+@lru_cache(maxsize=MOST_KEPT)
 def unit_factor(unit: str, dimension: Dimension) -> float:
     """Give the SI value of one `unit`; ValueError when it is not a unit of the dimension.
 
@@ -216,12 +267,19 @@ def unit_factor(unit: str, dimension: Dimension) -> float:
     >>> unit_factor("kN/m", STIFFNESS)
     1000.0
     """
-    text = " ".join(unit.split())
-    known = COMMON_UNITS[dimension.name].get(text)
+    text = " ".join(unit[: LONGEST + 1].split())
+    known = COMMON_UNITS[dimension.name].get(text) if len(unit) <= LONGEST else None
     if known is not None:
         return known
+    if len(unit) > LONGEST or not is_unit_text(text):
+        message = (
+            f"{show_value(text)} is not a unit; needs one of {_of(dimension)}: names with whole "
+            "powers up to 9, multiplied or divided, without brackets"
+        )
+        raise ValueError(message)
     for name, units in COMMON_UNITS.items():
-        if text in units:
+        cycles = dimension is FREQUENCY and name == ROTATIONAL_SPEED.name
+        if text in units and not cycles:
             message = f'"{text}" is a unit of {name}; needs one of {_of(dimension)}'
             raise ValueError(message)
     return _pint_factor(text, dimension)
@@ -229,19 +287,22 @@ def unit_factor(unit: str, dimension: Dimension) -> float:
 
 def _pint_factor(text: str, dimension: Dimension) -> float:
     """Resolve an uncommon unit by pint; whatever pint raises becomes a ValueError."""
-    if not _UNIT_TEXT.match(text):
-        message = f'"{text}" is not a unit; needs one of {_of(dimension)}'
-        raise ValueError(message)
     if dimension is FREQUENCY and not re.fullmatch(r"[kM]?[hH](z|ertz)|1/s|s\^-1|s\*\*-1", text):
         message = f'"{text}" is not a unit of {_of(dimension)} (cycles a second)'
         raise ValueError(message)
     registry = _registry()
     try:
-        factor = float(registry.Quantity(1.0, text).to(dimension.unit).magnitude)
+        zero, factor = (
+            float(registry.Quantity(number, text).to(dimension.unit).magnitude)
+            for number in (0.0, 1.0)
+        )
     except Exception as error:
         reason = "is of another dimension" if "convert" in str(error) else "is not a known unit"
         message = f'"{text}" {reason}; needs one of {_of(dimension)}'
         raise ValueError(message) from None
+    if zero != 0.0:
+        message = f'"{text}" counts from another zero; needs one of {_of(dimension)}'
+        raise ValueError(message)
     if not (math.isfinite(factor) and factor > 0):
         message = f'"{text}" is not a usable unit; needs one of {_of(dimension)}'
         raise ValueError(message)
@@ -268,9 +329,7 @@ def parse_quantities(value: object, dimension: Dimension, *, si: bool = False) -
     if isinstance(value, dict):
         return _from_table(value, dimension, si=si)
     items = value if isinstance(value, list | tuple) else [value]
-    if not items:
-        message = "needs at least one value"
-        raise ValueError(message)
+    _check_length(items)
     result, problems = [], []
     for number, item in enumerate(items, 1):
         try:
@@ -283,6 +342,14 @@ def parse_quantities(value: object, dimension: Dimension, *, si: bool = False) -
         more = f"; and {len(problems) - 3} more" if len(problems) > 3 else ""
         raise ValueError("; ".join(problems[:3]) + more)
     return tuple(result)
+
+
+def _check_length(items: Sequence[Any]) -> None:
+    if not 1 <= len(items) <= MOST_VALUES:
+        message = "needs at least one value"
+        if items:
+            message = f"has {len(items)} values; at most {MOST_VALUES} are read, leave some out"
+        raise ValueError(message)
 
 
 def _from_table(value: dict[str, object], dimension: Dimension, *, si: bool) -> tuple[float, ...]:
@@ -306,6 +373,9 @@ def _from_table(value: dict[str, object], dimension: Dimension, *, si: bool) -> 
         if not 1 <= count <= _LARGEST_COUNT:
             message = f"`count` must be 1 ... {_LARGEST_COUNT}"
             raise ValueError(message)
+        if not is_finite(start + step * count):
+            message = "`start`, `step` and `count` must lead to finite numbers"
+            raise ValueError(message)
         # Rounded to 1 nm, so that 0.6 m x 3 is the 1.8 m that a user writes.
         return tuple(round(start + step * number, 9) for number in range(count))
     forms = "a list, or a table {unit, values}"
@@ -324,9 +394,7 @@ def parse_numbers(value: object) -> tuple[float, ...]:
     (0.5, 1.0)
     """
     items: Sequence[Any] = value if isinstance(value, list | tuple) else [value]
-    if not items:
-        message = "needs at least one value"
-        raise ValueError(message)
+    _check_length(items)
     for number, item in enumerate(items, 1):
         if isinstance(item, bool) or not isinstance(item, int | float):
             message = (

@@ -13,8 +13,6 @@ the change of potential where a law changes its segment within a step.
 
 import math
 
-import numpy as np
-
 from turnout.integrate.solve import mark_law
 from turnout.integrate.state import State, set_segment
 from turnout.integrate.system import Floats, System
@@ -26,49 +24,35 @@ from turnout.law.table import LawTable
 
 MARKERS, FRICTION, DAMPING, SWITCHED, ALGORITHMIC, SEGMENTS = range(6)
 
-LEAST_SCALE = 0.1
-"""Where less than this has moved, rounding is compared with it: forces of 10 kN times 1e-12 m are a
-share of 1e-7 [J]."""
-ROUNDING = 1e-12
-"""What the books may be off besides, as a share of the energy in the folded linear system [-]."""
 
-
-def closing_error(stored: Floats, ledger: Floats, *, folded: float = 0.0) -> float:
-    """Return the largest residual of the books over the scale of a run (work and stored) [-].
+@compiled
+def energy_balance(stored: Floats, ledger: Floats) -> tuple[float, float]:
+    """Return how far the energy balance of a run is open, and its scale [J].
 
     Parameters
     ----------
     stored, ledger : ndarray, shape (n, 4), (n, 6)
         Energies at the stored instants [J].
-    folded : float
-        Largest energy of the linear system with the base segments of all laws [J], of which the
-        books are a small difference where a chair is far from its rail; `ROUNDING` of it is
-        overlooked.
+
+    Returns
+    -------
+    tuple of float
+        Largest residual of all instants, NaN if one is; largest sum of the work of the markers and
+        the change of stored energy, both without their signs.
     """
-    residual, scale = _open_books(stored, ledger)
-    scale = max(scale, LEAST_SCALE)
-    return max(residual - ROUNDING * folded, 0.0) / scale if np.isfinite(residual) else residual
-
-
-@compiled
-def _open_books(stored: Floats, ledger: Floats) -> tuple[float, float]:
-    """Return the largest residual and the largest scale of all instants [J]; NaN if one is."""
-    residual, scale, start = 0.0, 0.0, 0.0
+    residual, scale = 0.0, 0.0
     for n in range(stored.shape[0]):
-        now, turned = 0.0, 0.0
+        change = 0.0
         for column in range(stored.shape[1]):
-            now += stored[n, column]
-            turned += abs(stored[n, column] - stored[0, column])
-        if n == 0:
-            start = now
+            change += stored[n, column] - stored[0, column]
         gained = ledger[n, MARKERS] + ledger[n, SWITCHED]
         lost = ledger[n, FRICTION] + ledger[n, DAMPING]
         lost += ledger[n, ALGORITHMIC] + ledger[n, SEGMENTS]
-        off = abs(now - start - gained + lost)
+        off = abs(change - gained + lost)
         if math.isnan(off):
             return off, scale
         residual = max(residual, off)
-        scale = max(scale, abs(ledger[n, MARKERS]) + turned)
+        scale = max(scale, abs(ledger[n, MARKERS]) + abs(change))
     return residual, scale
 
 

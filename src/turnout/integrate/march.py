@@ -28,7 +28,7 @@ from turnout.integrate.solve import (
 )
 from turnout.integrate.state import COUNT_HALVED, COUNT_RECENT, LEVEL, State
 from turnout.integrate.step import Factors, Stepping, begin_step, complete_step, factors_of
-from turnout.integrate.stored import folded_energy, store_energy
+from turnout.integrate.stored import store_energy
 from turnout.integrate.system import Floats, Ints, System
 from turnout.integrate.vector import copy
 from turnout.integrate.work import Work
@@ -38,8 +38,6 @@ from turnout.law.table import LawTable
 
 MEASURE_EVERY = 100
 """After so many steps a solution is measured whatever has happened."""
-FOLDED_EVERY = 25
-"""Of so many stored instants one tells the energy in the folded linear system, which is slow."""
 
 
 class Record(NamedTuple):
@@ -56,7 +54,6 @@ class Record(NamedTuple):
     stored: Floats
     ledger: Floats
     residual: Floats
-    folded: Floats
     v: Floats
 
 
@@ -193,8 +190,6 @@ def store(
     _write(state.friction_force, record.friction[at])
     _write(work.force, record.law[at])
     store_energy(system, table, state, work, record.stored[at])
-    if at % FOLDED_EVERY == 0:
-        record.folded[0] = max(record.folded[0], folded_energy(system, state, work))
     for column in range(state.ledger.size):
         record.ledger[at, column] = state.ledger[column]
 

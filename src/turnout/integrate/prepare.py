@@ -115,7 +115,7 @@ def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: 
         arrays[name] = memory[at : at + count * width].reshape(count, width)
         at += count * width
     velocity = np.zeros((count if with_velocity else 1, arrays["q"].shape[1]))
-    return shared(Record(**arrays, residual=np.zeros(1), folded=np.zeros(1), v=velocity))
+    return shared(Record(**arrays, residual=np.zeros(1), v=velocity))
 
 
 def instants_of(run: Run, count: int) -> Record:
@@ -129,7 +129,6 @@ def instants_of(run: Run, count: int) -> Record:
         stored=record.stored[:count],
         ledger=record.ledger[:count],
         residual=record.residual,
-        folded=record.folded,
         v=record.v[:count, :n_modes],
     )
 

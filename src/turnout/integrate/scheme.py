@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Literal
 
-from turnout.errors import SolverError
+from turnout.errors import ResponseError, SolverError
 
 LEAST_OUTPUT_INTERVAL = 1e-3
+Mode = Literal["waveform", "quick", "quasi-static"]
 MODES: dict[str, dict[str, Any]] = {
     "waveform": {"step": 1e-3, "cutoff_frequency": 300.0},
     "quick": {"step": 4e-3, "cutoff_frequency": 100.0},
@@ -141,6 +142,39 @@ class Scheme:
             f"generalised-alpha, spectral radius {self.spectral_radius:g}, "
             f"step {self.step * 1e3:g} ms, cut-off {self.cutoff_frequency:g} Hz"
         )
+
+
+def chosen_scheme(mode: str | None, scheme: Scheme | None, *, caller: str) -> Scheme:
+    """Return the scheme that a caller of the public interface asks for.
+
+    Parameters
+    ----------
+    mode : str, optional
+        See `MODES`.
+    scheme : Scheme, optional
+        In place of a mode; without either it is "waveform".
+    caller : str
+        Function to name in the message.
+
+    Raises
+    ------
+    ResponseError
+        When both are given.
+    SolverError
+        When there is no such mode.
+
+    Examples
+    --------
+    >>> chosen_scheme("quick", None, caller="simulate()").step
+    0.004
+    """
+    if mode is not None and scheme is not None:
+        message = (
+            f"{caller}: mode = {mode!r} and a scheme exclude each other; give one of them, such as "
+            f'scheme=Scheme.of("quick", step=2e-3) for a mode with a step of your own'
+        )
+        raise ResponseError(message)
+    return scheme or Scheme.of("waveform" if mode is None else mode)
 
 
 @dataclass(frozen=True, slots=True)

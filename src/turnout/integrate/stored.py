@@ -47,13 +47,6 @@ def _holding_forces(system: System, q: Floats, force: Floats) -> None:
         add_rows(q[first:last], system.stiffness[first:last], force[first:last])
 
 
-@compiled
-def folded_energy(system: System, state: State, work: Work) -> float:
-    """Return the energy of the linear system with the base segments of all laws [J]."""
-    _holding_forces(system, state.q, work.of_modes)
-    return 0.5 * dot(work.of_modes, state.q)
-
-
 @compiled_part
 def store_energy(system: System, table: LawTable, state: State, work: Work, stored: Floats) -> None:
     """Write the energies of the present instant [J].

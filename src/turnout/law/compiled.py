@@ -6,35 +6,17 @@ folder's name therefore holds a digest of every kernel source: a new source, a n
 
 import hashlib
 import os
-import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
+from turnout.files.cache_folder import safe_folder, user_cache_folder
+
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_PACKAGES = ("law", "integrate")
-
-
-def user_cache_folder() -> Path:
-    """Return the folder for turnout's caches, following the platform's custom.
-
-    Returns
-    -------
-    pathlib.Path
-        `$TURNOUT_CACHE_DIR` if set, else the platform's cache folder with `turnout` added.
-    """
-    if chosen := os.environ.get("TURNOUT_CACHE_DIR"):
-        return Path(chosen)
-    if sys.platform == "win32":
-        root = Path(os.environ.get("LOCALAPPDATA", "~/AppData/Local"))
-    elif sys.platform == "darwin":
-        root = Path("~/Library/Caches")
-    else:
-        root = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
-    return root.expanduser() / "turnout"
+CACHE_VARIABLE = "NUMBA_CACHE_DIR"
+_PACKAGES = ("law", "integrate", "machine/compute")
 
 
 def kernel_cache_folder() -> Path:
@@ -49,18 +31,14 @@ def kernel_cache_folder() -> Path:
 
 
 def _prepare_numba() -> Any:
-    folder = kernel_cache_folder()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        usable = os.access(folder, os.W_OK)
-    except OSError:
-        usable = False
-    if not usable:
-        folder = Path(tempfile.gettempdir()) / f"turnout-{os.getpid()}-{folder.name}"
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(folder))
+    """Import Numba, told to keep kernels where nobody else can write, as it unpickles them."""
+    chosen = os.environ.pop(CACHE_VARIABLE, None)
+    folder = safe_folder(Path(chosen).absolute() if chosen else kernel_cache_folder())
+    if folder is not None:
+        os.environ[CACHE_VARIABLE] = str(folder)
     import numba
 
-    setattr(numba.config, "CACHE_DIR", os.environ["NUMBA_CACHE_DIR"])  # noqa: B010
+    setattr(numba.config, "CACHE_DIR", str(folder or ""))  # noqa: B010
     return numba
 
 
@@ -105,6 +83,6 @@ def _compiled(
     if loop:
         options["pipeline_class"] = WithoutOverlap
     kernel: Callable[P, T] = _numba.njit(
-        cache=True, error_model="numpy", nogil=True, _nrt=memory, **options
+        cache=CACHE_VARIABLE in os.environ, error_model="numpy", nogil=True, _nrt=memory, **options
     )(function)
     return kernel

@@ -75,7 +75,10 @@ def columns_of_arrays(
     columns: list[Column] = []
     for name, array in arrays.items():
         vector = flat[name]
-        if name in times or (vector is not None and vector.size < 2):
+        if name in times or (vector is not None and vector.size == 1):
+            continue
+        if not array.size:
+            problems.append(f"array '{name}' is empty: no sample recorded")
             continue
         if vector is not None:
             shown, time = _named(name), _time_of(name, vector.size, times)

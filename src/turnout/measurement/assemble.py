@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from turnout.errors import FileError
 from turnout.files.problems import choices
+from turnout.measurement.extent import MOST_CHANNELS
 from turnout.measurement.recording import Channel, Recording, TimeGrid, on_grid, time_grid
 
 # Taken for a unit in round brackets; square brackets always hold one.
@@ -174,8 +175,12 @@ def assemble(
     channels: dict[str, Channel] = {}
     mended, left_out = dict[str, list[str]](), dict[str, list[str]]()
     grids: dict[int, TimeGrid | ValueError] = {}
+    if len(columns) > MOST_CHANNELS:
+        message = f"{source}: holds {len(columns)} channels, at most {MOST_CHANNELS} are read"
+        raise FileError(message + "; export fewer")
+    taken: dict[str, int] = {}
     for column in columns:
-        name = _free(column.name.strip() or f"channel {len(channels) + 1}", channels)
+        name = _free(column.name.strip() or f"channel {len(channels) + 1}", channels, taken)
         try:
             channel, problem = _evened(column, name, grids, remedy)
         except ValueError as error:
@@ -201,11 +206,14 @@ def _evened(
 ) -> tuple[Channel, str]:
     values = np.ascontiguousarray(column.values, dtype=np.float64)
     if not values.size:
-        message = "has no samples"
+        message = "it is empty: no sample was recorded"
         raise ValueError(message)
     if column.time is None:
         if column.rate is None or not (np.isfinite(column.rate) and column.rate > 0):
             message = f"neither times nor a sample rate are known{remedy and '; ' + remedy}"
+            raise ValueError(message)
+        if not np.isfinite(column.start):
+            message = "the time of its first sample is no number"
             raise ValueError(message)
         channel = Channel(name, column.unit, values, column.rate, column.start, column.description)
         return channel, ""
@@ -233,10 +241,11 @@ def _named(names: Sequence[str]) -> str:
     return f"channel{'s' if len(names) > 1 else ''} {choices(names)}"
 
 
-def _free(name: str, taken: dict[str, Channel]) -> str:
-    """Return a name that no channel has yet."""
-    free, number = name, 1
-    while free in taken:
+def _free(name: str, channels: dict[str, Channel], taken: dict[str, int]) -> str:
+    """Return a name that no channel has yet; `taken` is the last number of each name."""
+    free, number = name, taken.get(name, 1)
+    while free in channels:
         number += 1
         free = f"{name} ({number})"
+    taken[name] = number
     return free

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from turnout.errors import ListedError, MeasurementError, TurnoutError
 from turnout.files.provenance import provenance
@@ -22,12 +23,18 @@ from turnout.measurement.campaign_check import (
 from turnout.measurement.campaign_dataset import stacked
 from turnout.measurement.chain import load_channel_map, map_hash
 from turnout.measurement.channel_map import ChannelMap
+from turnout.measurement.inside import refuse_links_out, refuse_outside
 from turnout.measurement.motion import force_changes
 from turnout.measurement.movement import Detection
-from turnout.measurement.piece import Piece, kept_pieces
+from turnout.measurement.piece import STORE, Piece, kept_pieces
 from turnout.measurement.quality import Expected, Verdict, judge
 from turnout.measurement.quality_record import Limits
-from turnout.measurement.quality_throw import Profile, early_profile, typical_profile
+from turnout.measurement.quality_throw import (
+    Profile,
+    early_profile,
+    open_level,
+    typical_profile,
+)
 from turnout.measurement.sheet import Run, RunSheet, find_sheet, read_sheet
 from turnout.schema.channels import SCHEMA_VERSION
 
@@ -74,6 +81,7 @@ def build_campaign(
     *,
     channels: Path | str | None = None,
     strict: bool = False,
+    allow_outside: bool = False,
     detection: Detection | None = None,
     limits: Limits | None = None,
     report: Callable[[int, int], None] | None = None,
@@ -91,6 +99,8 @@ def build_campaign(
         Channel map; default `channels.toml` in the folder.
     strict : bool
         Whether a movement that must be excluded is an error.
+    allow_outside : bool
+        Whether files of the campaign may lie outside its folder.
     detection : Detection, optional
         What counts as a throw.
     limits : Limits, optional
@@ -107,13 +117,26 @@ def build_campaign(
     FileError
         When folder, sheet or channel map cannot be read.
     MeasurementError
-        When the sheet is wrong, names missing files, or, if `strict`, a movement is excluded.
+        When the sheet is wrong, names files that are missing or outside the folder, or, if
+        `strict`, a movement is excluded.
     """
     folder = Path(folder)
-    sheet = read_sheet(find_sheet(folder))
-    check_files(sheet, folder)
+    sheet_file = find_sheet(folder)
+    if not allow_outside:
+        for path in (sheet_file, *([folder / CHANNEL_FILE] if channels is None else [])):
+            refuse_outside(path, folder)
+    refuse_links_out(folder / STORE, folder)
+    sheet = read_sheet(sheet_file)
+    check_files(sheet, folder, allow_outside=allow_outside)
     channel_map = load_channel_map(channels if channels is not None else folder / CHANNEL_FILE)
-    pieces, reused = _pieces(folder, sheet.runs, channel_map, detection=detection, report=report)
+    pieces, reused = _pieces(
+        folder,
+        sheet.runs,
+        channel_map,
+        allow_outside=allow_outside,
+        detection=detection,
+        report=report,
+    )
     verdicts = _verdicts(sheet.runs, pieces, channel_map, limits=limits)
     excluded = tuple(
         Excluded(run, _reasons(found))
@@ -141,6 +164,7 @@ def _pieces(
     runs: Sequence[Run],
     channel_map: ChannelMap,
     *,
+    allow_outside: bool,
     detection: Detection | None,
     report: Callable[[int, int], None] | None,
 ) -> tuple[list[Piece | TurnoutError], int]:
@@ -154,7 +178,9 @@ def _pieces(
         report(0, len(runs))
     for numbers in members.values():
         own = [runs[number] for number in numbers]
-        found = kept_pieces(folder, own, channel_map, detection=detection)
+        found = kept_pieces(
+            folder, own, channel_map, allow_outside=allow_outside, detection=detection
+        )
         for number, (piece, known) in zip(numbers, found, strict=True):
             pieces[number] = piece
             reused += known
@@ -177,11 +203,19 @@ def _verdicts(
     rates = [round(piece.rate, 3) for _, piece in good]
     usual = max(set(rates), key=rates.count) if rates else None
     profiles: dict[str, list[Profile]] = {}
+    levels: dict[tuple[str, int], list[NDArray[np.float64]]] = {}
     for run, piece in good:
         profile = early_profile(piece.dataset, piece.throw)
         if profile is not None and profile.forces.shape[0] == piece.dataset.sizes["drive"]:
             profiles.setdefault(run.direction, []).append(profile)
+        level = open_level(piece.dataset, piece.throw, direction=run.direction)
+        if level is not None:
+            levels.setdefault((run.direction, level.size), []).append(level)
     typical = {direction: typical_profile(found) for direction, found in profiles.items()}
+    # Two that differ do not tell which of them is off.
+    usual_levels = {
+        key: np.median(found, axis=0) for key, found in levels.items() if len(found) >= 3
+    }
     verdicts: list[Verdict | TurnoutError] = []
     for run, found in zip(runs, pieces, strict=True):
         if not isinstance(found, Piece):
@@ -192,6 +226,7 @@ def _verdicts(
             load_cell=run.load_cell and channel_map.object_force is not None,
             rate=usual,
             profile=typical.get(run.direction),
+            open_level=usual_levels.get((run.direction, found.dataset.sizes["drive"])),
         )
         verdicts.append(judge(found.dataset, found.throw, expected=expected, limits=limits))
     return verdicts

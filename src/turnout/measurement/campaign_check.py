@@ -7,6 +7,7 @@ from pathlib import Path
 
 from turnout.errors import MeasurementError
 from turnout.files.problems import nearest
+from turnout.measurement.inside import PERMIT, leads_outside, where_to
 from turnout.measurement.read import FORMATS
 from turnout.measurement.sheet import SHEETS, Run, RunSheet
 
@@ -26,8 +27,8 @@ def recordings_in(folder: Path) -> list[str]:
     )
 
 
-def check_files(sheet: RunSheet, folder: Path) -> None:
-    """Refuse a sheet that names files that are not there.
+def check_files(sheet: RunSheet, folder: Path, *, allow_outside: bool = False) -> None:
+    """Refuse a sheet that names files that are not there, or are not in its folder.
 
     Raises
     ------
@@ -35,12 +36,18 @@ def check_files(sheet: RunSheet, folder: Path) -> None:
         With every missing file, and the nearest name in the folder.
     """
     there = recordings_in(folder)
-    problems = [
-        f"{run.where}: there is no file {run.file}{nearest(run.file, there)}"
-        "; correct the name, or take the line out"
-        for run in sheet.runs
-        if not (folder / run.file).is_file()
-    ]
+    problems = []
+    for run in sheet.runs:
+        path = folder / run.file
+        # Whether there is a file outside is not told.
+        if not allow_outside and leads_outside(path, folder):
+            text = f"{run.file} {where_to(path, folder)}; copy it into the folder, or {PERMIT}"
+            problems.append(f"{run.where}: {text}")
+        elif not path.is_file():
+            problems.append(
+                f"{run.where}: there is no file {run.file}{nearest(run.file, there)}"
+                "; correct the name, or take the line out"
+            )
     if problems:
         raise MeasurementError(problems, source=sheet.source)
 

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from turnout.errors import FileError, MeasurementError
 from turnout.files.problems import choices, describe_error, nearest
 from turnout.files.provenance import content_hash, version
+from turnout.files.regular import require_regular_file
 from turnout.files.toml import TomlFile, decode, parse_toml, read_toml
 from turnout.files.units import CURRENT, FORCE, Dimension
 from turnout.measurement.channel_map import KINDS, AnySensor, ChannelMap
@@ -214,7 +215,9 @@ def map_hash(channel_map: ChannelMap) -> str:
 def _open(name_or_path: Path | str) -> TomlFile:
     text = str(name_or_path)
     if isinstance(name_or_path, Path) or text.endswith(".toml") or "/" in text or "\\" in text:
-        return read_toml(Path(name_or_path).expanduser())
+        path = Path(name_or_path).expanduser()
+        require_regular_file(path)
+        return read_toml(path)
     folder = resources.files("turnout.measurement").joinpath("library")
     names = sorted(item.name.removesuffix(".toml") for item in folder.iterdir())
     if text not in names:

@@ -21,6 +21,8 @@ ORDER = 4
 FILTERED = ("drive_force", "drive_current", "object_force")
 # Two times are the same when they differ by less than this part of a step.
 SAME_STEP = 1e-3
+# A channel map may ask for a higher rate than the recording has, up to so many times.
+MOST_GROWTH_OF_RATE = 10
 
 Values = NDArray[np.float64]
 
@@ -261,6 +263,10 @@ def common_time(channels: list[Channel], *, rate: float | None = None) -> Values
     start = max(channel.start for channel in channels)
     end = min(channel.start + (channel.values.size - 1) / channel.rate for channel in channels)
     count = int(np.floor((end - start) * rate + 1e-6)) + 1
+    most = MOST_GROWTH_OF_RATE * max(channel.values.size for channel in channels) + 1_000_000
+    if count > most:
+        message = f"at {rate:g} Hz they would have {count} samples, at most {most}; lower the rate"
+        raise ValueError(message)
     if count < 2:
         message = f"the columns have no time in common (from {start:g} to {end:g} s)"
         raise ValueError(message)

@@ -1,10 +1,15 @@
-"""Dewesoft files (.d7d, .dxd)."""
+"""Dewesoft files (.d7d, .dxd), through Dewesoft's own free library."""
 
 from pathlib import Path
+from typing import Any
 
-from turnout.measurement.isolated import read_isolated
-from turnout.measurement.optional import require
+import numpy as np
+
+from turnout.measurement.assemble import Column, assemble, tidy_unit
+from turnout.measurement.extent import Declared
 from turnout.measurement.recording import Recording
+
+SYNCHRONOUS = 0
 
 
 def read_dewesoft(path: Path) -> Recording:
@@ -16,7 +21,38 @@ def read_dewesoft(path: Path) -> Recording:
     Raises
     ------
     FileError
-        When it is damaged, or the library is not installed.
+        When it holds no channel or declares too much.
     """
-    require("dwdatareader", extra="daq", purpose=f"{path}: Dewesoft files", load=False)
-    return read_isolated(path, module="turnout.measurement.dewesoft_process", kind="Dewesoft")
+    import dwdatareader
+
+    columns: list[Column] = []
+    problems: list[str] = []
+    declared = Declared(path)
+    with dwdatareader.DWFile(str(path)) as opened:
+        start_time = _moment(opened.info)
+        for name, channel in opened.items():
+            try:
+                declared.add(int(channel.number_of_samples) * int(channel.array_size))
+                columns.append(_column(name, channel))
+            except (RuntimeError, AttributeError, ValueError, IndexError) as error:
+                reason = getattr(error, "message", "") or error
+                problems.append(f"channel '{name}' is left out: {reason}")
+    return assemble(columns, source=str(path), start_time=start_time, problems=problems)
+
+
+def _column(name: str, channel: Any) -> Column:
+    time, values = channel.scaled()
+    if np.iscomplexobj(values) or channel.array_size > 1:
+        message = "it has several values a sample"
+        raise ValueError(message)
+    told = (name, values, tidy_unit(channel.unit), channel.description)
+    if channel.channel_type == SYNCHRONOUS and channel.sample_rate > 0 and len(time):
+        return Column(*told, rate=float(channel.sample_rate), start=float(time[0]))
+    return Column(*told, time=time)
+
+
+def _moment(info: Any) -> str | None:
+    try:
+        return str(info.start_store_time.isoformat())
+    except (AttributeError, ValueError, OverflowError):
+        return None

@@ -8,9 +8,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.errors import FileError
+from turnout.files.problems import choices
 from turnout.measurement.arrays import NAME_LISTS, NO_TIME, columns_of_arrays
 from turnout.measurement.assemble import RATE_NAME, Column, assemble, tidy_unit
+from turnout.measurement.hdf5_content import Content
 from turnout.measurement.recording import Recording
 
 UNITS = ("unit", "units", "unit_string")
@@ -20,38 +21,45 @@ DESCRIPTIONS = ("description", "long_name", "comment")
 START_TIMES = ("start_time", "start_store_time", "date")
 
 
-def read_hdf5(path: Path) -> Recording:
+def read_hdf5(path: Path, *, allow_outside: bool = False) -> Recording:
     """Read an HDF5 file: numeric datasets, with their rates in attributes or times beside them.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    allow_outside : bool
+        Whether it may take samples from other files.
 
     Raises
     ------
     FileError
-        When it is damaged or holds no channel.
+        When it holds no channel, refers to other files or declares too much.
     """
     arrays: dict[str, NDArray[Any]] = {}
     units: dict[str, str] = {}
     texts: dict[str, list[str]] = {}
     own: list[Column] = []
+    empty: list[str] = []
 
-    def visit(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Group):
-            for inner, value in item.items():
-                visit(f"{name}/{inner}" if name else inner, value)
-            return
+    def visit(name: str, item: h5py.Dataset) -> None:
         if item.dtype.kind in "OS" and name.rsplit("/", 1)[-1].lower() in (*NAME_LISTS, "units"):
-            texts[name.replace("/", ".")] = [_text(value) for value in np.ravel(item[()])]
-        if item.dtype.kind not in "biuf" or item.size == 0 or item.ndim > 2:
+            texts[name.replace("/", ".")] = [_text(value) for value in np.ravel(content.read(item))]
+        if item.dtype.kind not in "biuf" or item.ndim > 2:
+            return
+        if not item.size:
+            empty.append(name)
             return
         attributes = {key.lower(): value for key, value in item.attrs.items()}
         rate = _rate(attributes)
         if rate is None or item.ndim > 1:
-            arrays[name], units[name] = item[()], _first(attributes, UNITS)
+            arrays[name], units[name] = content.read(item), _first(attributes, UNITS)
             return
         start = _first(attributes, STARTS)
         own.append(
             Column(
                 _first(attributes, ("name",)) or name,
-                item[()],
+                content.read(item),
                 tidy_unit(_first(attributes, UNITS)),
                 _first(attributes, DESCRIPTIONS),
                 rate=rate,
@@ -59,14 +67,11 @@ def read_hdf5(path: Path) -> Recording:
             )
         )
 
-    try:
-        with h5py.File(path, "r") as file:
-            visit("", file)
-            attributes = {key.lower(): value for key, value in file.attrs.items()}
-    except Exception as error:  # a damaged file makes the library raise whatever its parts raise
-        reason = " ".join(str(error).split())[:80]
-        message = f"{path}: is no HDF5 file, or a damaged one ({reason}); save it again"
-        raise FileError(message) from None
+    with h5py.File(path, "r") as file:
+        content = Content(path, file, allow_outside=allow_outside)
+        for name, item in content.datasets():
+            visit(name, item)
+        attributes = {key.lower(): value for key, value in file.attrs.items()}
     rate = _rate(attributes)
     if rate is not None:
         arrays["sample_rate"] = np.array(rate)
@@ -75,7 +80,7 @@ def read_hdf5(path: Path) -> Recording:
         [*own, *columns],
         source=str(path),
         start_time=_first(attributes, START_TIMES) or None,
-        problems=problems,
+        problems=[*content.problems, *problems, *_empty(empty)],
         remedy=NO_TIME,
     )
 
@@ -102,6 +107,14 @@ def hdf5_bytes(recording: Recording) -> bytes:
             item.attrs["start"] = channel.start
             item.attrs["description"] = channel.description
     return content.getvalue()
+
+
+def _empty(names: list[str]) -> list[str]:
+    """Say which datasets hold no sample."""
+    if not names:
+        return []
+    what = "is empty" if len(names) == 1 else "are empty"
+    return [f"dataset{'s' if len(names) > 1 else ''} {choices(names)} {what}: no sample recorded"]
 
 
 def _first(attributes: dict[str, Any], keys: tuple[str, ...]) -> str:

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat, savemat
 
-from turnout.errors import FileError
 from turnout.measurement.arrays import NO_TIME, columns_of_arrays
 from turnout.measurement.assemble import Column, assemble
+from turnout.measurement.hdf5_content import Content
 from turnout.measurement.mat_check import check_mat5
 from turnout.measurement.recording import Recording
 
@@ -28,35 +28,39 @@ def read_mat(path: Path) -> Recording:
     Raises
     ------
     FileError
-        When it is damaged or holds no channel.
+        When it holds no channel or declares too much.
     """
-    try:
-        with path.open("rb") as file:
-            is_version_5 = file.read(6) == b"MATLAB"
-        if is_version_5:
-            check_mat5(path)
-        content = loadmat(path, squeeze_me=True, struct_as_record=False, chars_as_strings=True)
-    except Exception as error:  # a damaged file makes the reader raise whatever its parts raise
-        raise FileError(_damaged(path, error)) from None
+    with path.open("rb") as file:
+        is_version_5 = file.read(6) == b"MATLAB"
+    if is_version_5:
+        check_mat5(path)
+    content = loadmat(path, squeeze_me=True, struct_as_record=False, chars_as_strings=True)
     return _recording({k: v for k, v in content.items() if not k.startswith("__")}, path)
 
 
-def read_mat73(path: Path) -> Recording:
+def read_mat73(path: Path, *, allow_outside: bool = False) -> Recording:
     """Read a MATLAB file of version 7.3, which is HDF5.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    allow_outside : bool
+        Whether it may take samples from other files.
 
     Raises
     ------
     FileError
-        When it is damaged or holds no channel.
+        When it holds no channel, refers to other files or declares too much.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            content = {
-                name: _from_hdf5(file, item) for name, item in file.items() if name[0] != "#"
-            }
-    except Exception as error:  # as above
-        raise FileError(_damaged(path, error)) from None
-    return _recording(content, path)
+    with h5py.File(path, "r") as file:
+        content = Content(path, file, allow_outside=allow_outside)
+        found = {
+            name: _from_hdf5(file, item, content)
+            for name, item in content.members(file)
+            if name[0] != "#"
+        }
+    return _recording(found, path)
 
 
 def mat_bytes(recording: Recording) -> bytes:
@@ -80,11 +84,6 @@ def mat_bytes(recording: Recording) -> bytes:
     file = io.BytesIO()
     savemat(file, content, format="5", oned_as="column", long_field_names=True)  # type: ignore[arg-type]
     return file.getvalue()
-
-
-def _damaged(path: Path, error: Exception) -> str:
-    reason = " ".join(str(error).split())[:80]
-    return f"{path}: is no MATLAB file, or a damaged one ({reason}); save it again"
 
 
 def _recording(content: Mapping[str, Any], path: Path) -> Recording:
@@ -172,21 +171,24 @@ def _variables(names: list[str]) -> list[str]:
     return taken
 
 
-def _from_hdf5(file: h5py.File, item: Any) -> Any:
+def _from_hdf5(file: h5py.File, item: Any, content: Content) -> Any:
     """Return a variable of a version 7.3 file as `loadmat` would."""
     if isinstance(item, h5py.Group):
-        return {name: _from_hdf5(file, inner) for name, inner in item.items()}
+        return {name: _from_hdf5(file, inner, content) for name, inner in content.members(item)}
+    if not isinstance(item, h5py.Dataset):
+        return None
     kind = item.attrs.get("MATLAB_class", b"")
     kind = kind.decode() if isinstance(kind, bytes) else str(kind)
     if item.attrs.get("MATLAB_empty", 0):
         return "" if kind == "char" else np.zeros(0)
     if kind == "char":
-        return "".join(chr(int(code)) for code in np.ravel(item[()]))
+        return "".join(chr(int(code)) for code in np.ravel(content.read(item)))
     if kind == "cell" or item.dtype.kind == "O":
-        inner = [_from_hdf5(file, file[reference]) for reference in np.ravel(item[()])]
+        references = np.ravel(content.read(item))
+        inner = [_from_hdf5(file, file[reference], content) for reference in references]
         return (
             _cells([str(text) for text in inner])
             if all(isinstance(t, str) for t in inner)
             else None
         )
-    return np.squeeze(np.asarray(item[()])) if item.dtype.kind in "biuf" else None
+    return np.squeeze(np.asarray(content.read(item))) if item.dtype.kind in "biuf" else None

@@ -1,13 +1,16 @@
 """Whether a MATLAB file of version 5 is whole: its elements fill it, as their sizes say.
 
-The reader of such files trusts every size it finds and can crash on a damaged file, with the whole
-program; so they are checked before. Layout: a header of 128 bytes, then elements of a tag (type and
-number of bytes, 4 bytes each) and data; what is in a matrix is elements again, padded to 8 bytes.
+The reader of such files trusts every size it finds: it can crash on a damaged file, or return
+numbers that are not the file's; so they are checked before. Layout: a header of 128 bytes, then
+elements of a tag (type and number of bytes, 4 bytes each) and data; what is in a matrix is elements
+again, padded to 8 bytes.
 """
 
 import struct
 import zlib
 from pathlib import Path
+
+from turnout.measurement.extent import Declared
 
 HEADER, TAG = 128, 8
 MATRIX, COMPRESSED = 14, 15
@@ -15,7 +18,8 @@ CELL, STRUCTURE, CHARACTERS, SPARSE, LARGEST_CLASS = 1, 2, 4, 5, 17
 # Bytes of a number by the type of its element.
 WIDTHS = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8, 16: 1, 17: 2, 18: 4}
 LARGEST_DEPTH = 20
-CHUNK = 1 << 22
+# Bytes of a number at most: what an element declares is no less than so many numbers.
+NUMBER = 8
 
 
 def check_mat5(path: Path) -> None:
@@ -25,12 +29,15 @@ def check_mat5(path: Path) -> None:
     ------
     ValueError
         Saying what is wrong.
+    FileError
+        When it declares more than a file of its size may hold.
     """
     with path.open("rb") as file:
         header = file.read(HEADER)
         if len(header) < HEADER or header[126:128] not in (b"IM", b"MI"):
             message = "its header is damaged"
             raise ValueError(message)
+        declared = Declared(path)
         order = "<" if header[126:128] == b"IM" else ">"
         while tag := file.read(TAG):
             if len(tag) < TAG:
@@ -45,22 +52,26 @@ def check_mat5(path: Path) -> None:
                 message = "it is cut off within a variable"
                 raise ValueError(message)
             if kind == COMPRESSED:
-                content = _inflated(content, order)
+                content = _inflated(content, order, declared)
             _check_matrix(memoryview(content), order, 0)
 
 
-def _inflated(content: bytes, order: str) -> bytes:
-    """Return the matrix in a compressed element."""
+def _inflated(content: bytes, order: str, declared: Declared) -> bytes:
+    """Return the matrix in a compressed element, no more of it than it declares."""
     try:
-        plain = zlib.decompress(content)
+        packed = zlib.decompressobj()
+        plain = packed.decompress(content, TAG)
+        if len(plain) == TAG:
+            kind, size = struct.unpack(f"{order}II", plain)
+            declared.add(size // NUMBER if kind == MATRIX else 0)
+            plain += packed.decompress(packed.unconsumed_tail, size + 1)
     except zlib.error as error:
         message = f"a compressed variable is damaged ({error})"
         raise ValueError(message) from None
     if len(plain) < TAG:
         message = "a compressed variable is empty"
         raise ValueError(message)
-    kind, size = struct.unpack(f"{order}II", plain[:TAG])
-    if kind != MATRIX or size != len(plain) - TAG:
+    if kind != MATRIX or size != len(plain) - TAG or not packed.eof:
         message = "a compressed variable holds no matrix"
         raise ValueError(message)
     return plain[TAG:]

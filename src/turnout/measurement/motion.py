@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+# At either end of a recording, where a drift shows [s].
+END = 0.5
 CLOSING, OPENING, UNKNOWN = "closing", "opening", "unknown"
 
 
@@ -83,3 +85,82 @@ def without_holes(values: Floats) -> Floats:
         return np.zeros_like(values)
     index = np.arange(values.size)
     return np.asarray(np.interp(index, index[known], values[known]))
+
+
+def spikes(values: Floats, *, rate: float, least: float) -> Flags:
+    """Tell which samples stand alone: a tooth of one or two samples that is gone again at once.
+
+    Motion and impacts last longer than 4 ms; below 500 samples a second a sample may hold a whole
+    inrush, and nothing is told.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Samples without holes.
+    rate : float
+        Samples a second [1/s].
+    least : float
+        Height above the samples around, from which on one is a spike [unit of the values].
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+
+    Examples
+    --------
+    >>> spikes(np.r_[np.zeros(5), 9.0, np.ones(5)], rate=1000.0, least=5.0).nonzero()[0]
+    array([5])
+    """
+    none = np.zeros(values.size, dtype=bool)
+    if rate < 500.0 or values.size < 5 or not np.any(np.abs(np.diff(values)) > least):
+        return none
+    return np.asarray(np.abs(values - _median_of_five(values)) > least)
+
+
+def without_spikes(values: Floats, *, rate: float, least: float) -> Floats:
+    """Return samples with the median of five in place of each spike."""
+    filled = without_holes(values)
+    found = spikes(filled, rate=rate, least=least)
+    return np.where(found, _median_of_five(filled), values) if found.any() else values
+
+
+def drift(values: Floats, *, rate: float) -> float:
+    """Return the slope that a channel has at both ends, where it should rest; zero without one.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        A throw with its rest on either side, or a whole recording.
+    rate : float
+        Samples a second [1/s].
+
+    Returns
+    -------
+    float
+        The lesser of both slopes, where they agree and stand out of the noise [unit/s].
+
+    Examples
+    --------
+    >>> time = np.arange(5000) / 1000.0
+    >>> throw = 900.0 * np.clip(time - 1.5, 0.0, 2.0)
+    >>> round(drift(throw + 80.0 * time, rate=1000.0)), drift(throw, rate=1000.0)
+    (80, 0.0)
+    """
+    count = round(END * rate)
+    if count < 10 or values.size < 4 * count:
+        return 0.0
+    filled, time = without_holes(values), np.arange(count) / rate
+    slopes = []
+    for part in (filled[:count], filled[-count:]):
+        slope, level = np.polyfit(time, part, 1)
+        noise = float(np.std(part - level - slope * time))
+        if abs(slope) <= 6.0 * noise * np.sqrt(12.0 / count) / END:
+            return 0.0
+        slopes.append(float(slope))
+    least, most = sorted(slopes, key=abs)
+    return least if least * most > 0.0 and least / most > 0.5 else 0.0
+
+
+def _median_of_five(values: Floats) -> Floats:
+    padded = np.pad(values, 2, mode="edge")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))

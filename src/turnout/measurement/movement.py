@@ -12,9 +12,11 @@ import xarray as xr
 from turnout.measurement.motion import (
     Flags,
     Floats,
+    drift,
     found_direction,
     mean_over,
     without_holes,
+    without_spikes,
 )
 
 
@@ -34,6 +36,8 @@ class Detection:
         Shorter activity is no throw [s].
     bridged : float
         Activity that stops for less than this goes on [s].
+    force_spike, current_spike : float
+        Height of a single sample above its neighbours that is no motion [N, A].
     before, after : float
         Time kept before the onset and after the end [s].
     """
@@ -43,6 +47,8 @@ class Detection:
     force_span: float = 0.3
     least_duration: float = 0.8
     bridged: float = 0.5
+    force_spike: float = 500.0
+    current_spike: float = 2.0
     before: float = 1.0
     after: float = 1.0
 
@@ -117,8 +123,8 @@ def find_throws(dataset: xr.Dataset, *, detection: Detection | None = None) -> t
     if time.size < 3:
         return ()
     rate = (time.size - 1) / float(time[-1] - time[0])
-    forces = _rows(dataset, "drive_force")
-    currents = _rows(dataset, "drive_current")
+    forces = _rows(dataset, "drive_force", rate=rate, spike=chosen.force_spike)
+    currents = _rows(dataset, "drive_current", rate=rate, spike=chosen.current_spike)
     running = np.array([is_running(row, rate=rate, detection=chosen) for row in currents])
     # A channel that never rests is no motor current: dead wires and swapped channels look so.
     told = [bool(row.any() and not row.all()) for row in running]
@@ -126,6 +132,11 @@ def find_throws(dataset: xr.Dataset, *, detection: Detection | None = None) -> t
         active: Flags = np.any(running[told], axis=0)
         source = "current"
     else:
+        # A zero that drifts is no motion; which way a throw goes is told without it as well.
+        away = np.arange(time.size) / rate
+        forces = np.array([row - drift(row, rate=rate) * away for row in forces]).reshape(
+            forces.shape
+        )
         active = _is_moving(forces, rate=rate, detection=chosen)
         source = "force"
     spans = _spans(active, rate=rate, detection=chosen)
@@ -174,10 +185,14 @@ def is_running(current: Floats, *, rate: float, detection: Detection) -> Flags:
     return np.asarray(np.abs(smooth) > detection.running_current)
 
 
-def _rows(dataset: xr.Dataset, name: str) -> Floats:
+def _rows(dataset: xr.Dataset, name: str, *, rate: float, spike: float) -> Floats:
+    """Return a row a drive, without spikes."""
     if name not in dataset:
         return np.empty((0, dataset.sizes["time"]))
-    return np.asarray(dataset[name].transpose("drive", "time").values, dtype=np.float64)
+    rows = np.asarray(dataset[name].transpose("drive", "time").values, dtype=np.float64)
+    return np.array([without_spikes(row, rate=rate, least=spike) for row in rows]).reshape(
+        rows.shape
+    )
 
 
 def _is_moving(forces: Floats, *, rate: float, detection: Detection) -> Flags:

@@ -15,7 +15,7 @@ from turnout.measurement.assemble import (
     split_unit,
     tidy_unit,
 )
-from turnout.measurement.optional import require
+from turnout.measurement.extent import Declared
 from turnout.measurement.recording import Recording
 
 NO_TIME = "give a column 'time' [s], or 'sample_rate' among the metadata of the table"
@@ -30,16 +30,13 @@ def read_parquet(path: Path) -> Recording:
     Raises
     ------
     FileError
-        When it is damaged, or the reader is not installed.
+        When it declares too much, or a column holds no time.
     """
-    require("pyarrow", extra="parquet", purpose=f"{path}: Parquet files")
-    pq = require("pyarrow.parquet", extra="parquet", purpose=f"{path}: Parquet files")
-    try:
-        table = pq.ParquetFile(path).read()
-    except Exception as error:  # the reader raises whatever its parts raise
-        reason = " ".join(str(error).split())[:80]
-        message = f"{path}: is no Parquet file, or a damaged one ({reason}); save it again"
-        raise FileError(message) from None
+    import pyarrow.parquet as pq
+
+    file = pq.ParquetFile(path)
+    Declared(path).add(file.metadata.num_rows * file.metadata.num_columns)
+    table = file.read()
     time, rate, start_time = None, _rate(table), _told(table.schema.metadata, "start_time")
     numbers: list[tuple[Any, Any]] = []
     problems: list[str] = []

@@ -16,6 +16,7 @@ import xarray as xr
 from turnout.errors import FileError, MeasurementError, TurnoutError
 from turnout.files.atomic import write_atomic
 from turnout.files.provenance import content_hash, version
+from turnout.files.regular import require_regular_file
 from turnout.measurement.chain import apply_chain, map_hash
 from turnout.measurement.channel_map import ChannelMap
 from turnout.measurement.movement import Detection, Throw, find_throws
@@ -61,6 +62,7 @@ def kept_pieces(
     runs: Sequence[Run],
     channel_map: ChannelMap,
     *,
+    allow_outside: bool = False,
     detection: Detection | None = None,
 ) -> Iterator[tuple[Piece | TurnoutError, bool]]:
     """Yield the movements of one recording, from the store of the campaign or cut and stored.
@@ -77,6 +79,8 @@ def kept_pieces(
         Lines of the sheet, all of the same file.
     channel_map : ChannelMap
         From columns to forces and currents.
+    allow_outside : bool
+        Whether a recording may take samples from other files.
     detection : Detection, optional
         What counts as a throw.
 
@@ -89,9 +93,12 @@ def kept_pieces(
     """
     path = folder / runs[0].file
     try:
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        unread = FileError(f"{path}: cannot be read ({error.strerror or error})")
+        require_regular_file(path)
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+    except (OSError, FileError) as error:
+        why = getattr(error, "strerror", None) or error
+        unread = error if isinstance(error, FileError) else FileError(f"{path}: {why}")
         yield from ((unread, False) for _ in runs)
         return
     shared = {
@@ -109,7 +116,7 @@ def kept_pieces(
             yield piece, True
             continue
         if found is None:
-            found = _found(path, channel_map, detection)
+            found = _found(path, channel_map, detection, allow_outside=allow_outside)
         cut = found if isinstance(found, TurnoutError) else _cut(found, run.movement, path)
         # A folder that may not be written to is read each time.
         with suppress(FileError, OSError):
@@ -128,10 +135,10 @@ class _Found:
 
 
 def _found(
-    path: Path, channel_map: ChannelMap, detection: Detection | None
+    path: Path, channel_map: ChannelMap, detection: Detection | None, *, allow_outside: bool
 ) -> _Found | TurnoutError:
     try:
-        dataset = apply_chain(read_recording(path), channel_map)
+        dataset = apply_chain(read_recording(path, allow_outside=allow_outside), channel_map)
         if "drive_force" not in dataset:
             message = "the channel map has no drive_force; a campaign needs the rods' forces"
             raise MeasurementError([message], source=str(path))
@@ -188,16 +195,24 @@ def _packed(piece: Piece) -> bytes:
 
 
 def _stored(path: Path) -> Piece | None:
-    """Return a piece from its file; None where there is none or it is damaged."""
+    """Return a piece from its file; None where there is none, it is damaged or not one of ours."""
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
+        require_regular_file(path)
+        with zipfile.ZipFile(path) as archive:
+            # A piece is written uncompressed: what unpacks to more was not written here.
+            if sum(item.file_size for item in archive.infolist()) > path.stat().st_size:
+                return None
+        with np.load(path, allow_pickle=False) as arrays:
             described: Mapping[str, Any] = json.loads(str(arrays["described"]))
             dataset = xr.Dataset(
                 {name: (dims, arrays[name]) for name, dims in described["dims"].items()},
                 {"time": arrays["time"], "drive": arrays["drive"]},
             )
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        values = dict(described["throw"])
+        values["drive_ends"] = tuple(values["drive_ends"])
+        notes = tuple(str(note) for note in described["notes"])
+        return Piece(dataset, Throw(**values), str(described["start_time"]), notes)
+    except (OSError, ValueError, LookupError, EOFError, zipfile.BadZipFile, FileError):
         return None
-    values = dict(described["throw"])
-    values["drive_ends"] = tuple(values["drive_ends"])
-    return Piece(dataset, Throw(**values), described["start_time"], tuple(described["notes"]))
+    except (TypeError, AttributeError, MemoryError, RecursionError, NotImplementedError):
+        return None

@@ -4,12 +4,15 @@ from dataclasses import dataclass, field
 
 import xarray as xr
 
+from turnout.measurement.motion import Floats
 from turnout.measurement.movement import Throw
 from turnout.measurement.quality_channel import channel_faults
 from turnout.measurement.quality_record import Fault, Limits
 from turnout.measurement.quality_throw import (
     Profile,
     direction_faults,
+    drift_faults,
+    offset_faults,
     rate_faults,
     swap_faults,
     truncation_faults,
@@ -32,12 +35,15 @@ class Expected:
         Samples a second that all recordings of the campaign should have [1/s].
     profile : Profile or None
         How most throws of the campaign in this direction begin.
+    open_level : ndarray or None, shape (n_drives,)
+        What the rods carry in most of them while the rail is open [N].
     """
 
     direction: str | None = None
     load_cell: bool = True
     rate: float | None = None
     profile: Profile | None = None
+    open_level: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,6 +118,14 @@ def judge(
         *channel_faults(kept, throw, limits=chosen),
         *rate_faults(kept, throw, rate=known.rate, profile=known.profile, limits=chosen),
         *direction_faults(kept, throw, direction=known.direction, limits=chosen),
+        *drift_faults(kept, limits=chosen),
+        *offset_faults(
+            kept,
+            throw,
+            direction=known.direction,
+            typical=known.open_level,
+            limits=chosen,
+        ),
         *swap_faults(kept, throw, profile=known.profile, limits=chosen),
     ]
     return Verdict(faults=tuple(faults))

@@ -3,7 +3,13 @@
 import numpy as np
 import xarray as xr
 
-from turnout.measurement.motion import Floats, mean_over, without_holes
+from turnout.measurement.motion import (
+    Floats,
+    mean_over,
+    spikes,
+    without_holes,
+    without_spikes,
+)
 from turnout.measurement.movement import Throw
 from turnout.measurement.quality_record import Fault, Limits
 
@@ -41,6 +47,11 @@ def channel_faults(dataset: xr.Dataset, throw: Throw, *, limits: Limits) -> list
         holes = hole_fault(name, values, rate=rate, limits=limits)
         faults += holes
         filled = without_holes(values)
+        faults += quantisation_fault(name, filled, key=key, limits=limits)
+        teeth = spike_fault(name, filled, key=key, rate=rate, limits=limits)
+        faults += teeth
+        if teeth:
+            continue
         unit = unit_fault(name, filled, key=key)
         if unit:
             faults += unit
@@ -87,6 +98,38 @@ def hole_fault(name: str, values: Floats, *, rate: float, limits: Limits) -> lis
         allowed = f"{100 * limits.missing_share:g} % or {1e3 * limits.longest_hole:g} ms"
         return [Fault("missing samples", name, f"{text}; at most {allowed}")]
     return [Fault("missing samples", name, f"{text}, bridged by straight lines", excludes=False)]
+
+
+def spike_fault(name: str, values: Floats, *, key: str, rate: float, limits: Limits) -> list[Fault]:
+    """Find samples that stand alone, as a bad contact or a radio makes them."""
+    most, unit = dict(limits.most_spike)[key], "A" if key == "drive_current" else "N"
+    found = spikes(values, rate=rate, least=most)
+    count = int(found.sum())
+    if not count:
+        return []
+    height = float(np.max(np.abs(values - without_spikes(values, rate=rate, least=most))))
+    what = "1 sample stands" if count == 1 else f"{count} samples stand"
+    text = f"{what} up to {height:.3g} {unit} above or below the ones around, at most {most:g} "
+    return [Fault("spikes", name, f"{text}{unit}")]
+
+
+def quantisation_fault(name: str, values: Floats, *, key: str, limits: Limits) -> list[Fault]:
+    """Find a converter whose steps are too large for what it measures.
+
+    Examples
+    --------
+    >>> coarse = 2000.0 * np.round(np.linspace(0.0, 3.0, 50))
+    >>> str(quantisation_fault("drive_force 1", coarse, key="drive_force", limits=Limits())[0])
+    'quantisation of drive_force 1: it has steps of 2e+03 N, at most 50 N expected'
+    """
+    levels = np.unique(values)
+    steps = np.diff(levels)
+    steps = steps[steps > 1e-9 * max(float(np.ptp(levels)), 1e-300)]
+    most, unit = dict(limits.most_step)[key], "A" if key == "drive_current" else "N"
+    if not steps.size or float(steps.min()) <= most:
+        return []
+    text = f"it has steps of {float(steps.min()):.3g} {unit}, at most {most:g} {unit} expected"
+    return [Fault("quantisation", name, text, excludes=False)]
 
 
 def unit_fault(name: str, values: Floats, *, key: str) -> list[Fault]:

@@ -14,6 +14,10 @@ KINDS = (
     "sampling rate",
     "mains hum",
     "truncated",
+    "spikes",
+    "drift",
+    "zero offset",
+    "quantisation",
 )
 
 
@@ -74,6 +78,15 @@ class Limits:
         Change of a rod force against the direction [N].
     swap_gain : float
         How many times better channels must fit when they are swapped.
+    most_spike : mapping of str to float
+        Height of a single sample above its neighbours [N, A].
+    most_drift : float
+        Change of the zero of a force in the time that is kept of a throw [N].
+    most_offset : mapping of str to float
+        Departure of the zero: of a rod force from the rest of the campaign, of a current and of
+        the load cell from nothing [N, A].
+    most_step : mapping of str to float
+        Least difference of two samples [N, A].
     """
 
     longest_hole: float = 0.01
@@ -96,3 +109,19 @@ class Limits:
     least_rest: float = 0.15
     polarity_force: float = 100.0
     swap_gain: float = 2.0
+    most_spike: tuple[tuple[str, float], ...] = (
+        ("drive_force", 500.0),
+        ("drive_current", 2.0),
+        ("object_force", 500.0),
+    )
+    most_drift: float = 200.0
+    most_offset: tuple[tuple[str, float], ...] = (
+        ("drive_force", 750.0),
+        ("drive_current", 0.15),
+        ("object_force", 200.0),
+    )
+    most_step: tuple[tuple[str, float], ...] = (
+        ("drive_force", 50.0),
+        ("drive_current", 0.05),
+        ("object_force", 50.0),
+    )

@@ -10,15 +10,19 @@ from turnout.measurement.motion import (
     CLOSING,
     OPENING,
     Floats,
+    drift,
     force_changes,
     mean_over,
     without_holes,
 )
 from turnout.measurement.movement import Throw
+from turnout.measurement.quality_channel import measured_channels
 from turnout.measurement.quality_record import Fault, Limits
 
 # The part of a throw that no object has a say in yet, and its samples [s].
 EARLY, EARLY_STEP = 1.5, 0.02
+# Of the rest before a closing and after an opening movement, where the zero is looked at [s].
+REST = 0.3
 # Heights of a profile that another friction can explain.
 GAINS = (0.75, 1.33)
 PACES = np.exp(np.linspace(np.log(0.4), np.log(2.5), 93))
@@ -113,6 +117,75 @@ def truncation_faults(throw: Throw, dataset: xr.Dataset, *, least_rest: float) -
     if throw.cut_end or float(time[-1]) - throw.end < least_rest:
         text = "the recording ends before the motion does"
         faults.append(Fault("truncated", "", text))
+    return faults
+
+
+def drift_faults(dataset: xr.Dataset, *, limits: Limits) -> list[Fault]:
+    """Find rod forces and a load cell whose zero wanders: they change alike before and after."""
+    time = dataset["time"].values
+    span = float(time[-1] - time[0])
+    faults = []
+    for name, values, key in measured_channels(dataset):
+        slope = drift(values, rate=(time.size - 1) / span)
+        if key != "drive_current" and abs(slope) * span > limits.most_drift:
+            text = f"{slope:.3g} N/s before and after the motion, {abs(slope) * span:.3g} N in all"
+            faults.append(Fault("drift", name, f"{text}, at most {limits.most_drift:g} N"))
+    return faults
+
+
+def open_level(dataset: xr.Dataset, throw: Throw, *, direction: str | None) -> Floats | None:
+    """Return what the rods carry while the rail is open, where no object acts, shape (n_drives,).
+
+    Before a closing movement, after an opening one; None where that was not recorded [N].
+    """
+    time = dataset["time"].values
+    if direction == CLOSING and not throw.cut_start:
+        part = (time >= throw.onset - REST) & (time < throw.onset - 0.01)
+    elif direction == OPENING and not throw.cut_end:
+        part = time > max(throw.end, time[-1] - REST)
+    else:
+        return None
+    rows = dataset["drive_force"].transpose("drive", "time").values[:, part]
+    filled = [row[np.isfinite(row)] for row in rows]
+    if not all(row.size for row in filled):
+        return None
+    return np.array([float(np.median(row)) for row in filled])
+
+
+def offset_faults(
+    dataset: xr.Dataset,
+    throw: Throw,
+    *,
+    direction: str | None,
+    typical: Floats | None,
+    limits: Limits,
+) -> list[Fault]:
+    """Find channels whose zero is off.
+
+    What a rod carries at rest is known from the rest of the campaign only; a current and a load
+    cell rest at nothing.
+    """
+    faults = []
+    most = dict(limits.most_offset)
+    own = open_level(dataset, throw, direction=direction) if typical is not None else None
+    if own is not None and typical is not None and own.shape == typical.shape:
+        names = [str(name) for name in dataset["drive"].values]
+        for name, level, usual in zip(names, own, typical, strict=True):
+            if abs(level - usual) > most["drive_force"]:
+                text = (
+                    f"{level:.4g} N with the rail open, {usual:.4g} N in the rest of the campaign"
+                )
+                faults.append(Fault("zero offset", f"drive_force {name}", text, excludes=False))
+    time = dataset["time"].values
+    rest = time < throw.onset - 0.01
+    for name, values, key in measured_channels(dataset):
+        known = values[rest & np.isfinite(values)]
+        if key == "drive_force" or throw.cut_start or not known.size:
+            continue
+        level, unit = float(np.median(known)), "A" if key == "drive_current" else "N"
+        if abs(level) > most[key]:
+            text = f"{level:.3g} {unit} at rest, at most {most[key]:g} {unit} expected"
+            faults.append(Fault("zero offset", name, text, excludes=False))
     return faults
 
 

@@ -5,13 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from turnout.errors import FileError
-from turnout.measurement.dewesoft import read_dewesoft
-from turnout.measurement.hdf5 import read_hdf5
-from turnout.measurement.mat import read_mat, read_mat73
-from turnout.measurement.mdf import read_mdf
-from turnout.measurement.parquet import read_parquet
+from turnout.files.regular import require_regular_file
+from turnout.measurement.isolated import read_isolated
+from turnout.measurement.optional import require
 from turnout.measurement.recording import Recording
-from turnout.measurement.tdms import read_tdms
 from turnout.measurement.text import read_text
 
 HEAD = 600
@@ -30,14 +27,24 @@ class FileFormat:
         What its files end in; asked only where the content tells nothing.
     recognise : callable
         Whether the first bytes are of this format.
-    read : callable
-        From a path to a recording; raises FileError.
+    reader : str
+        Module of `turnout.measurement` and function that read it in a process of its own; empty
+        for text, whose memory grows with the file only.
+    packages : tuple of str
+        What the reader loads.
+    extra : str
+        Extra of turnout that brings these packages.
+    refers : bool
+        Whether such a file can take samples from others.
     """
 
     name: str
     suffixes: tuple[str, ...]
     recognise: Callable[[bytes], bool]
-    read: Callable[[Path], Recording]
+    reader: str = ""
+    packages: tuple[str, ...] = ()
+    extra: str = ""
+    refers: bool = False
 
 
 def _begins(*marks: bytes) -> Callable[[bytes], bool]:
@@ -45,18 +52,45 @@ def _begins(*marks: bytes) -> Callable[[bytes], bool]:
 
 
 FORMATS = (
-    FileFormat("Dewesoft", (".d7d", ".dxd", ".d7z"), _begins(b"MULTI_STREAM_FILE"), read_dewesoft),
-    FileFormat("MDF", (".mf4", ".mdf"), _begins(b"MDF     ", b"UnFinMF "), read_mdf),
-    FileFormat("TDMS", (".tdms",), _begins(b"TDSm"), read_tdms),
-    FileFormat("Parquet", (".parquet", ".pq"), _begins(b"PAR1"), read_parquet),
-    FileFormat("MATLAB 7.3", (), _begins(b"MATLAB 7.3 MAT-file"), read_mat73),
-    FileFormat("MATLAB", (".mat",), _begins(b"MATLAB 5.0 MAT-file"), read_mat),
-    FileFormat("HDF5", (".h5", ".hdf5", ".hdf", ".nc"), lambda head: _HDF5_MARK in head, read_hdf5),
-    FileFormat("text", (".csv", ".txt", ".tsv", ".asc", ".dat"), lambda head: False, read_text),
+    FileFormat(
+        "Dewesoft",
+        (".d7d", ".dxd", ".d7z"),
+        _begins(b"MULTI_STREAM_FILE"),
+        "dewesoft:read_dewesoft",
+        ("dwdatareader",),
+        "daq",
+    ),
+    FileFormat(
+        "MDF",
+        (".mf4", ".mdf"),
+        _begins(b"MDF     ", b"UnFinMF "),
+        "mdf:read_mdf",
+        ("asammdf",),
+        "daq",
+    ),
+    FileFormat("TDMS", (".tdms",), _begins(b"TDSm"), "tdms:read_tdms", ("nptdms",), "daq"),
+    FileFormat(
+        "Parquet",
+        (".parquet", ".pq"),
+        _begins(b"PAR1"),
+        "parquet:read_parquet",
+        ("pyarrow", "pyarrow.parquet"),
+        "parquet",
+    ),
+    FileFormat("MATLAB 7.3", (), _begins(b"MATLAB 7.3 MAT-file"), "mat:read_mat73", refers=True),
+    FileFormat("MATLAB", (".mat",), _begins(b"MATLAB 5.0 MAT-file"), "mat:read_mat"),
+    FileFormat(
+        "HDF5",
+        (".h5", ".hdf5", ".hdf", ".nc"),
+        lambda head: _HDF5_MARK in head,
+        "hdf5:read_hdf5",
+        refers=True,
+    ),
+    FileFormat("text", (".csv", ".txt", ".tsv", ".asc", ".dat"), lambda head: False),
 )
 
 
-def read_recording(path: Path | str) -> Recording:
+def read_recording(path: Path | str, *, allow_outside: bool = False) -> Recording:
     r"""Read the channels of a file; its content tells the format, then its name.
 
     Parameters
@@ -64,6 +98,8 @@ def read_recording(path: Path | str) -> Recording:
     path : path-like
         Text (CSV, TXT), MATLAB, HDF5; Dewesoft, MDF and TDMS with the extra ``daq``; Parquet with
         the extra ``parquet``.
+    allow_outside : bool
+        Whether a file may take samples from other files, as HDF5 can.
 
     Returns
     -------
@@ -86,11 +122,26 @@ def read_recording(path: Path | str) -> Recording:
     """
     path = Path(path)
     try:
-        return format_of(path).read(path)
+        return _read(path, format_of(path), allow_outside=allow_outside)
     except FileError as error:
         # What a message quotes from a damaged file may hold anything.
         text = "".join(char if char.isprintable() else " " for char in str(error))
         raise FileError(text) from None
+
+
+def _read(path: Path, kind: FileFormat, *, allow_outside: bool) -> Recording:
+    if not kind.reader:
+        return read_text(path)
+    for package in kind.packages:
+        require(package, extra=kind.extra, purpose=f"{path}: {kind.name} files", load=False)
+    options = {"allow_outside": allow_outside} if kind.refers else {}
+    return read_isolated(
+        path,
+        reader=f"turnout.measurement.{kind.reader}",
+        kind=kind.name.removesuffix(" 7.3"),
+        packages=kind.packages,
+        **options,
+    )
 
 
 def format_of(path: Path) -> FileFormat:
@@ -116,9 +167,7 @@ def _is_text(head: bytes) -> bool:
 def _head(path: Path) -> bytes:
     """Return the first bytes of a file that is there, is readable and is not empty."""
     try:
-        if path.is_dir():
-            message = f"{path}: is a folder, not a file; name a file inside it"
-            raise FileError(message)
+        require_regular_file(path)
         with path.open("rb") as file:
             head = file.read(HEAD)
     except FileNotFoundError:

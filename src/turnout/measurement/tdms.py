@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from turnout.errors import FileError
 from turnout.measurement.assemble import Column, assemble, is_time_name, tidy_unit
-from turnout.measurement.optional import require
+from turnout.measurement.extent import Declared
 from turnout.measurement.recording import Recording
 
 NO_TIME = "a channel needs wf_increment, or a channel called time in its group"
@@ -22,20 +21,23 @@ def read_tdms(path: Path) -> Recording:
     Raises
     ------
     FileError
-        When it is damaged, or the reader is not installed.
+        When it holds no channel or declares too much.
     """
-    nptdms = require("nptdms", extra="daq", purpose=f"{path}: TDMS files")
+    import nptdms
+    from nptdms import log
+
     columns: list[Column] = []
     problems: list[str] = []
     start_time = None
-    try:
-        with _said(require("nptdms.log", extra="daq", purpose="TDMS files"), problems):
-            file = nptdms.TdmsFile.read(path)
-        several = len(file.groups()) > 1
-        for group in file.groups():
+    with _said(log, problems), nptdms.TdmsFile.open(path) as file:
+        groups = file.groups()
+        declared = Declared(path)
+        for group in groups:
+            declared.add(sum(len(channel) for channel in group.channels()))
+        for group in groups:
             times = [item[:] for item in group.channels() if is_time_name(item.name)]
             for channel in group.channels():
-                name = f"{group.name}/{channel.name}" if several else channel.name
+                name = f"{group.name}/{channel.name}" if len(groups) > 1 else channel.name
                 if is_time_name(channel.name):
                     continue
                 values = channel[:]
@@ -44,10 +46,6 @@ def read_tdms(path: Path) -> Recording:
                     continue
                 columns.append(_column(name, channel.properties, np.asarray(values), times))
                 start_time = start_time or channel.properties.get("wf_start_time")
-    except Exception as error:  # the reader raises whatever its parts raise
-        reason = " ".join(str(error).split())[:80]
-        message = f"{path}: is no TDMS file, or a damaged one ({reason}); save it again"
-        raise FileError(message) from None
     return assemble(
         columns,
         source=str(path),

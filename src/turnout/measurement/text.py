@@ -12,6 +12,7 @@ from pandas.errors import ParserError, ParserWarning
 from turnout.errors import FileError, MeasurementError
 from turnout.files.problems import choices
 from turnout.measurement.assemble import Column, assemble, is_time_name, seconds_of
+from turnout.measurement.extent import MOST_CHANNELS
 from turnout.measurement.recording import Recording
 from turnout.measurement.text_layout import EMPTY, SAMPLE_SIZE, Layout, layout_of
 
@@ -31,6 +32,9 @@ def read_text(path: Path) -> Recording:
     """
     with path.open("rb") as file:
         layout = layout_of(file.read(SAMPLE_SIZE), source=str(path))
+    if len(layout.names) > MOST_CHANNELS:
+        message = f"{path}: holds {len(layout.names)} columns, at most {MOST_CHANNELS} are read"
+        raise FileError(message + "; export fewer")
     table, problems = _table(path, layout)
     time, columns = _timed(table, layout, path)
     rate = layout.rate
@@ -124,6 +128,8 @@ def _frame(path: Path, layout: Layout, *, dtype: object, **options: object) -> A
         "na_values": sorted(EMPTY - {"", "inf", "-inf"}),
         "skipinitialspace": True,
         "engine": "c",
+        # Whatever its name: only text is read here.
+        "compression": None,
         **options,
     }
     with warnings.catch_warnings():

@@ -117,7 +117,11 @@ def layout_of(sample: bytes, *, source: str) -> Layout:
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if len(sample) >= SAMPLE_SIZE and len(lines) > 1:
         lines = lines[:-1]
-    best, first_row = _best(lines)
+    try:
+        best, first_row = _best(lines)
+    except csv.Error as error:
+        message = f"{source}: is no table of numbers ({error})"
+        raise FileError(message) from None
     if best is None:
         first = next((line.strip() for line in lines if line.strip()), "")[:60]
         shown = "".join(char if char.isprintable() else " " for char in first)

@@ -11,15 +11,15 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import cache
-from io import BytesIO
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import FileError
-from turnout.files.atomic import atomic_path
+from turnout.files.atomic import write_atomic
+from turnout.files.cache_folder import safe_folder, user_cache_folder, why_private
+from turnout.files.kept_arrays import DamagedError, arrays_from_bytes, arrays_to_bytes
 from turnout.files.latest import Latest
 
 Arrays = dict[str, NDArray[np.float64]]
@@ -106,11 +106,9 @@ def digest(parts: Iterable[object]) -> str:
     return found.hexdigest()[:32]
 
 
-def cache_folder() -> Path:
-    """Return the folder of kept arrays that belongs to the present sources."""
-    from turnout.law.compiled import user_cache_folder
-
-    return user_cache_folder() / f"models-{_source_digest()}"
+def cache_folder() -> Path | None:
+    """Return the folder of kept arrays of the present sources; None where there can be none."""
+    return safe_folder(user_cache_folder() / f"models-{_source_digest()}")
 
 
 @cache
@@ -125,14 +123,15 @@ def _source_digest() -> str:
 
 
 def _read(key: str) -> Arrays | None:
-    path = cache_folder() / f"{key}.npz"
+    folder = cache_folder()
+    if folder is None:
+        return None
+    path = folder / f"{key}.npz"
     try:
-        content = path.read_bytes()
-        with np.load(BytesIO(content), allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
+        return arrays_from_bytes(path.read_bytes(), key)
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+    except (OSError, DamagedError) as error:
         counts["damaged"] += 1
         _tell("damaged", f"{path}: cannot be used ({error}); it is made anew")
         return None
@@ -141,9 +140,9 @@ def _read(key: str) -> Arrays | None:
 def _write(key: str, arrays: Arrays) -> None:
     folder = cache_folder()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with atomic_path(folder / f"{key}.npz") as temporary, temporary.open("wb") as file:
-            np.savez(file, **arrays)  # type: ignore[arg-type]
+        if folder is None:
+            raise FileError(why_private())
+        write_atomic(folder / f"{key}.npz", arrays_to_bytes(arrays, key))
         _prune(folder)
     except (OSError, FileError) as error:
         counts["unwritable"] += 1

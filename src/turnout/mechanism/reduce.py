@@ -1,8 +1,7 @@
 """One rail from its structure to a superelement with the points where laws act."""
 
-import pickle
-from collections.abc import Iterator
-from dataclasses import fields, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -71,10 +70,20 @@ def _parts(data: RailData) -> Iterator[object]:
             yield from (getattr(value, part.name) for part in fields(value))
         elif isinstance(value, RailMatrices):
             yield value.digest
-        elif isinstance(value, tuple):  # hundreds of points, whose text takes ten times as long
-            yield pickle.dumps(value)
+        elif isinstance(value, tuple) and value and is_dataclass(value[0]):
+            yield from _columns(value)
         else:
             yield value
+
+
+def _columns(records: Sequence[object]) -> Iterator[object]:
+    """Yield each field of equal records as one array: there are hundreds, and texts are slow."""
+    for item in fields(records[0]):  # type: ignore[arg-type]
+        column = [getattr(record, item.name) for record in records]
+        if is_dataclass(column[0]):
+            yield from _columns(column)
+        else:
+            yield np.array(column)
 
 
 def _reduced(data: RailData, *, first: int) -> ReducedRail:

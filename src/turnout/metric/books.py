@@ -10,6 +10,17 @@ MOST_NUMERICAL = 0.02
 LEAST_SCALE = 1e-3
 
 
+def is_inaccurate(dataset: xr.Dataset) -> bool:
+    """Return whether a run came to its end with an energy balance that does not close.
+
+    Examples
+    --------
+    >>> is_inaccurate(xr.Dataset(attrs={"complete": False, "outcome": "inaccurate"}))
+    True
+    """
+    return str(dataset.attrs.get("outcome", "")) == "inaccurate"
+
+
 def residual_share(dataset: xr.Dataset) -> float:
     """Return the largest residual of the books over the run's energy scale, at least 1 mJ [-]."""
     return _share(dataset, "energy_residual")

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import xarray as xr
 
+from turnout.metric.books import is_inaccurate
 from turnout.metric.movement import LEAST_SHARE, margins
 
 # A chair that never bears more than this does not carry [N].
@@ -42,8 +43,8 @@ def concerns(dataset: xr.Dataset) -> list[Concern]:
     Returns
     -------
     list of Concern
-        Runs that ended early, drives within a tenth of their slip level in either direction,
-        a flangeway below its limit, chairs that never carry; empty where all is well.
+        Runs that ended early or are inaccurate, drives within a tenth of their slip level in either
+        direction, a flangeway below its limit, chairs that never carry; empty where all is well.
     """
     found = []
     if dataset.attrs.get("foreign_objects", "[]") != "[]":
@@ -57,14 +58,12 @@ def concerns(dataset: xr.Dataset) -> list[Concern]:
         )
     if not dataset.attrs.get("complete", True):
         message = str(dataset.attrs.get("outcome_message", "ended early"))
-        found.append(
-            Concern(
-                "throw not complete",
-                f"t = {_last_time(dataset):.3f} s",
-                message,
-                "what follows holds until then only",
-            )
-        )
+        what, where = "throw not complete", f"t = {_last_time(dataset):.3f} s"
+        remedy = "what follows holds until then only"
+        if is_inaccurate(dataset):
+            what, where = "throw is inaccurate", "its whole time"
+            remedy = "what follows is not to be trusted either"
+        found.append(Concern(what, where, message, remedy))
     if not dataset.sizes.get("time", 0):
         return found
     return [*found, *_near_slip(dataset), *_narrow(dataset), *_idle_chairs(dataset)]

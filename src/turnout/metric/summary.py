@@ -6,7 +6,7 @@ from typing import Any
 
 import xarray as xr
 
-from turnout.metric.books import numerical_share, numerical_warning, residual_share
+from turnout.metric.books import is_inaccurate, numerical_share, numerical_warning, residual_share
 from turnout.metric.movement import Margin, Slip, margins, slips
 from turnout.metric.signal import at_end
 from turnout.metric.words import changed, kilo, milli
@@ -82,7 +82,8 @@ def _run(dataset: xr.Dataset) -> str:
     if attributes.get("complete", True):
         end = float(dataset["time"][-1])
         return f"complete, {end:g} s of motion in {attributes.get('wall_time', math.nan):.2f} s"
-    return f"NOT COMPLETE: {attributes.get('outcome_message', 'ended early')}"
+    what = "INACCURATE" if is_inaccurate(dataset) else "NOT COMPLETE"
+    return f"{what}: {attributes.get('outcome_message', 'ended early')}"
 
 
 def _state(dataset: xr.Dataset) -> list[tuple[str, str]]:

@@ -10,6 +10,7 @@ from functools import partial
 from typing import Any
 
 from turnout.files.problems import Problem, show_value
+from turnout.files.units import is_finite
 from turnout.panel.check_schedule import check_schedule
 from turnout.panel.check_section import (
     check_outline,
@@ -36,6 +37,7 @@ _HAVE_PLACES = ("chair", "fastening", "stop", "stud", "drive", "link", "back_dri
 _OPENING_NEEDS = {"rail", "drive", "link", "fastening", "schedule", "movement", "object_defaults"}
 _SAME_PLACE = 1e-6
 _MOST_ELEMENTS = 5000
+_MOST_FEET = 8
 
 
 def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
@@ -183,7 +185,7 @@ def _rail_elements(draft: Draft, rail: Any) -> Iterator[Problem]:
     length = draft.records["discretisation"].element_length
     count = (rail.end - rail.start) / length
     if count > _MOST_ELEMENTS:
-        text = f" = {length:g} m: makes {count:.0f} elements a rail, at most {_MOST_ELEMENTS}"
+        text = f" = {length:g} m: makes {count:.6g} elements a rail, at most {_MOST_ELEMENTS}"
         yield Problem(("discretisation", "element_length"), text)
 
 
@@ -237,7 +239,10 @@ def _sleeper(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Probl
 def _chair(draft: Draft, path: tuple[str, str], chair: Any) -> Iterator[Problem]:
     yield from known_part(_standing(draft, path, chair))
     feet = chair.foot_offsets
-    if feet is not None and len(set(feet)) < len(feet):
+    if feet is not None and len(feet) > _MOST_FEET:
+        text = f": {len(feet)} foot points, at most {_MOST_FEET}; give those of the edges"
+        yield Problem((*path, "foot_offsets"), text)
+    elif feet is not None and len(set(feet)) < len(feet):
         yield Problem((*path, "foot_offsets"), f" = {show_value(feet)}: the same foot point twice")
 
 
@@ -296,6 +301,8 @@ def _same_place(
     draft: Draft, path: tuple[str, str], record: Any, seen: dict[tuple[str, int], str]
 ) -> Iterator[Problem]:
     family, name = path
+    if not is_finite(record.x / _SAME_PLACE):
+        return  # far off any rail, which is told
     for rail in rails_of(family, record, draft):
         other = seen.setdefault((rail, round(record.x / _SAME_PLACE)), name)
         if other != name:

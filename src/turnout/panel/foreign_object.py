@@ -16,6 +16,8 @@ from turnout.panel.schedule_records import PanelObject
 
 # The opening is an estimate; an object is refused only when it is larger by more than this [m].
 OPENING_MARGIN = 0.003
+# From this size on a number was meant in millimetres [m].
+LEAST_SUSPECT = 1.0
 _DIMENSIONS = {
     "size": LENGTH,
     "height": LENGTH,
@@ -121,6 +123,12 @@ def _quantity(name: str, value: Any, dimension: Dimension) -> float:
     if hasattr(value, "item"):
         value = value.item()
     number = parse_quantity(value, dimension, si=True)
+    if name == "size" and number >= LEAST_SUSPECT:
+        message = (
+            f"metres? Nothing of {number:g} m is trapped in a switch; "
+            f'write {1e-3 * number:g} or "{number:g} mm"'
+        )
+        raise ValueError(message)
     if number <= 0 and name in ("size", "stiffness", "disappears"):
         message = "must be more than 0"
         raise ValueError(message)

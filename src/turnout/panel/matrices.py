@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from turnout.files.problems import Problem, choices, show_value
+from turnout.files.regular import user_path
 from turnout.panel.matrices_file import read_rail_matrices
 from turnout.panel.rail_matrices import RailMatrices
 
@@ -59,7 +60,7 @@ def read_matrices(
         given = rail.get("matrices") if isinstance(rail, dict) else None
         if not isinstance(given, str) or given in found:
             continue
-        matrices, faults = read_rail_matrices((folder or Path()) / Path(given).expanduser())
+        matrices, faults = read_rail_matrices((folder or Path()) / user_path(given))
         path = ("rail", name, "matrices")
         problems += [Problem(path, f" = {show_value(given)}: {fault}") for fault in faults]
         if matrices is not None:

@@ -9,6 +9,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,8 @@ FORMAT = "turnout rail matrices 1"
 DIRECTIONS = ("ux", "uy", "uz", "rx", "ry", "rz")
 NEEDED = ("stiffness", "mass", "table_x", "table_direction")
 LARGEST = 2_000_000_000
+LARGEST_UNPACKED = 1_000_000_000
+_COMPRESSED, _CHUNK = 15, 1 << 20
 SYMMETRIC = 1e-9
 """Largest difference of a matrix from its transpose, as a share of its largest entry."""
 
@@ -88,6 +91,8 @@ def read_rail_matrices(path: Path) -> tuple[RailMatrices | None, list[str]]:
         content = read_bytes(path, largest=LARGEST)
     except FileError as error:
         return None, [str(error)]
+    if not _fits_unpacked(content):
+        return None, [f"holds more than {LARGEST_UNPACKED} bytes once unpacked; reduce the rail"]
     try:
         stream: Any = io.BytesIO(content)
         found = loadmat(stream, squeeze_me=False, chars_as_strings=True)
@@ -98,6 +103,29 @@ def read_rail_matrices(path: Path) -> tuple[RailMatrices | None, list[str]]:
     reader = _Reader(found, [])
     matrices = reader.matrices(hashlib.sha256(content).hexdigest())
     return (None if reader.problems else matrices), reader.problems
+
+
+def _fits_unpacked(content: bytes) -> bool:
+    """Tell whether the compressed variables of a file of version 5 come to no more than allowed."""
+    order, position, total = "<" if content[126:128] == b"IM" else ">", 128, 0
+    while position + 8 <= len(content):
+        kind, size = struct.unpack_from(f"{order}II", content, position)
+        position += 8
+        if kind == _COMPRESSED:
+            total += _unpacked_size(memoryview(content)[position : position + size], total)
+        position += size
+    return total <= LARGEST_UNPACKED
+
+
+def _unpacked_size(packed: memoryview, before: int) -> int:
+    """Return how many bytes a compressed variable holds, counted until that is too many."""
+    machine, size = zlib.decompressobj(), 0
+    with suppress(zlib.error):  # what is damaged is told by the reader
+        piece = machine.decompress(packed, _CHUNK)
+        while piece and before + size <= LARGEST_UNPACKED:
+            size += len(piece)
+            piece = machine.decompress(machine.unconsumed_tail, _CHUNK)
+    return size
 
 
 @dataclass(slots=True)

@@ -59,7 +59,9 @@ class Discretisation(Record):
 
     element_length: Length = Field(gt=0, description="longest beam element [m]")
     superelement_cutoff: Frequency = Field(
-        gt=0, description="fixed-interface modes up to here are kept in the superelements [Hz]"
+        gt=0,
+        le=1e5,
+        description="fixed-interface modes up to here are kept in the superelements [Hz]",
     )
 
 

@@ -5,12 +5,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from turnout.files.problems import choices, nearest
+from turnout.files.problems import choices, nearest, shortened
 from turnout.files.units import LENGTH, parse_quantity
 
 PLACE_FAMILIES = ("sleeper", "drive", "sensor", "chair", "stud", "stop", "link", "fastening")
-_POSITION = re.compile(r"x\s*=\s*(.+)\Z", re.IGNORECASE)
-_NAMED = re.compile(rf"({'|'.join(PLACE_FAMILIES)})\s*(.*)\Z", re.IGNORECASE)
+_NAMED = re.compile("|".join(PLACE_FAMILIES), re.IGNORECASE)
 _FORMS = "'sleeper 6', 'drive 1', 'sensor TKK1', 'chair 5' or 'x = 3.6 m'"
 
 
@@ -44,21 +43,25 @@ def find_place(families: Mapping[str, Mapping[str, Any]], at: str) -> Place:
         When there is no such place; the text lists the names there are.
     """
     text = at.strip()
-    position = _POSITION.match(text)
-    if position:
-        return Place(parse_quantity(position[1], LENGTH))
+    sign, _, position = text.partition("=")
+    if sign.strip().lower() == "x" and position.strip():
+        return Place(parse_quantity(position.strip(), LENGTH))
     named = _NAMED.match(text)
-    if not named or not named[2]:
+    name = text[named.end() :].strip() if named else ""
+    if not named or not name:
         message = f"is not a place; write {_FORMS}{nearest(text, _place_names(families))}"
         raise ValueError(message)
-    family, name = named[1].lower(), named[2]
+    family = named[0].lower()
     members = families.get(family, {})
     if name in members:
         return Place(members[name].x, family, name)
     matches = [known for known in members if known.lower() == name.lower()]
     if len(matches) == 1:
         return Place(members[matches[0]].x, family, matches[0])
-    message = f"there is no {family} '{name}'{nearest(name, members)}; there are {choices(members)}"
+    message = (
+        f"there is no {family} '{shortened(name)}'{nearest(name, members)}; "
+        f"there are {choices(members)}"
+    )
     raise ValueError(message)
 
 

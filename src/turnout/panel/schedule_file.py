@@ -6,12 +6,16 @@ from pathlib import Path
 from typing import Any
 
 from turnout.errors import FileError
-from turnout.files.problems import Problem, show_value
+from turnout.files.problems import Problem, shortened, show_value
+from turnout.files.regular import user_path
 from turnout.files.toml import decode, read_bytes
-from turnout.files.units import SI
+from turnout.files.units import MOST_VALUES, SI
 from turnout.panel.document import Document
 
 COLUMNS = ("time", "fraction")
+
+MOST_ROWS = 1_000_000
+"""Rows that the movements of a panel take from files, together."""
 
 
 def read_schedule_files(
@@ -40,6 +44,7 @@ def read_schedule_files(
     problems: list[Problem] = []
     tables = dict(document.tables)
     filled: dict[str, Any] = {}
+    rows = 0
     for name, movement in movements.items():
         filled[name] = movement
         if not _names_file(movement):
@@ -52,11 +57,16 @@ def read_schedule_files(
             continue
         try:
             if given not in tables:
-                tables[given] = read_schedule_csv((folder or Path()) / Path(given).expanduser())
+                tables[given] = read_schedule_csv((folder or Path()) / user_path(given))
         except FileError as error:
             problems.append(Problem(path, f" = {show_value(given)}: {error}"))
             continue
         time, fraction = tables[given]
+        rows += len(time)
+        if rows > MOST_ROWS:
+            text = f" = {show_value(given)}: the movements have more than {MOST_ROWS} rows together"
+            problems.append(Problem(path, f"{text}; give fewer instants"))
+            continue
         filled[name] = movement | {
             "table_time": [SI(value) for value in time],
             "table_fraction": fraction,
@@ -79,21 +89,34 @@ def read_schedule_csv(path: Path) -> tuple[list[float], list[float]]:
     """
     text = decode(read_bytes(path), source=str(path))
     rows = csv.reader(line for line in text.splitlines() if not line.lstrip().startswith("#"))
-    header = [cell.strip().lower() for cell in next(rows, [])]
-    if sorted(header) != sorted(COLUMNS):
-        message = f"{path}: the first line must name the columns time,fraction; it says {header}"
-        raise FileError(message)
     columns: dict[str, list[float]] = {name: [] for name in COLUMNS}
-    for row in rows:
-        if not any(cell.strip() for cell in row):
-            continue
-        if len(row) != len(header):
-            message = f"{path}: line {rows.line_num}: {len(row)} cells, must be {len(header)}"
+    try:
+        header = [cell.strip().lower() for cell in next(rows, [])]
+        if sorted(header) != sorted(COLUMNS):
+            said = show_value(header)
+            message = f"{path}: the first line must name the columns time,fraction; it says {said}"
             raise FileError(message)
-        for name, cell in zip(header, row, strict=True):
-            try:
-                columns[name].append(float(cell))
-            except ValueError:
-                message = f"{path}: line {rows.line_num}: '{cell.strip()}' is not a number"
-                raise FileError(message) from None
+        for row in rows:
+            if any(cell.strip() for cell in row):
+                _add_row(columns, header, row, place=f"{path}: line {rows.line_num}")
+    except csv.Error as error:  # such as a cell of more than 131,072 characters
+        message = f"{path}: line {rows.line_num}: {error}"
+        raise FileError(message) from None
     return columns["time"], columns["fraction"]
+
+
+def _add_row(
+    columns: dict[str, list[float]], header: list[str], row: list[str], *, place: str
+) -> None:
+    if len(row) != len(header):
+        message = f"{place}: {len(row)} cells, must be {len(header)}"
+        raise FileError(message)
+    if len(columns["time"]) >= MOST_VALUES:
+        message = f"{place}: at most {MOST_VALUES} rows are read; give fewer instants"
+        raise FileError(message)
+    for name, cell in zip(header, row, strict=True):
+        try:
+            columns[name].append(float(cell))
+        except ValueError:
+            message = f"{place}: '{shortened(cell.strip())}' is not a number"
+            raise FileError(message) from None

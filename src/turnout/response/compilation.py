@@ -2,36 +2,39 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
+from turnout.files.cache_folder import why_private
 from turnout.integrate import march
 
 # Set when the kernels are imported; the time loop is compiled last, after all that it calls.
 CACHE_VARIABLE = "NUMBA_CACHE_DIR"
 
-# Folders in which kernels were found; looking through one takes a third of a millisecond.
-_found: set[str] = set()
+# Kernels that were found, with their folder; looking through one takes a third of a millisecond.
+_found: set[tuple[str, str]] = set()
 
 
-def must_compile() -> bool:
-    """Return whether the next run compiles the kernels, which takes a minute or two."""
+def must_compile(kernel: Any = march.march) -> bool:
+    """Return whether the next run compiles the kernels, which takes a minute or two.
+
+    Parameters
+    ----------
+    kernel : compiled function
+        The last to be compiled; by default that of the rails' time loop.
+    """
     folder = os.environ.get(CACHE_VARIABLE)
     if folder is None:
         return True
-    if folder not in _found:
-        pattern = f"{Path(march.__file__).stem}.{march.march.__name__}-*.nbi"
-        if any(Path(folder).rglob(pattern)):
-            _found.add(folder)
-    return folder not in _found
+    pattern = f"{Path(kernel.py_func.__code__.co_filename).stem}.{kernel.__name__}-*.nbi"
+    if (folder, pattern) not in _found and any(Path(folder).rglob(pattern)):
+        _found.add((folder, pattern))
+    return (folder, pattern) not in _found
 
 
 def cache_fault() -> str:
     """Say why compiled kernels are not kept for the next run; empty where they are."""
-    folder = Path(os.environ.get(CACHE_VARIABLE, ""))
-    # A folder of this process alone stands in where the user's cannot be written.
-    if not folder.name.startswith(f"turnout-{os.getpid()}-"):
-        return ""
-    chosen = os.environ.get("TURNOUT_CACHE_DIR", "the user's cache folder")
-    return (
-        f"{chosen} is not writable, so the kernels are compiled again in each run; set "
-        "TURNOUT_CACHE_DIR to a folder that is"
+    reason = why_private()
+    return reason and (
+        f"{reason}, so the kernels are compiled again in each run; set TURNOUT_CACHE_DIR to a "
+        "folder that only you can write"
     )

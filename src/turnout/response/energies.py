@@ -10,6 +10,7 @@ from turnout.integrate.energy import (
     MARKERS,
     SEGMENTS,
     SWITCHED,
+    energy_balance,
 )
 from turnout.integrate.stored import CONTACT, GRAVITY, KINETIC, STRAIN
 from turnout.response.signals import Variable
@@ -67,5 +68,4 @@ def energy_channels(stored: Floats, ledger: Floats) -> dict[str, Variable]:
 
 def energy_scale(stored: Floats, ledger: Floats) -> float:
     """Return the largest sum of marker work and stored change of a run, for ratios [J]."""
-    change = (stored - stored[:1]).sum(axis=1)
-    return float(np.max(np.abs(ledger[:, MARKERS]) + np.abs(change), initial=0.0))
+    return float(energy_balance(stored, ledger)[1])

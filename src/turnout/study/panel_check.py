@@ -4,6 +4,7 @@ import xarray as xr
 
 from turnout.metric.concern import Concern, concerns
 from turnout.panel.model import Panel
+from turnout.panel.unusual import unusual_values
 from turnout.response.stability import FrictionStability, friction_stability
 
 # A panel should not flutter at this many times its friction either.
@@ -24,9 +25,25 @@ def panel_concerns(panel: Panel, dataset: xr.Dataset) -> list[Concern]:
     Returns
     -------
     list of Concern
-        Those of the throw (`turnout.metric.concern.concerns`), then flutter.
+        Unusual values, those of the throw (`turnout.metric.concern.concerns`), then flutter.
     """
-    return [*concerns(dataset), *flutter_concerns(panel)]
+    return [*unusual_concerns(panel), *concerns(dataset), *flutter_concerns(panel)]
+
+
+def unusual_concerns(panel: Panel) -> list[Concern]:
+    """Return the values that no switch has, which need no throw to be seen.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> (concern,) = unusual_concerns(load_panel("sb1").with_overrides({"gravity": 1000.0}))
+    >>> concern.text
+    'unusual value: gravity = 1000 m/s^2: usual is 0 to 30 m/s^2; check value and unit'
+    """
+    return [
+        Concern("unusual value", item.given, item.usual, "check value and unit")
+        for item in unusual_values(panel)
+    ]
 
 
 def concern_lines(panel: Panel, found: list[Concern]) -> list[str]:

@@ -1,12 +1,13 @@
 """A study: every throw of it by its number, and what determines their results."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from turnout.files.plain import to_plain
 from turnout.files.provenance import content_hash
 from turnout.integrate.scheme import Scheme
 from turnout.panel.load import LoadedPanel
@@ -20,7 +21,9 @@ from turnout.study.variable import OBJECT_KEYS, TEMPERATURE_KEY, Variable
 
 if TYPE_CHECKING:
     from turnout.files.toml import TomlFile
-    from turnout.study.study_read import Parts
+
+PARTS = ("scheme", "output", "design", "variables", "fields", "law", "rule", "split")
+"""What besides panel and seed determines the results of a study."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,8 +55,6 @@ class Study:
     split : tuple of str
         Variables whose equal values stay together when data are split; without any it is the
         drawn state.
-    digest : str
-        Content hash of all that determines the results but the version of the program.
     remarks : tuple of str
         What its author should look at, such as a calibration of another panel.
     """
@@ -70,8 +71,14 @@ class Study:
     law: TemperatureLaw | None
     rule: Rule | None
     split: tuple[str, ...]
-    digest: str
     remarks: tuple[str, ...] = ()
+
+    @property
+    def digest(self) -> str:
+        """Content hash of all that determines the results but the version of the program."""
+        content = {name: getattr(self, name) for name in PARTS}
+        content |= {"panel": self.panel.hash, "seed": self.seed}
+        return content_hash(to_plain(content))
 
     @property
     def count(self) -> int:
@@ -244,31 +251,8 @@ def study_from_file(file: "TomlFile", *, calibration: Path | None = None) -> Stu
         law=parts.law,
         rule=parts.rule,
         split=parts.split,
-        digest=digest_of(parts, seed=record.seed),
         remarks=remarks,
     )
-
-
-def digest_of(parts: "Parts", *, seed: int) -> str:
-    """Return the content hash of all that determines the results of a study."""
-    content = {item.name: getattr(parts, item.name) for item in fields(parts)}
-    content |= {"panel": parts.panel.hash, "seed": seed}
-    return content_hash(_plain(content))
-
-
-def _plain(value: Any) -> Any:
-    """Turn records and arrays into nested plain data; infinite numbers into texts."""
-    if isinstance(value, type):
-        return value.__name__
-    if is_dataclass(value):
-        return {item.name: _plain(getattr(value, item.name)) for item in fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray | list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return float(value) if np.isfinite(value) else str(value)
-    return value
 
 
 def _seed(seed: int, index: int) -> int:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from turnout.files.library import names_in_library, text_in_library
+from turnout.files.regular import user_path
 from turnout.files.toml import TomlFile, parse_toml, read_toml
 from turnout.panel.load import LoadedPanel, load_panel
 
@@ -33,7 +34,7 @@ def open_study(name_or_path: str | Path) -> TomlFile:
     """Read a study of the library by its name, or a study file by its path."""
     name = str(name_or_path).strip()
     if isinstance(name_or_path, Path) or name.endswith(".toml") or "/" in name or "\\" in name:
-        return read_toml(Path(name).expanduser())
+        return read_toml(user_path(name))
     return parse_toml(study_text(name), source=name)
 
 
@@ -44,5 +45,5 @@ def named_panel(name: str, file: TomlFile) -> LoadedPanel:
 
 def path_from(name: str, file: TomlFile) -> Path:
     """Return a path that a study names; one that is not absolute starts at the study's folder."""
-    path = Path(name).expanduser()
+    path = user_path(name)
     return path if path.is_absolute() or file.folder is None else file.folder / path

@@ -13,7 +13,7 @@ import numpy as np
 
 from turnout.metric.features import FEATURES
 from turnout.response.signals import Variable
-from turnout.schema.channels import known_channel
+from turnout.schema.channels import AXES, known_channel
 from turnout.study.scenario import Rule
 from turnout.study.study import Study
 from turnout.study.sweep_file import Stored
@@ -138,7 +138,8 @@ def attributes_of(name: str) -> dict[str, str]:
     if channel is None:
         raise KeyError(name)
     found = {"units": channel.units, "long_name": channel.long_name}
-    return found | ({"positive": channel.positive} if channel.positive else {})
+    found |= {"positive": channel.positive} if channel.positive else {}
+    return found | ({"axis": AXES[name]} if name in AXES else {})
 
 
 def _described(study: Study, rows: Sequence[Row]) -> dict[str, Stored]:

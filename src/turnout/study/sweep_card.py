@@ -11,12 +11,12 @@ from turnout.metric.features import FEATURES
 from turnout.study.study import Study
 from turnout.study.sweep_batch import SPLITS
 from turnout.study.sweep_file import Stored
+from turnout.study.sweep_folder import CARD
 from turnout.study.sweep_index import Index, index_of, label_arrays
-from turnout.study.sweep_row import OUTCOMES
+from turnout.study.sweep_row import OUTCOMES, UNUSABLE
 
 Labels = Mapping[str, Stored]
 
-CARD = "README.md"
 _TOLD = frozenset(("outcome", "reason", "attempts", "condition", "split", *FEATURES))
 MOST_REASONS = 10
 MOST_TEXTS = 16
@@ -99,7 +99,7 @@ def _outcomes(labels: Labels, *, missing: int) -> str:
     lines.append(f"| not thrown yet | {missing} |")
     again = int((labels["attempts"].values > 1).sum())
     lines += ["", f"{again} scenarios took a second attempt."]
-    bad = reason[np.isin(outcome, OUTCOMES[1:3])]
+    bad = reason[np.isin(outcome, UNUSABLE)]
     kinds, counts = np.unique(bad.astype(str), return_counts=True)
     order = np.argsort(-counts, kind="stable")[:MOST_REASONS]
     lines += [f"- {counts[at]} x {kinds[at]}" for at in order]

@@ -1,24 +1,26 @@
 """The file of a batch: netCDF-4, written whole or not at all.
 
-It carries a digest of its content in its name: what was torn by a crash is told from what is whole.
-It is written with the functions of the HDF5 library themselves, since for fifty small variables any
-layer above them takes far more time than they do.
+It carries a digest of its content in its name, which every reader verifies, and in an attribute
+which study, which sources and which batch of the study it comes from. It is written with the
+functions of the HDF5 library themselves, since for fifty small variables any layer above them takes
+far more time than they do.
 """
 
 import hashlib
 import io
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
-from h5py import h5a, h5d, h5ds, h5p, h5s, h5t
+from h5py import h5a, h5d, h5ds, h5f, h5p, h5s, h5t
 from numpy.typing import NDArray
 
 from turnout.files.atomic import write_atomic
+from turnout.schema.channels import CONVENTIONS
 
 LARGEST_CHUNK = 1_000_000
 """Of a variable in a file, before compression [bytes]."""
@@ -26,7 +28,13 @@ LARGEST_CHUNK = 1_000_000
 SMALL = 2048
 """A variable up to this size is stored as it is: chunks and compression would take more [bytes]."""
 
-_NAME = re.compile(r"(\d{6,})-([0-9a-f]{32})\.nc")
+DIGITS = 32
+"""Of the SHA-256 of a file's content that stand in its name [hexadecimal]."""
+
+ORIGIN = b"origin"
+"""Attribute of a file that says where it comes from."""
+
+BATCH_NAME = re.compile(r"(\d{6,})-([0-9a-f]{32})\.nc")
 _TEXT = h5py.string_dtype()
 _TEXT_KIND, _SINGLE = h5t.py_create(_TEXT, logical=True), h5s.create(h5s.SCALAR)
 
@@ -53,16 +61,45 @@ class Stored:
     coordinate: bool
 
 
-def file_bytes(variables: Mapping[str, Stored]) -> bytes:
+@dataclass(frozen=True, slots=True)
+class BatchOrigin:
+    """Where a batch comes from, as its file says.
+
+    Attributes
+    ----------
+    study : str
+        Digest of the study.
+    version, code : str
+        Of the program that made it, and a digest of its sources.
+    batch : str
+        Its number in the study.
+    """
+
+    study: str
+    version: str
+    code: str
+    batch: str
+
+    def __str__(self) -> str:
+        """Return all of it in one line, which is quicker to read than an attribute each."""
+        return " ".join(astuple(self))
+
+
+def file_bytes(variables: Mapping[str, Stored], *, origin: BatchOrigin | None = None) -> bytes:
     """Return the netCDF-4 file of some variables; the same ones always give the same bytes.
 
     Parameters
     ----------
     variables : mapping of str to Stored
         By their names.
+    origin : BatchOrigin, optional
+        Written as an attribute of the file; a batch of a sweep needs it.
     """
     content = io.BytesIO()
     with h5py.File(content, "w", libver="latest") as file:
+        _attach(file.id, "Conventions", CONVENTIONS)
+        if origin is not None:
+            _attach(file.id, ORIGIN.decode(), str(origin))
         stored: dict[str, h5d.DatasetID] = {}
         for name in sorted(variables, key=lambda name: variables[name].dims != (name,)):
             variable = variables[name]
@@ -105,8 +142,8 @@ def _stored(file: h5py.File, name: str, variable: Stored) -> h5d.DatasetID:
     return made
 
 
-def _attach(stored: h5d.DatasetID, key: str, value: str) -> None:
-    """Give a variable an attribute."""
+def _attach(stored: h5d.DatasetID | h5f.FileID, key: str, value: str) -> None:
+    """Give a variable, or the file, an attribute."""
     attribute = h5a.create(stored, key.encode(), _TEXT_KIND, _SINGLE)
     attribute.write(np.array(value, dtype=_TEXT))
 
@@ -119,33 +156,13 @@ def write_batch(folder: Path, number: int, content: bytes) -> Path:
     FileError
         When it cannot be written; nothing is left of it then.
     """
-    path = folder / f"{number:06d}-{_digest(content)}.nc"
+    digest = hashlib.sha256(content).hexdigest()[:DIGITS]
+    path = folder / f"{number:06d}-{digest}.nc"
     write_atomic(path, content)
     return path
 
 
-def written_batches(folder: Path, *, check: bool = False) -> tuple[dict[int, Path], list[Path]]:
-    """Return the files of a folder by their number, and those whose content is not what it was.
-
-    Parameters
-    ----------
-    folder : Path
-        Of batches.
-    check : bool
-        Whether the content is held against the digest, which reads all of it.
-    """
-    found: dict[int, Path] = {}
-    torn = []
-    for path in sorted(folder.glob("[0-9]*.nc")):
-        match = _NAME.fullmatch(path.name)
-        if match is None:
-            continue
-        if check and _digest(path.read_bytes()) != match[2]:
-            torn.append(path)
-            continue
-        found.setdefault(int(match[1]), path)
-    return found, torn
-
-
-def _digest(content: bytes) -> str:
-    return hashlib.blake2b(content, digest_size=16).hexdigest()
+def written_batches(folder: Path) -> list[tuple[int, Path]]:
+    """Return number and file of the batches of a folder, by their names alone."""
+    found = ((BATCH_NAME.fullmatch(path.name), path) for path in folder.glob("[0-9]*.nc"))
+    return sorted((int(match[1]), path) for match, path in found if match is not None)

@@ -1,23 +1,41 @@
 """The folder of a sweep: whose it is, who writes to it, and what is in it."""
 
 import json
-import pickle
+import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
-from functools import cache, lru_cache
+from functools import cache
 from hashlib import sha256
+from itertools import chain, count
 from pathlib import Path
-from typing import Any
 
 from turnout.errors import FileError
-from turnout.files.atomic import write_atomic
+from turnout.files.atomic import is_leftover, write_atomic, write_fault
+from turnout.files.plain import from_plain, to_plain
 from turnout.files.provenance import version
+from turnout.files.sealed import read_sealed, sealed_json
+from turnout.files.toml import read_bytes
+from turnout.study.design import DesignSummary
 from turnout.study.study import Study
 from turnout.study.sweep_batch import batches_of
+from turnout.study.sweep_check import content_fault, opened
+from turnout.study.sweep_file import BATCH_NAME, BatchOrigin, written_batches
+from turnout.study.sweep_study import STUDY
 
-STORE_VERSION = 1
-IDENTITY, BATCHES, STUDY, LOCK, JOURNAL = "sweep.json", "batches", "study.pickle", ".lock", "log"
+STORE_VERSION = 2
+"""Of the form of the folder; form 1 kept the study as a pickle, and batches did not say whose they
+are."""
+
+IDENTITY, BATCHES, LOCK, JOURNAL, CARD = "sweep.json", "batches", ".lock", "log", "README.md"
+DAMAGED = "damaged"
+"""Folder that damaged files are moved to."""
+
+LARGEST_IDENTITY = 50_000_000
+"""So much of `sweep.json` is read [bytes]."""
+
+_OWN = re.compile("|".join(map(re.escape, (IDENTITY, STUDY, CARD))))
 # All that makes or changes a stored number.
 _SOURCES = (
     *("panel", "section", "beam", "reduction", "law", "mechanism", "integrate", "response"),
@@ -63,6 +81,11 @@ class Identity:
     scheme: str
     design: str
 
+    @property
+    def origin(self) -> BatchOrigin:
+        """What each batch of the folder must say, but for its number."""
+        return BatchOrigin(study=self.study, version=self.version, code=self.code, batch="")
+
 
 def identity_of(study: Study) -> Identity:
     """Return what the folder of a study must say."""
@@ -79,7 +102,7 @@ def identity_of(study: Study) -> Identity:
         batches=len(batches_of(study)),
         interval=study.output.interval,
         scheme=study.scheme.describe(),
-        design=json.dumps(study.design.described()),
+        design=json.dumps(to_plain(study.design.described())),
     )
 
 
@@ -95,13 +118,17 @@ def code_digest() -> str:
     return found.hexdigest()[:16]
 
 
-def claim_folder(folder: Path, study: Study) -> bool:
+def claim_folder(folder: Path, study: Study, *, text: str) -> None:
     """Make a folder that of a study, or find that it is; call this under its lock.
 
-    Returns
-    -------
-    bool
-        Whether it was begun before.
+    Parameters
+    ----------
+    folder : Path
+        Of the sweep.
+    study : Study
+        What is thrown.
+    text : str
+        The study as `stored_study` gives it.
 
     Raises
     ------
@@ -109,22 +136,26 @@ def claim_folder(folder: Path, study: Study) -> bool:
         When it is that of another study or version, or holds something else; it is not touched.
     """
     wanted = identity_of(study)
-    begun = (folder / IDENTITY).exists()
-    if begun:
-        _refuse_other(folder, read_identity(folder), wanted)
+    check_folder(folder, study)
     try:
         (folder / BATCHES).mkdir(exist_ok=True)
     except OSError as error:
         message = f"{folder / BATCHES}: cannot be made ({error.strerror}); name another folder"
         raise FileError(message) from None
-    if not begun:
-        write_atomic(folder / IDENTITY, json.dumps(asdict(wanted), indent=1))
-    write_atomic(folder / STUDY, pickle.dumps(study))
-    return begun
+    path = folder / IDENTITY
+    damaged = path.exists() and _identity(path)[0] is None
+    if damaged:
+        write_atomic(_free_place(folder, IDENTITY), read_bytes(path, largest=LARGEST_IDENTITY))
+    if damaged or not path.exists():
+        write_atomic(path, sealed_json(asdict(wanted)))
+    write_atomic(folder / STUDY, text)
 
 
 def check_folder(folder: Path, study: Study) -> None:
     """Refuse a folder that is not empty and not that of this study, before anything is made.
+
+    A damaged `sweep.json` is no reason where the batches themselves say that they are of this
+    study; `claim_folder` replaces it.
 
     Raises
     ------
@@ -134,17 +165,49 @@ def check_folder(folder: Path, study: Study) -> None:
     if folder.exists() and not folder.is_dir():
         message = f"{folder}: is a file; name a folder"
         raise FileError(message)
-    if (folder / IDENTITY).exists():
-        _refuse_other(folder, read_identity(folder), identity_of(study))
-    elif folder.is_dir() and _strangers(folder):
-        message = f"{folder}: is not empty and holds no sweep; name another folder"
+    path, wanted = folder / IDENTITY, identity_of(study)
+    if path.exists():
+        found, fault = _identity(path)
+        if found is not None:
+            _refuse_other(folder, found, wanted)
+        elif not _proved(folder, wanted):
+            message = (
+                f"{path}: {fault}, and no batch shows that the folder is of this study; "
+                "run the study in another folder"
+            )
+            raise FileError(message)
+    elif folder.is_dir() and (strangers := _strangers(folder)):
+        message = (
+            f"{folder}: is not empty and holds no sweep ({strangers[0].name} is there); "
+            "name another folder"
+        )
         raise FileError(message)
+
+
+def _proved(folder: Path, wanted: Identity) -> bool:
+    """Tell whether at least one intact batch is of a sweep, and none of another."""
+    intact = [path for _, path in written_batches(folder / BATCHES) if not content_fault(path)]
+    try:
+        for path in intact:
+            with opened(path, wanted.origin):
+                pass
+    except FileError:
+        return False
+    return bool(intact)
 
 
 def _strangers(folder: Path) -> list[Path]:
     """Return what does not come from a sweep that was ended while it made its folder."""
-    ours = (LOCK, BATCHES)
-    return [p for p in folder.iterdir() if p.name not in ours and not p.name.startswith(".sweep.")]
+    batches = folder / BATCHES
+    inside = sorted(batches.iterdir()) if batches.is_dir() and not batches.is_symlink() else []
+    found = [
+        path
+        for path in sorted(folder.iterdir())
+        if not (path.name == LOCK and path.is_file())
+        and not (path == batches and path.is_dir())
+        and not is_leftover(path, of=_OWN)
+    ]
+    return found + [path for path in inside if not is_leftover(path, of=BATCH_NAME)]
 
 
 def read_identity(folder: Path) -> Identity:
@@ -153,25 +216,46 @@ def read_identity(folder: Path) -> Identity:
     Raises
     ------
     FileError
-        When it holds no sweep, or one of another form.
+        When it holds no sweep, a damaged one, or one of another form.
     """
     path = folder / IDENTITY
-    try:
-        known: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        found = known["store_version"]
-        if found == STORE_VERSION:
-            return Identity(**known)
-    except FileNotFoundError:
+    if not path.exists():
         message = f"{folder}: holds no sweep; `turnout sweep run STUDY -o {folder}` makes one"
-        raise FileError(message) from None
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        message = f"{path}: cannot be used ({error}); take another folder and run the study again"
-        raise FileError(message) from None
-    message = (
-        f"{folder}: was stored in form {found}, this turnout has form {STORE_VERSION}; "
-        "read it with the version that made it, or run the study again in another folder"
-    )
-    raise FileError(message)
+        raise FileError(message)
+    found, fault = _identity(path)
+    if found is None:
+        message = (
+            f"{path}: {fault}; run `turnout sweep run STUDY -o {folder}` again with the study of "
+            "this sweep, which writes it anew and keeps its batches"
+        )
+        raise FileError(message)
+    return found
+
+
+def _identity(path: Path) -> tuple[Identity | None, str]:
+    """Return what a folder says of itself, or what keeps that from being used.
+
+    Raises
+    ------
+    FileError
+        When it cannot be read, or is of another form.
+    """
+    known, fault = read_sealed(path, largest=LARGEST_IDENTITY)
+    form = known.get("store_version")
+    if type(form) is int and form != STORE_VERSION and not fault.startswith("is damaged"):
+        message = (
+            f"{path}: was stored in form {form}, this turnout has form {STORE_VERSION}; "
+            "read it with the version that made it, or run the study again in another folder"
+        )
+        raise FileError(message)
+    if fault:
+        return None, fault
+    try:
+        found = from_plain(Identity, known)
+        from_plain(DesignSummary, json.loads(found.design), where="design")
+    except (ValueError, RecursionError) as error:
+        return None, f"cannot be used ({error})"
+    return found, ""
 
 
 def _refuse_other(folder: Path, found: Identity, wanted: Identity) -> None:
@@ -226,31 +310,40 @@ def _take(descriptor: int) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
-@lru_cache(maxsize=2)
-def kept_study(folder: Path, digest: str) -> Study:
-    """Return the study of a folder as its run has left it for the processes that throw it.
+def set_aside(path: Path, folder: Path) -> Path:
+    """Move a damaged file to a folder of its own in that of the sweep; return where it is now.
 
     Raises
     ------
     FileError
-        When it is not there, or another one than asked for.
+        When it cannot be moved.
     """
+    place = _free_place(folder, path.name)
     try:
-        study = pickle.loads((folder / STUDY).read_bytes())
-    except (OSError, pickle.UnpicklingError, EOFError, AttributeError, ImportError) as error:
-        message = f"{folder / STUDY}: cannot be read by this process ({error}); is it shared?"
-        raise FileError(message) from None
-    if not isinstance(study, Study) or study.digest != digest:
-        message = f"{folder / STUDY}: is not the study that is being run"
-        raise FileError(message)
-    return study
+        os.replace(path, place)
+    except OSError as error:
+        raise FileError(write_fault(place, error)) from None
+    return place
+
+
+def _free_place(folder: Path, name: str) -> Path:
+    """Return a path for a damaged file where no other one is."""
+    place = folder / DAMAGED
+    try:
+        place.mkdir(exist_ok=True)
+    except OSError as error:
+        raise FileError(write_fault(place, error)) from None
+    free = (place / f"{name}.{number}" for number in count(2))
+    return next(path for path in chain([place / name], free) if not path.exists())
 
 
 def clear_leftovers(folder: Path) -> None:
-    """Remove what writers that were ended left unfinished; call this under the lock."""
-    for place in (folder, folder / BATCHES):
-        for path in place.glob(".*.*"):
-            if path.name.startswith(".lock"):
-                continue
-            with suppress(OSError):
-                path.unlink()
+    """Remove what writers that were ended left unfinished; call this under the lock.
+
+    Nothing else goes: only names that an unfinished file of this folder has are looked at.
+    """
+    for place, own in ((folder, _OWN), (folder / BATCHES, BATCH_NAME)):
+        for path in place.glob(".*"):
+            if is_leftover(path, of=own):
+                with suppress(OSError):
+                    path.unlink()

@@ -4,8 +4,7 @@ It reads files as they were written, without the layers above HDF5, which take l
 small sweep takes.
 """
 
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,8 @@ from numpy.typing import NDArray
 
 from turnout.errors import FileError
 from turnout.study.sweep_batch import UNKNOWN
-from turnout.study.sweep_file import Stored, written_batches
+from turnout.study.sweep_check import opened
+from turnout.study.sweep_file import BatchOrigin, Stored, written_batches
 from turnout.study.sweep_folder import BATCHES, read_identity
 
 Ints = NDArray[np.int64]
@@ -36,6 +36,8 @@ class Index:
     ----------
     paths : tuple of Path
         Files of the batches.
+    origin : BatchOrigin
+        What these must say.
     scenario, file, row : ndarray of int, shape (n,)
         Number of each scenario, rising; its file, and its row there.
     like : mapping of str to Stored
@@ -46,6 +48,7 @@ class Index:
     """
 
     paths: tuple[Path, ...]
+    origin: BatchOrigin
     scenario: Ints
     file: Ints
     row: Ints
@@ -62,15 +65,17 @@ def index_of(folder: Path) -> Index:
         When the folder holds no sweep, none of its batches, or a damaged one.
     """
     identity = read_identity(folder)
-    found, _ = written_batches(folder / BATCHES)
+    found: dict[int, Path] = {}
+    for number, path in written_batches(folder / BATCHES):
+        found.setdefault(number, path)
     if not found:
         message = f"{folder}: no batch is written yet; `turnout sweep run` goes on with it"
         raise FileError(message)
-    paths = tuple(found[number] for number in sorted(found))
+    paths = tuple(found.values())
     numbers: list[Ints] = []
     like: dict[str, Stored] = {}
     for path in paths:
-        with opened(path) as file:
+        with opened(path, identity.origin) as file:
             numbers.append(_whole(file, "scenario").astype(np.int64))
             longest = like["time"].values.size if "time" in like else 0
             longer = "time" in file and file["time"].size > longest
@@ -82,7 +87,9 @@ def index_of(folder: Path) -> Index:
     order = np.argsort(scenario, kind="stable")
     missing = identity.count - scenario.size
     attributes = {**asdict(identity), "missing": missing, "complete": missing == 0}
-    return Index(paths, scenario[order], file_of[order], row[order], like, attributes)
+    return Index(
+        paths, identity.origin, scenario[order], file_of[order], row[order], like, attributes
+    )
 
 
 def _learn(file: "h5py.File", like: dict[str, Stored]) -> None:
@@ -120,7 +127,7 @@ def label_arrays(index: Index, *, names: Collection[str] | None = None) -> dict[
     values = {name: column.empty(index.scenario.size) for name, column in columns.items()}
     for number, path in enumerate(index.paths):
         at = np.flatnonzero(index.file == number)
-        with opened(path) as file:
+        with opened(path, index.origin) as file:
             for name, column in columns.items():
                 column.fill(values[name], at, file, index.row[at])
     like = index.like
@@ -174,15 +181,3 @@ def _whole(file: "h5py.File", name: str) -> NDArray[Any]:
         values = np.array([text.decode() for text in values.flat], dtype=object)
         return values.reshape(stored.shape)
     return values
-
-
-@contextmanager
-def opened(path: Path) -> Iterator["h5py.File"]:
-    """Open the file of a batch, close it in any case, and tell a damaged one by its name."""
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        message = f"{path}: cannot be read ({error}); `turnout sweep run` makes it anew"
-        raise FileError(message) from None
-    with file:
-        yield file

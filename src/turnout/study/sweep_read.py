@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-from turnout.study.sweep_index import Column, Index, index_of, label_arrays, opened
+from turnout.study.sweep_check import opened
+from turnout.study.sweep_index import Column, Index, index_of, label_arrays
 
 
 def open_sweep(folder: Path | str) -> xr.Dataset:
@@ -101,7 +102,7 @@ class _Stacked(BackendArray):
         files = self._index.file[wanted]
         for number in np.unique(files):
             at = np.flatnonzero(files == number)
-            with opened(self._index.paths[number]) as file:
+            with opened(self._index.paths[number], self._index.origin) as file:
                 self._column.fill(values, at, file, self._index.row[wanted[at]])
         for axis, part in enumerate(key[1:], start=1):
             whole = (slice(None),) * axis

@@ -34,10 +34,13 @@ from turnout.study.sweep_labels import Taken, floats, labels_of_many
 Floats = NDArray[np.float64]
 Variables = dict[str, Variable]
 
-OUTCOMES = ("complete", "failed", "invalid", "skipped")
+OUTCOMES = ("complete", "failed", "invalid", "skipped", "inaccurate")
 """How a scenario ended: to its end; not even with a finer step; not possible; left out by the
-rule of its chain."""
-COMPLETE, FAILED, INVALID, SKIPPED = OUTCOMES
+rule of its chain; to its end, but with an energy balance that does not close, not even with a finer
+step."""
+COMPLETE, FAILED, INVALID, SKIPPED, INACCURATE = OUTCOMES
+UNUSABLE = (FAILED, INVALID, INACCURATE)
+"""Outcomes of scenarios that were to be thrown and gave no numbers."""
 
 MOST_TOGETHER = 16
 """So many throws are looked at together; more would not fit the processor's caches."""
@@ -195,11 +198,12 @@ def thrown(study: Study, ready: Ready) -> Thrown:
                 taken = taken_from(study, ready.panel, solved)
                 return Thrown(scenario, COMPLETE, "", attempts, taken, spent)
             reason = outcome.message()
+            ending = INACCURATE if outcome.code is Code.INACCURATE else FAILED
     except PanelError as error:
         return Thrown(scenario, INVALID, "; ".join(error.problems), attempts, None, Spent())
     except TurnoutError as error:
         return Thrown(scenario, FAILED, str(error), attempts, None, Spent())
-    return Thrown(scenario, FAILED, reason, attempts, None, Spent())
+    return Thrown(scenario, ending, reason, attempts, None, Spent())
 
 
 def taken_from(study: Study, panel: LoadedPanel, solved: Solved) -> Taken:

@@ -29,7 +29,7 @@ from turnout.response.simulate import compile_kernels
 from turnout.study.study import Study
 from turnout.study.sweep_batch import batches_of
 from turnout.study.sweep_card import write_card
-from turnout.study.sweep_file import written_batches
+from turnout.study.sweep_check import sound_batches
 from turnout.study.sweep_folder import (
     BATCHES,
     JOURNAL,
@@ -37,10 +37,13 @@ from turnout.study.sweep_folder import (
     claim_folder,
     clear_leftovers,
     code_digest,
+    identity_of,
     locked_folder,
+    set_aside,
 )
 from turnout.study.sweep_process import worker_processes
 from turnout.study.sweep_row import COMPLETE, SKIPPED, stride_of
+from turnout.study.sweep_study import stored_study
 from turnout.study.sweep_work import BatchDone, make_batch
 
 # Batches handed out beyond one a worker, so that none waits for the next.
@@ -86,13 +89,13 @@ class Finished:
         Scenarios of the batches made in this run.
     batches : tuple of BatchDone
         Made in this run.
-    torn : tuple of str
-        Files that were damaged and were made anew.
+    damaged : tuple of Path
+        Files that were damaged, where they are now; what they should hold was thrown again.
     """
 
     thrown: int
     batches: tuple[BatchDone, ...]
-    torn: tuple[str, ...]
+    damaged: tuple[Path, ...]
 
 
 def run_sweep(
@@ -137,21 +140,21 @@ def run_sweep(
     """
     folder = Path(folder).absolute()
     stride_of(study)
+    text = stored_study(study)
     check_folder(folder, study)
     with locked_folder(folder):
-        claim_folder(folder, study)
+        claim_folder(folder, study, text=text)
         clear_leftovers(folder)
         chains = batches_of(study)
         sizes = [sum(len(chain) for chain in batch) for batch in chains]
-        there, torn = written_batches(folder / BATCHES, check=True)
+        there, torn = sound_batches(folder / BATCHES, identity_of(study).origin)
         if strangers := [path.name for number, path in there.items() if number >= len(chains)]:
             message = (
                 f"{folder / BATCHES}: {', '.join(strangers)} cannot come from this study of "
                 f"{len(chains)} batches; move away what is not of it"
             )
             raise FileError(message)
-        for path in torn:
-            path.unlink()
+        damaged = tuple(set_aside(path, folder) for path in torn)
         todo = [number for number in range(len(chains)) if number not in there]
         make = (
             pool if pool is not None else partial(worker_processes, min(workers, max(1, len(todo))))
@@ -172,7 +175,7 @@ def run_sweep(
         clear_leftovers(folder)
         write_card(folder, study)
     thrown = sum(sum(done.outcomes.values()) for done in told.batches)
-    return Finished(thrown, tuple(told.batches), tuple(path.name for path in torn))
+    return Finished(thrown, tuple(told.batches), damaged)
 
 
 class _Told:

@@ -11,11 +11,13 @@ from functools import cache, lru_cache
 from pathlib import Path
 
 from turnout.errors import FileError
+from turnout.files.provenance import version
 from turnout.response.simulate import compile_kernels
 from turnout.study.sweep_batch import batch_variables, batches_of, throw_batch
-from turnout.study.sweep_file import file_bytes, write_batch
-from turnout.study.sweep_folder import BATCHES, code_digest, kept_study
+from turnout.study.sweep_file import BatchOrigin, file_bytes, write_batch
+from turnout.study.sweep_folder import BATCHES, code_digest
 from turnout.study.sweep_row import OUTCOMES
+from turnout.study.sweep_study import kept_study
 
 # Of malloc.h in the GNU C library: the size from which on an array gets memory of its own from the
 # system (32 MiB is the most that it allows), and how much may lie unused before it is given back.
@@ -88,7 +90,8 @@ def make_batch(folder: str, digest: str, code: str, number: int) -> BatchDone:
         place = Path(folder)
         study = kept_study(place, digest)
         rows = throw_batch(study, kept_batches(place, digest)[number])
-        content = file_bytes(batch_variables(study, rows))
+        origin = BatchOrigin(study=digest, version=version(), code=code, batch=str(number))
+        content = file_bytes(batch_variables(study, rows), origin=origin)
         write_batch(place / BATCHES, number, content)
         wall_time, processor = time.perf_counter() - began, time.process_time() - used
     counts = {name: sum(row.outcome == name for row in rows) for name in OUTCOMES}

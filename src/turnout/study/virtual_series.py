@@ -1,10 +1,8 @@
 """Throw the series of a virtual campaign, in one process or several; each throw is kept."""
 
-import io
 import json
 import multiprocessing
 import signal
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.files.atomic import write_atomic
+from turnout.files.kept_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.measurement.channel_map import ChannelMap
 from turnout.measurement.movement import Throw
 from turnout.measurement.piece import Piece
@@ -114,7 +113,7 @@ def make_series(job: Job, *, tell: Callable[[], None] | None = None) -> None:
         part = read_part(job.folder, case)
         if part is None:
             part = make_throw(job, case, number=job.first_number + number)
-            write_atomic(_part_path(job.folder, case), _packed(part))
+            write_atomic(_part_path(job.folder, case), _packed(part, case.name))
         if tell is not None:
             tell()
         if part.failure or ends_series(part, case, job.plan):
@@ -175,18 +174,17 @@ def make_throw(job: Job, case: Case, *, number: int) -> Part:
 def read_part(folder: Path, case: Case) -> Part | None:
     """Return what is kept of a throw; None where there is nothing yet, or it is damaged."""
     try:
-        content = io.BytesIO(_part_path(folder, case).read_bytes())
-        with np.load(content, allow_pickle=False) as arrays:
-            known: dict[str, Any] = json.loads(str(arrays["known"]))
-            dataset = xr.Dataset(
-                {
-                    "drive_force": (("drive", "time"), arrays["drive_force"]),
-                    "drive_current": (("drive", "time"), arrays["drive_current"]),
-                    "object_force": ("time", arrays["object_force"]),
-                },
-                {"time": arrays["time"], "drive": arrays["drive"]},
-            )
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        arrays = arrays_from_bytes(_part_path(folder, case).read_bytes(), case.name)
+        known: dict[str, Any] = json.loads(str(arrays["known"]))
+        dataset = xr.Dataset(
+            {
+                "drive_force": (("drive", "time"), arrays["drive_force"]),
+                "drive_current": (("drive", "time"), arrays["drive_current"]),
+                "object_force": ("time", arrays["object_force"]),
+            },
+            {"time": arrays["time"], "drive": arrays["drive"]},
+        )
+    except (OSError, ValueError, KeyError):
         return None
     throw = _throw(
         onset=known["onset"],
@@ -232,7 +230,7 @@ def _nothing() -> Piece:
     return Piece(dataset, _throw(onset=0.0, end=0.0, direction="unknown", count=2), "", ())
 
 
-def _packed(part: Part) -> bytes:
+def _packed(part: Part, name: str) -> bytes:
     known = {
         "slipped": part.slipped,
         "overrides": dict(part.overrides),
@@ -240,17 +238,16 @@ def _packed(part: Part) -> bytes:
         "onset": part.piece.throw.onset,
         "end": part.piece.throw.end,
     }
-    dataset, content = part.piece.dataset, io.BytesIO()
-    np.savez(
-        content,
-        time=dataset["time"].values,
-        drive=dataset["drive"].values.astype(np.str_),
-        drive_force=dataset["drive_force"].values,
-        drive_current=dataset["drive_current"].values,
-        object_force=dataset["object_force"].values,
-        known=np.array(json.dumps(known)),
-    )
-    return content.getvalue()
+    dataset = part.piece.dataset
+    arrays = {
+        "time": dataset["time"].values,
+        "drive": dataset["drive"].values.astype(np.str_),
+        "drive_force": dataset["drive_force"].values,
+        "drive_current": dataset["drive_current"].values,
+        "object_force": dataset["object_force"].values,
+        "known": np.array(json.dumps(known)),
+    }
+    return arrays_to_bytes(arrays, name)
 
 
 def _part_path(folder: Path, case: Case) -> Path:

@@ -2,6 +2,7 @@
 
 import xarray as xr
 
+from turnout.errors import PanelError
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.response.placed import check_placed
@@ -9,17 +10,23 @@ from turnout.response.save import Save
 from turnout.response.scheme import Scheme
 from turnout.response.simulate import prepare, simulate
 from turnout.web.controls import controls
+from turnout.web.question import Question, Superseded
 from turnout.web.request import AskedRun
-from turnout.web.worker import Question, Superseded
 
 # While a slider moves; once it rests the throw is computed as `turnout simulate` does.
 PREVIEW, PREVIEW_KEPT = Scheme.of("quick"), Save(interval=0.02)
 # Each way along the slider; more would not stay in memory.
 PLACES_AHEAD = 10
+# Keys of a panel that name a file, which would be one of this machine.
+FILE_KEYS = ("matrices", "table_file")
+FILE_MESSAGE = "names another file, which the page cannot; start with `turnout studio --panel`"
 
 
 def changed_panel(panel: LoadedPanel, asked: AskedRun) -> LoadedPanel:
     """Return the panel with what the page changed in it; PanelError tells all that is wrong."""
+    named = [key for key in asked.settings if key.split(".")[-1].strip() in FILE_KEYS]
+    if named:
+        raise PanelError([f"{key}: {FILE_MESSAGE}" for key in named], source="overrides")
     return panel.with_overrides(asked.settings, si=False) if asked.settings else panel
 
 

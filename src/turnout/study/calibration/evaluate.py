@@ -1,9 +1,7 @@
 """Throws for a fit: in worker processes, each kept on disk by the content of what made it."""
 
-import io
 import multiprocessing
 import signal
-import zipfile
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -18,6 +16,7 @@ from numpy.typing import NDArray
 
 from turnout.errors import FileError, TurnoutError
 from turnout.files.atomic import write_atomic
+from turnout.files.kept_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.files.provenance import content_hash, version
 from turnout.integrate.outcome import Code
 from turnout.integrate.scheme import Scheme
@@ -30,7 +29,7 @@ Floats = NDArray[np.float64]
 # Means over cells of this length are kept [s]: an impact keeps its impulse.
 CELL = 4e-3
 # Raised when what a kept throw holds changes.
-KEPT_VERSION = 2
+KEPT_VERSION = 3
 MOST_IN_MEMORY = 4000
 # Step of a fine throw, as a share of the one of the scheme. After an impact steps of 1 ms leave the
 # object held by other forces than shorter ones do, which biased stiffnesses by 0.1 to 0.2 %.
@@ -164,7 +163,7 @@ class Evaluator:
                 self.reused += 1
         for key, response in self._made(missing):
             if self.folder is not None:
-                self._write(key, packed(response))
+                self._write(key, packed(response, key))
             self._known[key] = response
             self.made += 1
             if self.told is not None:
@@ -218,8 +217,8 @@ class Evaluator:
         if self.folder is None:
             return None
         try:
-            return unpacked((self.folder / f"{key[:40]}.npz").read_bytes())
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            return unpacked((self.folder / f"{key[:40]}.npz").read_bytes(), key)
+        except (OSError, ValueError, KeyError, TypeError):
             return None
 
     def _write(self, key: str, content: bytes) -> None:
@@ -305,24 +304,22 @@ def _failed(reason: str) -> Response:
     )
 
 
-def packed(response: Response) -> bytes:
-    """Return a response as the content of a file."""
-    content = io.BytesIO()
+def packed(response: Response, key: str) -> bytes:
+    """Return a response as the content of the file of a key."""
     drives = list(response.drive_force)
     shape = (len(drives), response.time.size)
-    np.savez(
-        content,
-        time=response.time,
-        drives=np.array(drives, dtype=np.str_),
-        drive_force=_small(list(response.drive_force.values())).reshape(shape),
-        marker=_small(list(response.marker.values())).reshape(shape),
-        object_force=_small(response.object_force),
-        directions=np.array(list(response.onsets), dtype=np.str_),
-        onsets=np.array(list(response.onsets.values())),
-        contact_time=response.contact_time,
-        failure=np.array(response.failure),
-    )
-    return content.getvalue()
+    arrays = {
+        "time": response.time,
+        "drives": np.array(drives, dtype=np.str_),
+        "drive_force": _small(list(response.drive_force.values())).reshape(shape),
+        "marker": _small(list(response.marker.values())).reshape(shape),
+        "object_force": _small(response.object_force),
+        "directions": np.array(list(response.onsets), dtype=np.str_),
+        "onsets": np.array(list(response.onsets.values())),
+        "contact_time": np.array(response.contact_time),
+        "failure": np.array(response.failure),
+    }
+    return arrays_to_bytes(arrays, key)
 
 
 def _small(values: object) -> Floats:
@@ -330,20 +327,17 @@ def _small(values: object) -> Floats:
     return cast("Floats", np.asarray(values, dtype=np.float32))
 
 
-def unpacked(content: bytes) -> Response:
-    """Return a response from the content of its file."""
-    with np.load(io.BytesIO(content), allow_pickle=False) as kept_arrays:
-        names = [str(name) for name in kept_arrays["drives"]]
-        directions = [str(name) for name in kept_arrays["directions"]]
-        return Response(
-            time=kept_arrays["time"],
-            drive_force=dict(zip(names, kept_arrays["drive_force"], strict=True)),
-            marker=dict(zip(names, kept_arrays["marker"], strict=True)),
-            object_force=kept_arrays["object_force"],
-            onsets={
-                name: float(value)
-                for name, value in zip(directions, kept_arrays["onsets"], strict=True)
-            },
-            contact_time=float(kept_arrays["contact_time"]),
-            failure=str(kept_arrays["failure"]),
-        )
+def unpacked(content: bytes, key: str) -> Response:
+    """Return a response from the content of its file; ValueError where that is damaged."""
+    kept = arrays_from_bytes(content, key)
+    names = [str(name) for name in kept["drives"]]
+    directions = [str(name) for name in kept["directions"]]
+    return Response(
+        time=kept["time"],
+        drive_force=dict(zip(names, kept["drive_force"], strict=True)),
+        marker=dict(zip(names, kept["marker"], strict=True)),
+        object_force=kept["object_force"],
+        onsets={name: float(value) for name, value in zip(directions, kept["onsets"], strict=True)},
+        contact_time=float(kept["contact_time"]),
+        failure=str(kept["failure"]),
+    )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from turnout.errors import FileError, PanelError
 from turnout.files.atomic import write_atomic
-from turnout.files.problems import choices
+from turnout.files.problems import choices, shortened
 from turnout.files.toml import decode, parse_toml, read_bytes
 from turnout.panel.load import LoadedPanel
 
@@ -243,8 +243,16 @@ def load_calibration(path: Path | str) -> Calibration:
         raise FileError(message)
     try:
         return _read(data)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        message = f"{path}: is damaged ({type(error).__name__}: {error}); calibrate anew"
+    except (
+        KeyError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        OverflowError,
+        RecursionError,
+    ) as error:
+        reason = shortened(f"{type(error).__name__}: {error}", 200)
+        message = f"{path}: is damaged ({reason}); calibrate anew"
         raise FileError(message) from None
 
 

@@ -1,0 +1,186 @@
+"""The commands `turnout machine ...`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from turnout.cli.outputs import check_outputs
+
+if TYPE_CHECKING:
+    from turnout.machine.load import LoadedMachines
+    from turnout.machine.throw import MachineThrow
+
+NOT_CONVERGED = 3
+
+app = typer.Typer(
+    help="Point machines: list, show, run one on a one-mass rail.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+MachineArgument = Annotated[
+    str,
+    typer.Argument(metavar="MACHINE", help="Library machine, or path of a file (.toml)."),
+]
+MachineSetOption = Annotated[
+    list[str],
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change a value, with its unit: supply.voltage='176 V', rail.object_size='13 mm'. "
+        "Repeatable.",
+    ),
+]
+
+
+@app.command("list")
+def list_command() -> None:
+    """List the machines that come with the program."""
+    from turnout.machine.load import load_machines, machine_names
+
+    names = machine_names()
+    width = max(len(name) for name in names) + 2
+    for name in names:
+        first = " ".join(load_machines(name).description.split()).split(". ")[0].rstrip(".")
+        typer.echo(f"{name:<{width}}{first}")
+
+
+@app.command("show")
+def show_command(
+    machine: MachineArgument,
+    settings: MachineSetOption = [],  # noqa: B006 - typer copies it
+    toml: Annotated[
+        bool, typer.Option("--toml", help="The text of a library machine, to start a file from.")
+    ] = False,
+) -> None:
+    """Show every value of a machine with where it comes from, and its steady points."""
+    from turnout.machine.load import load_machines, machine_text
+
+    if toml:
+        typer.echo(machine_text(machine), nl=False)
+        return
+    loaded = load_machines(machine)
+    if settings:
+        loaded = loaded.with_settings(settings)
+    for line in machine_lines(loaded):
+        typer.echo(line)
+
+
+@app.command("run")
+def run_command(
+    machine: MachineArgument,
+    settings: MachineSetOption = [],  # noqa: B006 - typer copies it
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE.nc", help="Write the histories (netCDF).")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Throw a one-mass rail by a machine: current, force, events, energy."""
+    check_outputs({"--out": out}, {"--out": (".nc",)})
+    from turnout.machine.compute.throw import throw as kernel
+    from turnout.machine.load import load_machines
+    from turnout.machine.throw import throw_one_mass
+    from turnout.response.compilation import must_compile
+
+    loaded = load_machines(machine)
+    if settings:
+        loaded = loaded.with_settings(settings)
+    if must_compile(kernel):
+        typer.echo("turnout: compiling kernels, first run only (10 to 30 s)", err=True)
+    throw = throw_one_mass(loaded)
+    if out is not None:
+        from turnout.response.machine import machine_dataset
+        from turnout.response.store import save_response
+
+        save_response(machine_dataset(throw), out)
+    if as_json:
+        import json
+
+        typer.echo(json.dumps(throw_summary(throw), indent=2))
+    else:
+        for line in throw_lines(throw):
+            typer.echo(line)
+        if out is not None:
+            typer.echo(f"{out}: written")
+    if not throw.is_balanced:
+        raise typer.Exit(NOT_CONVERGED)
+
+
+def machine_lines(loaded: "LoadedMachines") -> list[str]:
+    """Return the lines of `turnout machine show`."""
+    from turnout.machine.steady import steady_lines
+
+    lines = [f"{loaded.name}: {loaded.description}"]
+    values = loaded.model_dump(exclude={"schema_version", "name", "description"})
+    for key, value in _leaves("", values):
+        if value is None or value == "":
+            continue
+        origin = loaded.origin_of(key)
+        source = f"{origin.kind}: {origin.text}" if origin else "default"
+        lines.append(f"  {key:<44}{_shown(value):>16} {loaded.unit_of(key):<12}{source}")
+    for name, machine in loaded.machine.items():
+        lines += [f"steady, {name}", *steady_lines(machine)]
+    return lines
+
+
+def _leaves(prefix: str, value: Any) -> list[tuple[str, Any]]:
+    if isinstance(value, dict):
+        return [
+            leaf
+            for key, item in value.items()
+            for leaf in _leaves(f"{prefix}.{key}" if prefix else key, item)
+        ]
+    return [(prefix, value)]
+
+
+def _shown(value: Any) -> str:
+    from turnout.files.problems import show_value
+
+    return show_value(value)
+
+
+def throw_summary(throw: "MachineThrow") -> dict[str, Any]:
+    """Return what `turnout machine run --json` prints."""
+    import numpy as np
+
+    current, force = np.abs(throw["lead_current"]), throw["rod_force"]
+    energies = {name: throw[name] for name in throw.histories if name.startswith("energy_")}
+    finite = throw.energised_time == throw.energised_time
+    return {
+        "machine": throw.name,
+        "outcome": throw.outcome,
+        "events": [{"time": time, "event": text} for time, text in throw.events],
+        "energised_time": throw.energised_time if finite else None,
+        "current_peak": float(current.max()),
+        "current_peak_time": float(throw.time[current.argmax()]),
+        "rod_force_max": float(force.max()),
+        "rod_force_end": float(force[-1]),
+        "rod_position_end": float(throw["rod_position"][-1]),
+        "rail_position_end": float(throw["rail_position"][-1]),
+        "clutch_slip": float(throw["clutch_slip"][-1]),
+        "energies": {name: float(values[-1]) for name, values in energies.items()},
+        "energy_residual": throw.energy_residual,
+        "halved_steps": throw.halved,
+    }
+
+
+def throw_lines(throw: "MachineThrow") -> list[str]:
+    """Return the lines of `turnout machine run`."""
+    found = throw_summary(throw)
+    events = ", ".join(f"{text} {time:.4f} s" for time, text in throw.events)
+    switched = found["energised_time"]
+    seconds = f", energised {switched:.4f} s" if switched is not None else ""
+    energies = {key.removeprefix("energy_"): value for key, value in found["energies"].items()}
+    shown = [f"{key} {value:.4g}" for key, value in energies.items() if abs(value) >= 5e-4]
+    return [
+        f"outcome         {throw.outcome}{seconds}",
+        f"events          {events}",
+        f"current         peak {found['current_peak']:.4f} A at {found['current_peak_time']:.3f} s",
+        f"rod force       at most {found['rod_force_max']:.1f} N, at the end "
+        f"{found['rod_force_end']:.1f} N",
+        f"positions       rod {found['rod_position_end'] * 1e3:.4f} mm, rail "
+        f"{found['rail_position_end'] * 1e3:.4f} mm at the end",
+        f"clutch          slipped {found['clutch_slip']:.3f} rad",
+        f"energy, J       {', '.join(shown)}",
+        f"energy residual {throw.energy_residual:.1e}, halved steps {throw.halved}",
+    ]

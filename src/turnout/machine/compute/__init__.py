@@ -1,0 +1,1 @@
+"""Compiled equations of a point machine: arrays in, arrays out."""

@@ -1,0 +1,402 @@
+"""The circuit of a machine over a span of time: contactor, cut-off, time-out, relay, lock.
+
+`advance` covers a span with steps that end at every switching instant: those known beforehand are
+met by the length of the steps, the limit contact and the standstill of the lock are located inside
+a step, which is then taken again up to there. A step that does not converge is taken in halves.
+"""
+
+import math
+
+from turnout.law.compiled import compiled, compiled_part
+from turnout.law.table import Floats
+from turnout.machine.compute.clutch import update_clutch
+from turnout.machine.compute.places import (
+    ARMATURE_OPEN,
+    BRAKE_TORQUE,
+    CIRCUIT_RESISTANCE,
+    CLUTCH_STIFFNESS,
+    CONTACTOR_DELAY,
+    CONTACTOR_TIME,
+    CONVERGED,
+    CURRENT,
+    CUTOFF_DELAY,
+    CUTOFF_TIME,
+    DETECTION_CLOSED,
+    DETECTION_OPEN,
+    DIRECTION,
+    ENERGIES,
+    ENERGISED,
+    EVENT_DETECTION_CLOSES,
+    EVENT_DETECTION_OPENS,
+    EVENT_LOCKED,
+    EVENT_OFF_LIMIT,
+    EVENT_OFF_OVERLOAD,
+    EVENT_OFF_TIME_OUT,
+    EVENT_ON,
+    EVENTS,
+    GEAR,
+    GEAR_ANGLE,
+    GEAR_INERTIA,
+    GEAR_SPEED,
+    HALVED,
+    HAND_GAIN,
+    HAND_ON,
+    HAND_RAMP,
+    HAND_SINCE,
+    HAND_STAYS,
+    HOLDS,
+    INDUCTANCE,
+    INTO_STORES,
+    LIMIT_CLOSING,
+    LIMIT_OPENING,
+    LINE_RESISTANCE,
+    LOCK_ALLOWED,
+    LOCK_GAP,
+    LOCKED,
+    LOSS_TORQUE,
+    NEXT_COMMAND,
+    NOT_CONVERGED,
+    ONE_MASS,
+    OPEN_AFTER,
+    OVERLOAD_CURRENT,
+    OVERLOAD_SINCE,
+    OVERLOAD_TIME,
+    RAIL_POSITION,
+    RESISTANCE,
+    ROD_FORCE,
+    ROD_POSITION,
+    SERIES,
+    SNUB,
+    SNUB_RESISTANCE,
+    SPEED,
+    STILL_TORQUE,
+    SUPPLIED,
+    TIME_OUT,
+    TWIST,
+    VOLTAGE,
+)
+from turnout.machine.compute.rail import rail_side
+from turnout.machine.compute.step import SECOND, accept_step, span_of, take_step
+
+HALVINGS = 20
+"""A step is halved at most so often before the run ends."""
+LOCATE = 40
+"""So many trials locate a switching instant within a step."""
+INSTANT = 1e-12
+"""Times nearer to each other are one instant [s]."""
+ANGLE_ROUNDING = 1e-10
+"""Shaft angle by which a limit contact may be missed [rad]."""
+
+
+@compiled_part
+def log_event(state: Floats, log: Floats, time: float, event: int) -> None:
+    """Write an event into the log where there is room; count it in any case."""
+    at = int(state[EVENTS])
+    if at < log.shape[0]:
+        log[at, 0], log[at, 1] = time, event
+    state[EVENTS] = at + 1
+
+
+@compiled
+def switch_on(constants: Floats, state: Floats, time: float, direction: float) -> None:
+    """Close the contactor, or begin to crank: the lock and the brake open."""
+    state[ENERGISED], state[DIRECTION] = 1.0, direction
+    state[LOCKED], state[STILL_TORQUE] = 0.0, constants[LOSS_TORQUE]
+    state[CONTACTOR_TIME], state[CUTOFF_TIME] = time, math.inf
+    state[OVERLOAD_SINCE] = math.inf
+    if constants[HAND_GAIN] > 0.0:
+        state[HAND_ON], state[HAND_SINCE], state[ARMATURE_OPEN] = 1.0, time, 1.0
+        state[SUPPLIED] = 0.0
+        return
+    state[ARMATURE_OPEN] = 0.0
+    reversed_voltage = direction < 0.0 and constants[SERIES] == 0.0
+    state[SUPPLIED] = -constants[VOLTAGE] if reversed_voltage else constants[VOLTAGE]
+    state[CIRCUIT_RESISTANCE] = constants[RESISTANCE] + constants[LINE_RESISTANCE]
+
+
+@compiled
+def switch_off(constants: Floats, state: Floats) -> None:
+    """Open the contactor: snubbing or an open armature, and the brake."""
+    state[ENERGISED], state[SUPPLIED] = 0.0, 0.0
+    state[HAND_ON] *= constants[HAND_STAYS]
+    state[CUTOFF_TIME] = math.inf
+    state[STILL_TORQUE] = constants[LOSS_TORQUE] + constants[BRAKE_TORQUE]
+    state[CIRCUIT_RESISTANCE] = constants[RESISTANCE] + constants[SNUB_RESISTANCE]
+    if constants[OPEN_AFTER] > 0.0 or constants[HAND_GAIN] > 0.0:
+        state[ARMATURE_OPEN] = 1.0
+        # the arc takes what the coil holds
+        coil = 0.5 * constants[INDUCTANCE] * state[CURRENT] ** 2
+        state[ENERGIES + SNUB] += coil
+        state[ENERGIES + INTO_STORES] -= coil
+        state[CURRENT] = 0.0
+
+
+@compiled_part
+def next_instant(constants: Floats, state: Floats, commands: Floats, time: float) -> float:
+    """Return the next switching instant known beforehand, inf if there is none [s]."""
+    instant = math.inf
+    at = int(state[NEXT_COMMAND])
+    if at < commands.shape[0]:
+        instant = commands[at, 0] + constants[CONTACTOR_DELAY]
+    if state[ENERGISED] > 0.0:
+        instant = min(instant, state[CONTACTOR_TIME] + constants[TIME_OUT], state[CUTOFF_TIME])
+        instant = min(instant, state[OVERLOAD_SINCE] + constants[OVERLOAD_TIME])
+    if state[HAND_ON] > 0.0:
+        corner = state[HAND_SINCE] + constants[HAND_RAMP]
+        if corner > time + INSTANT:
+            instant = min(instant, corner)
+    return float(instant)
+
+
+@compiled_part
+def switch_due(
+    constants: Floats, state: Floats, commands: Floats, time: float, log: Floats
+) -> None:
+    """Do what is due at an instant; a command that comes while energised waits for the cut-off."""
+    now = time + INSTANT
+    if state[ENERGISED] > 0.0:
+        if now >= state[CUTOFF_TIME]:
+            switch_off(constants, state)
+            log_event(state, log, time, EVENT_OFF_LIMIT)
+        elif now >= state[CONTACTOR_TIME] + constants[TIME_OUT]:
+            switch_off(constants, state)
+            log_event(state, log, time, EVENT_OFF_TIME_OUT)
+        elif now >= state[OVERLOAD_SINCE] + constants[OVERLOAD_TIME]:
+            switch_off(constants, state)
+            log_event(state, log, time, EVENT_OFF_OVERLOAD)
+    at = int(state[NEXT_COMMAND])
+    if at < commands.shape[0] and now >= commands[at, 0] + constants[CONTACTOR_DELAY]:
+        if state[ENERGISED] > 0.0:
+            switch_off(constants, state)
+        switch_on(constants, state, time, commands[at, 1])
+        state[NEXT_COMMAND] = at + 1
+        log_event(state, log, time, EVENT_ON)
+
+
+@compiled_part
+def beyond_limit(constants: Floats, state: Floats, angle: float) -> float:
+    """Return how far the shaft is beyond its limit contact; -inf where that may not act [rad]."""
+    if state[ENERGISED] == 0.0 or state[CUTOFF_TIME] < math.inf or state[LOCK_ALLOWED] == 0.0:
+        return -math.inf
+    if state[DIRECTION] > 0.0:
+        return float(angle - constants[LIMIT_CLOSING])
+    return float(constants[LIMIT_OPENING] - angle)
+
+
+@compiled
+def _locate_limit(
+    constants: Floats,
+    rail: Floats,
+    table: Floats,
+    state: Floats,
+    span: tuple[float, float],
+    work: Floats,
+) -> float:
+    """Return the length of the step that ends where the limit contact opens, and take it."""
+    time, step = span
+    low, high = 0.0, step
+    f_low = beyond_limit(constants, state, state[GEAR_ANGLE])
+    f_high = beyond_limit(constants, state, work[SECOND, GEAR_ANGLE])
+    h, side = step, 0
+    for _ in range(LOCATE):
+        h = low + (high - low) * f_low / (f_low - f_high)
+        if not low < h < high:
+            h = 0.5 * (low + high)
+        if take_step(constants, rail, table, state, time, h, work) != CONVERGED:
+            return -1.0
+        f = beyond_limit(constants, state, work[SECOND, GEAR_ANGLE])
+        if abs(f) <= ANGLE_ROUNDING or high - low <= 1e-15:
+            break
+        if f > 0.0:
+            high, f_high = h, f
+            if side == 1:
+                f_low *= 0.5
+            side = 1
+        else:
+            low, f_low = h, f
+            if side == -1:
+                f_high *= 0.5
+            side = -1
+    return h
+
+
+@compiled
+def _locate_turn(
+    constants: Floats,
+    rail: Floats,
+    table: Floats,
+    state: Floats,
+    span: tuple[float, float],
+    work: Floats,
+) -> float:
+    """Return the length of the step at whose end the gear stands, and take it."""
+    time, step = span
+    before = state[GEAR_SPEED]
+    low, high = 0.0, step
+    h = step
+    for _ in range(LOCATE):
+        h = 0.5 * (low + high)
+        if take_step(constants, rail, table, state, time, h, work) != CONVERGED:
+            return -1.0
+        w2 = work[SECOND, GEAR_SPEED]
+        if w2 == 0.0 or abs(w2) <= 1e-9 * abs(before):
+            break
+        if w2 * before < 0.0:
+            high = h
+        else:
+            low = h
+    return h
+
+
+@compiled_part
+def rail_is_home(constants: Floats, rail: Floats, state: Floats) -> bool:
+    """Tell whether the rail is near enough for the lock, where the rail is known here."""
+    if rail[ONE_MASS] == 0.0 or state[DIRECTION] < 0.0:
+        return True
+    return bool(state[RAIL_POSITION] >= -constants[LOCK_GAP])
+
+
+@compiled_part
+def _after_step(
+    constants: Floats,
+    rail: Floats,
+    state: Floats,
+    log: Floats,
+    times: tuple[float, float],
+    x_before: float,
+) -> None:
+    """Let contacts and relay follow from where the machine is now."""
+    before, time = times
+    x = state[ROD_POSITION]
+    opened = x_before >= constants[DETECTION_CLOSED] > x
+    opened = opened or x_before <= constants[DETECTION_OPEN] < x
+    closed = x_before < constants[DETECTION_CLOSED] <= x
+    closed = closed or x_before > constants[DETECTION_OPEN] >= x
+    if opened:
+        log_event(state, log, time, EVENT_DETECTION_OPENS)
+    if closed:
+        log_event(state, log, time, EVENT_DETECTION_CLOSES)
+    if state[ENERGISED] == 0.0:
+        return
+    if abs(state[CURRENT]) < constants[OVERLOAD_CURRENT]:
+        state[OVERLOAD_SINCE] = math.inf
+    elif state[OVERLOAD_SINCE] == math.inf:
+        state[OVERLOAD_SINCE] = before
+    reached = beyond_limit(constants, state, state[GEAR_ANGLE]) >= -ANGLE_ROUNDING
+    if reached and rail_is_home(constants, rail, state):
+        state[CUTOFF_TIME] = time + constants[CUTOFF_DELAY]
+
+
+@compiled
+def _piece(
+    constants: Floats,
+    rail: Floats,
+    table: Floats,
+    state: Floats,
+    span: tuple[float, float],
+    work: Floats,
+    log: Floats,
+) -> float:
+    """Take one step of at most the given length and return its length; negative on failure."""
+    time, h = span
+    halvings = 0
+    while take_step(constants, rail, table, state, time, h, work) != CONVERGED:
+        halvings += 1
+        if halvings > HALVINGS:
+            return -1.0
+        state[HALVED] += 1
+        h *= 0.5
+    over = beyond_limit(constants, state, work[SECOND, GEAR_ANGLE])
+    before = beyond_limit(constants, state, state[GEAR_ANGLE])
+    if over > ANGLE_ROUNDING and before < -ANGLE_ROUNDING:
+        h = _locate_limit(constants, rail, table, state, (time, h), work)
+    locks = constants[HOLDS] > 0.0 and state[ENERGISED] == 0.0 and state[LOCKED] == 0.0
+    if locks and h > 0.0 and work[SECOND, GEAR_SPEED] * state[GEAR_SPEED] < 0.0:
+        h = _locate_turn(constants, rail, table, state, (time, h), work)
+    if h <= 0.0:
+        return h
+    x_before, w2_before = state[ROD_POSITION], state[GEAR_SPEED]
+    accept_step(constants, rail, table, state, time, h, work)
+    update_clutch(constants, state, h)
+    _after_step(constants, rail, state, log, (time, time + h), x_before)
+    if locks and (state[GEAR_SPEED] == 0.0 or abs(state[GEAR_SPEED]) <= 1e-9 * abs(w2_before)):
+        # what is left of the motion ends in the lock
+        motion = 0.5 * constants[GEAR_INERTIA] * state[GEAR_SPEED] ** 2
+        state[ENERGIES + GEAR] += motion
+        state[ENERGIES + INTO_STORES] -= motion
+        state[GEAR_SPEED], state[LOCKED] = 0.0, 1.0
+        log_event(state, log, time + h, EVENT_LOCKED)
+    return h
+
+
+@compiled_part
+def rests(constants: Floats, rail: Floats, state: Floats) -> bool:
+    """Tell whether nothing in the machine moves until the next switching, whatever the rod does."""
+    off = state[ENERGISED] == 0.0 and state[CURRENT] == 0.0 and state[SPEED] == 0.0
+    held = abs(constants[CLUTCH_STIFFNESS] * state[TWIST]) <= state[STILL_TORQUE]
+    return bool(off and held and state[LOCKED] > 0.0 and rail[ONE_MASS] == 0.0)
+
+
+@compiled
+def advance(
+    constants: Floats,
+    rail: Floats,
+    table: Floats,
+    commands: Floats,
+    state: Floats,
+    span: tuple[float, float],
+    work: Floats,
+    log: Floats,
+) -> int:
+    """Take a machine over a span of time.
+
+    Parameters
+    ----------
+    constants, rail, table : ndarray
+        Of the machine, of its rail, of its stroke.
+    commands : ndarray, shape (n_commands, 2)
+        Time [s] and direction (1 closing, -1 opening), rising in time.
+    state : ndarray
+        Changed to the end of the span.
+    span : tuple of float
+        Start and length [s]; the length is at most one step.
+    work : ndarray, shape (WORK_ROWS, ROD_FORCE + 1)
+    log : ndarray, shape (n, 2)
+        Receives time and event.
+
+    Returns
+    -------
+    int
+        CONVERGED or NOT_CONVERGED.
+    """
+    time, end = span[0], span[0] + span[1]
+    if rests(constants, rail, state) and next_instant(constants, state, commands, time) > end:
+        free, compliance = span_of(constants, rail, state, end)[1:]
+        x, y = state[ROD_POSITION], state[RAIL_POSITION]
+        force, _, y = rail_side(constants, rail, span[1], state, free, compliance, y, x)
+        state[ROD_FORCE], state[RAIL_POSITION] = force, y
+        return CONVERGED
+    pieces = 0
+    while True:
+        instant = next_instant(constants, state, commands, time)
+        while instant <= time + INSTANT:
+            switch_due(constants, state, commands, time, log)
+            _lock_standing(constants, state, log, time)
+            instant = next_instant(constants, state, commands, time)
+        left = min(end, instant) - time
+        if left <= INSTANT:
+            return CONVERGED
+        pieces += 1
+        h = _piece(constants, rail, table, state, (time, left), work, log)
+        if h <= 0.0 or pieces > 1 << HALVINGS:
+            return NOT_CONVERGED
+        time = min(end, instant) if h == left else time + h
+
+
+@compiled_part
+def _lock_standing(constants: Floats, state: Floats, log: Floats, time: float) -> None:
+    """Lock at once what stands when the contactor opens."""
+    free = state[ENERGISED] == 0.0 and state[LOCKED] == 0.0 and constants[HOLDS] > 0.0
+    if free and state[GEAR_SPEED] == 0.0:
+        state[LOCKED] = 1.0
+        log_event(state, log, time, EVENT_LOCKED)

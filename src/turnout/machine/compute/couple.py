@@ -1,0 +1,164 @@
+"""Machines in the step of a larger mechanism that answers to their rod forces.
+
+For one step the mechanism is condensed to the rod ends: without the forces that the rods have at
+the end of the step its points are at `free`, and a force there moves them by `compliance`, so that
+at the end of the step
+
+    y = free + compliance F,    F = k_r (x - y)
+
+holds for all machines at once: the same answer as one large implicit step. In between, the points
+are taken along the parabola through their position and speed at the start. Nothing here changes the
+state: a step may be tried as often as it takes the mechanism to settle, and is then accepted.
+"""
+
+from typing import NamedTuple
+
+from turnout.law.compiled import compiled, compiled_part
+from turnout.law.table import Floats
+from turnout.machine.compute.circuit import advance
+from turnout.machine.compute.places import (
+    CONVERGED,
+    CURRENT,
+    ENERGISED,
+    NOT_CONVERGED,
+    ONE_MASS,
+    RAIL_COMPLIANCE,
+    RAIL_FREE,
+    RAIL_START,
+    RAIL_START_SPEED,
+    RAIL_STEP,
+    RAIL_TIME,
+    ROD_FORCE,
+    SHARED_DROP,
+)
+
+SWEEPS = 40
+FORCE_ROUNDING = 1e-9
+"""Change of a rod force from sweep to sweep, as a share of it or of 1 N, that ends them."""
+
+
+class Machines(NamedTuple):
+    """Machines of a mechanism, one row each; nothing changes during a run.
+
+    Attributes
+    ----------
+    constants : ndarray, shape (n, CONSTANTS)
+    tables : ndarray, shape (n, n_rows, 5)
+        Of their strokes, see `turnout.machine.compute.rail.rod_position`.
+    commands : ndarray, shape (n, n_commands, 2)
+        Time [s], inf where there are fewer, and direction.
+    shared_resistance : float
+        Of the supply that all share [ohm]; `constants` hold it too, for the own current.
+    """
+
+    constants: Floats
+    tables: Floats
+    commands: Floats
+    shared_resistance: float
+
+
+class Room(NamedTuple):
+    """Room for a step: rails as seen from the rods, stages, and the log of events."""
+
+    rails: Floats
+    work: Floats
+    log: Floats
+
+
+@compiled_part
+def _others_move(compliance: Floats, trial: Floats, number: int) -> float:
+    """Return by how much the other machines' forces move a rod's end [m]."""
+    moved = 0.0
+    for other in range(trial.shape[0]):
+        if other != number:
+            moved += compliance[number, other] * trial[other, ROD_FORCE]
+    return moved
+
+
+@compiled_part
+def _others_current(trial: Floats, number: int) -> float:
+    """Return the current that the other machines take from the supply [A]."""
+    current = 0.0
+    for other in range(trial.shape[0]):
+        if other != number and trial[other, ENERGISED] > 0.0:
+            current += abs(trial[other, CURRENT])
+    return current
+
+
+@compiled
+def try_machines(
+    machines: Machines,
+    state: Floats,
+    trial: Floats,
+    ends: tuple[Floats, Floats, Floats, Floats],
+    span: tuple[float, float],
+    room: Room,
+) -> int:
+    """Take all machines over one step of the mechanism, from `state` to `trial`.
+
+    Parameters
+    ----------
+    machines : Machines
+    state : ndarray, shape (n, STATES)
+        At the start of the step; not changed.
+    trial : ndarray, shape (n, STATES)
+        Receives the end of the step: ROD_POSITION is what the mechanism takes as its input,
+        ROD_FORCE what it should find there.
+    ends : tuple of ndarray
+        Position and speed of the rod ends at the start [m], [m/s], shape (n,); position at the end
+        of the step without the rod forces there [m], shape (n,); compliance [m/N], shape (n, n).
+        All zeros for the compliance, and the predicted position, is the staggered step.
+    span : tuple of float
+        Start and length of the step [s].
+    room : Room
+        `rails` has shape (n, RAIL_CONSTANTS), `work` that of one machine, `log` (n, n_events, 2).
+
+    Returns
+    -------
+    int
+        CONVERGED or NOT_CONVERGED.
+    """
+    start, speed, free, compliance = ends
+    count = state.shape[0]
+    for number in range(count):
+        for k in range(state.shape[1]):
+            trial[number, k] = state[number, k]
+    for _ in range(SWEEPS):
+        change = 0.0
+        for number in range(count):
+            before = trial[number, ROD_FORCE]
+            rail = room.rails[number]
+            rail[ONE_MASS] = 0.0
+            rail[RAIL_START], rail[RAIL_START_SPEED] = start[number], speed[number]
+            rail[RAIL_FREE] = free[number] + _others_move(compliance, trial, number)
+            rail[RAIL_COMPLIANCE] = compliance[number, number]
+            rail[RAIL_TIME], rail[RAIL_STEP] = span
+            drop = machines.shared_resistance * _others_current(trial, number)
+            for k in range(state.shape[1]):
+                trial[number, k] = state[number, k]
+            trial[number, SHARED_DROP] = drop
+            code = advance(
+                machines.constants[number],
+                rail,
+                machines.tables[number],
+                machines.commands[number],
+                trial[number],
+                span,
+                room.work,
+                room.log[number],
+            )
+            if code != CONVERGED:
+                return code
+            after = trial[number, ROD_FORCE]
+            change = max(change, abs(after - before) / (1.0 + abs(after)))
+        if count == 1 or change <= FORCE_ROUNDING:
+            return CONVERGED
+    return NOT_CONVERGED
+
+
+@compiled
+def accept_machines(state: Floats, trial: Floats) -> None:
+    """Make the end of a step the state."""
+    for number in range(state.shape[0]):
+        for k in range(state.shape[1]):
+            state[number, k] = trial[number, k]

@@ -1,0 +1,204 @@
+"""The motor side of one implicit stage: current, motor speed and clutch torque for a gear speed.
+
+With the stage length g and the values (*) that the earlier stages leave behind, the unknown motor
+speed w1 solves
+
+    J1 (w1 - w1*)/g + c1 w1 + T_c(w1 - w2) - T_m(w1) - T_h(w1) + t_0 = 0,  t_0 in T_0 Sgn(w1)
+
+Every term but the set-valued one is continuous and does not fall with w1, and J1/g > 0: there is
+one solution, which a Newton iteration inside a bracket always finds. float64 throughout; torques
+[N m], speeds [rad/s], positive in the closing direction.
+"""
+
+import math
+
+from turnout.law.compiled import compiled, compiled_part
+from turnout.law.table import Floats
+from turnout.machine.compute.places import (
+    ARMATURE_OPEN,
+    BRUSH_DROP,
+    CIRCUIT_RESISTANCE,
+    CLUTCH_STIFFNESS,
+    CURRENT,
+    DIRECTION,
+    HAND_GAIN,
+    HAND_ON,
+    INDUCTANCE,
+    INVERSE_SATURATION,
+    LEVEL,
+    MOTOR_CONSTANT,
+    MOTOR_DRAG,
+    MOTOR_INERTIA,
+    SERIES,
+    SHARED_DROP,
+    SPEED,
+    STILL_TORQUE,
+    SUPPLIED,
+    TWIST,
+)
+
+ITERATIONS = 60
+ROUNDING = 4e-14
+"""Residual, as a share of the sum of its terms, that counts as zero."""
+
+
+@compiled_part
+def net_voltage(state: Floats) -> float:
+    """Return the voltage that drives the current, less what the other machines take [V]."""
+    return float(state[SUPPLIED] - math.copysign(1.0, state[SUPPLIED]) * state[SHARED_DROP])
+
+
+@compiled_part
+def motor_torque(
+    constants: Floats, state: Floats, g: float, current: float, w1: float
+) -> tuple[float, float, float]:
+    """Return current, torque and slope of the torque at a motor speed.
+
+    Parameters
+    ----------
+    constants, state : ndarray
+        Rows of the machine; of the state only the circuit is read.
+    g : float
+        Length of the stage [s].
+    current : float
+        What the earlier stages leave of the current, i* [A].
+    w1 : float
+        [rad/s].
+
+    Notes
+    -----
+    L (i - i*)/g + R i + u_b + e = U with u_b in V_b Sgn(i). A permanent magnet has e = k w1,
+    T = k i; a series motor p = K i/(1 + |i|/i_s), e = d p w1, T = d p i, and a quadratic for |i|
+    with exactly one positive root. The torque never rises with w1.
+    """
+    if state[ARMATURE_OPEN] > 0.0:
+        return 0.0, 0.0, 0.0
+    k, drop = constants[MOTOR_CONSTANT], constants[BRUSH_DROP]
+    r = constants[INDUCTANCE] / g + state[CIRCUIT_RESISTANCE]
+    q = net_voltage(state) + constants[INDUCTANCE] / g * current
+    if constants[SERIES] == 0.0:
+        q -= k * w1
+        if abs(q) <= drop:
+            return 0.0, 0.0, 0.0
+        i = (q - math.copysign(drop, q)) / r
+        return i, k * i, -k * k / r
+    if abs(q) <= drop:
+        return 0.0, 0.0, 0.0
+    sign, d, u_s = math.copysign(1.0, q), state[DIRECTION], constants[INVERSE_SATURATION]
+    free = abs(q) - drop
+    generated = d * k * w1
+    a, b = r * u_s, r + generated - free * u_s
+    root = math.sqrt(b * b + 4.0 * a * free)
+    if b > 0.0:
+        u = 2.0 * free / (b + root)
+    elif a > 0.0:
+        u = (root - b) / (2.0 * a)
+    else:
+        return math.nan, math.nan, 0.0  # excites itself faster than the step can follow
+    s = 1.0 + u * u_s
+    fall = -(u / s) / (r + generated / (s * s))
+    slope = k * u * (1.0 + s) / (s * s) * fall * k
+    return sign * u, d * k * u * u / s, slope
+
+
+@compiled_part
+def clutch_torque(
+    constants: Floats, state: Floats, g: float, twist: float, slip_speed: float
+) -> tuple[float, float]:
+    """Return torque and slope of the elastic-plastic clutch [N m], [N m s/rad]."""
+    trial = constants[CLUTCH_STIFFNESS] * (twist + g * slip_speed)
+    level = state[LEVEL]
+    if abs(trial) <= level:
+        return trial, constants[CLUTCH_STIFFNESS] * g
+    return math.copysign(level, trial), 0.0
+
+
+@compiled_part
+def _residual(
+    constants: Floats,
+    state: Floats,
+    g: float,
+    base: Floats,
+    hand: float,
+    w1: float,
+    w2: float,
+) -> tuple[float, float, float, float, float, float]:
+    """Return residual, slope and scale at w1 without t_0; clutch torque, its slope and current."""
+    i, torque, torque_slope = motor_torque(constants, state, g, base[CURRENT], w1)
+    clutch, clutch_slope = clutch_torque(constants, state, g, base[TWIST], w1 - w2)
+    inertia = constants[MOTOR_INERTIA] / g
+    gain = constants[HAND_GAIN] * state[HAND_ON]
+    viscous = constants[MOTOR_DRAG] + gain
+    residual = inertia * (w1 - base[SPEED]) + viscous * w1 - gain * hand + clutch - torque
+    scale = inertia * (abs(w1) + abs(base[SPEED])) + viscous * abs(w1) + gain * abs(hand)
+    scale += abs(clutch) + abs(torque)
+    return residual, inertia + viscous + clutch_slope - torque_slope, scale, clutch, clutch_slope, i
+
+
+@compiled
+def motor_side(
+    constants: Floats,
+    state: Floats,
+    g: float,
+    base: Floats,
+    hand: float,
+    start: float,
+    w2: float,
+) -> tuple[float, float, float, float]:
+    """Return motor speed, current, clutch torque and its slope over the gear speed.
+
+    Parameters
+    ----------
+    base : ndarray
+        What the earlier stages leave of the integrated states.
+    hand : float
+        Speed of the hand at the crank at the end of the stage [rad/s].
+    start : float
+        First guess of the motor speed.
+    w2 : float
+        Speed of the gear [rad/s].
+
+    Returns
+    -------
+    tuple of float
+        The current is NaN where the iteration did not end.
+    """
+    still = state[STILL_TORQUE]
+    sign = math.copysign(1.0, start)
+    w1 = start
+    if start == 0.0:
+        at_rest, _, _, clutch, slope, i = _residual(constants, state, g, base, hand, 0.0, w2)
+        if abs(at_rest) <= still:
+            return 0.0, i, clutch, -slope
+        sign = -math.copysign(1.0, at_rest)
+    low, high = -math.inf, math.inf
+    checked = start == 0.0
+    for _ in range(ITERATIONS):
+        f, slope, scale, clutch, clutch_slope, i = _residual(
+            constants, state, g, base, hand, w1, w2
+        )
+        f += sign * still
+        if not abs(f) < math.inf:
+            break
+        settled = abs(f) <= ROUNDING * (scale + still)
+        if not settled:
+            if f > 0.0:
+                high = w1
+            else:
+                low = w1
+            new = w1 - f / slope
+            if not low < new < high:
+                new = 0.5 * (low + high)
+            settled = new in (w1, low, high)
+            if not settled:
+                w1 = new
+                continue
+        if checked or w1 * sign >= 0.0:
+            return w1, i, clutch, -clutch_slope * (1.0 - clutch_slope / slope)
+        # the guess had the wrong sign: the motor stands, or turns the other way
+        at_rest, _, _, clutch, clutch_slope, i = _residual(constants, state, g, base, hand, 0.0, w2)
+        if abs(at_rest) <= still:
+            return 0.0, i, clutch, -clutch_slope
+        checked, sign = True, -math.copysign(1.0, at_rest)
+        low, high = -math.inf, math.inf
+    return w1, math.nan, 0.0, 0.0

@@ -1,0 +1,170 @@
+"""What stands where in the rows of floats that the kernels of a machine read and write.
+
+One row of constants and one of state a machine. SI, angles in rad at the motor shaft, positive in
+the closing direction. Flags are 0.0 or 1.0.
+"""
+
+# --- constants of a machine ------------------------------------------------------------------
+(
+    SERIES,  # 1: field winding in series, torque K i^2 / (1 + |i|/i_s)
+    VOLTAGE,  # of the supply [V]
+    RESISTANCE,  # of the copper in the motor circuit, at its temperature [ohm]
+    LINE_RESISTANCE,  # of line and supply [ohm]
+    SNUB_RESISTANCE,  # in the circuit after cut-off [ohm]
+    OPEN_AFTER,  # 1: the armature is open after cut-off, otherwise closed over the snubber
+    INDUCTANCE,  # [H]
+    MOTOR_CONSTANT,  # k [V s/rad], or K [V s/(rad A)] of a series motor
+    INVERSE_SATURATION,  # 1/i_s [1/A]
+    BRUSH_DROP,  # [V]
+    FIELD_POWER,  # of a separate field winding while energised [W]
+    LOSS_TORQUE,  # T_0 [N m]
+    BRAKE_TORQUE,  # T_b, when de-energised [N m]
+    MOTOR_DRAG,  # c1 [N m s/rad]
+    MOTOR_INERTIA,  # J1 [kg m^2]
+    CLUTCH_STIFFNESS,  # k_c [N m/rad]
+    CLUTCH_TORQUE,  # T_s while slipping, new and at ambient temperature [N m]
+    STATIC_RATIO,  # breakaway torque over T_s
+    LEVEL_PER_KELVIN,  # of T_s [1/K]
+    LEVEL_PER_JOULE,  # of T_s, lost by wear [1/J]
+    CLUTCH_HEAT_CAPACITY,  # [J/K]
+    CLUTCH_COOLING,  # 1/time constant [1/s]
+    GEAR_INERTIA,  # J2 [kg m^2]
+    GEAR_DRAG,  # c2 [N m s/rad]
+    FACTOR_DRIVING,  # torque at the shaft over load when it drives, 1/eta
+    FACTOR_DRIVEN,  # the same when it is driven back
+    STROKE_KIND,  # SCREW, CRANK or TABLE
+    RATIO,  # N [rad/m] of a screw; shaft angle of the whole stroke [rad] of crank and table
+    STROKE,  # [m], crank and table
+    STROKE_START,  # rod position at shaft angle 0 [m], crank and table
+    ROD_STIFFNESS,  # [N/m]
+    ROD_PLAY,  # lost motion, whole [m]
+    LIMIT_CLOSING,  # shaft angle of the limit contact [rad]
+    LIMIT_OPENING,
+    CONTACTOR_DELAY,  # after a command [s]
+    CUTOFF_DELAY,  # after the limit contact [s]
+    TIME_OUT,  # after the contactor [s]
+    OVERLOAD_CURRENT,  # [A]
+    OVERLOAD_TIME,  # [s]
+    DETECTION_OPEN,  # rod position below which the end contact "open" is made [m]
+    DETECTION_CLOSED,  # rod position above which the end contact "closed" is made [m]
+    LOCK_GAP,  # largest gap of the rail at which the limit contact can act [m]
+    HOLDS,  # 1: a lock holds J2 from its first standstill after cut-off to the next contactor
+    HAND_GAIN,  # torque per speed that the crank lags behind the hand [N m s/rad]; 0: no crank
+    HAND_SPEED,  # [rad/s]
+    HAND_RAMP,  # [s]
+    HAND_STAYS,  # 1: the hand does not let go at the limit contact
+    CONSTANTS,
+) = range(48)
+
+
+(SCREW, CRANK, TABLE) = range(3)
+"""How the rod position follows from the shaft angle."""
+
+# --- the rail at the rod -----------------------------------------------------------------------
+(
+    ONE_MASS,  # 1: mass, friction, bed, stop and object below; 0: affine, the last six
+    RAIL_MASS,  # [kg]
+    RAIL_DAMPING,  # [N s/m]
+    BED_STIFFNESS,  # [N/m]
+    BED_REST,  # position at which the bed is free of force [m]
+    FRICTION_FORCE,  # [N]
+    FRICTION_STIFFNESS,  # [N/m]
+    STOP_STIFFNESS,  # [N/m]
+    OBJECT_STIFFNESS,  # [N/m], 0 without an object
+    OBJECT_SIZE,  # [m]
+    RAIL_START,  # position at the start of the step [m]
+    RAIL_START_SPEED,  # [m/s]
+    RAIL_FREE,  # position at the end of the step without any rod force in that step's end [m]
+    RAIL_TIME,  # of the start of the step [s]
+    RAIL_STEP,  # its length [s]
+    RAIL_COMPLIANCE,  # displacement at the end of the step per rod force there [m/N]
+    RAIL_CONSTANTS,
+) = range(17)
+
+# --- state -------------------------------------------------------------------------------------
+(
+    CURRENT,  # [A]
+    SPEED,  # of the motor, w1 [rad/s]
+    TWIST,  # of the clutch, a [rad]
+    GEAR_SPEED,  # w2 [rad/s]
+    GEAR_ANGLE,  # th2 [rad]
+    RAIL_POSITION,  # y [m]
+    RAIL_SPEED,  # [m/s]
+    RAIL_TWIST,  # displacement of the elastic-plastic friction, b [m]
+    SLIP,  # of the clutch, th1 - th2 - a [rad]
+    ROD_POSITION,  # x [m]
+    ROD_FORCE,  # [N]
+    CLUTCH_TEMPERATURE,  # above ambient [K]
+    HEAT_BOOKED,  # heat of the clutch that the temperature knows [J]
+    SLIPPING,  # sign of the slip while the clutch is at its kinetic level, else 0
+    LEVEL,  # torque at which the clutch slips now [N m]
+    ENERGISED,
+    DIRECTION,  # 1 closing, -1 opening
+    SUPPLIED,  # voltage at the motor circuit [V]
+    CIRCUIT_RESISTANCE,  # [ohm]
+    ARMATURE_OPEN,
+    STILL_TORQUE,  # dry friction torque at the motor, T_0 and brake [N m]
+    LOCKED,
+    HAND_SINCE,  # time at which the hand began to turn [s]
+    HAND_ON,
+    CONTACTOR_TIME,  # of the last closing [s]
+    CUTOFF_TIME,  # planned [s], inf without a plan
+    OVERLOAD_SINCE,  # [s], inf while the current is below
+    SHARED_DROP,  # voltage that the other machines on the supply take [V], set from outside
+    NEXT_COMMAND,  # index of the next command
+    LOCK_ALLOWED,  # 0: the limit contact may not act, set from outside
+    EVENTS,  # number logged
+    HALVED,  # steps taken in halves so far
+    ENERGIES,  # the first of the sums below
+) = range(33)
+
+INTEGRATED = 8
+"""So many states, from the first on, obey differential equations."""
+
+# --- sums of power times step by the scheme's own weights [J] -----------------------------------
+(
+    SUPPLY,
+    COPPER,
+    LINE,
+    BRUSH,
+    SNUB,
+    FIELD,
+    MOTOR_FRICTION,
+    MOTOR_DRAG_HEAT,
+    GEAR,
+    GEAR_DRAG_HEAT,
+    CLUTCH,
+    RAIL_FRICTION_HEAT,
+    RAIL_DAMPING_HEAT,
+    HAND,
+    ROD_ON_RAIL,
+    ROD_INPUT,
+    INTO_STORES,
+    SUMS,
+) = range(18)
+
+STATES = ENERGIES + SUMS
+
+
+# --- what the circuit did, and how a step ended ---------------------------------------------------
+(
+    EVENT_ON,
+    EVENT_OFF_LIMIT,
+    EVENT_OFF_TIME_OUT,
+    EVENT_OFF_OVERLOAD,
+    EVENT_LOCKED,
+    EVENT_DETECTION_OPENS,
+    EVENT_DETECTION_CLOSES,
+) = range(7)
+
+EVENT_TEXTS = (
+    "on",
+    "off limit",
+    "off time-out",
+    "off overload",
+    "locked",
+    "detection opens",
+    "detection closes",
+)
+
+(CONVERGED, NOT_CONVERGED) = range(2)

@@ -1,0 +1,158 @@
+"""One implicit stage of a machine.
+
+A stage of length g asks for the gear speed w2 with
+
+    J2 (w2 - w2*)/g + c2 w2 - T_c(w2) + X'(th2) F(x) + t_g = 0
+
+where T_c is what the motor side answers (it falls with w2), F what the rod answers (it rises with
+the rod position x = X(th2), th2 = th2* + g w2), and t_g the loss of the gear: the load appears at
+the shaft as X' F / eta where it is driven, as X' F eta_b where it drives back, and as any value
+between while the gear stands. All of it rises with w2, jumps included, so there is one solution;
+it is looked for on the side of w2 that the last stage was on, and the standing gear is tried when
+that side has no solution. Nothing is smoothed and no sign is guessed.
+"""
+
+import math
+
+from turnout.law.compiled import compiled, compiled_part
+from turnout.law.table import Floats
+from turnout.machine.compute.motor import ITERATIONS, ROUNDING, motor_side
+from turnout.machine.compute.places import (
+    CLUTCH_STIFFNESS,
+    CONVERGED,
+    CURRENT,
+    FACTOR_DRIVEN,
+    FACTOR_DRIVING,
+    GEAR_ANGLE,
+    GEAR_DRAG,
+    GEAR_INERTIA,
+    GEAR_SPEED,
+    LOCKED,
+    NOT_CONVERGED,
+    ONE_MASS,
+    RAIL_POSITION,
+    RAIL_SPEED,
+    RAIL_TWIST,
+    ROD_FORCE,
+    ROD_POSITION,
+    SPEED,
+    TWIST,
+)
+from turnout.machine.compute.rail import friction_twist, rail_side, rod_position
+
+
+@compiled_part
+def load_factor(constants: Floats, force: float, sign: float) -> float:
+    """Return torque at the shaft per load, X' F, when the gear turns with a sign."""
+    return float(constants[FACTOR_DRIVING] if force * sign > 0.0 else constants[FACTOR_DRIVEN])
+
+
+@compiled_part
+def _fill(
+    rail: Floats,
+    g: float,
+    base: Floats,
+    stage: Floats,
+    solution: tuple[float, float, float, float, float, float],
+) -> None:
+    """Write the solution of a stage."""
+    i, w1, w2, x, force, y = solution
+    stage[CURRENT], stage[SPEED], stage[GEAR_SPEED] = i, w1, w2
+    stage[GEAR_ANGLE] = base[GEAR_ANGLE] + g * w2
+    stage[ROD_POSITION], stage[ROD_FORCE] = x, force
+    stage[RAIL_POSITION] = y
+    if rail[ONE_MASS] > 0.0:
+        moved = y - base[RAIL_POSITION]
+        stage[RAIL_SPEED] = moved / g
+        stage[RAIL_TWIST] = friction_twist(rail, base[RAIL_TWIST] + moved)[0]
+
+
+@compiled
+def solve_stage(
+    constants: Floats,
+    rail: Floats,
+    table: Floats,
+    state: Floats,
+    g: float,
+    base: Floats,
+    span: tuple[float, float, float],
+    stage: Floats,
+) -> int:
+    """Solve one stage; `stage` holds the guess and receives the solution.
+
+    Parameters
+    ----------
+    constants, rail : ndarray
+        Rows of the machine and of its rail.
+    table : ndarray, shape (n, 5)
+        Of the stroke, see `rod_position`.
+    state : ndarray
+        Circuit, lock and clutch level.
+    g : float
+        [s].
+    base : ndarray, shape (INTEGRATED,)
+        What the earlier stages leave.
+    span : tuple of float
+        Speed of the hand at the crank [rad/s], position of an affine rail without rod force [m]
+        and its compliance [m/N], at the end of the stage.
+    stage : ndarray
+        As the first entries of a state row, up to ROD_FORCE.
+
+    Returns
+    -------
+    int
+        CONVERGED or NOT_CONVERGED.
+    """
+    hand, free, compliance = span
+    inertia = constants[GEAR_INERTIA] / g
+    w1, y = stage[SPEED], stage[RAIL_POSITION]
+    w2 = 0.0 if state[LOCKED] > 0.0 else stage[GEAR_SPEED]
+    sign = math.copysign(1.0, w2)
+    stands = w2 == 0.0
+    checked = False
+    low, high = -math.inf, math.inf
+    for _ in range(2 * ITERATIONS):
+        w1, i, clutch, clutch_slope = motor_side(constants, state, g, base, hand, w1, w2)
+        x, dx, ddx = rod_position(constants, table, base[GEAR_ANGLE] + g * w2)
+        force, force_slope, y = rail_side(constants, rail, g, base, free, compliance, y, x)
+        load = dx * force
+        f = inertia * (w2 - base[GEAR_SPEED]) - clutch
+        if not abs(f + load) < math.inf or math.isnan(i):
+            return NOT_CONVERGED
+        if stands:
+            below, above = load_factor(constants, load, -1.0), load_factor(constants, load, 1.0)
+            settled = state[LOCKED] > 0.0 or f + below * load <= 0.0 <= f + above * load
+            if not settled:
+                stands, checked, low, high = False, True, -math.inf, math.inf
+                sign = 1.0 if f + above * load < 0.0 else -1.0
+        else:
+            settled = False
+        if not stands:
+            factor = load_factor(constants, load, sign)
+            f += constants[GEAR_DRAG] * w2 + factor * load
+            slope = inertia + constants[GEAR_DRAG] - clutch_slope
+            slope += factor * g * (dx * dx * force_slope + ddx * force)
+            scale = inertia * (abs(w2) + abs(base[GEAR_SPEED])) + abs(clutch) + factor * abs(load)
+            settled = abs(f) <= ROUNDING * scale
+            if not settled:
+                if slope <= 0.0:
+                    return NOT_CONVERGED
+                if f > 0.0:
+                    high = w2
+                else:
+                    low = w2
+                new = w2 - f / slope
+                if not low < new < high:
+                    new = 0.5 * (low + high)
+                settled = new in (w2, low, high)
+                if not settled:
+                    w2 = new
+                    continue
+            if not checked and w2 * sign < 0.0:
+                stands, w2 = True, 0.0
+                continue
+        if settled:
+            _fill(rail, g, base, stage, (i, w1, w2, x, force, y))
+            stage[TWIST] = clutch / constants[CLUTCH_STIFFNESS]
+            return CONVERGED
+    return NOT_CONVERGED

@@ -1,0 +1,336 @@
+"""Load machines from the library or a file, and change them by keys.
+
+A key names a field of the file's tables: `rail.mass`, `throw.duration`,
+`machine.NAME.motor.voltage`. `machine.motor.voltage`, or `motor.voltage` for short, sets it for all
+machines of the file.
+"""
+
+import tomllib
+import typing
+from collections.abc import Iterable, Iterator, Mapping
+from copy import deepcopy
+from pathlib import Path
+from typing import Any, Self
+
+from pydantic import BaseModel, PrivateAttr, ValidationError
+
+from turnout.errors import FileError, MachineError
+from turnout.files.field_unit import unit_of
+from turnout.files.library import names_in_library, text_in_library
+from turnout.files.problems import choices, describe_error, nearest
+from turnout.files.toml import Origin, TomlFile, parse_toml, read_toml
+from turnout.files.units import SI
+from turnout.machine.records import Machine, MachineFile
+
+PACKAGE = "turnout.machine"
+
+
+class LoadedMachines(MachineFile):
+    """A valid file of machines that knows where its values come from and can be changed."""
+
+    _tree: dict[str, Any] = PrivateAttr(default_factory=dict)
+    _origins: dict[str, Origin] = PrivateAttr(default_factory=dict)
+    _source: str = PrivateAttr(default="machine")
+    _overrides: dict[str, object] = PrivateAttr(default_factory=dict)
+
+    @property
+    def origins(self) -> Mapping[str, Origin]:
+        """Where each value comes from, by key; an override has the kind "override"."""
+        return self._origins
+
+    @property
+    def source(self) -> str:
+        """The library name or file that it was loaded from."""
+        return self._source
+
+    @property
+    def overrides(self) -> Mapping[str, object]:
+        """The overrides that made it, by key."""
+        return self._overrides
+
+    def origin_of(self, key: str) -> Origin | None:
+        """Return where a value comes from: its own comment, or that of the nearest table above."""
+        while key:
+            if key in self._origins:
+                return self._origins[key]
+            key = key.rpartition(".")[0]
+        return None
+
+    def unit_of(self, key: str) -> str:
+        """Return the SI unit of a value, empty where it has none."""
+        path = tuple(key.split("."))
+        record = _record_at(path[:-1])
+        info = record.model_fields.get(path[-1]) if record else None
+        return (unit_of(info) or "") if info else ""
+
+    def pick(self, name: str | None = None) -> tuple[str, Machine]:
+        """Return name and record of a machine; the name may be left out where there is one.
+
+        Raises
+        ------
+        MachineError
+            When there is no such machine, or there are several and none is named.
+        """
+        if name is None and len(self.machine) == 1:
+            name = next(iter(self.machine))
+        if name is None:
+            text = f"has several machines, name one: {choices(self.machine)}"
+            raise MachineError([text], source=self.source)
+        if name not in self.machine:
+            text = (
+                f"no machine is called '{name}'{nearest(name, self.machine)}; "
+                f"there are {choices(self.machine)}"
+            )
+            raise MachineError([text], source=self.source)
+        return name, self.machine[name]
+
+    def with_overrides(self, overrides: Mapping[str, object], *, si: bool = True) -> Self:
+        """Return a copy with changed values.
+
+        Parameters
+        ----------
+        overrides : mapping of str to object
+            Value by key: `{"motor.voltage": 176.0, "rail.object_size": "13 mm"}`; None takes an
+            optional value away.
+        si : bool
+            Whether bare numbers are SI (from Python) or refused for dimensional keys (from text).
+
+        Raises
+        ------
+        MachineError
+            With all problems at once.
+
+        Examples
+        --------
+        >>> machines = load_machines("sb3").with_overrides({"gear.efficiency": 0.8})
+        >>> machines.machine["sb3"].gear.efficiency
+        0.8
+        """
+        tree, origins = deepcopy(self._tree), dict(self._origins)
+        problems = []
+        for key, value in overrides.items():
+            places = list(_places(tree, key))
+            if not places:
+                problems.append(f"{key}: matches nothing{nearest(key, _keys(tree))}")
+            for place in places:
+                _put(tree, place, _marked(value) if si else value)
+                origins[".".join(place)] = Origin("override", str(value))
+        changed = type(self)._build(
+            tree, source=self.source, origins=origins, problems=problems, heading="overrides"
+        )
+        changed._overrides = dict(self._overrides) | dict(overrides)
+        return changed
+
+    def with_settings(self, settings: Iterable[str]) -> Self:
+        """Return a copy changed by texts "KEY=VALUE" of a command line; units are required.
+
+        Examples
+        --------
+        >>> load_machines("sb3").with_settings(["rail.mass=500 kg"]).rail.mass
+        500.0
+        """
+        overrides: dict[str, object] = {}
+        problems = []
+        for text in settings:
+            key, equals, value = text.partition("=")
+            if not equals or not key.strip():
+                problems.append(f'"{text}" is not KEY=VALUE, such as motor.voltage="176 V"')
+                continue
+            overrides[key.strip()] = _read(value.strip())
+        if problems:
+            raise MachineError(problems, source="settings")
+        return self.with_overrides(overrides, si=False)
+
+    @classmethod
+    def _build(
+        cls,
+        tree: dict[str, Any],
+        *,
+        source: str,
+        origins: dict[str, Origin],
+        problems: list[str],
+        heading: str,
+    ) -> Self:
+        try:
+            loaded = cls.model_validate(tree)
+        except ValidationError as error:
+            for item in error.errors():
+                path = [str(part) for part in item["loc"]]
+                allowed = _allowed(tuple(path[:-1]))
+                problems.append(".".join(path) + describe_error(item, allowed=allowed))
+        if problems:
+            raise MachineError(list(dict.fromkeys(problems)), source=heading)
+        loaded._tree, loaded._origins, loaded._source = tree, origins, source
+        return loaded
+
+
+def machine_names() -> tuple[str, ...]:
+    """List the machines that come with the program.
+
+    Examples
+    --------
+    >>> "sb3" in machine_names()
+    True
+    """
+    return names_in_library(PACKAGE)
+
+
+def machine_text(name: str) -> str:
+    """Return the TOML text of a library machine, to start an own file from.
+
+    Raises
+    ------
+    FileError
+        When there is no such machine; the text lists those there are.
+    """
+    return text_in_library(PACKAGE, name, kind="machine")
+
+
+def load_machines(
+    name_or_path: str | Path, *, overrides: Mapping[str, object] | None = None
+) -> LoadedMachines:
+    """Load a machine of the library by its name, or a file of machines by its path.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        A library name, or a path; a text with ".toml" or a path separator is a path.
+    overrides : mapping, optional
+        Changes, as for `LoadedMachines.with_overrides`.
+
+    Raises
+    ------
+    FileError
+        When the file cannot be read or is not TOML.
+    MachineError
+        When what it says is not valid; with all problems at once.
+
+    Examples
+    --------
+    >>> load_machines("sb3").machine["sb3"].motor.voltage
+    220.0
+    """
+    file = _open(name_or_path)
+    origins = {".".join(path): origin for path, origin in file.origins.items()}
+    loaded = LoadedMachines._build(
+        file.data, source=file.source, origins=origins, problems=[], heading=file.source
+    )
+    return loaded.with_overrides(overrides) if overrides else loaded
+
+
+def _open(name_or_path: str | Path) -> TomlFile:
+    name = str(name_or_path).strip()
+    if isinstance(name_or_path, Path) or name.endswith(".toml") or "/" in name or "\\" in name:
+        return read_toml(Path(name).expanduser())
+    return parse_toml(machine_text(name), source=name)
+
+
+def _read(value: str) -> object:
+    try:
+        return tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return value
+
+
+def _marked(value: object) -> object:
+    """Mark the numbers in a Python value as SI."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _marked(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_marked(item) for item in value]
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return SI(value)
+    return value
+
+
+def _record_in(annotation: Any) -> type[BaseModel] | None:
+    """Return the record that an annotation allows, if any."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    found = (_record_in(part) for part in typing.get_args(annotation))
+    return next((record for record in found if record is not None), None)
+
+
+def _record_at(path: tuple[str, ...]) -> type[BaseModel] | None:
+    record: type[BaseModel] | None = MachineFile
+    parts = list(path)
+    if parts and parts[0] == "machine":
+        record, parts = Machine, parts[2:]
+    for part in parts:
+        if record is None:
+            return None
+        if part.isdigit():
+            continue
+        info = record.model_fields.get(part)
+        record = _record_in(info.annotation) if info else None
+    return record
+
+
+def _allowed(path: tuple[str, ...]) -> list[str]:
+    record = _record_at(path)
+    return list(record.model_fields) if record else []
+
+
+def _places(tree: dict[str, Any], key: str) -> Iterator[tuple[str, ...]]:
+    """Yield the key paths that a key stands for."""
+    path = tuple(key.split("."))
+    if path[0] in Machine.model_fields and path[0] not in MachineFile.model_fields:
+        path = ("machine", *path)
+    if path[0] == "machine" and len(path) > 1 and path[1] in Machine.model_fields:
+        paths = [("machine", name, *path[1:]) for name in tree["machine"]]
+    else:
+        paths = [path]
+    for found in paths:
+        known = found[0] != "machine" or (len(found) > 2 and found[1] in tree["machine"])
+        if known and found[-1] in _allowed(found[:-1]):
+            yield found
+
+
+def _keys(tree: dict[str, Any]) -> Iterator[str]:
+    """Yield the keys that may be set, the short ones of machines first."""
+    for part, record in (("", Machine), ("", MachineFile)):
+        for name, info in record.model_fields.items():
+            inner = _record_in(info.annotation)
+            if inner is None or inner is Machine:
+                yield f"{part}{name}"
+            else:
+                yield from (f"{name}.{key}" for key in inner.model_fields)
+
+
+def _put(tree: dict[str, Any], path: tuple[str, ...], value: object) -> None:
+    table: Any = tree
+    for part in path[:-1]:
+        if isinstance(table, list):
+            table = table[int(part)]
+            continue
+        if not isinstance(table.get(part), dict | list):
+            table[part] = {}
+        table = table[part]
+    if value is None:
+        table.pop(path[-1], None)
+    else:
+        table[path[-1]] = value
+
+
+def named_machine(text: str) -> Machine:
+    """Return a machine of the library, changed or not: a shorthand for scripts and panels.
+
+    Parameters
+    ----------
+    text : str
+        Name of a library machine.
+
+    Raises
+    ------
+    FileError
+        When there is none of that name.
+    """
+    if not isinstance(text, str):
+        message = f"named_machine() takes a name, not {text!r}"
+        raise FileError(message)
+    return load_machines(text).pick()[1]
+
+
+__all__ = ["LoadedMachines", "load_machines", "machine_names", "machine_text", "named_machine"]

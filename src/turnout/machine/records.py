@@ -1,0 +1,355 @@
+"""A point machine as records: motor, clutch, gear, stroke, rod, circuit, hand crank.
+
+Angles, speeds and torques are those at the motor shaft, so that no gear ratio stands between them;
+positions are those of the rod's machine end, positive in the closing direction, and 0 where the
+rail is home against the stock rail.
+"""
+
+from typing import Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from turnout.files.quantity import (
+    Angle,
+    AngularStiffness,
+    Current,
+    Damping,
+    FieldConstant,
+    Force,
+    HeatCapacity,
+    Inductance,
+    Inertia,
+    Length,
+    Mass,
+    MotorConstant,
+    PerEnergy,
+    PositiveNumberList,
+    Resistance,
+    RotationalDrag,
+    RotationalSpeed,
+    ShaftRatio,
+    Stiffness,
+    Temperature,
+    TemperatureCoefficient,
+    Time,
+    Torque,
+    Voltage,
+)
+from turnout.files.units import SI
+
+COPPER_REFERENCE = 293.15
+"""Temperature at which resistances are given [K]."""
+COPPER_COEFFICIENT = 3.9e-3
+"""Of the resistance of copper, from its value at 20 degC [1/K]."""
+
+
+class Record(BaseModel):
+    """Base of all records here: unknown keys are refused, nothing changes after validation."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        strict=True,
+        allow_inf_nan=False,
+        str_strip_whitespace=True,
+    )
+
+
+class Motor(Record):
+    """DC motor with brushes."""
+
+    kind: Literal["permanent magnet", "separate field", "series", "split field"] = Field(
+        "permanent magnet",
+        description="'split field' is a series motor with one field winding for each direction",
+    )
+    voltage: Voltage = Field(gt=0, description="rated, at the supply [V]")
+    resistance: Resistance = Field(
+        gt=0, description="of the copper that carries the armature current, at 20 degC [ohm]"
+    )
+    temperature: Temperature = Field(
+        COPPER_REFERENCE, gt=150, lt=500, description="of the copper [K]"
+    )
+    inductance: Inductance = Field(gt=0, description="of the motor circuit [H]")
+    constant: MotorConstant | None = Field(
+        None, gt=0, description="torque per ampere, of a permanent magnet [V s/rad]"
+    )
+    field_constant: FieldConstant | None = Field(
+        None, gt=0, description="motor constant per ampere of field, unsaturated [V s/(rad A)]"
+    )
+    saturation_current: Current | None = Field(
+        None, gt=0, description="field current that halves the motor constant per ampere [A]"
+    )
+    field_resistance: Resistance | None = Field(
+        None, gt=0, description="of a separate field winding, at 20 degC [ohm]"
+    )
+    brush_drop: Voltage = Field(0.0, ge=0, description="both brushes [V]")
+    loss_torque: Torque = Field(0.0, ge=0, description="dry friction up to the clutch [N m]")
+    brake_torque: Torque = Field(0.0, ge=0, description="dry, when de-energised [N m]")
+    drag: RotationalDrag = Field(0.0, ge=0, description="before the clutch [N m s/rad]")
+    inertia: Inertia = Field(gt=0, description="of all before the clutch [kg m^2]")
+
+    @model_validator(mode="after")
+    def _needs(self) -> Self:
+        needed = {
+            "permanent magnet": ("constant",),
+            "separate field": ("field_constant", "field_resistance"),
+            "series": ("field_constant",),
+            "split field": ("field_constant",),
+        }[self.kind]
+        missing = [name for name in needed if getattr(self, name) is None]
+        if missing:
+            message = f"a {self.kind} motor needs {' and '.join(missing)}"
+            raise ValueError(message)
+        spare = {"constant", "field_constant", "field_resistance"} - set(needed)
+        given = sorted(name for name in spare if getattr(self, name) is not None)
+        if given:
+            message = f"a {self.kind} motor has no {' or '.join(given)}"
+            raise ValueError(message)
+        return self
+
+
+class Clutch(Record):
+    """Friction clutch: elastic until it slips, and it remembers by how much it slipped."""
+
+    torque: Torque = Field(gt=0, description="while it slips, new and at ambient [N m]")
+    stiffness: AngularStiffness = Field(gt=0, description="[N m/rad]")
+    static_ratio: float = Field(1.0, ge=1, le=3, description="breakaway torque over torque [-]")
+    worn: float = Field(0.0, ge=0, le=0.9, description="share of the torque lost so far [-]")
+    wear: PerEnergy = Field(0.0, ge=0, description="share of the torque lost per heat [1/J]")
+    temperature_coefficient: TemperatureCoefficient = Field(
+        0.0, ge=-0.02, le=0.02, description="of the torque, above ambient [1/K]"
+    )
+    heat_capacity: HeatCapacity | None = Field(
+        None, gt=0, description="of the linings; default they stay at ambient [J/K]"
+    )
+    cooling_time: Time | None = Field(
+        None, gt=0, description="time constant of their cooling; default none [s]"
+    )
+
+
+class Gear(Record):
+    """All between the clutch and the rod, seen from the shaft."""
+
+    inertia: Inertia = Field(gt=0, description="of all behind the clutch [kg m^2]")
+    drag: RotationalDrag = Field(0.0, ge=0, description="[N m s/rad]")
+    efficiency: float = Field(gt=0.05, le=1, description="where it drives the load [-]")
+    back_efficiency: float | None = Field(
+        None,
+        ge=0,
+        le=1,
+        description="where the load drives it back; 0 is self-locking; default as driving [-]",
+    )
+
+
+class Stroke(Record):
+    """How the rod position follows from the shaft angle."""
+
+    kind: Literal["screw", "crank", "table"] = "screw"
+    ratio: ShaftRatio | None = Field(None, gt=0, description="of a screw or rack [rad/m]")
+    angle: Angle | None = Field(None, gt=0, description="of the whole stroke [rad]")
+    length: Length | None = Field(None, gt=0, description="of the whole stroke [m]")
+    start: Length = Field(0.0, description="rod position at the open end, angle 0 [m]")
+    angle_share: PositiveNumberList | None = Field(
+        None, description="of a table: rising to 1; 0 is added in front"
+    )
+    length_share: tuple[float, ...] | list[float] | None = Field(
+        None, description="of a table: share of the stroke at each; 0 is added in front"
+    )
+
+    @model_validator(mode="after")
+    def _needs(self) -> Self:
+        screw, table = self.kind == "screw", self.kind == "table"
+        needed = ["ratio"] if screw else ["angle", "length"]
+        needed += ["angle_share", "length_share"] if table else []
+        missing = [name for name in needed if getattr(self, name) is None]
+        if missing:
+            message = f"a {self.kind} needs {' and '.join(missing)}"
+            raise ValueError(message)
+        if table:
+            angles, lengths = [0.0, *(self.angle_share or ())], [0.0, *(self.length_share or ())]
+            rises = all(a < b for a, b in zip(angles, angles[1:], strict=False))
+            follows = all(a <= b for a, b in zip(lengths, lengths[1:], strict=False))
+            if len(angles) != len(lengths) or not rises or not follows:
+                message = "angle_share must rise, length_share not fall, and both be equally long"
+                raise ValueError(message)
+            if angles[-1] != 1.0 or lengths[-1] != 1.0:
+                message = "angle_share and length_share must end with 1"
+                raise ValueError(message)
+        return self
+
+
+class Rod(Record):
+    """Rod between machine and rail."""
+
+    stiffness: Stiffness = Field(gt=0, description="[N/m]")
+    play: Length = Field(0.0, ge=0, description="lost motion between machine and rail [m]")
+
+
+class Circuit(Record):
+    """From the command to the cut-off, and what holds the rail after it."""
+
+    contactor_delay: Time = Field(0.0, ge=0, description="from the command [s]")
+    limit_closing: Length | None = Field(
+        None, description="rod position of the limit contact; default the end of the stroke [m]"
+    )
+    limit_opening: Length | None = Field(
+        None, description="rod position of the limit contact; default the end of the stroke [m]"
+    )
+    cutoff_delay: Time = Field(0.0, ge=0, description="after the limit contact [s]")
+    lock_gap: Length | None = Field(
+        None, ge=0, description="the limit contact acts only with the rail so near; default any [m]"
+    )
+    time_out: Time | None = Field(None, gt=0, description="after the contactor; default none [s]")
+    overload_current: Current | None = Field(None, gt=0, description="of the relay [A]")
+    overload_time: Time = Field(0.1, gt=0, description="above it until the relay opens [s]")
+    detection_open: Length | None = Field(
+        None, description="rod position below which the end contact is made [m]"
+    )
+    detection_closed: Length | None = Field(
+        None, description="rod position above which the end contact is made [m]"
+    )
+    after_cutoff: Literal["short circuit", "open"] = "short circuit"
+    snub_resistance: Resistance = Field(0.0, ge=0, description="in the short circuit [ohm]")
+    holding: Literal["lock", "brake", "gear"] = Field(
+        "lock",
+        description="'lock': the gear from its standstill after cut-off to the next contactor; "
+        "'brake': the motor's brake through clutch and gear; 'gear': a self-locking gear",
+    )
+    measured_current: Literal["motor lead", "supply"] = Field(
+        "motor lead", description="where the clamp sits; a motor lead shows the braking current"
+    )
+
+
+class Supply(Record):
+    """What feeds the machine, as it is and not as it is rated."""
+
+    voltage: Voltage | None = Field(None, gt=0, description="default the motor's rated one [V]")
+    line_resistance: Resistance = Field(0.0, ge=0, description="of the line there and back [ohm]")
+    shared_resistance: Resistance = Field(
+        0.0, ge=0, description="of what several machines share [ohm]"
+    )
+
+
+class HandCrank(Record):
+    """A hand at the crank in place of the motor current; the armature is open."""
+
+    stiffness: RotationalDrag = Field(gt=0, description="torque per speed lag [N m s/rad]")
+    speed: RotationalSpeed = Field(gt=0, description="of the hand, at the shaft [rad/s]")
+    ramp: Time = Field(gt=0, description="from rest to that speed [s]")
+    release: Literal["cut-off", "never"] = Field(
+        "cut-off", description="when the hand lets go: at the limit contact, or not at all"
+    )
+
+
+class Machine(Record):
+    """Point machine."""
+
+    description: str = ""
+    motor: Motor
+    clutch: Clutch
+    gear: Gear
+    stroke: Stroke
+    rod: Rod
+    circuit: Circuit
+    supply: Supply = Field(default_factory=lambda: Supply.model_validate({}))
+    hand: HandCrank | None = None
+
+    @property
+    def constant_at_rest(self) -> float:
+        """Torque per ampere at the rated voltage and stall current [N m/A]."""
+        motor = self.motor
+        if motor.constant is not None:
+            return motor.constant
+        stall = (motor.voltage - motor.brush_drop) / motor.resistance
+        field = stall
+        if motor.kind == "separate field" and motor.field_resistance is not None:
+            field = motor.voltage / motor.field_resistance
+        saturation = field / motor.saturation_current if motor.saturation_current else 0.0
+        return (motor.field_constant or 0.0) * field / (1.0 + saturation)
+
+    @property
+    def stall_torque(self) -> float:
+        """Torque of the standing motor at its rated voltage, without line [N m]."""
+        motor = self.motor
+        current = (motor.voltage - motor.brush_drop) / motor.resistance
+        return self.constant_at_rest * current - motor.loss_torque
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        breakaway = self.clutch.torque * self.clutch.static_ratio
+        if breakaway >= self.stall_torque:
+            message = (
+                f"the clutch would never slip: {breakaway:.4g} N m to break away, the motor stalls "
+                f"at {self.stall_torque:.4g} N m; lower clutch.torque or raise motor.voltage"
+            )
+            raise ValueError(message)
+        back = self.gear.back_efficiency
+        if self.circuit.holding == "gear" and back != 0.0:
+            message = "circuit.holding = 'gear' needs a self-locking gear: gear.back_efficiency = 0"
+            raise ValueError(message)
+        if self.circuit.holding == "brake" and self.motor.brake_torque == 0.0:
+            message = "circuit.holding = 'brake' needs motor.brake_torque"
+            raise ValueError(message)
+        return self
+
+
+class OneMassRail(Record):
+    """A rail as one mass at the rod: friction, elastic bed, stop, perhaps an object."""
+
+    mass: Mass = Field(gt=0, description="[kg]")
+    damping: Damping = Field(0.0, ge=0, description="[N s/m]")
+    bed_stiffness: Stiffness = Field(0.0, ge=0, description="of the bent rail [N/m]")
+    bed_rest: Length = Field(0.0, description="position in which it is free of force [m]")
+    friction_force: Force = Field(0.0, ge=0, description="[N]")
+    friction_stiffness: Stiffness = Field(1e7, gt=0, description="before it slides [N/m]")
+    friction_at_start: float = Field(
+        -0.9, ge=-1, le=1, description="share of the friction force that acts at the start [-]"
+    )
+    stop_stiffness: Stiffness = Field(
+        ge=0, description="of the stock rail, beyond position 0 [N/m]"
+    )
+    object_size: Length | None = Field(None, gt=0, description="default no object [m]")
+    object_stiffness: Stiffness = Field(4e7, gt=0, description="[N/m]")
+
+
+class Command(Record):
+    """What the interlocking asks for, and when."""
+
+    time: Time = Field(ge=0, description="[s]")
+    direction: Literal["close", "open"] = "close"
+
+
+class Throw(Record):
+    """One machine on a one-mass rail: where it starts, what is commanded, how it is computed."""
+
+    machine: str | None = Field(None, description="its name; needed where the file has several")
+    start: Length = Field(description="rod position at the start [m]")
+    duration: Time = Field(gt=0, le=600, description="[s]")
+    step: Time = Field(1e-4, gt=0, le=0.02, description="of the scheme [s]")
+    output_interval: Time = Field(1e-3, gt=0, le=1, description="a multiple of the step [s]")
+    command: tuple[Command, ...] | list[Command] = Field(
+        default_factory=lambda: [Command(time=SI(0.0))], min_length=1
+    )
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        count = self.output_interval / self.step
+        if abs(count - round(count)) > 1e-6 * count or round(count) < 1:
+            message = f"output_interval must be a multiple of step = {self.step:g} s"
+            raise ValueError(message)
+        times = [command.time for command in self.command]
+        if any(a >= b for a, b in zip(times, times[1:], strict=False)):
+            message = "commands must be given in the order of their times"
+            raise ValueError(message)
+        return self
+
+
+class MachineFile(Record):
+    """A file of machines, perhaps with a one-mass rail and a throw to try them on."""
+
+    schema_version: Literal[1]
+    name: str = Field(min_length=1)
+    description: str = ""
+    machine: dict[str, Machine] = Field(min_length=1)
+    rail: OneMassRail | None = None
+    throw: Throw | None = None

@@ -1,0 +1,245 @@
+"""From the records of a machine and a rail to the rows of floats that the kernels read."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+from scipy.optimize import brentq
+
+from turnout.law.table import Floats
+from turnout.machine.compute import places as at
+from turnout.machine.compute.circuit import switch_off
+from turnout.machine.compute.clutch import kinetic_level
+from turnout.machine.compute.rail import bed_force, rod_position
+from turnout.machine.compute.step import WORK_ROWS
+from turnout.machine.records import (
+    COPPER_COEFFICIENT,
+    COPPER_REFERENCE,
+    Command,
+    Machine,
+    Motor,
+    OneMassRail,
+    Stroke,
+)
+
+
+def copper_factor(motor: Motor) -> float:
+    """Return the resistance of the motor's copper over that at 20 degC."""
+    return 1.0 + COPPER_COEFFICIENT * (motor.temperature - COPPER_REFERENCE)
+
+
+def supply_voltage(machine: Machine) -> float:
+    """Return the voltage of the supply as it is [V]."""
+    return machine.supply.voltage or machine.motor.voltage
+
+
+def separate_field_current(machine: Machine) -> float:
+    """Return the current of a separate field winding, 0 where there is none [A]."""
+    motor = machine.motor
+    if motor.kind != "separate field" or motor.field_resistance is None:
+        return 0.0
+    return supply_voltage(machine) / (motor.field_resistance * copper_factor(motor))
+
+
+def motor_constant(machine: Machine) -> float:
+    """Return k [V s/rad], or K [V s/(rad A)] where the armature current is the field current."""
+    motor = machine.motor
+    if motor.constant is not None:
+        return motor.constant
+    constant = motor.field_constant or 0.0
+    if motor.kind != "separate field":
+        return constant
+    field = separate_field_current(machine)
+    saturation = field / motor.saturation_current if motor.saturation_current else 0.0
+    return constant * field / (1.0 + saturation)
+
+
+def stroke_table(stroke: Stroke) -> Floats:
+    """Return the pieces of a stroke given as a table: share where each begins, a0 ... a3."""
+    if stroke.kind != "table":
+        return np.zeros((2, 5))
+    s = np.array([0.0, *(stroke.angle_share or ())])
+    x = np.array([0.0, *(stroke.length_share or ())])
+    pieces = PchipInterpolator(s, x)
+    table = np.zeros((s.size, 5))
+    table[:, 0] = s
+    table[:-1, 1:] = pieces.c[::-1].T
+    return table
+
+
+def angle_at(machine: Machine, position: float) -> float:
+    """Return the least shaft angle at which the rod is at a position [rad].
+
+    Parameters
+    ----------
+    machine : Machine
+    position : float
+        Of the rod's machine end [m]; beyond the ends of a crank or table it is taken at the end.
+    """
+    stroke = machine.stroke
+    if stroke.ratio is not None and stroke.kind == "screw":
+        return position * stroke.ratio
+    whole, length = stroke.angle or 0.0, stroke.length or 0.0
+    if position <= stroke.start:
+        return 0.0
+    if position >= stroke.start + length:
+        return whole
+    row, table = machine_row(machine, limits=False), stroke_table(stroke)
+    return float(
+        brentq(lambda a: rod_position(row, table, a)[0] - position, 0.0, whole, xtol=1e-12)
+    )
+
+
+def _motor_entries(machine: Machine) -> dict[int, float]:
+    motor, factor = machine.motor, copper_factor(machine.motor)
+    series = motor.kind in ("series", "split field")
+    saturated = series and motor.saturation_current is not None
+    line = machine.supply.line_resistance + machine.supply.shared_resistance
+    return {
+        at.SERIES: float(series),
+        at.VOLTAGE: supply_voltage(machine),
+        at.RESISTANCE: motor.resistance * factor,
+        at.LINE_RESISTANCE: line,
+        at.INDUCTANCE: motor.inductance,
+        at.MOTOR_CONSTANT: motor_constant(machine),
+        at.INVERSE_SATURATION: 1.0 / (motor.saturation_current or 1.0) if saturated else 0.0,
+        at.BRUSH_DROP: motor.brush_drop,
+        at.FIELD_POWER: supply_voltage(machine) * separate_field_current(machine),
+        at.LOSS_TORQUE: motor.loss_torque,
+        at.BRAKE_TORQUE: motor.brake_torque,
+        at.MOTOR_DRAG: motor.drag,
+        at.MOTOR_INERTIA: motor.inertia,
+    }
+
+
+def _gear_entries(machine: Machine) -> dict[int, float]:
+    clutch, gear, stroke = machine.clutch, machine.gear, machine.stroke
+    back = gear.efficiency if gear.back_efficiency is None else gear.back_efficiency
+    kinds = {"screw": at.SCREW, "crank": at.CRANK, "table": at.TABLE}
+    ratio = stroke.ratio if stroke.kind == "screw" else stroke.angle
+    return {
+        at.CLUTCH_STIFFNESS: clutch.stiffness,
+        at.CLUTCH_TORQUE: clutch.torque * (1.0 - clutch.worn),
+        at.STATIC_RATIO: clutch.static_ratio,
+        at.LEVEL_PER_KELVIN: clutch.temperature_coefficient,
+        at.LEVEL_PER_JOULE: clutch.wear,
+        at.CLUTCH_HEAT_CAPACITY: clutch.heat_capacity or math.inf,
+        at.CLUTCH_COOLING: 1.0 / clutch.cooling_time if clutch.cooling_time else 0.0,
+        at.GEAR_INERTIA: gear.inertia,
+        at.GEAR_DRAG: gear.drag,
+        at.FACTOR_DRIVING: 1.0 / gear.efficiency,
+        at.FACTOR_DRIVEN: back,
+        at.STROKE_KIND: float(kinds[stroke.kind]),
+        at.RATIO: ratio or 0.0,
+        at.STROKE: stroke.length or 0.0,
+        at.STROKE_START: stroke.start,
+        at.ROD_STIFFNESS: machine.rod.stiffness,
+        at.ROD_PLAY: machine.rod.play,
+    }
+
+
+def _circuit_entries(machine: Machine) -> dict[int, float]:
+    circuit, hand = machine.circuit, machine.hand
+    cranked = hand is not None
+    return {
+        at.SNUB_RESISTANCE: circuit.snub_resistance,
+        at.OPEN_AFTER: float(circuit.after_cutoff == "open"),
+        at.CONTACTOR_DELAY: circuit.contactor_delay,
+        at.CUTOFF_DELAY: circuit.cutoff_delay,
+        at.TIME_OUT: math.inf if cranked else circuit.time_out or math.inf,
+        at.OVERLOAD_CURRENT: circuit.overload_current or math.inf,
+        at.OVERLOAD_TIME: circuit.overload_time,
+        at.DETECTION_OPEN: _or(circuit.detection_open, -math.inf),
+        at.DETECTION_CLOSED: _or(circuit.detection_closed, math.inf),
+        at.LOCK_GAP: _or(circuit.lock_gap, math.inf),
+        at.HOLDS: float(circuit.holding == "lock"),
+        at.HAND_GAIN: hand.stiffness if hand else 0.0,
+        at.HAND_SPEED: hand.speed if hand else 0.0,
+        at.HAND_RAMP: hand.ramp if hand else 1.0,
+        at.HAND_STAYS: float(hand is not None and hand.release == "never"),
+    }
+
+
+def _or(value: float | None, default: float) -> float:
+    return default if value is None else value
+
+
+def machine_row(machine: Machine, *, limits: bool = True) -> Floats:
+    """Return the constants of a machine, see `turnout.machine.compute.places`."""
+    row = np.zeros(at.CONSTANTS)
+    entries = _motor_entries(machine) | _gear_entries(machine) | _circuit_entries(machine)
+    for place, value in entries.items():
+        row[place] = value
+    if limits:
+        circuit, end = machine.circuit, machine.stroke.angle or math.inf
+        if machine.stroke.kind == "screw":
+            row[at.LIMIT_CLOSING], row[at.LIMIT_OPENING] = math.inf, -math.inf
+        else:
+            row[at.LIMIT_CLOSING], row[at.LIMIT_OPENING] = end, 0.0
+        if circuit.limit_closing is not None:
+            row[at.LIMIT_CLOSING] = angle_at(machine, circuit.limit_closing)
+        if circuit.limit_opening is not None:
+            row[at.LIMIT_OPENING] = angle_at(machine, circuit.limit_opening)
+    return row
+
+
+def rail_row(rail: OneMassRail) -> Floats:
+    """Return the constants of a one-mass rail."""
+    row = np.zeros(at.RAIL_CONSTANTS)
+    row[at.ONE_MASS] = 1.0
+    row[at.RAIL_MASS], row[at.RAIL_DAMPING] = rail.mass, rail.damping
+    row[at.BED_STIFFNESS], row[at.BED_REST] = rail.bed_stiffness, rail.bed_rest
+    row[at.FRICTION_FORCE] = rail.friction_force
+    row[at.FRICTION_STIFFNESS] = rail.friction_stiffness
+    row[at.STOP_STIFFNESS] = rail.stop_stiffness
+    if rail.object_size is not None:
+        row[at.OBJECT_SIZE], row[at.OBJECT_STIFFNESS] = rail.object_size, rail.object_stiffness
+    return row
+
+
+def start_state(machine: Machine, constants: Floats, position: float) -> Floats:
+    """Return the state of a machine at rest: de-energised, clutch unloaded, held by its lock."""
+    state = np.zeros(at.STATES)
+    state[at.GEAR_ANGLE] = angle_at(machine, position)
+    table = stroke_table(machine.stroke)
+    state[at.ROD_POSITION] = rod_position(constants, table, state[at.GEAR_ANGLE])[0]
+    state[at.DIRECTION] = 1.0
+    state[at.LOCK_ALLOWED] = 1.0
+    state[at.LOCKED] = constants[at.HOLDS]
+    state[at.OVERLOAD_SINCE] = math.inf
+    state[at.LEVEL] = kinetic_level(constants, state) * constants[at.STATIC_RATIO]
+    switch_off(constants, state)
+    return state
+
+
+def rest_on(rail: Floats, constants: Floats, state: Floats, *, friction_share: float) -> None:
+    """Put a one-mass rail into equilibrium with the rod; changes the state.
+
+    The friction acts with a share of its limit, positive against the closing direction.
+    """
+    x, play = state[at.ROD_POSITION], 0.5 * constants[at.ROD_PLAY]
+    friction = friction_share * rail[at.FRICTION_FORCE]
+
+    def rod_force(y: float) -> float:
+        stretch = x - y
+        return float(constants[at.ROD_STIFFNESS] * (stretch - np.clip(stretch, -play, play)))
+
+    def out_of_balance(y: float) -> float:
+        return float(bed_force(rail, y)[0] + friction - rod_force(y))
+
+    y = brentq(out_of_balance, x - 1.0, x + 1.0, xtol=1e-16, rtol=1e-15, maxiter=500)
+    state[at.RAIL_POSITION] = y
+    state[at.RAIL_TWIST] = friction / rail[at.FRICTION_STIFFNESS]
+    state[at.ROD_FORCE] = rod_force(y)
+
+
+def command_rows(commands: Sequence[Command]) -> Floats:
+    """Return time and direction of each command."""
+    rows = [(c.time, 1.0 if c.direction == "close" else -1.0) for c in commands]
+    return np.array(rows, dtype=np.float64).reshape(len(rows), 2)
+
+
+def work_rows() -> Floats:
+    """Return room for the stages of a step."""
+    return np.zeros((WORK_ROWS, at.ROD_FORCE + 1))

@@ -1,0 +1,302 @@
+"""One machine on a one-mass rail: from records to time histories."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from turnout.errors import MachineError, SolverError
+from turnout.law.table import Floats
+from turnout.machine.compute import places as at
+from turnout.machine.compute.throw import throw as throw_kernel
+from turnout.machine.load import LoadedMachines, load_machines
+from turnout.machine.records import Machine, OneMassRail, Throw
+from turnout.machine.rows import (
+    command_rows,
+    machine_row,
+    rail_row,
+    rest_on,
+    start_state,
+    stroke_table,
+    supply_voltage,
+    work_rows,
+)
+
+ENERGY_NAMES = {
+    "energy_supply": "taken from the supply",
+    "energy_copper": "lost in the motor's copper",
+    "energy_line": "lost in line and supply",
+    "energy_brush": "lost at the brushes",
+    "energy_snub": "lost in the snubber or the arc",
+    "energy_field": "lost in a separate field winding",
+    "energy_T0": "dry friction of the motor, brake included",
+    "energy_c1": "viscous drag of the motor",
+    "energy_gear": "lost in the gear",
+    "energy_c2": "viscous drag of the gear",
+    "energy_clutch": "heat of the slipping clutch",
+    "energy_friction": "friction of the rail",
+    "energy_rail_damping": "damping of the rail",
+    "energy_hand": "from the hand at the crank",
+    "energy_rod_on_rail": "work of the rod on the rail",
+    "energy_stored": "change of what is stored",
+    "energy_numerical": "lost by the scheme in what is stored",
+    "energy_residual": "residual of the balance",
+}
+BALANCE = 1e-6
+"""Largest residual of the energy balance, as a share of the energy turned over, of a good run."""
+MOVED = 1e-4
+"""A rod that moved by less never moved [m]."""
+EVENTS = 64
+
+ENERGIES = {
+    "energy_supply": at.SUPPLY,
+    "energy_copper": at.COPPER,
+    "energy_line": at.LINE,
+    "energy_brush": at.BRUSH,
+    "energy_snub": at.SNUB,
+    "energy_field": at.FIELD,
+    "energy_T0": at.MOTOR_FRICTION,
+    "energy_c1": at.MOTOR_DRAG_HEAT,
+    "energy_gear": at.GEAR,
+    "energy_c2": at.GEAR_DRAG_HEAT,
+    "energy_clutch": at.CLUTCH,
+    "energy_friction": at.RAIL_FRICTION_HEAT,
+    "energy_rail_damping": at.RAIL_DAMPING_HEAT,
+    "energy_hand": at.HAND,
+    "energy_rod_on_rail": at.ROD_ON_RAIL,
+}
+LOSSES = tuple(
+    name for name in ENERGIES if name not in ("energy_supply", "energy_hand", "energy_rod_on_rail")
+)
+UNITS = {
+    "current": "A",
+    "lead_current": "A",
+    "voltage": "V",
+    "power": "W",
+    "speed": "rad/s",
+    "gear_speed": "rad/s",
+    "rod_force": "N",
+    "rod_position": "m",
+    "rail_position": "m",
+    "rail_speed": "m/s",
+    "rail_friction": "N",
+    "clutch_slip": "rad",
+    "clutch_torque": "N m",
+    "clutch_temperature": "K",
+    "energised": "1",
+    "locked": "1",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineThrow:
+    """Histories of a throw, by name; also as attributes of the mapping `histories`.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        [s].
+    histories : mapping of str to ndarray, shape (n,)
+        `current` and `power` as drawn or as in the motor lead (see `circuit.measured_current`),
+        `speed`, `rod_force`, `rod_position`, `rail_position`, `clutch_slip`, `clutch_torque`,
+        `rail_friction`, ..., and the energies `energy_*` from time 0 [J]; units in `UNITS`.
+    events : tuple of (float, str)
+        Time [s] and what happened.
+    outcome : str
+        "limit", "time-out", "overload", "stalled" (the rod never moved), "moving" (the throw was
+        not over at the end).
+    energised_time : float
+        From the last contactor closing to the cut-off [s]; NaN where there was none.
+    energy_residual : float
+        Largest residual of the energy balance over the energy turned over [-].
+    halved : int
+        Steps that were taken in halves.
+    """
+
+    time: Floats
+    histories: Mapping[str, Floats]
+    events: tuple[tuple[float, str], ...]
+    outcome: str
+    energised_time: float
+    energy_residual: float
+    halved: int
+    name: str = ""
+    overrides: Mapping[str, object] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> Floats:
+        """Return a history by its name."""
+        return self.time if name == "time" else self.histories[name]
+
+    @property
+    def is_balanced(self) -> bool:
+        """Whether the energy balance closes to 1e-6."""
+        return self.energy_residual <= BALANCE
+
+
+def throw_one_mass(
+    machine: Machine | LoadedMachines | str | Path,
+    rail: OneMassRail | None = None,
+    throw: Throw | None = None,
+    *,
+    overrides: Mapping[str, object] | None = None,
+) -> MachineThrow:
+    """Throw a one-mass rail by one machine.
+
+    Parameters
+    ----------
+    machine : Machine, LoadedMachines, str or Path
+        A record; or a loaded file, the name of a library machine or the path of a file, whose rail
+        and throw are taken where none is given here.
+    rail : OneMassRail, optional
+    throw : Throw, optional
+        Start, commands, duration, step.
+    overrides : mapping, optional
+        Changes by key where a name or path was given: `{"rail.object_size": 0.013}`.
+
+    Returns
+    -------
+    MachineThrow
+
+    Raises
+    ------
+    MachineError
+        When rail or throw are missing, or a value is not valid.
+    SolverError
+        When a step did not converge even in the shortest pieces.
+
+    Examples
+    --------
+    >>> answer = throw_one_mass("sb3", overrides={"throw.duration": 0.3})
+    >>> round(float(answer["current"].max()), 2)
+    10.27
+    """
+    name, given = "", dict[str, object]()
+    if not isinstance(machine, Machine):
+        loaded = machine if isinstance(machine, LoadedMachines) else load_machines(machine)
+        if overrides:
+            loaded = loaded.with_overrides(overrides)
+        rail, throw = rail or loaded.rail, throw or loaded.throw
+        name, machine = loaded.pick(throw.machine if throw else None)
+        given = dict(loaded.overrides)
+        missing = [key for key, item in (("rail", rail), ("throw", throw)) if item is None]
+        if missing:
+            problems = [f"[{key}]: is missing; a throw needs it" for key in missing]
+            raise MachineError(problems, source=loaded.source)
+    elif overrides:
+        message = "overrides change a machine that is given by name or path, not a record"
+        raise MachineError([message])
+    if rail is None or throw is None:
+        raise MachineError(["a machine given as a record needs a rail and a throw"])
+    return _march(machine, rail, throw, (name, given))
+
+
+def _march(
+    machine: Machine, rail: OneMassRail, throw: Throw, about: tuple[str, Mapping[str, object]]
+) -> MachineThrow:
+    constants, rail_constants = machine_row(machine), rail_row(rail)
+    table, commands = stroke_table(machine.stroke), command_rows(throw.command)
+    state = start_state(machine, constants, throw.start)
+    rest_on(rail_constants, constants, state, friction_share=rail.friction_at_start)
+    every = round(throw.output_interval / throw.step)
+    count = max(1, round(throw.duration / throw.output_interval))
+    kept, stored = np.zeros((count + 1, at.STATES)), np.zeros(count + 1)
+    log = np.zeros((EVENTS, 2))
+    stepping = (throw.output_interval / every, every, count)
+    arrays = (constants, rail_constants, table, commands, state)
+    reached = throw_kernel(*arrays, stepping, work_rows(), log, kept, stored)
+    time = np.arange(count + 1, dtype=np.float64) * throw.output_interval
+    if reached < count:
+        message = (
+            f"the machine's step did not converge at t = {time[reached]:.4f} s, even in pieces of "
+            f"{throw.step / 2**20:.1e} s; check inertias and stiffnesses"
+        )
+        raise SolverError(message)
+    histories = _histories(machine, constants, rail_constants, kept) | _energies(kept, stored)
+    events = _events(log, int(state[at.EVENTS]))
+    residual = histories.pop("energy_balance")
+    return MachineThrow(
+        time=time,
+        histories=histories,
+        events=events,
+        outcome=_outcome(events, kept[:, at.ROD_POSITION]),
+        energised_time=_energised_time(events),
+        energy_residual=float(residual[-1]),
+        halved=int(state[at.HALVED]),
+        name=about[0],
+        overrides=about[1],
+    )
+
+
+def _histories(
+    machine: Machine, constants: Floats, rail: Floats, kept: Floats
+) -> dict[str, Floats]:
+    lead, on = kept[:, at.CURRENT], kept[:, at.ENERGISED]
+    voltage = kept[:, at.SUPPLIED]
+    supply = on * np.where(voltage < 0.0, -1.0, 1.0) * lead
+    drawn = supply + on * constants[at.FIELD_POWER] / supply_voltage(machine)
+    at_supply = machine.circuit.measured_current == "supply"
+    return {
+        "current": drawn if at_supply else lead,
+        "lead_current": lead,
+        "voltage": voltage,
+        "power": voltage * lead + on * constants[at.FIELD_POWER],
+        "speed": kept[:, at.SPEED],
+        "gear_speed": kept[:, at.GEAR_SPEED],
+        "rod_force": kept[:, at.ROD_FORCE],
+        "rod_position": kept[:, at.ROD_POSITION],
+        "rail_position": kept[:, at.RAIL_POSITION],
+        "rail_speed": kept[:, at.RAIL_SPEED],
+        "rail_friction": rail[at.FRICTION_STIFFNESS] * kept[:, at.RAIL_TWIST],
+        "clutch_slip": kept[:, at.SLIP],
+        "clutch_torque": constants[at.CLUTCH_STIFFNESS] * kept[:, at.TWIST],
+        "clutch_temperature": kept[:, at.CLUTCH_TEMPERATURE],
+        "energised": on,
+        "locked": kept[:, at.LOCKED],
+    }
+
+
+def _energies(kept: Floats, stored: Floats) -> dict[str, Floats]:
+    """Return the sums of energy, and the residual of their balance over what was turned over."""
+    sums = kept[:, at.ENERGIES :]
+    found = {name: sums[:, place] for name, place in ENERGIES.items()}
+    change = stored - stored[0]
+    into = sums[:, at.INTO_STORES] + sums[:, at.ROD_INPUT] - sums[:, at.ROD_ON_RAIL]
+    numerical = into - change
+    given = found["energy_supply"] + found["energy_hand"]
+    residual = given - sum(found[name] for name in LOSSES) - change - numerical
+    turned_over = np.abs(given) + np.abs(change) + sum(np.abs(found[name]) for name in LOSSES)
+    scale = max(float(turned_over.max()), 1e-12)
+    return found | {
+        "energy_stored": change,
+        "energy_numerical": numerical,
+        "energy_residual": residual,
+        "energy_balance": np.array([np.abs(residual).max() / scale]),
+    }
+
+
+def _events(log: Floats, count: int) -> tuple[tuple[float, str], ...]:
+    rows = log[: min(count, log.shape[0])]
+    return tuple((float(time), at.EVENT_TEXTS[int(event)]) for time, event in rows)
+
+
+def _outcome(events: tuple[tuple[float, str], ...], x: Floats) -> str:
+    offs = [text for _, text in events if text.startswith("off ")]
+    moved = float(np.ptp(x))
+    if events and moved < MOVED:
+        return "stalled"
+    last_on = max((n for n, (_, text) in enumerate(events) if text == "on"), default=-1)
+    last_off = max((n for n, (_, text) in enumerate(events) if text.startswith("off ")), default=-1)
+    return offs[-1].removeprefix("off ") if offs and last_off > last_on else "moving"
+
+
+def _energised_time(events: tuple[tuple[float, str], ...]) -> float:
+    on = math.nan
+    length = math.nan
+    for time, text in events:
+        if text == "on":
+            on = time
+        elif text.startswith("off "):
+            length = time - on
+    return length

@@ -1,0 +1,52 @@
+"""Bad input of `turnout machine`: one message, exit code 2, no traceback, no file left."""
+
+from pathlib import Path
+
+import pytest
+from tests.faults.test_cli_faults import turnout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("run", "sb4"), ("no library machine is called 'sb4'", "nearest is 'sb3'")),
+        (("run", "none.toml"), ("none.toml", "no such file")),
+        (("run", "sb3", "--set", "motor.voltage=220"), ("motor.voltage", "write the unit")),
+        (("run", "sb3", "--set", "motor.inertia=0 kg m^2"), ("motor.inertia", "more than 0")),
+        (("run", "sb3", "--set", "clutch.torque=20 N m"), ("never slip",)),
+        (("run", "sb3", "--set", "clutch.tork=1 N m"), ("nearest is 'clutch.torque'",)),
+        (("run", "sb3", "--out", "run.csv"), ("must end in .nc",)),
+        (("show", "jea7", "--toml"), ("nearest is 'jea73'",)),
+    ],
+)
+def test_one_message(tmp_path: Path, arguments: tuple[str, ...], words: tuple[str, ...]) -> None:
+    code, errors = turnout("machine", *arguments, folder=tmp_path)
+    assert code == 2
+    assert "Traceback" not in errors
+    for word in words:
+        assert word in errors
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_all_that_is_wrong_with_a_file(tmp_path: Path) -> None:
+    text = """
+schema_version = 1
+name = "bad"
+[machine.a.motor]
+voltage = 220
+resistence = "13 ohm"
+inductance = "0.15 mm"
+inertia = "-1 kg m^2"
+"""
+    (tmp_path / "bad.toml").write_text(text)
+    code, errors = turnout("machine", "run", "bad.toml", folder=tmp_path)
+    assert code == 2
+    for word in (
+        "motor.voltage = 220: has no unit",
+        "motor.resistence: unknown key; nearest is 'resistance'",
+        '"mm" is a unit of length',
+        "motor.inertia",
+        "machine.a.clutch: is missing",
+        "machine.a.rod: is missing",
+    ):
+        assert word in errors
