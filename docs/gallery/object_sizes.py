@@ -1,6 +1,6 @@
 """Drive forces by object size at sleeper 6: the larger the object, the sooner and the higher.
 
-5 mm cannot be told from nothing; 13 mm adds 0.85 kN at Drive 2; at 31 mm the drive slips.
+5 mm cannot be told from nothing; 13 mm adds 0.82 kN at Drive 2; at 31 mm the drive slips.
 """
 
 import turnout
@@ -31,7 +31,7 @@ sheet = Sheet(
     rows=(
         Row("Object force\n[kN]", lines("object_force")),
         Row("Drive 1\n[kN]", lines("drive_force", drive="1")),
-        Row("Drive 2\n[kN]", lines("drive_force", drive="2"), (Level(6.0, "slips"),)),
+        Row("Drive 2\n[kN]", lines("drive_force", drive="2"), (Level(6.85, "slips"),)),
     ),
 )
 draw_sheet(sheet).savefig("object_sizes.png", dpi=110)
@@ -39,4 +39,4 @@ draw_sheet(sheet).savefig("object_sizes.png", dpi=110)
 ends = {size: float(throw["drive_force"].sel(drive="2")[-1]) for size, throw in throws.items()}
 assert 600 < ends[0.013] - ends[0.0] < 1000, f"13 mm adds {ends[0.013] - ends[0.0]} N"
 assert abs(ends[0.005] - ends[0.0]) < 1
-assert ends[0.031] > 5990
+assert ends[0.031] > 6840

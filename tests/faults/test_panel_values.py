@@ -473,7 +473,7 @@ def test_the_raw_gap_needs_a_stock_rail_to_measure_from() -> None:
     bare = text[:start] + text[end:]
     with pytest.raises(PanelError) as caught:
         panel_from_file(parse_toml(bare, source="panel.toml"))
-    assert "lock.rule = \"raw gap\": rail 'switch' has no stock_rail_gap" in str(caught.value)
+    assert "lock.rule = \"raw gap\": rail 'switch' has no stock rail" in str(caught.value)
     assert '"no slip"' in str(caught.value)
     panel_from_file(parse_toml(text, source="panel.toml"))
 

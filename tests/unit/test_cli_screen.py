@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from tests.unit.simulated import sb2_panel
 
-from turnout.analysis.test_piece import PieceResult
+from turnout.analysis.test_piece import PieceLimit, PieceResult
 from turnout.cli.options import check_outputs
 from turnout.cli.sections import section_lines
 from turnout.cli.show import Thrown, panel_lines
@@ -40,7 +40,7 @@ def default() -> list[str]:
         ("friction_coefficient 0.4", "paper: section 4.1"),
         ("friction_coefficient (5) 0.3", "override: 0.3"),
         ("stiffness (1) 750 kN/m", "paper: section 4.2"),
-        ("stroke (2) 75 mm", "computed"),
+        ("stroke (2) 80 mm", "computed"),
         ("x 0 ... 14.4 m", "computed"),
         ("extra_time (return) 2: 0.2 s", "paper: section 3"),
         ("limit 13 mm", "paper"),
@@ -61,7 +61,13 @@ def thrown() -> Thrown:
         PieceResult("2", 0.005, True, -1.0, 0.0, 6001.0, 0.0123),
         PieceResult.without("3", 0.005, "no room"),
     ]
-    return Thrown(simulate(sb2_panel()), pieces)
+    nothing = float("nan")
+    limits = [
+        PieceLimit("1", 0.0049, "slip", 0.015),
+        PieceLimit("2", float("inf"), "", 0.015),
+        PieceLimit("3", nothing, "", nothing, "no room"),
+    ]
+    return Thrown(simulate(sb2_panel()), pieces, limits)
 
 
 def test_the_screen_has_the_order_of_an_engineer(thrown: Thrown) -> None:
@@ -73,6 +79,13 @@ def test_the_screen_has_the_order_of_an_engineer(thrown: Thrown) -> None:
             if line.startswith(order)
         ]
         assert tuple(heads) == order
+
+
+def test_the_least_pieces_are_told_with_the_part_of_the_rule(thrown: Thrown) -> None:
+    text = "\n".join(screen(thrown))
+    assert "drive 1 refuses to lock from 4.9 mm on, by slip" in text
+    assert "drive 2 locks on every piece up to 15 mm" in text
+    assert "drive 3: least piece that is refused not known: no room" in text
 
 
 def test_without_a_throw_the_screen_says_what_one_would_add() -> None:
@@ -152,7 +165,8 @@ def test_a_rail_without_stock_rail_has_no_closed_gap(thrown: Thrown) -> None:
 
 def test_the_bushing_is_explained() -> None:
     text = " ".join(panel_lines(load_panel("uic60-760-1-15")))
-    assert "it is the bushing" in text
+    assert "stretches by force / stiffness" in text
+    assert "'slip or gap' refuses lock where a drive slips" in text
     assert "drive 1 by 1.33 mm for each kN" in text
     table = {"drive.2.extension": [-0.01, 0.0, 0.01], "drive.2.force": [-6000.0, 0.0, 6000.0]}
     tabulated = load_panel("uic60-760-1-15").with_overrides(table)

@@ -38,6 +38,7 @@ def test_python_and_program_agree_to_the_last_bit(tmp_path: Path) -> None:
 
 def test_summary_and_files_are_told(tmp_path: Path) -> None:
     result = run("--out", tmp_path / "run.nc", "--plot", tmp_path / "run.svg")
+    assert result.stdout.startswith("verdict         Not locked: no object, but Drive ")
     assert "locked" in result.stdout
     assert f"{tmp_path / 'run.nc'} (" in result.stdout
     assert f"{tmp_path / 'run.svg'} (" in result.stdout

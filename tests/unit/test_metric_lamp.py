@@ -43,7 +43,13 @@ def test_each_lamp_has_its_rule() -> None:
 
 def test_the_rule_of_gaps_names_its_limit() -> None:
     rule = lamps(small(lock_rule="raw gap", lock_gap_limit=0.005))[0].rule
-    assert rule == "the raw gap at every drive is below 5 mm, and no movement is under way"
+    assert rule == "the gap at every drive is below 5 mm, and no movement is under way"
+    limits = '{"1": 0.005, "2": 0.004}'
+    own = small(lock_rule="slip or gap", lock_gap_limit=0.005, lock_gap_limits=limits)
+    assert lamps(own)[0].rule == (
+        "no drive is at its saturation force, the gap at every drive is below 5 mm at drive 1 and "
+        "4 mm at drive 2, and no movement is under way"
+    )
 
 
 def test_a_moving_or_open_switch_is_not_judged() -> None:

@@ -111,12 +111,15 @@ def test_sb2_is_the_benchmark(reference_dir: Path) -> None:
     assert panel.chair["1"].foot_offsets == (-0.06, 0.06)
 
 
-def test_default_panel_has_the_amendments_of_the_study() -> None:
+def test_default_panel_is_loaded_closed_and_its_shapes_are_computed() -> None:
     panel = load_panel("uic60-760-1-15")
     assert panel.instrumented_rail == "straight"
     assert panel.schedule.starts == "closed"
-    assert [d.over_travel_open for d in panel.drive.values()] == [0.001, 0.007]
-    assert [d.over_travel_closed for d in panel.drive.values()] == [0.0, 0.0]
+    assert panel.schedule.loaded
+    assert [rail.fraction for rail in panel.rail.values()] == [0.27, 0.73]
+    assert all(rail.stock_rail_gap is None for rail in panel.rail.values())
+    assert [d.over_travel_open for d in panel.drive.values()] == [0.002, 0.007]
+    assert [d.over_travel_closed for d in panel.drive.values()] == [0.004, 0.0038]
     chair, feet = panel.chair["1"], 2
     assert feet * chair.stick_stiffness == 1e7
     assert feet * chair.normal_stiffness == 2e7

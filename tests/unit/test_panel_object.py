@@ -127,7 +127,7 @@ def test_wrong_values_are_all_reported() -> None:
         (ForeignObject(0.01, "x = -1 m"), r"is not on rail"),
         (ForeignObject(0.01, "drive 1", rail="strait"), "no such rail; .*nearest is 'straight'"),
         (ForeignObject(0.2, "sleeper 6"), r"size = 200 mm: larger than the opening"),
-        (ForeignObject(0.11, "drive 2"), r"at most about 82 mm open at x = 6.9 m"),
+        (ForeignObject(0.11, "drive 2"), r"at most about 87 mm open at x = 6.9 m"),
         (ForeignObject(0.03, "x = 17 m"), r"larger than the opening"),
         (ForeignObject(0.01, "drive 1", appears=9.0), "after the end of the schedule, 8.5 s"),
         (ForeignObject(0.01, "drive 1", disappears=3.0), "must be after the object appears, 4.4 s"),

@@ -110,7 +110,8 @@ def test_fastenings_act_in_the_middle_of_the_underside() -> None:
     assert spans is not None
     middle = 0.5 * sum(spans[0])
     supports = switch_rail_data(DEFAULT, "straight", (), ()).supports
-    np.testing.assert_allclose([s.point.y for s in supports], middle, rtol=1e-12)
+    fastened = [s.point.y for s in supports if s.point.x >= 15.0]
+    np.testing.assert_allclose(fastened, middle, rtol=1e-12)
     moved = DEFAULT.with_overrides({"fastening.offset": 0.02, "stock_fastening.offset": 0.03})
     assert {s.point.y for s in switch_rail_data(moved, "curved", (), ()).supports} == {-0.02}
     assert {s.point.y for s in stock_rail_data(moved, "curved", ()).supports} == {0.03}
@@ -239,9 +240,9 @@ def test_a_planed_section_needs_a_running_edge_of_the_rail(tmp_path: Path) -> No
 
 
 def test_a_rod_holds_the_rail_against_roll_and_only_its_own() -> None:
-    stiff = DEFAULT.with_overrides({"drive.1.roll_stiffness": 50e3})
+    stiff = DEFAULT.with_overrides({"drive.1.roll_stiffness": 40e3, "drive.2.roll_stiffness": 0.0})
     found = [s for s in switch_rail_data(stiff, "straight", (), ()).supports if s.point.x < 15.0]
-    assert [(s.point.x, s.point.direction, s.stiffness) for s in found] == [(0.3, "rx", 50e3)]
+    assert [(s.point.x, s.point.direction, s.stiffness) for s in found] == [(0.3, "rx", 40e3)]
     assert all(s.point.x >= 15.0 for s in switch_rail_data(stiff, "curved", (), ()).supports)
 
 

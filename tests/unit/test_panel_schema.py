@@ -17,6 +17,7 @@ TYPES = {
     "string": str,
     "number": int | float,
     "integer": int,
+    "boolean": bool,
 }
 
 
@@ -35,7 +36,8 @@ def faults(value: Any, schema: dict[str, Any], path: str = "") -> list[str]:
         if key in schema and all(faults(value, form, path) for form in schema[key]):
             return [f"{path}: fits none of the forms"]
     if "type" in schema and (
-        not isinstance(value, TYPES[schema["type"]]) or isinstance(value, bool)
+        not isinstance(value, TYPES[schema["type"]])
+        or isinstance(value, bool) != (schema["type"] == "boolean")
     ):
         return [f"{path}: must be {schema['type']}"]
     if "const" in schema and value != schema["const"]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tests.unit.simulated import sb1_panel, sb2_dataset, sb2_panel
 
-from turnout.response.gaps import contact_height
+from turnout.panel.profile import contact_height
 from turnout.response.labels import contact_labels, control_states, force_margins
 from turnout.response.route import (
     at_rest,
@@ -99,6 +99,33 @@ def test_lock_rules(gap: float, raw: bool) -> None:
     assert not by_slip[(TIME > 5.0) & (TIME < 7.0)].any(), "nothing is locked in motion"
     slipping[1, -1] = True
     assert not control_states(sb2_panel(), **given)["locked"][1][-1]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("gaps", "slips", "held"),
+    [
+        ((0.004, 0.004), False, True),
+        ((0.005, 0.004), False, False),
+        ((0.004, 0.004), True, False),
+        ((0.004, 0.0031), False, False),
+        ((0.004, np.nan), False, True),
+    ],
+    ids=["both small", "at the limit", "slips", "its own limit", "not known"],
+)
+def test_slip_or_gap_refuses_for_either(gaps: tuple[float, ...], slips: bool, held: bool) -> None:
+    rule: dict[str, object] = {"lock.rule": "slip or gap"}
+    if gaps[1] == 0.0031:
+        rule["drive.2.gap_limit"] = 0.003
+    slipping = np.zeros((2, TIME.size), dtype=bool)
+    slipping[1, -1] = slips
+    states = control_states(
+        sb2_panel().with_overrides(rule),
+        time=TIME,
+        slipping=slipping,
+        drive_gap=np.tile(np.array(gaps)[:, np.newaxis], TIME.size),
+        sensor_gap=None,
+    )
+    assert bool(states["locked"][1][-1]) == held
 
 
 def test_a_single_rail_that_is_open_is_not_judged_by_its_gap() -> None:

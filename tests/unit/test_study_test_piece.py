@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from tests.unit.simulated import sb2_panel
 
-from turnout.analysis.test_piece import check_piece
+from turnout.analysis.test_piece import RESOLUTION, check_piece, least_piece
 from turnout.errors import PanelError
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import library_text, load_panel
@@ -65,3 +65,27 @@ def test_a_piece_without_room_has_no_result() -> None:
 def test_a_piece_larger_than_the_opening_is_refused() -> None:
     with pytest.raises(PanelError, match="larger than the opening"):
         check_piece(sb2_panel(), "2", size=0.2)
+
+
+@pytest.mark.parametrize(
+    ("limit", "rule", "by"), [(0.005, "slip or gap", "slip"), (0.002, "slip or gap", "gap")]
+)
+def test_the_least_piece_is_refused_and_one_a_tenth_smaller_is_not(
+    limit: float, rule: str, by: str
+) -> None:
+    changes = {"lock.rule": rule, "drive.2.gap_limit": limit}
+    panel = load_panel("uic60-760-1-15", overrides=changes)
+    seen: list[tuple[int, int]] = []
+    least = least_piece(panel, "2", report=lambda done, throws: seen.append((done, throws)))
+    assert (least.fault, least.by) == ("", by)
+    assert check_piece(panel, "2", size=least.size).seen
+    assert not check_piece(panel, "2", size=least.size - RESOLUTION).seen
+    assert all(0 < done <= throws for done, throws in seen)
+
+
+def test_a_panel_that_never_locks_or_never_refuses_has_no_least_piece() -> None:
+    never = load_panel("uic60-760-1-15", overrides={"drive.2.gap_limit": 1e-3})
+    assert "without a piece" in least_piece(never, "2").fault
+    strong = {"drive.saturation_force": 60e3, "lock.rule": "no slip"}
+    always = least_piece(load_panel("uic60-760-1-15", overrides=strong), "1")
+    assert (always.size, always.by) == (float("inf"), "")

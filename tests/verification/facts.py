@@ -1,33 +1,31 @@
-"""The published facts on the default panel (facts a to f), as checks with limits.
+"""The published facts on the default panel (facts a to f), and that it is sound (g), as checks.
 
-Source: the paper's sections 2 to 4 and Figures 5, 8 to 10; the limits are those that an independent
-converged study of the same panel supports. Drive 2's end of throw is at 7.8 s, the run ends at
-8.5 s.
+Source: the paper's sections 2 to 4 and Figures 5, 8 to 10; the limits are those that an
+independent converged study supports (25 ... 27 mm, 30 ... 32 mm, 300 ... 1000 N, 30 % of a
+build-up), and what railways ask of a switch (58 mm of flangeway, a lock that 5 mm refuse and 3 mm
+do not). Drive 2's end of throw is at 7.8 s, the run ends at 8.5 s.
 """
 
 import numpy as np
 import xarray as xr
-from tests.verification.agreement import Check, filtered
+from tests.verification.agreement import Check
 from tests.verification.runs import DEFAULT, end_force, throw
 
+from turnout.analysis.panel_check import panel_concerns
 from turnout.core.toml import parse_toml
+from turnout.metric.features import features
+from turnout.metric.slip import settled
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, library_text, load_panel, panel_from_file
 from turnout.response.simulate import simulate
 
 SIZES = (5, 10, 13, 16, 18, 21, 23, 26, 29, 31)
 FRICTIONS = (0.1, 0.2, 0.3, 0.4, 0.5)
-FRICTIONS_F = (0.2, 0.3, 0.4, 0.5)
+FRICTIONS_F = (0.3, 0.4, 0.5)
+"""Below 0.3 the closing force brings Drive 2 home; see `fact_f`."""
 LARGEST_SEEN = 20
-SLOW = tuple(
-    (f"movement.{name}.{key}", value)
-    for name, start in (("throw", 0.2), ("return", 14.4))
-    for key, value in (("start", start), ("duration", 12.8), ("ramp", 1.2))
-) + (
-    ("movement.return.extra_time.2", 0.8),
-    ("schedule.end", 30.0),
-    ("object_defaults.appears", 14.4),
-)
+PLATEAU = slice(5.2, 6.8)
+"""The middle half of the return [s]: both drives slide their rails, which are not yet home."""
 
 
 def fact_a() -> list[Check]:
@@ -36,7 +34,7 @@ def fact_a() -> list[Check]:
     gap = 1e3 * float(ds["end_gap"].sel(drive="2"))
     touched = float(ds["object_force"].max())
     return [
-        Check("a: gap left at Drive 2 with 81 kN/m (paper: about 26)", gap, 20, 28, "mm"),
+        Check("a: gap left at Drive 2 with 81 kN/m (paper: about 26)", gap, 25, 27, "mm"),
         Check("a: largest force on the 13 mm object there", touched, 0, 0, "N"),
     ]
 
@@ -55,17 +53,20 @@ def fact_b() -> list[Check]:
             Check(f"b: {size} mm, change of Drive 2 over the last 0.4 s", second, low, high, "N")
         )
         checks.append(
-            Check(f"b: {size} mm, change of Drive 1 over the last 0.4 s", first, 0, second, "N")
+            Check(
+                f"b: {size} mm, change of Drive 1 over the last 0.4 s", first, -second, second, "N"
+            )
         )
     return checks
 
 
 def fact_c() -> list[Check]:
-    """End forces grow with size at sleeper 6; a drive slips first at about 31 mm."""
+    """End forces grow with size at sleeper 6; 29 mm still lock, a drive slips first at 31 mm."""
     runs = {size: throw(DEFAULT, "sleeper 6", size) for size in range(26, 35)}
     slipping = [size for size, ds in runs.items() if slips_on_return(ds)]
     checks = [
-        Check("c: first size at which a drive slips", min(slipping, default=np.nan), 27, 33, "mm")
+        Check("c: first size at which a drive slips", min(slipping, default=np.nan), 30, 32, "mm"),
+        Check("c: 29 mm locked at the end", float(runs[29]["locked"][-1]), 1, 1, ""),
     ]
     grid = [throw(DEFAULT, "sleeper 6", size) for size in SIZES]
     for drive in "12":
@@ -85,49 +86,75 @@ def fact_d() -> list[Check]:
         own = end_force(ds, drive) - end_force(without, drive)
         share = 100 * abs(end_force(ds, other) - end_force(without, other)) / own
         peak = float(ds["drive_force"].sel(drive=drive).max())
-        checks.append(Check(f"d: 13 mm at Drive {drive}, its largest force", peak, 6000, 6100, "N"))
+        level = float(ds["saturation_force"].sel(drive=drive))
+        what = f"d: 13 mm at Drive {drive}, largest force over its slip level"
+        checks.append(Check(what, peak - level, 0, 100, "N"))
         checks.append(Check("d: the other drive changes by", share, 0, 25, "% of this"))
     for stiffness, expected in ((75e3, 1.8), (750e3, 22.0), (7500e3, 47.0)):
         ds = throw(DEFAULT, "drive 1", 13, (("drive.1.stiffness", stiffness),))
-        rate = 1e-3 * build_up(ds, "1")
+        rate = 1e-3 * build_up(ds)
         what = f"d: build-up of Drive 1 at {stiffness / 1e3:g} kN/m"
         checks.append(Check(what, rate, 0.7 * expected, 1.3 * expected, "kN/s"))
     return checks
 
 
 def fact_e() -> list[Check]:
-    """End forces on the return are linear in the friction coefficient."""
-    checks = _linear("e", ())
-    opening = throw(DEFAULT, overrides=(("chair.friction_coefficient", 0.5),))
-    margin = float(opening["force_margin"].sel(drive="2", direction="opening"))
-    checks.append(
-        Check("e: margin of Drive 2 in the opening throw at mu 0.5", margin, -100, 0, "N")
-    )
+    """The force that slides the rails home is proportional to the friction coefficient.
+
+    A drive's force on the return also bends the rails. What friction adds is its force less that of
+    a throw without friction, on the plateau before the rail is home, as in the paper's Fig. 8;
+    at the end of the throw the closing force hides it.
+    """
+    bent = plateau(throw(DEFAULT, overrides=(("chair.friction_coefficient", 0.0),)))
+    runs = [throw(DEFAULT, overrides=(("chair.friction_coefficient", mu),)) for mu in FRICTIONS]
+    forces = np.array([plateau(run) - bent for run in runs])
+    checks, largest = [], forces.max()
+    for name, values in zip("12", forces.T, strict=True):
+        slope, intercept = np.polyfit(FRICTIONS, values, 1)
+        off = 100 * np.abs(slope * np.array(FRICTIONS) + intercept - values).max() / largest
+        checks += [
+            Check(f"e: Drive {name} off a straight line in mu", float(off), 0, 3, "% of largest"),
+            Check(
+                f"e: Drive {name} intercept at mu 0",
+                100 * abs(float(intercept)) / float(largest),
+                0,
+                5,
+                "% of largest",
+            ),
+        ]
     return checks
 
 
-def fact_e_slow() -> list[Check]:
-    """The same four times slower, where the locked-in ripple is gone: Drive 1 is linear too."""
-    return _linear("e, throw of 12.8 s", SLOW, alone=True)
+def plateau(ds: xr.Dataset) -> np.ndarray:
+    """Return the mean force of every drive on the plateau of the return [N]."""
+    mean: np.ndarray = ds["drive_force"].sel(time=PLATEAU).mean("time").to_numpy()
+    return mean
 
 
 def fact_f() -> list[Check]:
-    """Friction hides objects: the smallest size that moves a drive grows with it; a link helps."""
+    """Friction hides objects: what the rail reaches, and what a drive feels, grows with it.
+
+    The gap that a sound throw leaves at sleeper 6 is the smallest size that the rail reaches; it
+    grows from 0.1 to 0.5. The smallest size that moves a drive by 50 N grows from 0.3 on. Below,
+    the closing force brings the rail home at Drive 2 too, and contact with the stock rail takes up
+    part of what the object pushes with: 7 and 8 mm are needed at 0.1 and 0.2.
+    """
     panel, linked = load_panel(DEFAULT), third_link()
-    sizes = [smallest_seen(panel, friction) for friction in FRICTIONS_F]
-    with_link = [smallest_seen(linked, friction) for friction in FRICTIONS_F]
+    runs = [throw(DEFAULT, overrides=(("chair.friction_coefficient", mu),)) for mu in FRICTIONS]
+    reached = [1e3 * float(run["sensor_gap"].sel(sensor="TKK1")[-1]) for run in runs]
+    least = float(np.diff(reached).min())
     checks = [
-        Check(f"f: smallest size seen at mu {mu}", size, 1, LARGEST_SEEN, "mm")
-        for mu, size in zip(FRICTIONS_F, sizes, strict=True)
+        Check("f: least growth of the size reached, mu 0.1 to 0.5 by 0.1", least, 0.1, 3, "mm")
     ]
-    least = min(np.diff(sizes))
-    checks.append(Check("f: least growth of that size from one mu to the next", least, 0, 99, "mm"))
-    growth = sizes[-1] - sizes[0]
-    checks.append(Check("f: growth of that size from mu 0.2 to 0.5", growth, 1, 99, "mm"))
-    checks += [
-        Check(f"f: third link half-way, smallest size seen at mu {mu}", size, 1, LARGEST_SEEN, "mm")
-        for mu, size in zip(FRICTIONS_F, with_link, strict=True)
-    ]
+    for name, one in (("", panel), ("third link half-way, ", linked)):
+        sizes = [smallest_seen(one, friction) for friction in FRICTIONS_F]
+        checks += [
+            Check(f"f: {name}smallest size seen at mu {mu}", size, 1, LARGEST_SEEN, "mm")
+            for mu, size in zip(FRICTIONS_F, sizes, strict=True)
+        ]
+        least = float(np.diff(sizes).min())
+        what = f"f: {name}least growth of that size from one mu to the next"
+        checks.append(Check(what, least, 1, 99, "mm"))
     for name, one in (("", panel), ("third link half-way, ", linked)):
         change = last_forces(one, 13) - last_forces(one, 0)
         checks += [
@@ -165,44 +192,54 @@ def smallest_seen(panel: LoadedPanel, friction: float) -> float:
     return float(seen)
 
 
-def _linear(
-    name: str, overrides: tuple[tuple[str, float], ...], *, alone: bool = False
-) -> list[Check]:
-    runs = [
-        throw(DEFAULT, overrides=(*overrides, ("chair.friction_coefficient", mu)))
-        for mu in FRICTIONS
-    ]
-    forces = {f"Drive {drive}": np.array([end_force(ds, drive) for ds in runs]) for drive in "12"}
-    largest = max(values.max() for values in forces.values())
-    checks = []
-    for label, values in forces.items():
-        slope, intercept = np.polyfit(FRICTIONS, values, 1)
-        scale = values.max() if alone else largest
-        off = 100 * np.abs(slope * np.array(FRICTIONS) + intercept - values).max() / scale
-        checks.append(
-            Check(f"{name}: {label} off a straight line in mu", float(off), 0, 3, "% of largest")
-        )
-        share = 100 * abs(intercept) / scale
-        checks.append(
-            Check(f"{name}: {label} intercept at mu 0", float(share), 0, 5, "% of largest")
-        )
-    return checks
-
-
 def slips_on_return(ds: xr.Dataset) -> bool:
     """Tell whether a drive slips after the object was placed, at the onset of the return."""
     return bool(ds["drive_slipping"].sel(time=slice(4.4, None)).any())
 
 
-def build_up(ds: xr.Dataset, drive: str) -> float:
-    """Return the slope from 10 to 90 % of the rise after contact, filtered over 0.1 s [N/s]."""
-    times = ds["time"].to_numpy()
-    force = filtered(ds["drive_force"].sel(drive=drive).to_numpy(), times)
-    times = times[50:-50]
-    start = int(np.searchsorted(times, float(ds["contact_time"]) - 0.05))
-    rise = force[start:] - force[start]
-    low, high = (int(np.argmax(rise >= share * rise.max())) for share in (0.1, 0.9))
-    return float((rise[high] - rise[low]) / (times[start + high] - times[start + low]))
+def build_up(ds: xr.Dataset) -> float:
+    """Return the slope of Drive 1's build-up as `turnout.features` measures it [N/s]."""
+    found = features(ds)["buildup_slope"].sel(drive="1", direction="closing")
+    return float(found)
 
 
-ALL = (fact_a, fact_b, fact_c, fact_d, fact_e, fact_e_slow, fact_f)
+def fact_g() -> list[Check]:
+    """It is a sound switch: margins, flangeway, warnings, and what its lock refuses."""
+    alone, panel = throw(DEFAULT), load_panel(DEFAULT)
+    margin = alone["force_margin"].sel(drive="2", direction="opening")
+    share = 100 * float(margin / alone["saturation_force"].sel(drive="2"))
+    checks = [
+        Check("g: warnings of panel check", len(panel_concerns(panel, alone)), 0, 0, ""),
+        Check("g: margin of Drive 2 on opening", share, 10, 100, "% of its slip level"),
+    ]
+    for to, least in flangeways(alone, panel).items():
+        what = f"g: least flangeway after the movement to {to}"
+        checks.append(Check(what, 1e3 * least, 58, 75, "mm"))
+    rubbed = throw(DEFAULT, overrides=(("chair.friction_coefficient", 0.5),))
+    checks.append(Check("g: slips at mu 0.5", float(rubbed["drive_slipping"].any()), 0, 0, ""))
+    for drive in "12":
+        for size, locks in ((3, 1), (5, 0)):
+            locked = float(throw(DEFAULT, f"drive {drive}", size)["locked"][-1])
+            what = f"g: {size} mm piece at Drive {drive}, locked"
+            checks.append(Check(what, locked, locks, locks, ""))
+    return checks
+
+
+def flangeways(ds: xr.Dataset, panel: LoadedPanel) -> dict[str, float]:
+    """Return the least flangeway of the open rail at rest after a movement each way [m].
+
+    From the gaps at chairs and drives, and where the running edges are further apart than a head.
+    """
+    found, x = {}, ds["x"].values
+    for name, rail in panel.rail.items():
+        to = "open" if rail.closes == "+y" else "closed"
+        gap = settled(ds, to=to)["gap"].sel(rail=name).values
+        edge = rail.running_edge
+        assert edge is not None
+        assert rail.head_width is not None
+        beyond = (x + edge.lead) ** 2 / (2 * edge.radius) - rail.head_width
+        found[to] = float(np.min(gap + np.maximum(beyond, 0.0)))
+    return found
+
+
+ALL = (fact_a, fact_b, fact_c, fact_d, fact_e, fact_f, fact_g)

@@ -33,6 +33,7 @@ import numpy as np
 from scipy.signal import butter, hilbert, sosfiltfilt
 from tests.verification.agreement import Check
 from tests.verification.hand_made import hand_made
+from tests.verification.runs import STUDIED, SYMMETRIC
 
 from turnout.analysis.sliding import (
     ComplexModes,
@@ -49,6 +50,7 @@ from turnout.law.table import LawTableBuilder
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import LoadedPanel, load_panel
+from turnout.panel.records import Profile
 from turnout.scheme import Scheme
 
 MASS, DASHPOT, PLATE, PRESS = 2.0, 3.0, 4e5, 200.0
@@ -97,7 +99,7 @@ COLUMNS = {
 
 
 def unsymmetric_panel(*, friction: float, dashpot: str) -> LoadedPanel:
-    """Return the default panel with the unsymmetry of its section and 2 % of damping."""
+    """Return the studied panel with the unsymmetry of its section and 2 % of damping."""
     settings = [
         f"section.tongue.{name}={{ unit = '{unit}', values = {list(values)} }}"
         for name, (unit, values) in COLUMNS.items()
@@ -107,7 +109,22 @@ def unsymmetric_panel(*, friction: float, dashpot: str) -> LoadedPanel:
         f"chair.friction_coefficient={friction}",
         f"chair.damping={dashpot}",
     ]
-    return load_panel("uic60-760-1-15-symmetric").with_settings(settings)
+    return load_panel(SYMMETRIC, overrides=STUDIED | typed_shapes()).with_settings(settings)
+
+
+def typed_shapes() -> dict[str, object]:
+    """Return the shapes of the study as it typed them: those of SB2.
+
+    Computed, a closed rail touches all its stops at once, where 10 um more or less decide which of
+    them hold it; modes near the limit of stability are told apart by that.
+    """
+    opened = load_panel("sb2").rail["B"].stock_rail_gap
+    assert isinstance(opened, Profile)
+    return {
+        "rail.fit_gap": None,
+        "rail.straight.stock_rail_gap": 0.0,
+        "rail.curved.stock_rail_gap": opened.model_dump(),
+    }
 
 
 FROM, TO, DURATION, RAMP = 0.55, 0.8, 1.5, 0.3

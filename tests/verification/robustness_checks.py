@@ -148,7 +148,7 @@ def _message_faults(run: Run) -> Iterator[str]:
 
 
 def _nan_faults(run: Run) -> Iterator[str]:
-    without = [name for name, rail in run.panel.rail.items() if rail.stock_rail_gap is None]
+    without = [name for name, rail in run.panel.rail.items() if not rail.has_stock_rail]
     for name, variable in run.dataset.data_vars.items():
         values = variable.to_numpy()
         if values.dtype.kind != "f" or name in MAY_LACK:

@@ -104,6 +104,7 @@ stress_free = "{stress_free}"
 end = "{length} m"
 heel = "{_pick(choose, ("clamped", "free"))}"
 section = "plain"
+independent_shape = true
 axis = "{_pick(choose, ("foot", "centroid"))}"
 """
     if choose.integer(0, 5) == 5:

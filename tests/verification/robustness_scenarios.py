@@ -180,7 +180,8 @@ def _stiffnesses(choose: Chooser, panel: Panel) -> dict[str, float | None]:
             found[f"drive.{name}.saturated_stiffness"] = pick(choose, (1e3, 0.0))
             found[f"drive.{name}.saturation_force"] = rounded(choose, 1e3, 2e4)
     if len(panel.rail) == 2 and not panel.stock_rail and chance(choose, 0.15):
-        found[f"rail.{list(panel.rail)[1]}.stock_rail_gap"] = None
+        other, record = list(panel.rail.items())[1]
+        found[f"rail.{other}.{'stock_rail_gap' if record.fit_gap is None else 'fit_gap'}"] = None
     return found
 
 
@@ -208,7 +209,7 @@ def _objects(choose: Chooser, panel: Panel) -> tuple[dict[str, Any], ...]:
 
 
 def _object(choose: Chooser, panel: Panel) -> dict[str, Any] | None:
-    rails = [name for name, rail in panel.rail.items() if rail.stock_rail_gap is not None]
+    rails = [name for name, rail in panel.rail.items() if rail.has_stock_rail]
     if not rails:
         return None
     rail = pick(choose, rails)

@@ -16,14 +16,15 @@ from tests.verification.effects import (
     figures,
     rigid_stock_rails,
     run,
+    studied,
     tabulated,
 )
 
 from turnout.mechanism.build import build_mechanism
-from turnout.panel.load import LoadedPanel, load_panel
+from turnout.panel.load import LoadedPanel
 from turnout.scheme import Scheme
 
-PANEL = load_panel(DEFAULT)
+PANEL = studied(DEFAULT)
 
 
 @cache

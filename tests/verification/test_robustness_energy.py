@@ -23,7 +23,7 @@ CASES: dict[str, tuple[str, str | None, float, float]] = {
     "no object": (DEFAULT, None, 0.005, 1.51),
     "sleeper 6": (DEFAULT, "sleeper 6", 0.005, 1.42),
     "drive 1": (DEFAULT, "drive 1", 0.005, 1.32),
-    "drive 2": (DEFAULT, "drive 2", 0.005, 1.89),
+    "drive 2": (DEFAULT, "drive 2", 0.005, 1.48),
     "SB1 A": ("sb1", None, 0.005, 1.50),
     "SB1 B": ("sb1", "x = 3.9 m", 0.02, 1.27),
     "SB2": ("sb2", None, 0.005, 1.53),

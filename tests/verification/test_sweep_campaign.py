@@ -2,7 +2,7 @@
 
 Reference: the facts b, c and d of the measured and simulated campaign, as in
 `test_paper_facts.py`: 5 mm at sleeper 6 is told by no channel; 10 and 13 mm raise Drive 2 by 300 to
-700 N and by 600 to 1000 N; a drive slips there first between 27 and 33 mm; 13 mm or less at a drive
+700 N and by 600 to 1000 N; a drive slips there first between 30 and 32 mm; 13 mm or less at a drive
 drive that one to saturation. Frames: a force on the rail in the closing direction. The bands are
 those of the facts.
 """
@@ -59,7 +59,7 @@ def test_the_first_slip_at_sleeper_6_is_where_it_was_measured(labels: xr.Dataset
     cells = sweep_map(labels)
     row = cells["y"].to_numpy().tolist().index("sleeper 6")
     slips = cells["x"].to_numpy()[cells["state"].to_numpy()[row] == SLIPS]
-    assert slips.tolist() == [0.029]
+    assert slips.tolist() == [0.031]
 
 
 @pytest.mark.long
@@ -67,11 +67,11 @@ def test_an_object_at_a_drive_saturates_that_one_at_thirteen_millimetres(
     labels: xr.Dataset,
 ) -> None:
     cells = sweep_map(labels)
-    for drive in "12":
+    for drive, level in (("1", 6000.0), ("2", 6850.0)):
         row = cells["y"].to_numpy().tolist().index(f"drive {drive}")
         slips = cells["x"].to_numpy()[cells["state"].to_numpy()[row] == SLIPS]
         assert slips[0] <= 0.013
-        assert peak(labels, f"drive {drive}", float(slips[0]), drive) >= 6000.0
+        assert peak(labels, f"drive {drive}", float(slips[0]), drive) >= level
 
 
 @pytest.mark.long

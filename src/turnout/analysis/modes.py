@@ -32,7 +32,7 @@ from turnout.mechanism.build import build_mechanism, rail_data
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailData
 from turnout.mechanism.reduce import reduce_rail, reduction_of
 from turnout.panel.load import LoadedPanel
-from turnout.panel.markers import marker_offsets
+from turnout.panel.markers import marker_offsets, marker_positions
 from turnout.panel.model import Panel
 from turnout.schema.channels import SCHEMA_VERSION
 
@@ -244,7 +244,8 @@ def _alone(mechanism: Mechanism, data: list[RailData], count: int) -> Iterator[_
 def _together(panel: Panel, mechanism: Mechanism, count: int) -> Iterator[_System]:
     """Yield the panel at rest, with feet that slide and with feet that stick."""
     model = condense(mechanism, cutoff_frequency=float("inf"))
-    state = steady_sliding(mechanism, model, inputs=marker_offsets(panel), sense=0.0)
+    start = marker_positions(panel, 0.0)[:, 0] + marker_offsets(panel)
+    state = steady_sliding(mechanism, model, inputs=start, sense=0.0)
     if not state.settled:
         message = f"modes: the panel {panel.name} finds no static equilibrium; look at its supports"
         raise ResponseError(message)

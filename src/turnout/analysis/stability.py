@@ -16,7 +16,7 @@ from turnout.core.threads import one_blas_thread
 from turnout.errors import ResponseError
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
-from turnout.panel.markers import marker_level, marker_offsets, ordered_movements
+from turnout.panel.markers import marker_level, marker_offsets, ordered_movements, start_level
 from turnout.panel.model import Panel
 
 SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
@@ -168,7 +168,7 @@ class SlidingPlace:
 def sliding_places(panel: Panel, *, shares: tuple[float, ...] = SHARES) -> Iterator[SlidingPlace]:
     """Yield the marker positions at shares of the travel of every movement."""
     drives = panel.drive.values()
-    level = np.zeros(len(panel.drive))
+    level = np.array([start_level(panel, drive) for drive in drives])
     for name, movement in ordered_movements(panel):
         target = np.array(
             [marker_level(drive, movement.to, starts=panel.schedule.starts) for drive in drives]

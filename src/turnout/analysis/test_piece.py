@@ -1,12 +1,14 @@
-"""The test-piece check: whether a piece as thick as the gap limit keeps the panel from locking.
+"""The test-piece check: which piece keeps the panel from locking, and by what.
 
 On the track a gauge piece is held between switch rail and stock rail at a drive, and the switch is
-thrown: the drive must not confirm locking. Here the piece is a foreign object at the drive.
+thrown: the drive must not confirm locking. Here the piece is a foreign object at the drive. One as
+thick as the gap limit is thrown on, and the least size from which lock is refused is found.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +18,15 @@ from turnout.panel.load import LoadedPanel
 from turnout.response.save import Save
 from turnout.response.simulate import simulate
 
-CHANNELS = ("drive_force", "object_force", "locked", "drive_gap", "object_placed")
+if TYPE_CHECKING:
+    import xarray as xr
+
+RESOLUTION = 1e-4
+"""How finely the least size is told [m]."""
+LARGEST = 3.0
+"""The largest piece that is tried, as a multiple of the gap limit at the drive [-]."""
+
+CHANNELS = ("drive_force", "object_force", "locked", "drive_gap", "drive_slipping", "object_placed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +41,8 @@ class PieceResult:
         Its thickness [m].
     seen : bool
         Whether the panel does not lock, by its own rule.
+    by : str
+        The part of the rule that refuses: "slip", "gap" or "slip and gap"; empty if none does.
     drive_force, piece_force : float
         On the rail and on the piece once the movement is over [N].
     largest_force : float
@@ -48,13 +60,39 @@ class PieceResult:
     piece_force: float
     largest_force: float
     gap: float
+    by: str = ""
     fault: str = ""
 
     @classmethod
     def without(cls, drive: str, size: float, fault: str) -> "PieceResult":
         """Return a result that only says why there is none."""
         nothing = math.nan
-        return cls(drive, size, False, nothing, nothing, nothing, nothing, fault)
+        return cls(drive, size, False, nothing, nothing, nothing, nothing, fault=fault)
+
+
+@dataclass(frozen=True, slots=True)
+class PieceLimit:
+    """The least piece at a drive that keeps the panel from locking.
+
+    Attributes
+    ----------
+    drive : str
+        Where the piece is.
+    size : float
+        Its thickness, to `RESOLUTION` from above [m]; infinite where even the largest locks.
+    by : str
+        The part of the rule that refuses: "slip", "gap" or "slip and gap".
+    largest : float
+        The largest piece that was tried [m].
+    fault : str
+        Why there is no result; empty if there is one.
+    """
+
+    drive: str
+    size: float
+    by: str
+    largest: float
+    fault: str = ""
 
 
 def check_piece(
@@ -73,7 +111,7 @@ def check_piece(
     drive : str
         Name of the drive.
     size : float, optional
-        Thickness of the piece [m], default the panel's `lock.gap_limit`.
+        Thickness of the piece [m], default the gap limit of the drive.
     report : callable, optional
         As for `simulate`.
 
@@ -93,7 +131,7 @@ def check_piece(
     >>> check_piece(load_panel("sb2"), "1").seen  # doctest: +SKIP
     False
     """
-    thickness = panel.lock.gap_limit if size is None else size
+    thickness = panel.gap_limits()[drive] if size is None else size
     rail = panel.drive[drive].rail
     piece = ForeignObject(thickness, f"drive {drive}", rail=rail)
     save = Save(fields=CHANNELS)
@@ -112,8 +150,76 @@ def check_piece(
         drive=drive,
         size=thickness,
         seen=not bool(end["locked"]),
+        by="" if bool(end["locked"]) else _refused_by(panel, end),
         drive_force=float(end["drive_force"].sel(drive=drive)),
         piece_force=float(end["object_force"]),
         largest_force=float(np.max(forces, initial=0.0)),
         gap=float(end["drive_gap"].sel(drive=drive)),
     )
+
+
+def least_piece(
+    panel: LoadedPanel, drive: str, *, report: Callable[[int, int], None] | None = None
+) -> PieceLimit:
+    """Find the least piece at a drive from which the panel refuses to lock, by bisection.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        The panel.
+    drive : str
+        Name of the drive.
+    report : callable, optional
+        Called with throws done and throws in all.
+
+    Returns
+    -------
+    PieceLimit
+        Of a panel that locks on smaller pieces and refuses larger ones.
+
+    Raises
+    ------
+    PanelError
+        When a piece does not fit into the opening, or the rail has no stock rail.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> least = least_piece(load_panel("uic60-760-1-15"), "2")  # doctest: +SKIP
+    >>> round(1e3 * least.size, 1), least.by  # doctest: +SKIP
+    (4.9, 'slip')
+    """
+    count = round(LARGEST * panel.gap_limits()[drive] / RESOLUTION)
+    throws = 1 + math.ceil(math.log2(count))
+    largest = count * RESOLUTION
+    locks, refuses = 0, count  # in steps of the resolution
+    refused = check_piece(panel, drive, size=largest)
+    done = 1
+    while not refused.fault and refused.seen and refuses - locks > 1:
+        if report is not None:
+            report(done, throws)
+        middle = (locks + refuses) // 2
+        tried = check_piece(panel, drive, size=middle * RESOLUTION)
+        done += 1
+        if tried.fault:
+            refused = tried
+        elif tried.seen:
+            refused, refuses = tried, middle
+        else:
+            locks = middle
+    if refused.fault:
+        return PieceLimit(drive, math.nan, "", largest, refused.fault)
+    if not refused.seen:
+        return PieceLimit(drive, math.inf, "", largest)
+    if refuses == 1:
+        fault = "lock is refused without a piece, too"
+        return PieceLimit(drive, math.nan, refused.by, largest, fault)
+    return PieceLimit(drive, refuses * RESOLUTION, refused.by, largest)
+
+
+def _refused_by(panel: LoadedPanel, end: "xr.Dataset") -> str:
+    """Return which part of the panel's lock rule refuses at the end."""
+    limits = np.array(list(panel.gap_limits().values()))
+    slip = panel.lock.rule != "raw gap" and bool(end["drive_slipping"].any())
+    wide = panel.lock.rule != "no slip" and bool((end["drive_gap"].values >= limits).any())
+    return " and ".join(part for part, holds in (("slip", slip), ("gap", wide)) if holds)

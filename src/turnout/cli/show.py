@@ -20,7 +20,7 @@ from turnout.report.values import assumption_lines, value_lines
 if TYPE_CHECKING:
     import xarray as xr
 
-    from turnout.analysis.test_piece import PieceResult
+    from turnout.analysis.test_piece import PieceLimit, PieceResult
     from turnout.panel.load import LoadedPanel
     from turnout.panel.model import Panel
     from turnout.panel.records import Rail
@@ -94,6 +94,8 @@ def plan_lines(panel: "Panel") -> Iterator[str]:
         if number == 0:
             middle = blank().put((link.x, "|") for link in panel.link.values())
             yield from shown("link", middle)
+            backs = blank().put((item.x, name) for name, item in panel.back_drive.items())
+            yield from shown("back drive", backs)
             drives = blank().put((drive.x, name) for name, drive in panel.drive.items())
             yield from shown("drive", drives)
     yield LEGEND
@@ -107,7 +109,7 @@ def _side(
     flexible = [item for item in panel.stock_rail.values() if item.faces == name]
     for item in flexible:
         stock.line(item.start, item.end, "=")
-    if not flexible and rail.stock_rail_gap is not None:
+    if not flexible and rail.has_stock_rail:
         stock.line(*extent(panel), "=")
     against = blank()
     against.put((item.x, ":") for item in panel.stop.values() if stands_at(item, name))
@@ -139,10 +141,11 @@ NEEDS_THROW = "needs throws of the switch: add --throw"
 
 @dataclass(frozen=True, slots=True)
 class Thrown:
-    """What throws of a panel gave: the one without an object, and one a test piece."""
+    """What throws of a panel gave: the one without an object, and those on test pieces."""
 
     dataset: "xr.Dataset"
     pieces: Sequence["PieceResult"]
+    limits: Sequence["PieceLimit"] = ()
 
 
 def panel_lines(
@@ -217,7 +220,7 @@ def _closed_gap(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
         yield "CLOSED GAP [mm] at contact height, simulated, each rail when it lies closed"
         x = thrown.dataset["x"].values
         for name, rail in panel.rail.items():
-            if rail.stock_rail_gap is None:
+            if not rail.has_stock_rail:
                 continue
             closed = settled(thrown.dataset, to="closed" if rail.closes == "+y" else "open")
             rails[name] = closed["gap"].sel(rail=name).values
@@ -256,7 +259,7 @@ def _flangeway(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
         return
     least = float(thrown.dataset["least_flangeway"])
     if math.isnan(least):
-        yield "  not known: the rails need running_edge, head_width and stock_rail_gap"
+        yield "  not known: the rails need running_edge, head_width and fit_gap"
         return
     place = float(thrown.dataset["least_flangeway_x"])
     text = f"  {1e3 * least:.2f} mm, rail {thrown.dataset['least_flangeway_rail'].values!s}"
@@ -268,7 +271,8 @@ def _flangeway(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
 
 
 def _pieces(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
-    size = f"{1e3 * panel.lock.gap_limit:g} mm"
+    sizes = sorted({1e3 * limit for limit in panel.gap_limits().values()})
+    size = " and ".join(f"{value:g} mm" for value in sizes)
     yield f"TEST PIECE of {size} at each drive; lock rule '{panel.lock.rule}'"
     if thrown is None:
         yield f"  {NEEDS_THROW}"
@@ -287,6 +291,16 @@ def _pieces(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
             f"{_zero(piece.piece_force / 1e3):12.2f} kN{piece.largest_force / 1e3:20.2f} kN"
             f"{1e3 * piece.gap:9.2f} mm"
         )
+    yield from (f"  {_limit(item)}" for item in thrown.limits)
+
+
+def _limit(item: "PieceLimit") -> str:
+    """Say from which piece on a drive refuses to lock, and by which part of the rule."""
+    if item.fault:
+        return f"drive {item.drive}: least piece that is refused not known: {item.fault}"
+    if math.isinf(item.size):
+        return f"drive {item.drive} locks on every piece up to {1e3 * item.largest:g} mm"
+    return f"drive {item.drive} refuses to lock from {1e3 * item.size:.1f} mm on, by {item.by}"
 
 
 def _zero(value: float, digits: int = 2) -> float:
@@ -310,9 +324,8 @@ def _bushing_note(panel: "LoadedPanel") -> Iterator[str]:
         if drive.extension is not None
     ]
     text += ", ".join(parts) + (
-        ". That alone leaves millimetres at a drive with nothing trapped: it is the bushing, not a "
-        "switch badly maintained. The lock rule 'no slip' therefore asks whether a drive slips, "
-        "'raw gap' asks for the gap itself."
+        ". The rule 'slip or gap' refuses lock where a drive slips or such a gap is at its limit, "
+        "'no slip' and 'raw gap' look at one of the two."
     )
     yield from textwrap.wrap(text, WIDTH)
 
@@ -332,9 +345,8 @@ def thrown_on_pieces(panel: "LoadedPanel") -> "list[PieceResult]":
     from turnout.cli.watch import watched
     from turnout.errors import PanelError
 
-    size = panel.lock.gap_limit
     results = []
-    for drive in panel.drive:
+    for drive, size in panel.gap_limits().items():
         text = f"throwing {panel.name} on {1e3 * size:g} mm at drive {drive}"
         with watched(text) as watch:
             try:
@@ -344,6 +356,24 @@ def thrown_on_pieces(panel: "LoadedPanel") -> "list[PieceResult]":
     return results
 
 
+def least_pieces(panel: "LoadedPanel") -> "list[PieceLimit]":
+    """Find the least piece at each drive that keeps a panel from locking."""
+    from turnout.analysis.test_piece import PieceLimit, least_piece
+    from turnout.cli.watch import watched
+    from turnout.errors import PanelError
+
+    found = []
+    for drive in panel.drive:
+        with watched(f"finding the piece that {panel.name} refuses at drive {drive}") as watch:
+            try:
+                found.append(least_piece(panel, drive, report=watch.report))
+            except PanelError as error:
+                nothing = float("nan")
+                fault = "; ".join(error.problems)
+                found.append(PieceLimit(drive, nothing, "", nothing, fault))
+    return found
+
+
 def thrown(panel: "LoadedPanel") -> Thrown:
-    """Throw a panel without an object, then on each test piece."""
-    return Thrown(thrown_alone(panel), thrown_on_pieces(panel))
+    """Throw a panel without an object, then on test pieces."""
+    return Thrown(thrown_alone(panel), thrown_on_pieces(panel), least_pieces(panel))

@@ -245,7 +245,9 @@ def _write(
 
 def _print_summary(dataset: "xr.Dataset", written: list[Path]) -> None:
     from turnout.metric.summary import summary
+    from turnout.metric.verdict import verdict
 
+    typer.echo(f"{'verdict':<16}{verdict(dataset).text}")
     for heading, text in summary(dataset):
         typer.echo(f"{heading:<16}{text}")
     for path in written:

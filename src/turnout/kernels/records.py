@@ -4,7 +4,8 @@ A kernel that takes a named tuple of arrays by value gets every pointer and ever
 each call, hundreds of numbers, which costs more than what a small kernel does. `shared_record` lays
 these numbers down in memory once and hands kernels the address alone. In Python as in a kernel the
 arrays are read as attributes of the same names; which arrays they are can no longer be changed,
-what is in them can. """
+what is in them can.
+"""
 
 import itertools
 from collections.abc import Mapping

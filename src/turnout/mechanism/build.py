@@ -10,7 +10,7 @@ From panel records to a mechanism; see `build_rails` for the rails, `laws` for w
 These files alone see both definition and mechanics.
 """
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -21,10 +21,11 @@ from scipy.linalg import block_diag
 from turnout.core.lru_cache import LRUCache
 from turnout.core.threads import one_blas_thread
 from turnout.mechanism.build_rails import stock_rail_data, switch_rail_data
-from turnout.mechanism.laws import Layout, Rows, law_table, lay_out
+from turnout.mechanism.laws import Layout, Rows, law_table, lay_out, with_stops
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailData, ReducedRail
 from turnout.mechanism.offnode_objects import approach_row, is_off_node, local_flexibility
 from turnout.mechanism.reduce import reduce_rail
+from turnout.mechanism.travel import RailRows, Travel, rail_travel
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
@@ -134,11 +135,12 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
         damping=linear.damping,
         load=linear.load,
         rows=rows,
-        laws=law_table(layout, panel, objects),
+        laws=law_table(layout, panel, objects, travel=linear.travel),
         law_names=layout.law_names,
         friction_names=layout.friction_names,
         index=layout.index,
         rails=linear.rails,
+        shapes=linear.travel.shapes,
     )
 
 
@@ -152,6 +154,7 @@ class _Linear:
     load: Floats
     rows: Floats
     rails: tuple[RailBody, ...]
+    travel: Travel
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,12 +259,17 @@ def _made_between(
 
 def _made(panel: Panel, objects: Sequence[PlacedObject], *, records: object) -> _Kept:
     layout = lay_out(panel, objects)
-    return _Kept(layout, _made_linear(panel, layout.rows, objects), records)
+    linear = _made_linear(panel, layout, objects)
+    return _Kept(with_stops(layout, panel, linear.travel), linear, records)
 
 
-def _made_linear(panel: Panel, rows: Rows, objects: Sequence[PlacedObject]) -> _Linear:
+def _made_linear(panel: Panel, layout: Layout, objects: Sequence[PlacedObject]) -> _Linear:
+    rows = layout.rows
     with one_blas_thread():
         rails = _reduced_rails(_rail_data(panel, rows, objects))
+        switch_rails = {rail.body.name: rail for rail in rails if rail.body.name in panel.rail}
+        held = {name: _held_rows(name, rail, layout) for name, rail in switch_rails.items()}
+        travel = rail_travel(panel, switch_rails, held)
     return _Linear(
         stiffness=block_diag(*(r.stiffness for r in rails)),
         mass=block_diag(*(r.mass for r in rails)),
@@ -269,6 +277,32 @@ def _made_linear(panel: Panel, rows: Rows, objects: Sequence[PlacedObject]) -> _
         load=np.concatenate([r.load for r in rails]),
         rows=_stacked_rows(rows, rails),
         rails=tuple(r.body for r in rails),
+        travel=travel,
+    )
+
+
+def _held_rows(name: str, rail: ReducedRail, layout: Layout) -> RailRows:
+    """Return the rows of a rail at its feet and wherever something moves it."""
+    index, standing = layout.index, layout.standing.row
+
+    def row(law: int) -> Floats | None:
+        """Return what the rail itself has of a law's row."""
+        beyond = law - standing.size
+        number = int(standing[law]) if beyond < 0 else layout.further[beyond]
+        points = [point for owner, point in layout.rows.rows[number] if owner == name]
+        return rail.rows[points].sum(axis=0) if points else None
+
+    def rows(members: Mapping[str, int], sign: float = 1.0) -> dict[str, Floats]:
+        found = {key: row(law) for key, law in members.items()}
+        return {key: sign * own for key, own in found.items() if own is not None}
+
+    feet = [law for (own, _), group in index.chair.items() if own == name for law in group]
+    linkages = {key: law for (key, own), law in index.back_drive.items() if own == name}
+    return RailRows(
+        feet=np.array([row(law) for law in feet]).reshape(-1, rail.body.count),
+        drives=rows(index.drive),
+        links=rows(index.link, rail.body.closes),
+        back_drives=rows(linkages),
     )
 
 

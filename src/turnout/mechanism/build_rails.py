@@ -52,6 +52,9 @@ def stations(panel: Panel, rail: str, objects: Sequence[PlacedObject]) -> Floats
     ]
     places += [d.x for d in panel.drive.values() if d.rail == rail]
     places += [k.x for k in panel.link.values() if rail in k.rails]
+    for item in panel.back_drive.values():
+        if stands_on(item.rails, rail):
+            places += [item.x, panel.drive[item.drive].x]
     places += [s.x for s in panel.sensor.values() if s.rail == rail]
     places += [o.x for o in objects if o.rail == rail]
     return np.unique(np.round(places, 9))

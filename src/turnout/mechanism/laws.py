@@ -14,11 +14,11 @@ from turnout.errors import MechanicsError
 from turnout.law.table import LawTable, LawTableBuilder
 from turnout.mechanism.build_rails import SIGN, rail_feet, stands_on, stock_body
 from turnout.mechanism.mechanism import LawIndex, Point
+from turnout.mechanism.travel import Travel, drive_at, unloaded_gap
 from turnout.panel.foreign_object import PlacedObject
-from turnout.panel.markers import start_offset
+from turnout.panel.markers import offset_at
 from turnout.panel.model import Panel
-from turnout.panel.profile import stock_rail_gap
-from turnout.panel.records import Chair, Drive, Link, Rail, Stop
+from turnout.panel.records import Chair, Drive, Link, Linkage, Stop
 
 Ints = NDArray[np.int64]
 
@@ -61,7 +61,7 @@ class Layout:
     contacts, chairs : ndarray of int, shape (n_contacts,)
         Laws of the feet on chairs, and the number of the chair of each; frictions have this order.
     further : tuple of int
-        Rows of drives, links and objects, whose laws follow.
+        Rows of drives, links, back drives and objects, whose laws follow.
     """
 
     rows: Rows
@@ -101,7 +101,7 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
             feet_names += [f"chair {name} of rail {rail_name}"] * len(frictions)
             feet_of += [(contact, numbers[name]) for contact in contacts]
         for name, stop, kind in _stops(panel):
-            if rail.stock_rail_gap is not None and stands_on(stop.rails, rail_name):
+            if rail.has_stock_rail and stands_on(stop.rails, rail_name):
                 index.stop[rail_name, name] = _add_stop(rows, laws, panel, rail_name, stop)
                 names.append(f"{kind} {name} of rail {rail_name}")
     further: list[int] = []
@@ -113,6 +113,10 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
         index.link[name] = len(names)
         names.append(f"link {name}")
         further.append(rows.add(*zip(link.rails, _link_ends(panel, link), strict=True)))
+    for (name, rail_name), parts in _back_drive_ends(panel).items():
+        index.back_drive[name, rail_name] = len(names)
+        names.append(f"back drive {name} of rail {rail_name}")
+        further.append(rows.add(*parts))
     for item in objects:
         index.object[item.name] = len(names)
         names.append(f"object {item.name}")
@@ -130,7 +134,9 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
     )
 
 
-def law_table(layout: Layout, panel: Panel, objects: Sequence[PlacedObject]) -> LawTable:
+def law_table(
+    layout: Layout, panel: Panel, objects: Sequence[PlacedObject], *, travel: Travel
+) -> LawTable:
     """Return the laws of a panel with the values that it gives them.
 
     Parameters
@@ -141,29 +147,37 @@ def law_table(layout: Layout, panel: Panel, objects: Sequence[PlacedObject]) -> 
         A checked panel.
     objects : sequence of PlacedObject
         Foreign objects in the places of the layout.
+    travel : Travel
+        Of the rails, for the shapes and lengths that follow from it.
     """
     laws = LawTableBuilder()
     further = iter(layout.further)
     for number, drive in enumerate(panel.drive.values()):
         _add_drive(laws, next(further), drive, number)
-    for link in panel.link.values():
-        laws.add_piecewise(
-            next(further),
-            breakpoints=np.empty(0),
-            slopes=np.array([link.stiffness]),
-            offset=_slack_at(panel, link),
-            base_segment=0,
-        )
+    for name, link in panel.link.items():
+        _add_linkage(laws, next(further), link, free_length(panel, name, travel) + link.adjustment)
+    for name, _ in layout.index.back_drive:
+        back_drive = panel.back_drive[name]
+        _add_linkage(laws, next(further), back_drive, back_drive.adjustment)
     for item in objects:
         laws.add_contact(
             next(further),
             stiffness=item.stiffness,
-            clearance=_gap(panel.rail[item.rail], item.x) - item.size,
+            clearance=_gap(panel, travel, item.rail, item.x) - item.size,
             appears=item.appears,
             disappears=item.disappears,
             waits=True,
         )
     return _joined(_standing(layout, panel), laws.table())
+
+
+def with_stops(layout: Layout, panel: Panel, travel: Travel) -> Layout:
+    """Return a layout whose stops have the clearances of the rails' stress-free shapes."""
+    offset = layout.standing.offset.copy()
+    stops = {name: stop for name, stop, _ in _stops(panel)}
+    for (rail, name), law in layout.index.stop.items():
+        offset[law] = _gap(panel, travel, rail, stops[name].x) + stops[name].clearance
+    return replace(layout, standing=layout.standing._replace(offset=offset))
 
 
 def _standing(layout: Layout, panel: Panel) -> LawTable:
@@ -227,10 +241,11 @@ def _approach(rows: Rows, panel: Panel, name: str, *, x: float, height: float) -
 
 
 def _add_stop(rows: Rows, laws: LawTableBuilder, panel: Panel, name: str, stop: Stop) -> int:
+    """Add a contact, whose clearance `with_stops` gives it."""
     return laws.add_contact(
         _approach(rows, panel, name, x=stop.x, height=stop.height),
         stiffness=stop.stiffness,
-        clearance=_gap(panel.rail[name], stop.x) + stop.clearance,
+        clearance=0.0,
     )
 
 
@@ -258,22 +273,63 @@ def _link_ends(panel: Panel, link: Link) -> list[Point]:
     return [Point(link.x, "uy", z=link.height, sign=sign) for sign in signs]
 
 
-def _slack_at(panel: Panel, link: Link) -> float:
-    """Return the lengthening at which a link is slack, which is where the rails start [m].
+def _back_drive_ends(panel: Panel) -> dict[tuple[str, str], list[tuple[str, Point]]]:
+    """Return both places of every back drive on every rail that it moves.
 
-    The distance of a start from the stress-free position is interpolated between the strokes of
-    the drives.
+    The row is how much further closed its place is than the motion at the drive makes it.
     """
-    drives = sorted((drive.x, drive.stroke) for drive in panel.drive.values())
-    travel = float(np.interp(link.x, *np.array(drives).T))
-    starts = [start_offset(panel, rail, travel) for rail in link.rails]
-    return float(np.dot([SIGN[panel.rail[rail].closes] for rail in link.rails], starts))
+    found = {}
+    for name, item in panel.back_drive.items():
+        drive = panel.drive[item.drive]
+        for rail, record in panel.rail.items():
+            if stands_on(item.rails, rail):
+                side = SIGN[record.closes]
+                second = Point(item.x, "uy", z=item.height, sign=side)
+                first = Point(drive.x, "uy", z=drive.height, sign=-item.ratio * side)
+                found[name, rail] = [(rail, second), (rail, first)]
+    return found
 
 
-def _gap(rail: Rail, x: float) -> float:
-    """Return the gap of a rail to its stock rail [m], which must be there."""
-    gap = stock_rail_gap(rail, x)
-    if gap is None:
-        msg = f"a foreign object or stop at x = {x:g} m needs a stock rail; give stock_rail_gap"
+def _add_linkage(laws: LawTableBuilder, row: int, linkage: Linkage, free: float) -> None:
+    """Add a linear spring that is free of force at a value of its row, or around it with play."""
+    play = 0.5 * linkage.lost_motion
+    breakpoints = np.array([-play, play]) if play > 0 else np.empty(0)
+    slopes = [linkage.stiffness, 0.0, linkage.stiffness] if play > 0 else [linkage.stiffness]
+    laws.add_piecewise(
+        row,
+        breakpoints=breakpoints,
+        slopes=np.array(slopes),
+        offset=free,
+        base_segment=-1 if play > 0 else 0,
+    )
+
+
+def free_length(panel: Panel, name: str, travel: Travel) -> float:
+    """Return the lengthening at which a link is free of force, without its adjustment [m].
+
+    Lengths count from where both rails are stress-free. The link is free of force in the through
+    route: the instrumented rail closed and the other open. Where both rails move alike at the link,
+    as those of a symmetric panel do, that holds in every position.
+    """
+    link = panel.link[name]
+    drive = drive_at(panel, link.x)
+    ways = {
+        rail: travel.link_ends[name, rail] if drive is None else drive.stroke for rail in link.rails
+    }
+    if not all(np.isfinite(way) for way in ways.values()):
+        msg = (
+            f"link.{name}.x = {link.x:g} m: its length follows from how far both rails move "
+            "there, and no drive or other link moves one of them; move the link to a drive"
+        )
         raise MechanicsError(msg)
-    return float(gap)
+    signs = [SIGN[panel.rail[rail].closes] for rail in link.rails]
+    return float(np.dot(signs, [offset_at(panel, rail, ways[rail]) for rail in link.rails]))
+
+
+def _gap(panel: Panel, travel: Travel, name: str, x: float) -> float:
+    """Return the gap of a rail to its stock rail [m], which must be there."""
+    gap = unloaded_gap(panel, travel.shapes.get(name), name, np.array([x]))
+    if gap is None:
+        msg = f"a foreign object or stop at x = {x:g} m needs a stock rail; give fit_gap"
+        raise MechanicsError(msg)
+    return float(gap[0])

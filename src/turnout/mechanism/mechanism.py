@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from turnout.beam.material import Material
 from turnout.law.table import LawTable
+from turnout.panel.profile import Spline
 from turnout.panel.records import RailMatrices
 from turnout.section.properties import SectionProperties
 
@@ -75,6 +76,8 @@ class Mechanism:
         Family -> (member names ..., law indices): see `turnout.mechanism.build`.
     rails : tuple of RailBody
         For the recovery of shapes.
+    shapes : dict of str to RailShape
+        How far each switch rail moves between closed and open.
     """
 
     stiffness: Floats
@@ -87,6 +90,25 @@ class Mechanism:
     friction_names: tuple[str, ...] = ()
     index: "LawIndex" = field(default_factory=lambda: LawIndex())
     rails: tuple[RailBody, ...] = ()
+    shapes: "dict[str, RailShape]" = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RailShape:
+    """The way of a switch rail from closed to open, without friction and contact.
+
+    Attributes
+    ----------
+    travel : Spline
+        Distance between the two positions at contact height, over x [m].
+    """
+
+    travel: Spline
+
+    def travel_at(self, x: Floats) -> Floats:
+        """Return the way at places [m]; beyond the ends of the rail it is held."""
+        knots = self.travel.knots
+        return self.travel(np.clip(x, knots[0], knots[-1]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +120,7 @@ class LawIndex:
     """
 
     drive: dict[str, int] = field(default_factory=dict)
+    back_drive: dict[tuple[str, str], int] = field(default_factory=dict)
     link: dict[str, int] = field(default_factory=dict)
     stop: dict[tuple[str, str], int] = field(default_factory=dict)
     chair: dict[tuple[str, str], tuple[int, ...]] = field(default_factory=dict)

@@ -52,7 +52,7 @@ def is_off_node(panel: Panel, item: PlacedObject) -> bool:
         return False
     families = (
         *(panel.chair, panel.sleeper, panel.drive, panel.stop, panel.stud, panel.fastening),
-        *(panel.link, panel.sensor, panel.stock_fastening),
+        *(panel.link, panel.back_drive, panel.sensor, panel.stock_fastening),
     )
     return not any(
         abs(place.x - x) < AT_A_PLACE for family in families for place in family.values()

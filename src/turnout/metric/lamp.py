@@ -1,5 +1,6 @@
 """Lock, control and slip as lamps: on or off over time, with the rule that says so in words."""
 
+import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,7 +105,16 @@ def _lock(dataset: xr.Dataset) -> str:
     rule = dataset.attrs.get("lock_rule", "not stated")
     if rule == "no slip":
         return f"no drive is at its saturation force, {rest}"
-    if rule == "raw gap":
-        limit = 1e3 * float(dataset.attrs["lock_gap_limit"])
-        return f"the raw gap at every drive is below {limit:g} mm, {rest}"
+    if rule in ("slip or gap", "raw gap"):
+        gap = f"the gap at every drive is below {_limits(dataset)}, {rest}"
+        return gap if rule == "raw gap" else f"no drive is at its saturation force, {gap}"
     return f"the rule is {rule}"
+
+
+def _limits(dataset: xr.Dataset) -> str:
+    """Say the gap limits of the drives: one, or each with its drive."""
+    own: dict[str, float] = json.loads(dataset.attrs.get("lock_gap_limits", "{}"))
+    limits = set(own.values()) or {float(dataset.attrs["lock_gap_limit"])}
+    if len(limits) == 1:
+        return f"{1e3 * limits.pop():g} mm"
+    return " and ".join(f"{1e3 * limit:g} mm at drive {name}" for name, limit in own.items())

@@ -21,7 +21,6 @@ from turnout.panel.check_rails import (
     check_outline,
     check_outline_section,
     check_planed_section,
-    check_profile,
     check_section,
     check_section_kinds,
     check_section_name,
@@ -32,6 +31,7 @@ from turnout.panel.check_rails import (
     rising_fault,
     unknown_name,
 )
+from turnout.panel.check_shape import check_back_drive, check_shape, slips_at_rest
 from turnout.panel.foreign_object import from_record, object_faults
 from turnout.panel.model import Panel
 from turnout.panel.records import Movement
@@ -132,7 +132,7 @@ def _end(draft: Draft, drives: tuple[str, ...]) -> Iterator[Problem]:
             yield Problem(("schedule", "end"), text)
 
 
-_HAVE_PLACES = ("chair", "fastening", "stop", "stud", "drive", "link")
+_HAVE_PLACES = ("chair", "fastening", "stop", "stud", "drive", "link", "back_drive")
 _OPENING_NEEDS = {"rail", "drive", "link", "fastening", "schedule", "movement", "object_defaults"}
 _SAME_PLACE = 1e-6
 _MOST_ELEMENTS = 5000
@@ -165,6 +165,7 @@ def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
     found: list[Problem] = []
     for name, look in checks.items():
         found += draft.checked(name, look, known)
+    found += until_unknown(slips_at_rest(draft, before=known.panel if known else None))
     if objects := draft.records["object"]:
         blocked = {problem.path[0] for problem in (*draft.problems, *found) if problem.path}
         panel = Panel.model_construct(**draft.records)
@@ -217,8 +218,8 @@ def _lock(draft: Draft) -> Iterator[Problem]:
     if draft.records["lock"].rule != "raw gap":
         return
     for name, rail in draft.records["rail"].items():
-        if rail.stock_rail_gap is None:
-            text = f": rail '{name}' has no stock_rail_gap, so no gap; give it one, or \"no slip\""
+        if not rail.has_stock_rail:
+            text = f": rail '{name}' has no stock rail, so no gap; give it fit_gap, or \"no slip\""
             yield Problem(("lock", "rule"), f' = "raw gap"{text}')
 
 
@@ -237,8 +238,7 @@ def _rail(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
     yield from until_unknown(_rail_section(draft, path, rail))
     yield from until_unknown(_rail_support(draft, path, rail))
     yield from until_unknown(_rail_elements(draft, rail))
-    if rail.stock_rail_gap is not None:
-        yield from check_profile((*path, "stock_rail_gap"), rail.stock_rail_gap)
+    yield from until_unknown(check_shape(draft, path, rail))
     edge = rail.running_edge
     if edge and edge.maximum <= edge.minimum:
         text = f" = {edge.maximum:g} m: must be more than minimum, {edge.minimum:g} m"
@@ -367,6 +367,11 @@ def _drive_saturated(path: tuple[str, str], drive: Any) -> Iterator[Problem]:
         yield Problem((*path, "saturated_stiffness"), text)
 
 
+def _back_drive(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+    yield from _standing(draft, path, record)
+    yield from until_unknown(check_back_drive(draft, path, record))
+
+
 _CHECKS = {
     "stock_rail": check_stock_rail,
     "stock_fastening": check_stock_fastening,
@@ -381,6 +386,7 @@ _CHECKS = {
     "stud": _standing,
     "drive": _drive,
     "link": _standing,
+    "back_drive": _back_drive,
     "sensor": _standing,
     "sleeper": _sleeper,
 }

@@ -350,8 +350,8 @@ def _stock_rail_faces(draft: Draft, path: tuple[str, str], stock: Any) -> Iterat
         text = f" = '{stock.faces}': stock rail '{others[0]}' faces it already"
         yield Problem((*path, "faces"), text)
     rail = draft.records["rail"][stock.faces]
-    if rail.stock_rail_gap is None:
-        yield Problem((*path, "faces"), f' = "{stock.faces}": that rail has no stock_rail_gap')
+    if not rail.has_stock_rail:
+        yield Problem((*path, "faces"), f' = "{stock.faces}": that rail has no fit_gap')
     for family in ("stop", "stud"):
         for name, item in draft.records[family].items():
             if stock.faces in rails_of(family, item, draft) and not (

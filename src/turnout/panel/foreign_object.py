@@ -384,7 +384,9 @@ def _opening_faults(
         return [("at", f" = {show_value(item.at)}: {text}")]
     opening = largest_opening(panel, rail, x)
     if opening is None:
-        text = f" = {show_value(rail)}: has no stock_rail_gap, so nothing can be trapped by it"
+        text = (
+            f" = {show_value(rail)}: has no stock rail (fit_gap), so nothing can be trapped by it"
+        )
         return [("rail", text)]
     if float(item.size) > opening + OPENING_MARGIN:
         text = (

@@ -21,8 +21,14 @@ import numpy.typing as npt
 
 from turnout.panel.markers import marker_level, ordered_movements, start_offset
 from turnout.panel.model import Panel
-from turnout.panel.profile import Spline, cubic_spline, running_edge_distance, stock_rail_gap
-from turnout.panel.records import OnRails
+from turnout.panel.profile import (
+    Spline,
+    cubic_spline,
+    evaluate_profile,
+    running_edge_distance,
+    stock_rail_gap,
+)
+from turnout.panel.records import Drive, OnRails
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -45,13 +51,39 @@ def largest_opening(panel: Panel, rail: str, x: float) -> float | None:
         Distance [m], at least 0; None where the rail has no stock rail.
     """
     record = panel.rail[rail]
-    gap = stock_rail_gap(record, [x])
+    gap = unloaded_gap(panel, rail, [x])
     if gap is None:
         return None
     side = 1.0 if record.closes == "+y" else -1.0
     to = [None, *(item.to for _, item in ordered_movements(panel))]
     states = _displaced(panel, rail, [x], to)[:, 0]
     return max(0.0, float(np.max(gap[0] - side * states)))
+
+
+def unloaded_gap(panel: Panel, rail: str, x: npt.ArrayLike) -> FloatArray | None:
+    """Give the gap to the unloaded stock rail in the stress-free position, shape (n,) [m].
+
+    As typed; where the shape is computed it is estimated like everything here, and
+    `turnout.mechanism.travel` has it exactly. None where the rail has no stock rail.
+    """
+    record = panel.rail[rail]
+    if record.fit_gap is None:
+        return stock_rail_gap(record, x)
+    places = np.asarray(x, dtype=np.float64)
+    gap = evaluate_profile(record.fit_gap, places)
+    strokes = {drive.x: [drive.stroke] for drive in _moving(panel, rail)}
+    if strokes:
+        travel = _beam_shapes(strokes, _held_at(panel, rail, max(strokes)), places)[0]
+        gap = gap + record.fraction * travel
+    return gap
+
+
+def _moving(panel: Panel, rail: str) -> list[Drive]:
+    """Give the drives of a rail; one without drives follows those of the rail it is linked to."""
+    drives = [drive for drive in panel.drive.values() if drive.rail == rail]
+    if not drives and any(rail in link.rails for link in panel.link.values()):
+        drives = list(panel.drive.values())
+    return drives
 
 
 def displaced(panel: Panel, rail: str, x: npt.ArrayLike, *, to: str | None) -> FloatArray:
@@ -75,9 +107,7 @@ def displaced(panel: Panel, rail: str, x: npt.ArrayLike, *, to: str | None) -> F
 def _displaced(panel: Panel, rail: str, x: npt.ArrayLike, to: Sequence[str | None]) -> FloatArray:
     """Do what `displaced` does for several positions at once, shape (n_positions, n)."""
     x = np.asarray(x, dtype=np.float64)
-    drives = [drive for drive in panel.drive.values() if drive.rail == rail]
-    if not drives and any(rail in link.rails for link in panel.link.values()):
-        drives = list(panel.drive.values())
+    drives = _moving(panel, rail)
     if not drives:
         return np.zeros((len(to), x.size))
     starts = panel.schedule.starts
@@ -178,14 +208,14 @@ def resting_gap(panel: Panel, rail: str, x: npt.ArrayLike, *, closed: bool) -> F
     --------
     >>> from turnout.panel.load import load_panel
     >>> default = load_panel("uic60-760-1-15")
-    >>> resting_gap(default, "straight", [0.3, 3.6], closed=True).tolist()
-    [0.0, 0.0]
+    >>> resting_gap(default, "straight", [0.3, 3.6], closed=True).round(4).tolist()
+    [0.0, 0.0046]
     >>> resting_gap(default, "straight", [0.3], closed=False).round(4).tolist()
-    [0.116]
+    [0.117]
     """
     record = panel.rail[rail]
     places = np.atleast_1d(np.asarray(x, dtype=np.float64))
-    gap = stock_rail_gap(record, places)
+    gap = unloaded_gap(panel, rail, places)
     if gap is None:
         return None
     position = "closed" if closed == (record.closes == "+y") else "open"
@@ -211,7 +241,7 @@ def rail_line(panel: Panel, rail: str, x: npt.ArrayLike) -> RailLine:
     >>> from turnout.panel.load import load_panel
     >>> line = rail_line(load_panel("uic60-760-1-15"), "straight", [3.6])
     >>> line.closed_edge.round(4).tolist(), line.stock_edge.round(4).tolist()
-    ([0.0], [0.0214])
+    ([-0.0046], [0.0214])
     """
     record = panel.rail[rail]
     places = np.atleast_1d(np.asarray(x, dtype=np.float64))

@@ -2,9 +2,9 @@
 
 When and how far the markers of the drives move.
 
-Positions are in panel axes: positive in the closing direction of the instrumented rail, zero where
-the marker is at t = 0. "Open" and "closed" are the positions of the instrumented rail, also for a
-drive on the other rail, whose marker moves the same way.
+Positions are in panel axes: positive in the closing direction of the instrumented rail, zero in the
+position by stroke at t = 0. "Open" and "closed" are the positions of the instrumented rail, also
+for a drive on the other rail, whose marker moves the same way.
 
 Schedules recorded elsewhere: a CSV file with the columns time and fraction.
 """
@@ -54,7 +54,7 @@ def marker_level(drive: Drive, to: str, *, starts: str) -> float:
     to : str
         "open" or "closed", of the instrumented rail.
     starts : str
-        Its position at t = 0, where the marker is at zero.
+        Its position at t = 0, where the marker is at zero, but for a loaded start.
 
     Returns
     -------
@@ -66,8 +66,16 @@ def marker_level(drive: Drive, to: str, *, starts: str) -> float:
     return (-drive.stroke if starts == "closed" else 0.0) - drive.over_travel_open
 
 
+def start_level(panel: Panel, drive: Drive) -> float:
+    """Give where a marker stands at t = 0 [m]: at zero, or at its over-travel if loaded."""
+    starts = panel.schedule.starts
+    return marker_level(drive, starts, starts=starts) if panel.schedule.loaded else 0.0
+
+
 def marker_positions(panel: Panel, time: npt.ArrayLike) -> FloatArray:
     """Give the position of every drive's marker.
+
+    Zero is the position by stroke in which the schedule starts; a loaded start lies beyond it.
 
     Parameters
     ----------
@@ -79,13 +87,14 @@ def marker_positions(panel: Panel, time: npt.ArrayLike) -> FloatArray:
     Returns
     -------
     ndarray, shape (n_drives, n_times)
-        Marker positions [m] in the order of `panel.drive`, positive closing, zero at t = 0.
+        Marker positions [m] in the order of `panel.drive`, positive closing.
     """
     instants = np.atleast_1d(np.asarray(time, dtype=np.float64))
     positions = np.zeros((len(panel.drive), instants.size))
     rising = bool(np.all(instants[1:] >= instants[:-1]))
     for row, (name, drive) in enumerate(panel.drive.items()):
-        level = 0.0
+        level = start_level(panel, drive)
+        positions[row] = level
         for _, movement in ordered_movements(panel):
             target = marker_level(drive, movement.to, starts=panel.schedule.starts)
             end = movement.start + movement_time(movement, name)
@@ -111,8 +120,9 @@ def marker_offsets(panel: Panel) -> FloatArray:
     Returns
     -------
     ndarray, shape (n_drives,)
-        Zero where the rail starts in its stress-free position, else plus or minus the stroke [m],
-        positive closing. The bushing is stretched by this at t = 0 if the rail stays stress-free.
+        Zero where the rail starts in its stress-free position, else up to the stroke [m], positive
+        or negative, positive closing. The bushing is stretched by this at t = 0 if the rail stays
+        stress-free.
     """
     return np.array(
         [start_offset(panel, drive.rail, drive.stroke) for drive in panel.drive.values()]
@@ -131,11 +141,27 @@ def start_offset(panel: Panel, rail: str, travel: float) -> float:
     travel : float
         Travel between open and closed at the place in question [m].
     """
+    return offset_at(panel, rail, travel, position=panel.schedule.starts)
+
+
+def offset_at(panel: Panel, rail: str, travel: float, *, position: str = "closed") -> float:
+    """Give a position of the instrumented rail from a rail's stress-free one [m], positive closing.
+
+    Parameters
+    ----------
+    panel : Panel
+        Rails.
+    rail : str
+        Name of the rail.
+    travel : float
+        Travel between open and closed at the place in question [m].
+    position : str
+        "open" or "closed", of the instrumented rail.
+    """
     record = panel.rail[rail]
     # In panel axes the other rail is at its "+y" end exactly when it is open.
-    free_at_plus = (record.stress_free == "closed") == (record.closes == "+y")
-    starts_at_plus = panel.schedule.starts == "closed"
-    return (float(starts_at_plus) - float(free_at_plus)) * travel
+    free_at_plus = 1.0 - record.fraction if record.closes == "+y" else record.fraction
+    return (float(position == "closed") - free_at_plus) * travel
 
 
 def movement_fraction(movement: Movement, elapsed: npt.ArrayLike, *, drive: str) -> FloatArray:

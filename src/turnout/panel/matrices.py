@@ -274,6 +274,7 @@ USES = {
     "stud": ("uy", "rx"),
     "drive": ("uy", "rx"),
     "link": ("uy", "rx"),
+    "back_drive": ("uy", "rx"),
 }
 FASTENING = {
     "stiffness_x": ("ux", "ry"),

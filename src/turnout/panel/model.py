@@ -17,6 +17,7 @@ from turnout.core.quantity import (
     Pressure,
 )
 from turnout.panel.records import (
+    BackDrive,
     Chair,
     DrawnOutline,
     Drive,
@@ -101,6 +102,7 @@ class Panel(Record):
     stud: dict[str, Stop] = {}
     drive: dict[str, Drive] = Field(min_length=1, max_length=6)
     link: dict[str, Link] = {}
+    back_drive: dict[str, BackDrive] = {}
     sensor: dict[str, Sensor] = {}
     sleeper: dict[str, Sleeper] = {}
     schedule: Schedule
@@ -109,3 +111,11 @@ class Panel(Record):
     object: dict[str, PanelObject] = {}
     lock: Lock
     flangeway: Flangeway | None = None
+
+    def gap_limits(self) -> dict[str, float]:
+        """Return the gap from which each drive refuses lock [m]."""
+        common = self.lock.gap_limit
+        return {
+            name: common if drive.gap_limit is None else drive.gap_limit
+            for name, drive in self.drive.items()
+        }

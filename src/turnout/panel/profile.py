@@ -152,13 +152,41 @@ def _spline(stations: tuple[float, ...], values: tuple[float, ...]) -> Spline:
 
 
 def stock_rail_gap(rail: Rail, x: npt.ArrayLike) -> FloatArray | None:
-    """Give the gap to the stock rail in the rail's stress-free position [m].
+    """Give the typed gap to the stock rail in the rail's stress-free position [m].
 
-    None where the rail has no stock rail.
+    None where no shape is typed: the rail has no stock rail, or its shape is computed.
     """
     if rail.stock_rail_gap is None:
         return None
     return evaluate_profile(rail.stock_rail_gap, x)
+
+
+def contact_height(panel: Panel, rail: str, x: FloatArray) -> FloatArray:
+    """Return the height at which a rail meets its stock rail.
+
+    That of its stops and studs, linear in between; that of a foreign object where there are none.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    rail : str
+        Name of the rail.
+    x : ndarray, shape (n,)
+        Places [m].
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [m] above the reference line.
+    """
+    stops = [*panel.stop.values(), *panel.stud.values()]
+    found = sorted((s.x, s.height) for s in stops if s.rails is None or rail in s.rails)
+    if not found:
+        return np.full(np.shape(x), panel.object_defaults.height)
+    places, heights = np.array(found).T
+    height: FloatArray = np.interp(x, places, heights)
+    return height
 
 
 def running_edge_distance(edge: RunningEdge, x: npt.ArrayLike) -> FloatArray:

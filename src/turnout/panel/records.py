@@ -19,7 +19,7 @@ from typing import Annotated, Literal
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
 
 from turnout.core.quantity import (
     AngularStiffness,
@@ -204,14 +204,34 @@ Gap = Annotated[
 ]
 
 
+def _stress_free(value: object) -> object:
+    """Read "closed", "open" or a fraction; one sentence says what is allowed."""
+    if value in ("closed", "open"):
+        return value
+    number = float(value) if isinstance(value, int | float) else -1.0
+    if isinstance(value, bool) or not 0.0 <= number <= 1.0:
+        message = 'must be "closed", "open" or a fraction from 0 to 1, such as 0.25'
+        raise ValueError(message)
+    return number
+
+
+StressFree = Annotated[Literal["closed", "open"] | float, BeforeValidator(_stress_free)]
+
+
 class Rail(Record):
     """A switch rail in its stress-free position, straight or curved in plan.
 
-    The gap to the stock rail is data of its own: a curve changes what the rail does, not the gap.
+    With `fit_gap` its shapes are computed: closed, the rail is held by its drives and leaves that
+    gap to the stock rail; open, the drives have moved it by their strokes; stress-free, it stands
+    at the fraction `stress_free` between the two. With `stock_rail_gap` the stress-free shape is
+    typed. The gap is data of its own: a curve changes what the rail does, not the gap.
     """
 
     closes: Literal["+y", "-y"] = Field(description="closing direction; instrumented rail: '+y'")
-    stress_free: Literal["closed", "open"] = Field(description="position without any force")
+    stress_free: StressFree = Field(
+        description="position without any force: 'closed', 'open', or the fraction of the way "
+        "from closed to open [-]"
+    )
     start: Length = Field(0.0, description="x of the toe end [m]")
     end: Length = Field(description="x of the heel end [m]")
     heel: Literal["clamped", "free"] = Field("free", description="condition at the heel end")
@@ -234,14 +254,35 @@ class Rail(Record):
         description="radius of the reference line in plan, away from the stock rail [m]; default "
         "straight",
     )
+    fit_gap: Gap | None = Field(
+        None,
+        description="open distance to the unloaded stock rail that is left when the drives hold "
+        "the rail closed, at contact height, without any contact [m]; the stress-free shape "
+        "follows from it, `stress_free` and the strokes",
+    )
     stock_rail_gap: Gap | None = Field(
         None,
-        description="open distance to the unloaded stock rail in the stress-free position, at "
-        "contact height [m]; leave out where there is none",
+        description="typed or measured shape in place of fit_gap: open distance to the unloaded "
+        "stock rail in the stress-free position, at contact height [m]",
+    )
+    independent_shape: bool = Field(
+        False,
+        description="whether a typed shape is taken as it is, though it contradicts the strokes",
     )
     head_width: Length | None = Field(
         None, gt=0, description="full head width: w beyond it adds to the flangeway [m]"
     )
+
+    @property
+    def has_stock_rail(self) -> bool:
+        """Whether the rail has a stock rail to close against."""
+        return self.stock_rail_gap is not None or self.fit_gap is not None
+
+    @property
+    def fraction(self) -> float:
+        """Place of the stress-free position on the way from closed (0) to open (1) [-]."""
+        given = self.stress_free
+        return given if isinstance(given, float) else {"closed": 0.0, "open": 1.0}[given]
 
 
 class StockRail(Record):
@@ -326,18 +367,49 @@ class Drive(Placed):
     stiffness: Stiffness = Field(gt=0, description="bushing below saturation [N/m]")
     saturation_force: Force = Field(gt=0, description="slip level of the clutch [N]")
     saturated_stiffness: Stiffness = Field(ge=0, description="bushing beyond saturation [N/m]")
+    gap_limit: Length | None = Field(
+        None, gt=0, description="gap at which this drive refuses lock [m]; default lock.gap_limit"
+    )
     extension: LengthList | None = Field(
         None, description="elastic law as a table: extension of the bushing, rising [m]"
     )
     force: ForceList | None = Field(None, description="elastic law as a table: its force [N]")
 
 
-class Link(Placed):
-    """Linear lateral spring between two switch rails."""
+class Linkage(Placed):
+    """A rod that transmits motion: stiff, with an adjustable length and play."""
 
-    rails: list[str] = Field(min_length=2, max_length=2, description="the two rails it joins")
     height: Length = Field(0.0, ge=-1, le=1, description="z of the connection [m]")
     stiffness: Stiffness = Field(gt=0, description="[N/m]")
+    lost_motion: Length = Field(
+        0.0, ge=0, le=0.5, description="play, half of it to either side of the free length [m]"
+    )
+
+
+class Link(Linkage):
+    """Linear lateral spring between two switch rails.
+
+    It is free of force in the through route, where the instrumented rail is closed and the other
+    open, each in its position by strokes; `adjustment` lengthens it from there.
+    """
+
+    rails: list[str] = Field(min_length=2, max_length=2, description="the two rails it joins")
+    adjustment: Length = Field(
+        0.0, ge=-0.1, le=0.1, description="added to its free length; spreads the rails [m]"
+    )
+
+
+class BackDrive(Linkage):
+    """Linkage that moves a second place of a rail by a ratio of what the rail does at a drive."""
+
+    drive: str = Field(description="the drive at whose place the linkage takes its motion")
+    rails: list[str] | None = Field(None, description="names of the rails; default all")
+    ratio: float = Field(
+        gt=0, le=10, description="motion at `x` over motion at the drive's place [-]"
+    )
+    adjustment: Length = Field(
+        0.0, ge=-0.1, le=0.1, description="moves its place further closed when closed [m]"
+    )
 
 
 class Sensor(Placed):
@@ -355,10 +427,12 @@ class Sleeper(Placed):
 class Lock(Record):
     """Rule by which the drives confirm locking at the end of a movement."""
 
-    rule: Literal["no slip", "raw gap"] = Field(
-        "no slip", description="'no slip': no drive saturated; 'raw gap': every gap below the limit"
+    rule: Literal["slip or gap", "no slip", "raw gap"] = Field(
+        "slip or gap",
+        description="refused: 'slip or gap' where a drive is saturated or a gap at a drive is at "
+        "its limit or above; 'no slip' where a drive is saturated; 'raw gap' where a gap is",
     )
-    gap_limit: Length = Field(gt=0, description="largest raw gap at a drive [m]")
+    gap_limit: Length = Field(gt=0, description="gap at a drive from which lock is refused [m]")
 
 
 class Movement(Record):
@@ -385,6 +459,11 @@ class Schedule(Record):
     """When the drives move; before, between and after the movements the markers rest."""
 
     starts: Literal["open", "closed"] = Field(description="position of the instrumented rail")
+    loaded: bool = Field(
+        False,
+        description="whether the drives start at their over-travel, where the movement before the "
+        "first left them: the closed rail is then pressed against its stock rail",
+    )
     end: Time = Field(gt=0, description="end of the simulation [s]")
 
 

@@ -70,7 +70,8 @@ def tidy(node: Any) -> None:
     if not isinstance(node, dict):
         return
     if not isinstance(node.get("default", {}), dict):
-        has_unit = node.get("type") != "number" and isinstance(node["default"], int | float | list)
+        plain = node.get("type") in ("number", "boolean")
+        has_unit = not plain and isinstance(node["default"], int | float | list)
         if node["default"] is None or has_unit:
             del node["default"]
     forms = node.get("anyOf")

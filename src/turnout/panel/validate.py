@@ -37,6 +37,9 @@ class Partial:
         """Give a value that is right."""
         if self._record is None or name in self._wrong:
             raise Unknown(name)
+        # What is derived may rest on any value, so on a wrong one too.
+        if self._wrong and isinstance(getattr(type(self._record), name, None), property):
+            raise Unknown(name)
         return getattr(self._record, name)
 
 
@@ -324,7 +327,7 @@ def _path(error: Any) -> Path:
     return tuple(
         part
         for before, part in zip(["", *parts], parts, strict=False)
-        if not (before == "stock_rail_gap" and part in _VARIANT_TAGS)
+        if not (before in ("stock_rail_gap", "fit_gap") and part in _VARIANT_TAGS)
     )
 
 

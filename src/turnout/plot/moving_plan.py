@@ -147,7 +147,7 @@ def _rail_record(panel: Panel, name: str) -> dict[str, Any]:
         "side": line.side,
         "start": rail.start,
         "end": rail.end,
-        "has_stock_rail": rail.stock_rail_gap is not None,
+        "has_stock_rail": rail.has_stock_rail,
         "head_width": rail.head_width or 0.0,
         "x": line.x.round(4).tolist(),
         "stock": _listed(line.stock_edge, 6),

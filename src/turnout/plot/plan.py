@@ -44,7 +44,7 @@ def plot_closed_gap(panel: Panel, *, dataset: xr.Dataset | None = None, ax: "Axe
     """
     simulated = dataset is not None and dataset.sizes["time"] > 0
     for number, (name, rail) in enumerate(panel.rail.items()):
-        if rail.stock_rail_gap is None:
+        if not rail.has_stock_rail:
             continue
         if dataset is None or not simulated:
             x = np.linspace(rail.start, rail.end, POINTS)
@@ -70,10 +70,11 @@ def plot_closed_gap(panel: Panel, *, dataset: xr.Dataset | None = None, ax: "Axe
             name, (sensor.x, MILLI * sensor.limit), xytext=(6, 0), textcoords="offset points",
             va="center", fontsize=8,
         )  # fmt: skip
-    for number, drive in enumerate(panel.drive.values()):
+    limits = panel.gap_limits()
+    for number, (name, drive) in enumerate(panel.drive.items()):
         ax.plot(
             [drive.x],
-            [MILLI * panel.lock.gap_limit],
+            [MILLI * limits[name]],
             marker="s",
             color=COLOURS[5],
             markeredgecolor="black",
@@ -178,7 +179,7 @@ def _rails(ax: "Axes", panel: Panel, line: RailLine) -> None:
     """Draw the heads of a stock rail and of its switch rail, closed (filled) and open (outline)."""
     base, side = _base(line), line.side
     width = panel.rail[line.rail].head_width or 0.0
-    if panel.rail[line.rail].stock_rail_gap is not None:
+    if panel.rail[line.rail].has_stock_rail:
         edge = base + line.stock_edge
         ax.fill_between(
             line.x,

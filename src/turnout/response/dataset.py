@@ -13,9 +13,10 @@ from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
+from turnout.panel.profile import contact_height
 from turnout.panel.records import Placed
 from turnout.response.coordinates import coordinates, stations
-from turnout.response.gaps import contact_height, drive_and_sensor_gaps, rail_gap
+from turnout.response.gaps import drive_and_sensor_gaps, rail_gap
 from turnout.response.labels import (
     contact_labels,
     control_states,
@@ -231,6 +232,7 @@ def describe_run(
         "movements": movement_records(panel),
         "lock_rule": panel.lock.rule,
         "lock_gap_limit": panel.lock.gap_limit,
+        "lock_gap_limits": json.dumps(panel.gap_limits()),
         "flangeway_limit": panel.flangeway.limit if panel.flangeway else float("nan"),
         "instrumented_rail": panel.instrumented_rail,
         "scheme": scheme.describe(),

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
+from turnout.mechanism.travel import unloaded_gap
 from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
-from turnout.panel.profile import running_edge_distance, stock_rail_gap
+from turnout.panel.profile import contact_height, running_edge_distance
 from turnout.response.recovery import (
     Ints,
     Motion,
@@ -34,34 +35,6 @@ _rows = LRUCache[tuple[Floats, list[Floats], list[object]]](MOST_ROWS)
 _nodes = LRUCache[tuple[Floats, Floats, list[object]]](MOST_ROWS)
 
 
-def contact_height(panel: Panel, rail: str, x: Floats) -> Floats:
-    """Return the height at which a rail meets its stock rail.
-
-    That of its stops and studs, linear in between; that of a foreign object where there are none.
-
-    Parameters
-    ----------
-    panel : Panel
-        The panel.
-    rail : str
-        Name of the rail.
-    x : ndarray, shape (n,)
-        Places [m].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [m] above the reference line.
-    """
-    stops = [*panel.stop.values(), *panel.stud.values()]
-    found = sorted((s.x, s.height) for s in stops if s.rails is None or rail in s.rails)
-    if not found:
-        return np.full(np.shape(x), panel.object_defaults.height)
-    places, heights = np.array(found).T
-    height: Floats = np.interp(x, places, heights)
-    return height
-
-
 def _at_nodes(panel: Panel, rail: str, x: Floats) -> tuple[Floats, Floats]:
     """Return `contact_height` at the nodes of a rail, and how far its running edge is clear there.
 
@@ -80,9 +53,9 @@ def _at_nodes(panel: Panel, rail: str, x: Floats) -> tuple[Floats, Floats]:
     return kept[:2]
 
 
-def stock_gap(panel: Panel, rail: str, x: Floats) -> Floats:
+def stock_gap(panel: Panel, motion: Motion, rail: str, x: Floats) -> Floats:
     """Return the gap of the unloaded rail, shape (n,) [m]; NaN without a stock rail."""
-    gap = stock_rail_gap(panel.rail[rail], x)
+    gap = unloaded_gap(panel, motion.shapes.get(rail), rail, x)
     return np.full(np.shape(x), np.nan) if gap is None else gap
 
 
@@ -113,6 +86,8 @@ def gap_rows(panel: Panel, motion: Motion, rail: str, x: Floats, z: Floats) -> t
     faced = [(name, stock) for name, stock in panel.stock_rail.items() if stock.faces == rail]
     involved = [bodies[rail], *(bodies[f"stock rail {name}"] for name, _ in faced)]
     named = [record, *(stock for _, stock in faced), *(body.recovery for body in involved)]
+    if record.fit_gap is not None:
+        named.append(motion.shapes.get(rail))
     key = (*map(id, named), x.tobytes(), z.tobytes())
     found = _rows.get(key)
     if found is None:
@@ -121,7 +96,7 @@ def gap_rows(panel: Panel, motion: Motion, rail: str, x: Floats, z: Floats) -> t
         for (_, stock), body in zip(faced, involved[1:], strict=True):
             inside = np.clip(x, stock.start, stock.end)  # beyond its ends it is held
             rows.append(-side * lateral_rows(body, inside, z - stock.foot_height))
-        start = stock_gap(panel, rail, x)
+        start = stock_gap(panel, motion, rail, x)
         for array in (start, *rows):
             array.flags.writeable = False
         found = _rows.put(key, (start, rows, named))
@@ -229,7 +204,7 @@ def least_flangeway(
     if name is None:
         return None
     rail = panel.rail[name]
-    if rail.running_edge is None or rail.head_width is None or rail.stock_rail_gap is None:
+    if rail.running_edge is None or rail.head_width is None or not rail.has_stock_rail:
         return None
     x = motion.rails[name].x
     z, clear = _at_nodes(panel, name, x)

@@ -76,7 +76,9 @@ def control_states(
     """Return `in_control` of every sensor and `locked` by the panel's rule.
 
     Nothing is locked while a movement is under way, from its onset until the last marker rests.
-    A single rail that should be open has no gap to be judged: its drives hold it by not slipping.
+    "slip or gap" refuses where a drive slips or a gap at a drive is at its limit or above, "no
+    slip" and "raw gap" look at one of the two. A single rail that should be open has no gap to be
+    judged: its drives hold it by not slipping.
 
     Parameters
     ----------
@@ -92,9 +94,13 @@ def control_states(
         [m]
     """
     held = ~slipping.any(axis=0)
+    limits = np.array(list(panel.gap_limits().values()))[:, np.newaxis]
     if panel.lock.rule == "raw gap":
-        small = (drive_gap < panel.lock.gap_limit).all(axis=0)
+        small = (drive_gap < limits).all(axis=0)
         held = np.where(rail_closes(panel, time), small, held)
+    elif panel.lock.rule == "slip or gap":
+        wide = (drive_gap >= limits).any(axis=0)  # a gap that is not known is never wide
+        held &= ~(wide & rail_closes(panel, time))
     states: dict[str, Variable] = {"locked": (("time",), held & at_rest(panel, time))}
     if sensor_gap is not None:
         limits = np.array([sensor.limit for sensor in panel.sensor.values()])

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from turnout.condense.condense import base_stiffness
 from turnout.integrate.run import History
-from turnout.mechanism.mechanism import Mechanism, RailBody
+from turnout.mechanism.mechanism import Mechanism, RailBody, RailShape
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -42,6 +42,8 @@ class Motion:
         The run, whose model has modes and static shapes of the whole mechanism.
     slope : ndarray, shape (n_rows,)
         Stiffness at each row that the linear system holds already [N/m].
+    shapes : dict of str to RailShape
+        Way of each switch rail from closed to open.
     seen : dict
         Rows that were looked at before, of this run at these or at other instants.
     """
@@ -49,6 +51,7 @@ class Motion:
     rails: dict[str, RailBody]
     history: History
     slope: Floats
+    shapes: dict[str, RailShape] = field(default_factory=dict)
     seen: dict[Hashable, "tuple[Floats, Seen]"] = field(default_factory=dict)
 
 
@@ -57,7 +60,7 @@ def recover_motion(mechanism: Mechanism, history: History) -> Motion:
     laws = history.laws
     slope = np.bincount(laws.row, base_stiffness(laws), mechanism.rows.shape[0])
     rails = {body.name: body for body in mechanism.rails}
-    return Motion(rails=rails, history=history, slope=slope.astype(np.float64))
+    return Motion(rails, history, slope.astype(np.float64), mechanism.shapes)
 
 
 def force_motion(motion: Motion, shapes: Floats, *, at: Ints | None = None) -> Floats:

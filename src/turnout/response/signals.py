@@ -32,6 +32,7 @@ from turnout.integrate.energy import (
 from turnout.integrate.run import History
 from turnout.mechanism.build_rails import fastening_offset
 from turnout.mechanism.mechanism import Mechanism, RailBody
+from turnout.panel.markers import marker_offsets
 from turnout.panel.model import Panel
 from turnout.panel.records import Fastening
 from turnout.response.recovery import Motion, row_motion
@@ -50,7 +51,7 @@ def drive_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[
     dims = ("drive", "time")
     return {
         "drive_force": (dims, force),
-        "drive_displacement": (dims, history.inputs.T.copy()),
+        "drive_displacement": (dims, history.inputs.T - marker_offsets(panel)[:, np.newaxis]),
         "drive_slipping": (dims, np.abs(force) >= limits[:, np.newaxis]),
     }
 

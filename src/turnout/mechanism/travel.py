@@ -1,0 +1,215 @@
+r"""How far each rail stands from its closed to its open position, and the shapes that follow.
+
+Held by its drives, a rail takes the shape of least energy without friction and without contact to
+stock rails or studs: its feet stay on the chairs, the drives stand at their strokes. Rails are
+linear, so the way :math:`D(x)` from closed to open is a combination of static shapes of the reduced
+rail, exact at all its places, and the stress-free shape at the fraction f of that way leaves
+
+.. math:: g_0(x) = g_{fit}(x) + f\, D(x)
+
+to the unloaded stock rail, with the gap :math:`g_{fit}` that the rail leaves when it is held
+closed. A rail without a drive of its own is held where links at places of drives, or else any
+links, join it to the other rail; a back drive holds its second place at its ratio.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from turnout.errors import MechanicsError
+from turnout.mechanism.mechanism import RailShape, ReducedRail
+from turnout.panel.model import Panel
+from turnout.panel.profile import contact_height, cubic_spline, evaluate_profile, stock_rail_gap
+from turnout.panel.records import Drive
+
+Floats = NDArray[np.float64]
+UY, RX, PER_NODE = 1, 3, 6
+
+HOLDING = 1e9
+"""Stiffness that keeps a foot on its chair, far above that of any chair [N/m]."""
+MOST_ROLL = 0.1
+"""A rail that rolls more on its way is asked to stand at two positions at one place [rad]."""
+SAME_PLACE = 1e-6
+"""What is nearer than this stands at one place [m]."""
+
+
+@dataclass(slots=True)
+class RailRows:
+    """Rows of one reduced rail at which it is held.
+
+    Attributes
+    ----------
+    feet : ndarray, shape (n_feet, count)
+        Vertical displacements of the feet on chairs.
+    drives, links : dict of str to ndarray, shape (count,)
+        Lateral displacements towards +y at the rods of its own drives, and at the ends of links.
+    back_drives : dict of str to ndarray, shape (count,)
+        What a linkage lengthens by: zero where its place moves at its ratio of that at its drive.
+    """
+
+    feet: Floats
+    drives: dict[str, Floats] = field(default_factory=dict)
+    links: dict[str, Floats] = field(default_factory=dict)
+    back_drives: dict[str, Floats] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Travel:
+    """The way of every rail and link end from closed to open.
+
+    Attributes
+    ----------
+    shapes : dict of str to RailShape
+        By rail.
+    link_ends : dict of (link, rail) to float
+        Way of the rail at the end of the link, positive opening [m].
+    """
+
+    shapes: dict[str, RailShape]
+    link_ends: dict[tuple[str, str], float]
+
+
+def rail_travel(
+    panel: Panel, rails: Mapping[str, ReducedRail], rows: Mapping[str, RailRows]
+) -> Travel:
+    """Find the way of all rails from their closed to their open positions.
+
+    Parameters
+    ----------
+    panel : Panel
+        A checked panel.
+    rails : mapping of str to ReducedRail
+        Its switch rails.
+    rows : mapping of str to RailRows
+        Where each of them is held.
+
+    Raises
+    ------
+    MechanicsError
+        When drives, links and back drives ask one rail for more than it can do.
+    """
+    shapes: dict[str, RailShape] = {}
+    link_ends: dict[tuple[str, str], float] = {}
+    driven = {name for name in rails if rows[name].drives}
+    for name in sorted(rails, key=lambda rail: rail not in driven):
+        moved = _moved(panel, name, rails[name], rows[name], link_ends)
+        shapes[name] = _shape(panel, name, rails[name], moved)
+        for link, row in rows[name].links.items():
+            link_ends[link, name] = float(row @ moved)
+    return Travel(shapes, link_ends)
+
+
+def _moved(
+    panel: Panel,
+    name: str,
+    rail: ReducedRail,
+    rows: RailRows,
+    link_ends: Mapping[tuple[str, str], float],
+) -> Floats:
+    """Return the reduced coordinates of a rail's way from closed to open, as if it opened to +y."""
+    held = _held_places(panel, name, rows, link_ends)
+    if not held:
+        return np.zeros(rail.body.count)
+    matrix = np.array([row for row, _ in held])
+    wanted = np.array([way for _, way in held])
+    # What is held may be all that holds the rail, so it stiffens it; that changes no shape.
+    fixed = np.concatenate((rows.feet, matrix))
+    try:
+        factor = cho_factor(rail.stiffness + HOLDING * fixed.T @ fixed)
+        yielded = cho_solve(factor, matrix.T)
+        moved: Floats = yielded @ np.linalg.solve(matrix @ yielded, wanted)
+    except np.linalg.LinAlgError:
+        moved = np.full(rail.body.count, np.nan)
+    roll = np.abs((rail.body.recovery @ moved)[RX::PER_NODE])
+    if np.allclose(matrix @ moved, wanted, rtol=0.0, atol=1e-6) and roll.max() < MOST_ROLL:
+        return moved
+    if panel.rail[name].fit_gap is None:  # what is typed needs no travel
+        return np.full(rail.body.count, np.nan)
+    message = (
+        f"rail.{name}.fit_gap: the rail cannot stand open as its drives, links and back drives "
+        "ask: two of them hold the same place, or nothing holds the rail; take one of them away, "
+        "or type the shape (stock_rail_gap)"
+    )
+    raise MechanicsError(message)
+
+
+def _held_places(
+    panel: Panel,
+    name: str,
+    rows: RailRows,
+    link_ends: Mapping[tuple[str, str], float],
+) -> list[tuple[Floats, float]]:
+    """Return the rows at which a rail is held, with the way of each [m]."""
+    held = [(row, panel.drive[drive].stroke) for drive, row in rows.drives.items()]
+    if not held:
+        held = _held_by_links(panel, name, rows, link_ends)
+    if not held:
+        return []
+    return held + [(row, 0.0) for row in rows.back_drives.values()]
+
+
+def _held_by_links(
+    panel: Panel,
+    name: str,
+    rows: RailRows,
+    link_ends: Mapping[tuple[str, str], float],
+) -> list[tuple[Floats, float]]:
+    """Return where links hold a rail without drives: at places of drives if there are any."""
+    at_drives, elsewhere = [], []
+    for link, row in rows.links.items():
+        record = panel.link[link]
+        drive = drive_at(panel, record.x)
+        if drive is not None:
+            at_drives.append((row, drive.stroke))
+            continue
+        other = next(rail for rail in record.rails if rail != name)
+        if (link, other) in link_ends:
+            elsewhere.append((row, link_ends[link, other]))
+    return at_drives or elsewhere
+
+
+def drive_at(panel: Panel, x: float) -> Drive | None:
+    """Return the drive that stands at a place, or None."""
+    for drive in panel.drive.values():
+        if abs(drive.x - x) < SAME_PLACE:
+            return drive
+    return None
+
+
+def _shape(panel: Panel, name: str, rail: ReducedRail, moved: Floats) -> RailShape:
+    x = rail.body.x
+    height = contact_height(panel, name, x)
+    way = rail.body.recovery @ moved
+    travel = way[UY::PER_NODE] - height * way[RX::PER_NODE]
+    return RailShape(cubic_spline(x.tolist(), travel, ends=("not-a-knot", "not-a-knot")))
+
+
+def unloaded_gap(panel: Panel, shape: RailShape | None, rail: str, x: Floats) -> Floats | None:
+    """Return the gap of a rail to its unloaded stock rail in its stress-free position.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    shape : RailShape or None
+        Of the rail; None where only typed shapes are asked for.
+    rail : str
+        Name of the rail.
+    x : ndarray, shape (n,)
+        Places [m].
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        [m]; None where the rail has no stock rail.
+    """
+    record = panel.rail[rail]
+    if record.fit_gap is None:
+        return stock_rail_gap(record, x)
+    if shape is None:
+        message = f"rail {rail}: its shape is computed, and the mechanism does not hold it"
+        raise MechanicsError(message)
+    return evaluate_profile(record.fit_gap, x) + record.fraction * shape.travel_at(x)

@@ -1,0 +1,247 @@
+"""Computed shapes, links and back drives against an independent beam program and by their laws.
+
+The independent rails cannot roll and their stock rails are rigid. A closed rail of the default
+panel rolls about its contact at the head, so that the rod goes 0.6 mm further at the toe. Gaps and
+flangeway are therefore compared on its symmetric sister with contacts at the height of the rods.
+How they change with the stroke, and the way from closed to open, are compared on both.
+"""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import xarray as xr
+from tests.verification.open_position import beam, position
+from tests.verification.runs import DEFAULT, SYMMETRIC, books
+
+from turnout.core.toml import parse_toml
+from turnout.errors import MechanicsError, PanelError
+from turnout.mechanism.build import build_mechanism
+from turnout.metric.slip import settled
+from turnout.panel.load import LoadedPanel, library_text, load_panel, panel_from_file
+from turnout.panel.markers import marker_offsets, marker_positions
+from turnout.response.save import Save
+from turnout.response.simulate import simulate
+from turnout.scheme import Scheme
+
+STROKES = (0.075, 0.080, 0.090)
+SLIDING = {"chair.friction_coefficient": 0.0}
+STILL = Scheme.of("quasi-static")
+TOLERANCE = 0.5e-3
+
+
+def frictionless(panel: LoadedPanel, stations: list[float] | None = None) -> xr.Dataset:
+    """Throw a panel without friction and inertia: it rests in its equilibrium."""
+    save = Save() if stations is None else Save(stations=stations)
+    return simulate(panel.with_overrides(SLIDING), scheme=STILL, save=save)
+
+
+@cache
+def at_stroke(stroke: float) -> tuple[LoadedPanel, xr.Dataset]:
+    """Return the symmetric panel with another stroke of Drive 2, and its frictionless throw."""
+    heights = {"stop.height": 0.02, "stud.height": 0.02}
+    panel = load_panel(SYMMETRIC, overrides={"drive.2.stroke": stroke} | heights)
+    return panel, frictionless(panel)
+
+
+def with_text(*changes: tuple[str, str]) -> LoadedPanel:
+    """Return the default panel with pieces of its file replaced."""
+    text = library_text(DEFAULT)
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    return panel_from_file(parse_toml(text, source="changed"))
+
+
+@pytest.mark.parametrize("stroke", STROKES)
+@pytest.mark.parametrize("name", [DEFAULT, SYMMETRIC])
+@pytest.mark.parametrize("rail", ["straight", "curved"])
+def test_the_way_to_open_is_that_of_a_beam_held_at_the_strokes(
+    stroke: float, rail: str, name: str
+) -> None:
+    panel = load_panel(name, overrides={"drive.2.stroke": stroke})
+    theirs = beam(panel, rail)
+    ours = build_mechanism(panel).shapes[rail].travel_at(theirs.x)
+    np.testing.assert_allclose(ours, theirs.travel[::2], atol=1e-4)
+
+
+@pytest.mark.parametrize("stroke", STROKES)
+def test_gaps_and_flangeway_follow_the_stroke(stroke: float) -> None:
+    panel, ours = at_stroke(stroke)
+    x = ours["x"].values
+    flangeways = []
+    for to in ("open", "closed"):
+        theirs, at_rest = position(panel, to=to), settled(ours, to=to)
+        for rail, gap in theirs.gaps.items():
+            wanted = np.interp(x, theirs.x, gap)
+            off = np.abs(at_rest["gap"].sel(rail=rail).values - wanted)
+            assert off.max() < TOLERANCE
+        opened = "straight" if to == "open" else "curved"
+        flangeways.append(theirs.flangeway(panel, opened))
+    assert float(ours["least_flangeway"]) == pytest.approx(min(flangeways), abs=TOLERANCE)
+
+
+@pytest.mark.parametrize("name", [DEFAULT, SYMMETRIC])
+def test_a_longer_stroke_opens_every_place_as_the_independent_beam_says(name: str) -> None:
+    gaps, flangeways = [], []
+    for stroke in (STROKES[0], STROKES[-1]):
+        panel = load_panel(name, overrides={"drive.2.stroke": stroke})
+        run, theirs = frictionless(panel), position(panel, to="open")
+        x = run["x"].values
+        wanted = np.interp(x, theirs.x, theirs.gaps["straight"])
+        gaps.append((settled(run, to="open")["gap"].sel(rail="straight").values, wanted))
+        least = [position(panel, to="closed").flangeway(panel, "curved")]
+        least.append(theirs.flangeway(panel, "straight"))
+        flangeways.append((float(run["least_flangeway"]), min(least)))
+    (short, wanted_short), (long, wanted_long) = gaps
+    assert (long - short).max() > 10e-3
+    np.testing.assert_allclose(long - short, wanted_long - wanted_short, atol=TOLERANCE)
+    ours, theirs_change = np.diff(flangeways, axis=0)[0]
+    assert ours > 10e-3
+    assert ours == pytest.approx(theirs_change, abs=TOLERANCE)
+
+
+def test_a_stretcher_away_from_the_only_drive_lets_the_rail_close() -> None:
+    """Interpolated between strokes, its length left the rail far open."""
+    text = library_text(DEFAULT)
+    second = text[text.index("[drive.2]") : text.index("[link]\n")]
+    panel = with_text(
+        (second, ""),
+        ('x = ["0.3 m", "6.9 m"]', 'x = ["0.3 m", "3.0 m"]'),
+        ("extra_time = { 2 = ", "extra_time = { 1 = "),
+    )
+    ours = frictionless(panel, stations=[0.3, 3.0])
+    fit = 4.6e-3 * np.sin(np.pi * 2.7 / 6.6) ** 2
+    for to, rail in (("closed", "straight"), ("open", "curved")):
+        gap = settled(ours, to=to)["gap"].sel(rail=rail).values
+        assert gap[0] < 1e-4
+        assert gap[1] < fit + 2e-3
+    assert np.abs(ours["link_force"].sel(link="2").values).max() < 1500.0
+
+
+def test_an_adjusted_link_spreads_the_rails_by_as_much() -> None:
+    stations = [0.3, 6.9]
+    plain = settled(frictionless(load_panel(DEFAULT), stations), to="closed")
+    adjusted = load_panel(DEFAULT, overrides={"link.adjustment": 0.002})
+    spread = settled(frictionless(adjusted, stations), to="closed")
+    change = (spread["gap"] - plain["gap"]).sel(rail="curved").values
+    # the curved rail stands open; what is lengthened brings it nearer to its stock rail
+    np.testing.assert_allclose(change, -0.002, atol=1e-4)
+
+
+def test_a_link_with_lost_motion_carries_nothing_within_it() -> None:
+    play = 0.012
+    panel = load_panel(DEFAULT, overrides={"link.2.lost_motion": play})
+    ours = frictionless(panel, stations=[6.9])
+    force = ours["link_force"].sel(link="2").values
+    ends = ours["lateral_displacement"].sel(x=6.9).values
+    apart = (ends[0] - ends[1]) - (ends[0] - ends[1])[0]
+    carries = np.abs(force) > 1.0
+    assert carries.any()
+    assert (~carries).any()
+    assert np.ptp(apart) == pytest.approx(play, abs=1.5e-3)
+
+
+def test_a_back_drive_moves_its_place_by_its_ratio() -> None:
+    back = (
+        '[back_drive.far]\ndrive = "2"\nx = "9.6 m"\nratio = 0.7\nheight = "20 mm"\n'
+        'stiffness = "5e7 N/m"\n\n[sensor]\n'
+    )
+    panel = with_text(("[sensor]\n", back))
+    plain = load_panel(DEFAULT)
+    x = np.array([6.9, 9.6])
+    ways = [build_mechanism(item).shapes["straight"].travel_at(x) for item in (panel, plain)]
+    assert ways[0][1] / ways[0][0] == pytest.approx(0.7, abs=2e-3)
+    assert ways[1][1] / ways[1][0] < 0.65
+    ours = frictionless(panel, stations=[6.9, 9.6])
+    moved = ours["lateral_displacement"].sel(rail="straight")
+    way = settled(ours, to="closed")["lateral_displacement"].sel(rail="straight").values
+    way = way - moved.sel(time=4.3).values
+    assert way[1] / way[0] == pytest.approx(0.7, abs=0.02)
+    assert books(simulate(panel))[0] < 1e-6
+
+
+def test_a_loaded_start_is_pressed_home_and_let_go_first() -> None:
+    panel = load_panel(DEFAULT)
+    reach = np.array([drive.over_travel_closed for drive in panel.drive.values()])
+    np.testing.assert_array_equal(marker_positions(panel, 0.0)[:, 0], reach)
+    np.testing.assert_allclose(marker_offsets(panel), [0.27 * 0.115, 0.27 * 0.080])
+    ours = simulate(panel)
+    start = ours["drive_force"].values[:, 0]
+    stretch = start / np.array([drive.stiffness for drive in panel.drive.values()])
+    # what the stock rail, its fastenings and the contact yield is left of the over-travel
+    assert np.all(stretch < reach)
+    assert np.all(stretch > 0.8 * reach)
+    assert bool(ours["locked"][0])
+    assert books(ours)[0] < 1e-6
+    opening = ours["drive_force"].sel(time=slice(0.2, 1.0)).values
+    assert np.all(opening[:, 0] > 2000.0)
+    assert np.all(opening[:, -1] < 0.0)
+    cold = simulate(panel.with_overrides({"schedule.loaded": False}))
+    np.testing.assert_allclose(ours["drive_displacement"].values[:, 0], reach, atol=1e-15)
+    np.testing.assert_allclose(cold["drive_displacement"].values[:, 0], 0.0, atol=1e-15)
+    # The throw to open and back forgets how it started.
+    change = (ours["drive_force"] - cold["drive_force"]).values[:, -1]
+    assert np.abs(change).max() < 20.0
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        ("rail.straight.stress_free", 1.2, 'must be "closed", "open" or a fraction from 0 to 1'),
+        ("drive.1.over_travel_closed", 0.009, "the drive slips at rest, at 6 kN; give less than"),
+        ("drive.2.over_travel_open", 0.0086, "presses rail 'curved' home with 6.97 kN"),
+        ("rail.straight.stock_rail_gap", 0.0, "fit_gap: not beside stock_rail_gap"),
+        ("rail.straight.fit_gap", -0.001, "a gap must be at least 0"),
+        ("link.2.lost_motion", -0.001, "must be at least 0"),
+        ("link.2.rails", ["straight", "straight"], "names the same rail twice"),
+        ("drive.2.gap_limit", 0.0, "must be more than 0"),
+    ],
+)
+def test_what_no_switch_can_be_is_refused(key: str, value: object, told: str) -> None:
+    with pytest.raises(PanelError, match=key.split(".", 1)[0]) as caught:
+        load_panel(DEFAULT, overrides={key: value})
+    assert len(caught.value.problems) == 1
+    assert told in str(caught.value)
+
+
+def test_a_typed_shape_must_fit_its_stroke_but_may_be_told_not_to() -> None:
+    with pytest.raises(PanelError, match=r"leaves 75.0 mm at drive '2', where the stroke of 76"):
+        load_panel("sb2", overrides={"drive.2.stroke": 0.076})
+    load_panel("sb2", overrides={"drive.2.stroke": 0.0754})
+    told = {"drive.2.stroke": 0.076, "rail.B.independent_shape": True}
+    assert load_panel("sb2", overrides=told).drive["2"].stroke == 0.076
+
+
+def test_a_study_of_stiffness_is_not_refused_for_its_closing_force() -> None:
+    stiff = load_panel(DEFAULT, overrides={"drive.1.stiffness": 7500e3})
+    assert stiff.drive["1"].over_travel_closed * stiff.drive["1"].stiffness > 6e3
+
+
+@pytest.mark.parametrize(
+    ("ratio", "drive", "x", "told"),
+    [
+        ("0", "2", "9.6 m", "ratio = 0: must be more than 0"),
+        ("0.7", "3", "9.6 m", 'drive = "3": there is no such drive'),
+        ("0.7", "2", "6.9 m", "x = 6.9 m: is the place of drive '2' itself; move it away"),
+    ],
+)
+def test_a_back_drive_that_cannot_be_is_refused(ratio: str, drive: str, x: str, told: str) -> None:
+    back = (
+        f'[back_drive.far]\ndrive = "{drive}"\nx = "{x}"\nratio = {ratio}\n'
+        'stiffness = "5e7 N/m"\n\n[sensor]\n'
+    )
+    with pytest.raises(PanelError) as caught:
+        with_text(("[sensor]\n", back))
+    assert len(caught.value.problems) == 1
+    assert told in str(caught.value)
+
+
+def test_a_back_drive_at_the_place_of_another_drive_is_refused_when_it_is_built() -> None:
+    back = (
+        '[back_drive.far]\ndrive = "2"\nx = "0.3 m"\nratio = 0.7\n'
+        'stiffness = "5e7 N/m"\n\n[sensor]\n'
+    )
+    panel = with_text(("[sensor]\n", back))
+    with pytest.raises(MechanicsError, match="rail.straight.fit_gap: the rail cannot stand open"):
+        build_mechanism(panel)
