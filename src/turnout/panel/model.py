@@ -19,25 +19,22 @@ from turnout.core.quantity import (
 from turnout.panel.records import (
     BackDrive,
     Chair,
-    DrawnOutline,
     Drive,
     Fastening,
     Link,
     Lock,
     Movement,
     ObjectDefaults,
-    OutlineSection,
     PanelObject,
-    PlanedSection,
     Rail,
     Record,
     Schedule,
-    SectionTable,
     Sensor,
     Sleeper,
     StockRail,
     Stop,
 )
+from turnout.panel.section_records import DrawnOutline, OutlineSection, PlanedSection, SectionTable
 
 
 class Material(Record):
