@@ -148,7 +148,7 @@ def diagonalise_damping(model: ModalModel) -> ModalModel:
     >>> spring = np.array([[2.0, -1.0], [-1.0, 2.0]])
     >>> given = {"rows": np.eye(2), "load": np.zeros(2), "cutoff_frequency": 10.0}
     >>> model = modal_model(spring, np.eye(2), damping=np.diag([0.0, 0.5]), **given)
-    >>> damped_apart(model).damping.round(9).tolist()
+    >>> diagonalise_damping(model).damping.round(9).tolist()
     [[0.0, 0.0], [0.0, 0.5]]
     """
     of_shapes, turn = np.diagonal(model.damping), None

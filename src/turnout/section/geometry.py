@@ -101,9 +101,9 @@ def principal_moments(moments: AreaMoments) -> tuple[float, float, float]:
 
     Examples
     --------
-    >>> from turnout.section.outline import make_outline, rotated
+    >>> from turnout.section.outline import make_outline, rotate
     >>> upright = make_outline([[-1, -3], [1, -3], [1, 3], [-1, 3]])
-    >>> greatest, least, angle = principal_moments(area_moments(rotated(upright, angle=0.2)))
+    >>> greatest, least, angle = principal_moments(area_moments(rotate(upright, angle=0.2)))
     >>> round(greatest, 9), round(least, 9), round(angle, 9)
     (36.0, 4.0, 0.2)
     """

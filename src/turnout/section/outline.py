@@ -100,7 +100,7 @@ def move(outline: Outline, *, y: float = 0.0, z: float = 0.0) -> Outline:
     Examples
     --------
     >>> square = make_outline([[0, 0], [1, 0], [1, 1], [0, 1]])
-    >>> moved(square, y=2.0).points[0].tolist()
+    >>> move(square, y=2.0).points[0].tolist()
     [2.0, 0.0]
     """
     shift = np.array([y, z])
@@ -115,7 +115,7 @@ def rotate(outline: Outline, *, angle: float, about: tuple[float, float] = (0.0,
     Examples
     --------
     >>> square = make_outline([[0, 0], [1, 0], [1, 1], [0, 1]])
-    >>> rotated(square, angle=np.pi / 2).points[1].round(12).tolist()
+    >>> rotate(square, angle=np.pi / 2).points[1].round(12).tolist()
     [0.0, 1.0]
     """
     c, s = np.cos(angle), np.sin(angle)
@@ -134,7 +134,7 @@ def scale(outline: Outline, *, factor: float) -> Outline:
     Examples
     --------
     >>> square = make_outline([[0, 0], [1, 0], [1, 1], [0, 1]])
-    >>> ring_area(scaled(square, factor=3.0).points)
+    >>> ring_area(scale(square, factor=3.0).points)
     9.0
     """
     if factor <= 0.0:
@@ -151,7 +151,7 @@ def mirror(outline: Outline) -> Outline:
     Examples
     --------
     >>> triangle = make_outline([[0, 0], [1, 0], [0, 1]])
-    >>> mirrored_outline(triangle).points.tolist()
+    >>> mirror(triangle).points.tolist()
     [[0.0, 1.0], [-1.0, 0.0], [0.0, 0.0]]
     """
     flip = np.array([-1.0, 1.0])
@@ -168,7 +168,7 @@ def densify(outline: Outline, *, length: float) -> Outline:
     Examples
     --------
     >>> square = make_outline([[0, 0], [1, 0], [1, 1], [0, 1]])
-    >>> densified(square, length=0.5).points[:3].tolist()
+    >>> densify(square, length=0.5).points[:3].tolist()
     [[0.0, 0.0], [0.5, 0.0], [1.0, 0.0]]
     """
     if length <= 0.0:

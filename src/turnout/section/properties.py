@@ -136,7 +136,8 @@ def mirror_sections(properties: SectionProperties) -> SectionProperties:
     --------
     >>> one = np.ones(1)
     >>> section = SectionProperties(*[one] * 3, 0.5 * one, *[one] * 7)
-    >>> float(mirrored(section).product_moment[0]), float(mirrored(section).centroid_z[0])
+    >>> mirror = mirror_sections(section)
+    >>> float(mirror.product_moment[0]), float(mirror.centroid_z[0])
     (-0.5, 1.0)
     """
     values = _to_dict(properties)
