@@ -36,7 +36,7 @@ def require_regular_file(path: Path | str) -> None:
     >>> require_regular_file(Path(__file__).parent)
     Traceback (most recent call last):
         ...
-    turnout.errors.FileError: ...files: is a folder, not a file; name a file inside it
+    turnout.errors.FileError: ...core: is a folder, not a file; name a file inside it
     """
     try:
         mode = os.stat(path).st_mode
