@@ -1,10 +1,10 @@
 """Records of arrays that kernels take by reference.
 
-A kernel that takes a named tuple of arrays by value is passed every pointer and every length of
-it on each call: hundreds of numbers, which cost more than the work of a small kernel.
-`shared_record` writes them to memory once and passes the address alone. In Python as in a kernel
-the arrays are attributes of the same names; their content can be changed, but not which arrays
-they are.
+A kernel that takes a named tuple of arrays by value gets every pointer and every length of it on
+each call, hundreds of numbers, which costs more than what a small kernel does. `shared_record` lays
+these numbers down in memory once and hands kernels the address alone. In Python as in a kernel the
+arrays are read as attributes of the same names; which arrays they are can no longer be changed,
+what is in them can.
 """
 
 import itertools
