@@ -23,7 +23,7 @@ from turnout.integrate.arrange import Run, arrange, prepare, start
 from turnout.integrate.columns import update_row
 from turnout.integrate.state import COUNT_FLIPS, COUNT_ITERATIONS
 from turnout.kernels.interrupt import one_thread
-from turnout.kernels.vector import add_rows
+from turnout.kernels.vector import add_weighted_rows
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.load import load_panel
 from turnout.panel.markers import marker_offsets, marker_positions
@@ -34,14 +34,14 @@ SHARE = 0.55
 """Where in the cycle the state is taken: both rails on the way back."""
 CALLS, REPEATS = 2000, 7
 KERNELS = {
-    "predict, right side": "step.begin_step(s, st, w, sp, sp.step, step.factors_of(sp, sp.step))",
-    "columns times right side": "solution.solve_set(s, t, st, w)",
-    "check of contacts and stops": "solve.check_segments(s, t, st, w, 1e-11, False)",
-    "check of friction": "solve.check_frictions(t, st, w, 0, 1e-6, False)",
-    "complete, books of modes": "step.complete_step(s, st, w, sp, step.factors_of(sp, sp.step))",
-    "books of laws": "energy.account_laws(s, t, st, w, w.inputs, 4.0)",
+    "predict, right side": "step.predict(s, st, w, sp, sp.step, step.step_factors(sp, sp.step))",
+    "columns times right side": "solution.solve_displacements(s, t, st, w)",
+    "check of contacts and stops": "solve.update_segments(s, t, st, w, 1e-11, False)",
+    "check of friction": "solve.update_branches(t, st, w, 0, 1e-6, False)",
+    "complete, books of modes": "step.correct(s, st, w, sp, step.step_factors(sp, sp.step))",
+    "books of laws": "energy.account_laws(s, t, st, w, w.inputs_start, 4.0)",
     "books of friction": "energy.account_friction(s, st, w)",
-    "store an instant": "march.store(s, t, st, w, rec, 1)",
+    "store an instant": "march.store_instant(s, t, st, w, rec, 1)",
 }
 FLIP = "one flip"
 
@@ -99,7 +99,7 @@ def flips(s, t, st, w, sp, rec, n):  # type: ignore[no-untyped-def]  # noqa: D10
 @numba.njit(_nrt=False, error_model="numpy")
 def products(s, t, st, w, sp, rec, n):  # type: ignore[no-untyped-def]  # noqa: D103
     for _ in range(n):
-        add_rows(w.predicted[:40], st.mode_columns[:40], st.columns[0])
+        add_weighted_rows(w.q_pred[:40], st.mode_columns[:40], st.columns[0])
 
 
 def seconds(loop: Callable[..., None], run: Run) -> float:
@@ -130,7 +130,7 @@ def profile(name: str, scheme: Scheme) -> Profile:
     needed = sum(int(modes[b] * ends[b]) for b in blocks)
     return Profile(
         kernels=found,
-        least=seconds(products, run) / (min(40, run.work.predicted.size) * width),
+        least=seconds(products, run) / (min(40, run.work.q_pred.size) * width),
         marched=taken,
         unstored=unstored,
         steps=run.positions.shape[0] - 1,

@@ -13,7 +13,7 @@ from turnout.beam.assembly import DOF, assemble_beam, dof_index, point_row
 from turnout.beam.element import element_gravity_load, element_mass, element_stiffness
 from turnout.beam.material import Material
 from turnout.errors import MechanicsError
-from turnout.section.properties import SectionProperties, mirrored
+from turnout.section.properties import SectionProperties, mirror_sections
 
 STEEL = Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
 E, G, RHO = STEEL.youngs_modulus, STEEL.shear_modulus, STEEL.density
@@ -126,7 +126,7 @@ def test_mirrored_section_gives_the_mirrored_element(former):
     """Mirroring in y = 0 turns uy, rx and rz round."""
     flip = np.tile(FLIP, 2)
     here = former([LENGTH], uniform(SKEW), STEEL)[0]
-    there = former([LENGTH], mirrored(uniform(SKEW)), STEEL)[0]
+    there = former([LENGTH], mirror_sections(uniform(SKEW)), STEEL)[0]
     both = np.outer(flip, flip) if here.ndim == 2 else flip
     np.testing.assert_allclose(there, both * here, rtol=1e-12, atol=1e-12 * np.abs(here).max())
     assert np.abs(there - here).max() > 1e-3 * np.abs(here).max()

@@ -8,7 +8,7 @@ import pytest
 from turnout.beam.material import Material
 from turnout.beam.mesh import MERGE_DISTANCE, mesh_nodes
 from turnout.errors import MechanicsError
-from turnout.section.properties import SectionProperties, interpolate_sections, mirrored
+from turnout.section.properties import SectionProperties, interpolate_sections, mirror_sections
 
 NAMES = [field.name for field in fields(SectionProperties)]
 ODD = {"product_moment", "centroid_y", "shear_centre_y"}
@@ -45,7 +45,7 @@ def test_stations_must_match_the_sections():
 
 
 def test_mirroring_flips_what_is_odd_in_y_only():
-    there = mirrored(sections())
+    there = mirror_sections(sections())
     for name in NAMES:
         sign = -1.0 if name in ODD else 1.0
         np.testing.assert_array_equal(getattr(there, name), sign * getattr(sections(), name))

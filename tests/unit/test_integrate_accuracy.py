@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from tests.unit.test_integrate_columns import INERTIA, VISCOSITY, Setup, flip, setup
 
-from turnout.integrate.accuracy import DRIFTS, correct, is_inaccurate
-from turnout.integrate.columns import make_level, rebuild, update_row
+from turnout.integrate.accuracy import DRIFTS, is_inaccurate, refine
+from turnout.integrate.columns import assemble_level, rebuild, update_row
 from turnout.integrate.energy import account_friction
 from turnout.integrate.march import _try_step
 from turnout.integrate.scratch import Work
-from turnout.integrate.solution import set_modes, solve_set
+from turnout.integrate.solution import gather_modes, solve_displacements
 from turnout.integrate.solve import CONVERGED, Tolerances, evaluate
 from turnout.integrate.state import COUNT_RECENT, set_segment
-from turnout.integrate.step import Stepping, factors_of
+from turnout.integrate.step import Stepping, step_factors
 from turnout.law.kernel import SLIP_FORWARD
 from turnout.scheme import AlphaCoefficients
 
@@ -22,8 +22,8 @@ def solved(made: Setup) -> Work:
     work = made.work
     work.right_side[:] = np.linspace(-500.0, 900.0, work.right_side.size)
     made.state.inputs[:] = [2e-3, -1e-3]
-    solve_set(made.system, made.table, made.state, work)
-    set_modes(made.system, made.state)
+    solve_displacements(made.system, made.table, made.state, work)
+    gather_modes(made.system, made.state)
     return work
 
 
@@ -67,7 +67,7 @@ def test_the_errors_found_are_taken_off(made: Setup, worn: str) -> None:
     off = [np.abs(made.state.q - exact[0]).max(), np.abs(made.state.g - exact[1]).max()]
     made.state.drift[0] = DRIFTS
     assert judged(made, work)
-    correct(made.system, made.state, work)
+    refine(made.system, made.state, work)
     left = [np.abs(made.state.q - exact[0]).max(), np.abs(made.state.g - exact[1]).max()]
     assert left[0] < 1e-4 * off[0]
     assert left[1] < 1e-4 * off[1]
@@ -82,10 +82,10 @@ def stepping(step: float) -> Stepping:
 def test_a_solution_is_corrected_where_columns_are_fresh_and_yet_wrong(made: Setup) -> None:
     system, table, state, work = made.system, made.table, made.state, made.work
     given = stepping(1e-3)
-    factors = factors_of(given, given.step)
+    factors = step_factors(given, given.step)
     inertia, viscosity, _ = factors
-    state.made[:] = 0
-    make_level(system, state, 0, inertia, viscosity)
+    state.level_ready[:] = 0
+    assemble_level(system, state, 0, inertia, viscosity)
     rebuild(system, table, state, 0, work.row)
     state.mode_columns[:] *= 1.0 + 1e-6
     state.drift[0] = DRIFTS  # as after the last correction

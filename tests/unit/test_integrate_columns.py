@@ -13,12 +13,12 @@ import pytest
 from turnout.condense.blocks import Block
 from turnout.condense.condense import BlockModel, linear_stiffness
 from turnout.condense.followers import leading_rows
-from turnout.condense.modal import damped_apart, modal_model
+from turnout.condense.modal import diagonalise_damping, modal_model
 from turnout.errors import MechanicsError
-from turnout.integrate.columns import activate, deactivate, make_level, rebuild, update_row
+from turnout.integrate.columns import activate, assemble_level, deactivate, rebuild, update_row
 from turnout.integrate.places import place_laws
 from turnout.integrate.scratch import Work, new_work
-from turnout.integrate.solution import set_modes, solve_set
+from turnout.integrate.solution import gather_modes, solve_displacements
 from turnout.integrate.state import (
     COUNT_FLIPS,
     COUNT_JOINING,
@@ -115,13 +115,13 @@ def setup(cutoff_modes: int, seed: int) -> Setup:
         rubs = np.isin(rows, [*FRICTION_ROWS, *CONTACTS])
         leading = leading_rows(here[rows], first=rubs)
         of_block = Block(np.arange(N_DOF) + block * N_DOF, rows)
-        parts.append(BlockModel(of_block, damped_apart(model), leading))
+        parts.append(BlockModel(of_block, diagonalise_damping(model), leading))
     assert [rows.size for rows in (part.leading.leaders for part in parts)] == [12, 3]
     system = condensed_system(parts, given)
     table = shared_record(place_laws(given, system.row_place))
     state = fresh_state(system, table, n_inputs=len(DRIVEN), levels=2)
     work = new_work(system, table)
-    make_level(system, state, 0, INERTIA, VISCOSITY)
+    assemble_level(system, state, 0, INERTIA, VISCOSITY)
     rebuild(system, table, state, 0, work.row)
     places = system.row_place.astype(np.int64).tolist()
     return Setup(system, table, state, work.row, work, given, tuple(parts), places)
@@ -208,8 +208,8 @@ def check_against_dense(made: Setup) -> None:
     system, table, state, work = made.system, made.table, made.state, made.work
     work.right_side[:] = np.linspace(-500.0, 900.0, work.right_side.size)
     state.inputs[:] = [2e-3, -1e-3]
-    solve_set(system, table, state, work)
-    set_modes(system, state)
+    solve_displacements(system, table, state, work)
+    gather_modes(system, state)
     g, q = dense_solution(made)
     np.testing.assert_allclose(state.g[made.rows], g, rtol=0, atol=TOLERANCE * np.abs(g).max())
     np.testing.assert_allclose(state.q, q, rtol=0, atol=TOLERANCE * np.abs(q).max())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring
 
-from turnout.integrate.dense import fill_in
+from turnout.integrate.dense import interpolate_record
 from turnout.integrate.march import Record
 from turnout.integrate.run import History, integrate
 from turnout.law.table import LawTableBuilder
@@ -41,7 +41,7 @@ def test_motion_between_the_steps_is_of_fourth_order() -> None:
         nothing = np.zeros((at.size, 2))
         record = Record(q, q.copy(), nothing[:, :0], nothing, nothing, nothing, at, v)
         instants = np.linspace(0.0, 1.0, 173)
-        filled = fill_in(
+        filled = interpolate_record(
             record,
             step=step,
             instants=instants,

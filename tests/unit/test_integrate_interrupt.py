@@ -11,7 +11,7 @@ from tests.unit.test_integrate_columns import setup
 from turnout.integrate.follow import follow_path
 from turnout.integrate.march import Record, march
 from turnout.integrate.outcome import Code
-from turnout.integrate.solve import Tolerances, settle
+from turnout.integrate.solve import Tolerances, iterate_contact_set
 from turnout.integrate.step import Stepping
 from turnout.kernels.interrupt import call_interruptible, one_thread
 from turnout.kernels.lanes import zeros_in_lines
@@ -71,4 +71,4 @@ def test_the_walk_along_the_path_listens_too() -> None:
     inputs = (np.zeros(2), np.ones(2))
     given = (system, table, state, work, TOLERANCES, inputs, 3e4, 900.0)
     assert follow_path(*given) == Code.INTERRUPTED
-    assert settle(system, table, state, work, TOLERANCES) == Code.INTERRUPTED
+    assert iterate_contact_set(system, table, state, work, TOLERANCES) == Code.INTERRUPTED

@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from turnout.core.moving_average import moving_average, window_samples
 from turnout.measurement.chain.apply import apply_chain, load_channel_map
 from turnout.measurement.chain.condition import (
     condition,
     lowpass,
     median,
-    moving_average,
     remove_drift,
     tare,
-    window_samples,
 )
 from turnout.measurement.recording import Channel, Recording
 from turnout.metric.signal import filtered
@@ -41,11 +40,31 @@ def test_edges_are_over_what_there_is() -> None:
 
 
 def test_it_is_the_filter_of_the_features() -> None:
-    """Simulations are smoothed by `metric`; without holes both must be the same."""
+    """`metric` smooths simulations and measurements, with and without missing samples."""
     values = RNG.normal(size=(2, 700))
+    values[1, 300:420] = np.nan
     time = np.arange(700) / RATE
     theirs = filtered(xr.DataArray(values, {"time": time}, ("drive", "time")))
     np.testing.assert_allclose(moving_average(values, rate=RATE), theirs.values, atol=1e-12)
+
+
+def test_one_more_row_changes_no_bit_of_the_others() -> None:
+    values = RNG.normal(size=(2, 500))
+    alone = moving_average(values[:1], rate=RATE)
+    np.testing.assert_array_equal(moving_average(values * [[1.0], [1e9]], rate=RATE)[:1], alone)
+
+
+def test_rounding_in_the_rate_does_not_decide_the_window() -> None:
+    """At 250 Hz half a window is 12.5 samples."""
+    rates = 250.0 * (1.0 + 1e-14 * np.arange(-20, 21))
+    assert {window_samples(0.1, rate=rate) for rate in rates} == {25}
+
+
+def test_a_row_without_any_sample_stays_missing() -> None:
+    values = np.vstack((np.full(300, np.nan), np.ones(300)))
+    smooth = moving_average(values, rate=RATE)
+    assert np.isnan(smooth[0]).all()
+    assert np.all(smooth[1] == 1.0)
 
 
 def test_holes_shorter_than_the_window_are_bridged() -> None:

@@ -5,13 +5,13 @@ import pytest
 
 from turnout.plot.sections import plot_section_outlines
 from turnout.section.analyse import analyse_outlines
-from turnout.section.outline import make_outline, moved
+from turnout.section.outline import make_outline, move
 
 PLATE = make_outline(
     [[0, 0], [0.1, 0], [0.1, 0.2], [0, 0.2]],
     holes=([[0.02, 0.03], [0.06, 0.03], [0.06, 0.1], [0.02, 0.1]],),
 )
-OUTLINES = [PLATE, moved(PLATE, y=-0.05), moved(PLATE, z=0.01)]
+OUTLINES = [PLATE, move(PLATE, y=-0.05), move(PLATE, z=0.01)]
 
 
 def test_each_outline_has_its_panel_in_millimetres() -> None:

@@ -5,8 +5,8 @@ import pytest
 
 from turnout.errors import MechanicsError
 from turnout.section.analyse import SectionAnalysis, analyse_outline, analyse_outlines
-from turnout.section.outline import Outline, make_outline, mirrored_outline, moved, rotated, scaled
-from turnout.section.properties import SectionProperties, mirrored
+from turnout.section.outline import Outline, make_outline, mirror, move, rotate, scale
+from turnout.section.properties import SectionProperties, mirror_sections
 
 # No symmetry, a re-entrant corner and walls of different thickness.
 SKEW = make_outline([[0, 0], [0.08, 0], [0.07, 0.02], [0.03, 0.03], [0.02, 0.11], [-0.01, 0.12]])
@@ -26,7 +26,7 @@ HERE = one(SKEW)
 
 
 def test_quarter_turn_swaps_lateral_and_vertical() -> None:
-    there = one(rotated(SKEW, angle=0.5 * np.pi))
+    there = one(rotate(SKEW, angle=0.5 * np.pi))
     for stem in ("second_moment", "shear_factor"):
         for a, b in (("lateral", "vertical"), ("vertical", "lateral")):
             assert there[f"{stem}_{a}"] == pytest.approx(HERE[f"{stem}_{b}"], rel=MESH)
@@ -39,15 +39,15 @@ def test_quarter_turn_swaps_lateral_and_vertical() -> None:
 
 
 def test_mirrored_outline_has_mirrored_properties() -> None:
-    run = analyse_outline(mirrored_outline(SKEW)).properties
-    wanted = mirrored(analyse_outline(SKEW).properties)
+    run = analyse_outline(mirror(SKEW)).properties
+    wanted = mirror_sections(analyse_outline(SKEW).properties)
     for name in SectionProperties.__slots__:
         here, there = getattr(wanted, name)[0], getattr(run, name)[0]
         assert there == pytest.approx(here, rel=MESH, abs=1e-12), name
 
 
 def test_move_only_moves() -> None:
-    there = one(moved(SKEW, y=0.5, z=-3.0))
+    there = one(move(SKEW, y=0.5, z=-3.0))
     shifts = {"_y": 0.5, "_z": -3.0}
     for name, value in HERE.items():
         wanted = value + shifts.get(name[-2:], 0.0)
@@ -56,7 +56,7 @@ def test_move_only_moves() -> None:
 
 
 def test_scaling_laws() -> None:
-    there = one(scaled(SKEW, factor=10.0))
+    there = one(scale(SKEW, factor=10.0))
     powers = {
         "area": 2,
         "torsion_constant": 4,
@@ -74,7 +74,7 @@ def test_scaling_laws() -> None:
 
 def test_shear_flexibility_is_a_tensor_without_poissons_ratio() -> None:
     turn = 0.4
-    flat, turned = (one(o, poisson_ratio=0.0) for o in (SKEW, rotated(SKEW, angle=turn)))
+    flat, turned = (one(o, poisson_ratio=0.0) for o in (SKEW, rotate(SKEW, angle=turn)))
     tensors = [
         np.array(
             [

@@ -9,15 +9,15 @@ from turnout.errors import MechanicsError
 from turnout.section.geometry import area_moments, principal_moments
 from turnout.section.outline import (
     Outline,
-    densified,
+    densify,
     make_outline,
-    mirrored_outline,
-    moved,
+    mirror,
+    move,
     outline_of,
     polygon_of,
     ring_area,
-    rotated,
-    scaled,
+    rotate,
+    scale,
 )
 
 SKEW = make_outline([[0, 0], [0.08, 0], [0.07, 0.02], [0.03, 0.03], [0.02, 0.11], [-0.01, 0.12]])
@@ -58,7 +58,7 @@ def test_moments_do_not_depend_on_how_a_boundary_is_given(outline: Outline) -> N
     backwards = make_outline(
         np.roll(outline.points[::-1], 2, axis=0), holes=tuple(h[::-1] for h in outline.holes)
     )
-    for other in (backwards, densified(outline, length=0.007), outline_of(polygon_of(outline))):
+    for other in (backwards, densify(outline, length=0.007), outline_of(polygon_of(outline))):
         for name in type(area_moments(outline)).__dataclass_fields__:
             wanted = getattr(area_moments(outline), name)
             assert getattr(area_moments(other), name) == pytest.approx(wanted, rel=1e-12), name
@@ -75,16 +75,16 @@ def test_hole_is_taken_off() -> None:
 
 
 def test_densified_edges_are_short_and_on_the_boundary() -> None:
-    fine = densified(SKEW, length=0.007)
+    fine = densify(SKEW, length=0.007)
     edges = np.roll(fine.points, -1, axis=0) - fine.points
     assert np.hypot(*edges.T).max() <= 0.007 * (1 + 1e-9)
     assert ring_area(fine.points) == pytest.approx(ring_area(SKEW.points), rel=1e-13)
     with pytest.raises(MechanicsError, match="must be positive"):
-        densified(SKEW, length=0.0)
+        densify(SKEW, length=0.0)
 
 
 def test_mirror_turns_the_product_and_the_lateral_position() -> None:
-    here, there = area_moments(SKEW), area_moments(mirrored_outline(SKEW))
+    here, there = area_moments(SKEW), area_moments(mirror(SKEW))
     assert there.product_moment == pytest.approx(-here.product_moment, rel=1e-12)
     assert there.centroid_y == pytest.approx(-here.centroid_y, rel=1e-12)
     assert there.centroid_z == pytest.approx(here.centroid_z, rel=1e-12)
@@ -98,20 +98,20 @@ def test_mirror_turns_the_product_and_the_lateral_position() -> None:
 )
 def test_principal_moments_go_with_the_section(angle: float, y: float, z: float) -> None:
     here = principal_moments(area_moments(HOLED))
-    there = principal_moments(area_moments(moved(rotated(HOLED, angle=angle), y=y, z=z)))
+    there = principal_moments(area_moments(move(rotate(HOLED, angle=angle), y=y, z=z)))
     np.testing.assert_allclose(there[:2], here[:2], rtol=1e-9)
     turn = (there[2] - here[2] - angle) / np.pi
     assert turn == pytest.approx(round(turn), abs=1e-6)
 
 
 def test_rotation_about_a_point_leaves_it() -> None:
-    turned = rotated(SKEW, angle=0.7, about=(0.08, 0.0))
+    turned = rotate(SKEW, angle=0.7, about=(0.08, 0.0))
     np.testing.assert_allclose(turned.points[1], [0.08, 0.0], atol=1e-15)
 
 
 def test_scaling() -> None:
-    small, large = area_moments(SKEW), area_moments(scaled(SKEW, factor=1000.0))
+    small, large = area_moments(SKEW), area_moments(scale(SKEW, factor=1000.0))
     assert large.area == pytest.approx(1e6 * small.area, rel=1e-12)
     assert large.product_moment == pytest.approx(1e12 * small.product_moment, rel=1e-12)
     with pytest.raises(MechanicsError, match="must be positive"):
-        scaled(SKEW, factor=-1.0)
+        scale(SKEW, factor=-1.0)

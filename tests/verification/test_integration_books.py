@@ -186,7 +186,7 @@ def wrong_sign_of_markers(kernel: Callable[..., None]) -> Callable[..., None]:
 @pytest.mark.parametrize(
     ("name", "tamper"),
     [
-        ("complete_step", no_damping),
+        ("correct", no_damping),
         ("account_friction", end_force_instead_of_mean),
         ("account_laws", wrong_sign_of_markers),
     ],

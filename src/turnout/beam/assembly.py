@@ -55,7 +55,7 @@ def assemble_beam(
     r"""Assemble a beam, straight or curved in plan.
 
     A curved beam is a polygon of straight elements in its stress-free state. An element's axes are
-    turned by the heading :math:`\varphi` of its chord,
+    rotated by the heading :math:`\varphi` of its chord,
 
     .. math:: K = T^T K_e T, \quad T = \mathrm{diag}(R, R, R, R), \quad
               R = \begin{pmatrix} \cos\varphi & \sin\varphi & 0 \\
@@ -75,6 +75,7 @@ def assemble_beam(
     sections : SectionProperties, shape (n - 1,)
         Properties at the middle of each element; the error of a smooth taper is of second order.
     material : Material
+        Of all elements.
     y : array_like, shape (n,), optional
         Lateral node positions [m]; by default all zero.
     gravity : float
@@ -85,6 +86,7 @@ def assemble_beam(
     Returns
     -------
     BeamModel
+        Unsupported, n nodes.
 
     Examples
     --------
@@ -105,17 +107,19 @@ def assemble_beam(
         raise MechanicsError(msg)
     sideways = np.zeros(advance.size) if y is None else np.diff(np.asarray(y, dtype=float))
     length = np.hypot(advance, sideways)
-    turn = _turns(np.arctan2(sideways, advance))
+    rotation = _rotation_matrices(np.arctan2(sideways, advance))
     dofs = 6 * np.arange(length.size)[:, None] + np.arange(12)
     load = np.zeros(6 * nodes.size)
     weight = element_gravity_load(length, sections, material, gravity=gravity)
-    np.add.at(load, dofs, np.einsum("nij,ni->nj", turn, weight))
+    np.add.at(load, dofs, np.einsum("nij,ni->nj", rotation, weight))
     return BeamModel(
         x=nodes,
         stiffness=_assemble(
-            _turned(element_stiffness(length, sections, material), turn), dofs, load.size
+            _rotate(element_stiffness(length, sections, material), rotation), dofs, load.size
         ),
-        mass=_assemble(_turned(element_mass(length, sections, material), turn), dofs, load.size),
+        mass=_assemble(
+            _rotate(element_mass(length, sections, material), rotation), dofs, load.size
+        ),
         gravity_load=load,
         name=name,
     )
@@ -145,6 +149,7 @@ def dof_index(model: BeamModel, x: float, direction: str) -> int:
     Parameters
     ----------
     model : BeamModel
+        With a node at `x`.
     x : float
         Position of the node [m].
     direction : str
@@ -181,6 +186,7 @@ def point_row(
     Parameters
     ----------
     model : BeamModel
+        With a node at `x`.
     x : float
         Position of the node [m].
     direction : str
@@ -191,6 +197,7 @@ def point_row(
     Returns
     -------
     ndarray, shape (6 n,)
+        Displacement [m] or rotation [rad] of the point per nodal one.
 
     Examples
     --------
@@ -218,22 +225,22 @@ def _component(direction: str) -> int:
     return DOF.index(direction)
 
 
-def _turns(heading: FloatArray) -> FloatArray:
-    """Stack the matrices, (n, 12, 12), that take fixed axes to those of elements with a heading."""
+def _rotation_matrices(heading: FloatArray) -> FloatArray:
+    """Stack the rotations, (n, 12, 12), from fixed axes to those of elements of a heading [rad]."""
     plane = np.tile(np.eye(3), (heading.size, 1, 1))
     plane[:, 0, 0] = plane[:, 1, 1] = np.cos(heading)
     plane[:, 0, 1] = np.sin(heading)
     plane[:, 1, 0] = -np.sin(heading)
-    turn = np.zeros((heading.size, 12, 12))
+    rotation = np.zeros((heading.size, 12, 12))
     for first in range(0, 12, 3):
-        turn[:, first : first + 3, first : first + 3] = plane
-    return turn
+        rotation[:, first : first + 3, first : first + 3] = plane
+    return rotation
 
 
-def _turned(blocks: FloatArray, turn: FloatArray) -> FloatArray:
-    """Turn element matrices to the fixed axes."""
-    turned: FloatArray = np.swapaxes(turn, 1, 2) @ blocks @ turn
-    return turned
+def _rotate(blocks: FloatArray, rotation: FloatArray) -> FloatArray:
+    """Rotate element matrices, shape (n, 12, 12), to the fixed axes."""
+    rotated: FloatArray = np.swapaxes(rotation, 1, 2) @ blocks @ rotation
+    return rotated
 
 
 def _assemble(blocks: FloatArray, dofs: npt.NDArray[np.intp], size: int) -> sp.csr_array:

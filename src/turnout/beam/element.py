@@ -50,6 +50,7 @@ def offset_transformation(sections: SectionProperties) -> FloatArray:
     Parameters
     ----------
     sections : SectionProperties, shape (n,)
+        Positions of centroid and shear centre from the reference line [m].
 
     Returns
     -------
@@ -79,6 +80,7 @@ def element_stiffness(
     sections : SectionProperties, shape (n,)
         Constant over each element.
     material : Material
+        Of all elements.
 
     Returns
     -------
@@ -100,12 +102,12 @@ def element_stiffness(
     axial_rigidity = material.youngs_modulus * sections.area[:, None, None]
     torsion_rigidity = material.shear_modulus * sections.torsion_constant[:, None, None]
     stiffness = (
-        _square(axial, axial_rigidity / span)
-        + _square(twist, torsion_rigidity / span)
-        + _square(relative, bending / span)
+        _congruence(axial, axial_rigidity / span)
+        + _congruence(twist, torsion_rigidity / span)
+        + _congruence(relative, bending / span)
         + _transpose(shear) @ force
     )
-    return _symmetric(_square(offset_transformation(sections), stiffness))
+    return _symmetrise(_congruence(offset_transformation(sections), stiffness))
 
 
 def element_mass(
@@ -123,6 +125,7 @@ def element_mass(
     sections : SectionProperties, shape (n,)
         Constant over each element.
     material : Material
+        Of all elements.
 
     Returns
     -------
@@ -137,13 +140,13 @@ def element_mass(
     for point, weight in zip(_GAUSS_POINTS, _GAUSS_WEIGHTS, strict=True):
         axial, deflection, slope, twist = _displacements(point, span, sections, material)
         density = (
-            _square(axial, line_mass)
-            + _square(deflection, line_mass * np.eye(2))
-            + _square(slope, inertia)
-            + _square(twist, polar)
+            _congruence(axial, line_mass)
+            + _congruence(deflection, line_mass * np.eye(2))
+            + _congruence(slope, inertia)
+            + _congruence(twist, polar)
         )
         mass += 0.5 * weight * span * density
-    return _symmetric(_square(offset_transformation(sections), mass))
+    return _symmetrise(_congruence(offset_transformation(sections), mass))
 
 
 def element_gravity_load(
@@ -160,7 +163,9 @@ def element_gravity_load(
     length : array_like, shape (n,)
         Element lengths [m].
     sections : SectionProperties, shape (n,)
+        Constant over each element.
     material : Material
+        Of all elements.
     gravity : float
         Acceleration [m/s^2]; a positive value pulls along -z. The weight acts at the centroid, so a
         lateral offset of it gives a torque.
@@ -251,10 +256,10 @@ def _transpose(stack: FloatArray) -> FloatArray:
     return np.swapaxes(stack, 1, 2)
 
 
-def _square(rows: FloatArray, weight: FloatArray) -> FloatArray:
+def _congruence(rows: FloatArray, weight: FloatArray) -> FloatArray:
     """Form rows^T weight rows for every element."""
     return _transpose(rows) @ weight @ rows
 
 
-def _symmetric(stack: FloatArray) -> FloatArray:
+def _symmetrise(stack: FloatArray) -> FloatArray:
     return 0.5 * (stack + _transpose(stack))

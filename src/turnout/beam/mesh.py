@@ -1,4 +1,4 @@
-"""Node positions along a rail, with nodes exactly where the mechanism takes hold of it."""
+"""Node positions along a rail, with nodes exactly where the mechanism acts on it."""
 
 from collections.abc import Iterable
 
@@ -50,7 +50,7 @@ def mesh_nodes(
     if not element_length > 0.0:
         msg = f"element_length is {element_length} m, allowed is above 0"
         raise MechanicsError(msg)
-    ends = _fixed_positions(start, end, np.sort(np.fromiter(forced, dtype=float)))
+    ends = _merge_positions(start, end, np.sort(np.fromiter(forced, dtype=float)))
     # The factor keeps rounding from adding an element where the division is even.
     counts = np.maximum(1, np.ceil(np.diff(ends) / element_length * (1.0 - 1e-9))).astype(int)
     pieces = [
@@ -60,9 +60,10 @@ def mesh_nodes(
     return np.concatenate([*pieces, ends[-1:]])
 
 
-def _fixed_positions(
+def _merge_positions(
     start: float, end: float, forced: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
+    """Return the ends and the forced positions between, merged within `MERGE_DISTANCE` [m]."""
     off = ~((forced >= start - MERGE_DISTANCE) & (forced <= end + MERGE_DISTANCE))
     if off.any():
         msg = f"positions {forced[off].tolist()} m lie off the rail from {start} m to {end} m"

@@ -1,1 +1,1 @@
-"""From reduced rails to modes and flexibility: blocks solved apart, dependent rows."""
+"""Condense reduced rails to modes and residual flexibility, block by block."""

@@ -1,4 +1,4 @@
-"""Which rails can be solved apart from each other, and where laws touch each of them.
+"""Split a mechanism into blocks of rails that can be solved apart from each other.
 
 Rails that only laws outside the linear system join (a link, a stop against a stock rail that bends,
 a foreign object) are *blocks* of their own: their modes, flexibility and columns stay small. A row
@@ -19,19 +19,19 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 MOST_KEPT = 32
-"""So many mechanisms are known by their rows, the latest made."""
+"""Mechanisms in the cache of touched rails, the latest used."""
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """One part of a mechanism.
+    """A group of rails of a mechanism that is solved by itself.
 
     Attributes
     ----------
     coordinates : ndarray of int, shape (n,)
-        Its coordinates in the mechanism's.
+        Indices of its coordinates in the mechanism.
     rows : ndarray of int, shape (n_ends,)
-        The rows that have an end in it.
+        Indices of the rows that have an end in it.
     """
 
     coordinates: Ints
@@ -51,13 +51,13 @@ def split_blocks(mechanism: Mechanism, laws: LawTable) -> tuple[Block, ...]:
     Returns
     -------
     tuple of Block
-        Each row has one end or two in all.
+        Each row has an end in one of them, or in two.
     """
     size, n_rows = mechanism.stiffness.shape[0], mechanism.rows.shape[0]
     if len(mechanism.rails) < 2:
         return (Block(np.arange(size), np.arange(n_rows)),)
-    touched = _touched(mechanism)
-    groups = _groups(touched, laws)
+    touched = _find_touched_rails(mechanism)
+    groups = _group_rails(touched, laws)
     first_touched = np.where(touched.any(axis=1), groups[touched.argmax(axis=1)], 0)
     blocks = []
     for group in range(groups.max() + 1):
@@ -77,32 +77,32 @@ def split_blocks(mechanism: Mechanism, laws: LawTable) -> tuple[Block, ...]:
     return tuple(blocks)
 
 
-def without_joining_bases(mechanism: Mechanism, laws: LawTable) -> LawTable:
+def drop_joining_bases(mechanism: Mechanism, laws: LawTable) -> LawTable:
     """Return the laws with no base segment where a law joins two rails."""
     if len(mechanism.rails) < 2:
         return laws
-    joins = _touched(mechanism).sum(axis=1)[laws.row] > 1
+    joins = _find_touched_rails(mechanism).sum(axis=1)[laws.row] > 1
     return laws._replace(base_segment=np.where(joins, -1, laws.base_segment))
 
 
-# Rows are shared by many throws, and kept here so that no others take their place.
-_memory = LRUCache[tuple[Floats, Flags]](MOST_KEPT)
+# By the identity of the rows, which the cache keeps alive so that no others can have it.
+_cache = LRUCache[tuple[Floats, Flags]](MOST_KEPT)
 
 
-def _touched(mechanism: Mechanism) -> Flags:
+def _find_touched_rails(mechanism: Mechanism) -> Flags:
     """Return which rails each row reaches into, shape (n_rows, n_rails)."""
     places = tuple((rail.first, rail.count) for rail in mechanism.rails)
     key = (id(mechanism.rows), places)
-    if (kept := _memory.get(key)) is not None:
-        return kept[1]
+    if (cached := _cache.get(key)) is not None:
+        return cached[1]
     used = mechanism.rows != 0.0
     found = np.array([used[:, first : first + count].any(axis=1) for first, count in places]).T
     if not mechanism.rows.flags.writeable:
-        _memory.put(key, (mechanism.rows, found))
+        _cache.put(key, (mechanism.rows, found))
     return found
 
 
-def _groups(touched: Flags, laws: LawTable) -> Ints:
+def _group_rails(touched: Flags, laws: LawTable) -> Ints:
     """Return the block of every rail; rails that must be solved together share one."""
     together = np.concatenate(
         (

@@ -1,6 +1,7 @@
-"""Condense a mechanism: its blocks' modes, and what lies above them as flexibility.
+"""Condense a mechanism to the modes of its blocks and the residual flexibility above them.
 
-The stiffness of the laws on their base segments is folded in, `turnout.condense.modal`.
+The stiffness of the laws on their base segments is part of the linear system; for modes and
+flexibility see `turnout.condense.modal`.
 """
 
 from collections.abc import Sequence
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from turnout.condense.blocks import Block, split_blocks
 from turnout.condense.followers import Leading, leading_rows
-from turnout.condense.modal import ModalModel, damped_apart, modal_model
+from turnout.condense.modal import ModalModel, diagonalise_damping, modal_model
 from turnout.core.content_cache import cached_arrays
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
@@ -30,11 +31,10 @@ def _cached_model(
     load: Floats,
     cutoff_frequency: float,
 ) -> tuple[ModalModel, Leading]:
-    """Return `modal_model` with stiffnesses at the rows folded in [N/m], and `leading_rows`.
+    """Return the modal model with stiffnesses `at_rows` added [N/m], and the leading rows.
 
-    Its shapes are damped each by itself.
-
-    They are computed once for throws that differ in friction, objects or motion only.
+    Its damping is diagonal. Both are cached: throws that differ in friction, objects or motion only
+    share them.
     """
 
     def compute() -> dict[str, Floats]:
@@ -46,7 +46,7 @@ def _cached_model(
             load=load,
             cutoff_frequency=cutoff_frequency,
         )
-        model = damped_apart(model)
+        model = diagonalise_damping(model)
         leading = leading_rows(rows, first=first)
         found = {item.name: getattr(model, item.name) for item in fields(model)}
         of_rows = {"leaders": leading.leaders.astype(np.float64), "weights": leading.weights}
@@ -60,9 +60,9 @@ def _cached_model(
 
 @dataclass(frozen=True, slots=True)
 class BlockModel:
-    """A block of a mechanism and its modal model, whose rows are the block's ends.
+    """A block of a mechanism with its modal model, whose rows are the ends of the block.
 
-    `leading` are those ends from which the others follow.
+    `leading` tells which ends the others follow from.
     """
 
     block: Block
@@ -73,14 +73,14 @@ class BlockModel:
 def condense_blocks(
     mechanism: Mechanism, laws: LawTable, *, cutoff_frequency: float
 ) -> tuple[BlockModel, ...]:
-    """Return the modes and residual flexibility of each block with its base segments closed.
+    """Return the modal model of each block, the base segments of its laws included.
 
     Raises
     ------
     MechanicsError
         If a block is not held.
     """
-    at_rows = _row_stiffness(mechanism.rows.shape[0], laws)
+    at_rows = _sum_base_stiffness(mechanism.rows.shape[0], laws)
     rubs = np.zeros(at_rows.size, dtype=bool)
     rubs[laws.friction_row] = rubs[laws.row[laws.friction_normal]] = True
     found = []
@@ -100,7 +100,7 @@ def condense_blocks(
     return tuple(found)
 
 
-def joined_model(parts: Sequence[BlockModel], mechanism: Mechanism) -> ModalModel:
+def assemble_model(parts: Sequence[BlockModel], mechanism: Mechanism) -> ModalModel:
     """Return the modal model of the whole mechanism, its modes in the order of the blocks."""
     n, n_rows = mechanism.stiffness.shape[0], mechanism.rows.shape[0]
     modes = np.cumsum([0, *(part.model.eigenvalues.size for part in parts)])
@@ -130,7 +130,7 @@ def joined_model(parts: Sequence[BlockModel], mechanism: Mechanism) -> ModalMode
 
 
 def condense(mechanism: Mechanism, *, cutoff_frequency: float) -> ModalModel:
-    """Return modes and residual flexibility of a mechanism with its base law segments closed."""
+    """Return the modal model of a whole mechanism, the base segments of its laws included."""
     return modal_model(
         linear_stiffness(mechanism.stiffness, mechanism.rows, mechanism.laws),
         mechanism.mass,
@@ -142,7 +142,7 @@ def condense(mechanism: Mechanism, *, cutoff_frequency: float) -> ModalModel:
 
 
 def base_stiffness(table: LawTable) -> Floats:
-    """Return the slope that each law has in the linear system [N/m], zero for none."""
+    """Return the stiffness of each law in the linear system [N/m], zero for none."""
     chosen = table.base_segment >= 0
     slope = np.zeros(table.row.size)
     slope[chosen] = table.slope[(table.segment_start[:-1] + table.base_segment)[chosen]]
@@ -150,12 +150,12 @@ def base_stiffness(table: LawTable) -> Floats:
 
 
 def linear_stiffness(stiffness: Floats, rows: Floats, table: LawTable) -> Floats:
-    """Return the stiffness with the base segment of every law folded in."""
-    folded: Floats = stiffness + (rows.T * _row_stiffness(rows.shape[0], table)) @ rows
+    """Return the stiffness matrix with the base segment of every law added."""
+    folded: Floats = stiffness + (rows.T * _sum_base_stiffness(rows.shape[0], table)) @ rows
     return folded
 
 
-def _row_stiffness(n_rows: int, table: LawTable) -> Floats:
-    """Return what the base segments of all laws are together at each row [N/m]."""
+def _sum_base_stiffness(n_rows: int, table: LawTable) -> Floats:
+    """Return the sum of the base segments of all laws at each row [N/m]."""
     found: Floats = np.bincount(table.row, base_stiffness(table), n_rows).astype(np.float64)
     return found

@@ -1,7 +1,7 @@
-"""Rows that follow from others, because sections of a rail keep their shape.
+"""Find the rows of a block that are linear combinations of others.
 
-A stop, the foot on a slide chair and the edges of that foot are points of one section: what the
-first does follows from the others. Only *leading* rows need columns of their own.
+A stop, the foot on a slide chair and the edges of that foot are points of one rigid section, so the
+displacement of one follows from those of the others. Only *leading* rows need columns of their own.
 """
 
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 EXACT = 1e-12
-"""What is left of a row that follows, as a share of its size [-]."""
+"""Largest remainder of a row that follows, relative to its norm [-]."""
 LARGEST_WEIGHT = 100.0
-"""Rows that follow as small differences of large numbers lead instead [-]."""
+"""Largest weight of a row that follows [-]; beyond, it leads, since its terms would cancel."""
 MOST_KEPT = 48
-"""So many choices are kept in memory, the latest used: stiffnesses do not change them."""
+"""Choices in the cache, the latest used; stiffnesses do not change them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Leading:
     weights: Floats
 
 
-_memory = LRUCache[Leading](MOST_KEPT)
+_cache = LRUCache[Leading](MOST_KEPT)
 
 
 def leading_rows(rows: Floats, *, first: NDArray[np.bool_]) -> Leading:
@@ -50,12 +50,13 @@ def leading_rows(rows: Floats, *, first: NDArray[np.bool_]) -> Leading:
     rows : ndarray, shape (n_rows, n_coordinates)
         Displacements as combinations of coordinates.
     first : ndarray of bool, shape (n_rows,)
-        Rows that should rather lead. Otherwise those in front do, so that a row more at the end
-        changes nothing for the others.
+        Rows that lead if they can. Among the others those in front lead, so that one more row at
+        the end changes nothing for the others.
 
     Returns
     -------
     Leading
+        Read-only arrays.
 
     Examples
     --------
@@ -65,11 +66,11 @@ def leading_rows(rows: Floats, *, first: NDArray[np.bool_]) -> Leading:
     ([1, 2], [[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     """
     key = (rows.shape, rows.tobytes(), first.tobytes())
-    found = _memory.get(key)
-    return found if found is not None else _memory.put(key, _chosen(rows, first))
+    found = _cache.get(key)
+    return found if found is not None else _cache.put(key, _choose_leaders(rows, first))
 
 
-def _chosen(rows: Floats, first: NDArray[np.bool_]) -> Leading:
+def _choose_leaders(rows: Floats, first: NDArray[np.bool_]) -> Leading:
     count = rows.shape[0]
     basis, shares = np.zeros_like(rows), np.zeros((count, count))
     independent: list[int] = []

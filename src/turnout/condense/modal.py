@@ -1,7 +1,7 @@
-r"""Keep the low modes of a linear system with their inertia, everything above as flexibility.
+r"""Condense a linear system: its low modes with their inertia, all above as flexibility.
 
 With :math:`K \phi = \lambda M \phi`, :math:`\phi^T M \phi = 1`, modes up to a cut-off are kept as
-coordinates `q`; what lies above follows the forces statically:
+coordinates `q`; the modes above respond statically:
 
 .. math:: g = G^T u = \Phi q + R\,\lambda + r, \qquad R = \Phi_o \Lambda_o^{-1} \Phi_o^T
 
@@ -23,9 +23,9 @@ from turnout.errors import MechanicsError
 Floats = NDArray[np.float64]
 
 RIGID = 1e-12
-"""Eigenvalues below this share of the largest are those of rigid-body modes."""
+"""Eigenvalues below this share of the largest belong to rigid-body modes [-]."""
 NEGATIVE = 1e-10
-"""A damping that is negative by this share of the largest is no rounding."""
+"""A damping below minus this share of the largest is more than rounding [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,21 +35,21 @@ class ModalModel:
     Attributes
     ----------
     eigenvalues : ndarray, shape (n_modes,)
-        Squared angular frequencies of the kept modes, not of single columns of `modes` once these
-        are damped apart [1/s2].
+        Squared angular frequencies of the kept modes [1/s2]; not those of single columns of
+        `modes` after `diagonalise_damping`.
     stiffness, damping : ndarray, shape (n_modes, n_modes)
-        Stiffness and damping matrix in the shapes that span the kept modes; at most one of them is
-        not diagonal, `damped_apart` [1/s2, 1/s].
+        In the columns of `modes` [1/s2, 1/s]; at most one of the two is not diagonal, see
+        `diagonalise_damping`.
     modes : ndarray, shape (n_dof, n_modes)
-        Mass-normalised shapes.
+        Mass-normalised shapes that span the kept modes [1/sqrt(kg)].
     row_modes : ndarray, shape (n_rows, n_modes)
-        The modes at the rows.
+        Displacements of the rows in these shapes.
     flexibility : ndarray, shape (n_rows, n_rows)
         Residual flexibility [m/N].
     residual_shapes : ndarray, shape (n_dof, n_rows)
         Static shape of the omitted part for a unit force along each row [m/N].
     load : ndarray, shape (n_modes,)
-        Constant load in kept modes.
+        Constant load, projected on the shapes.
     residual_load : ndarray, shape (n_dof,)
         Static shape of the omitted part under the constant load [m].
     row_load : ndarray, shape (n_rows,)
@@ -82,7 +82,7 @@ def modal_model(
     load: Floats,
     cutoff_frequency: float,
 ) -> ModalModel:
-    """Split a linear system at a frequency.
+    """Condense a linear system at a cut-off frequency.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def modal_model(
     rows : ndarray, shape (n_rows, n_dof)
         Rows along which forces act and displacements are read.
     load : ndarray, shape (n_dof,)
-        Constant load.
+        Constant load [N].
     cutoff_frequency : float
         Modes up to here keep their inertia [Hz].
 
@@ -111,11 +111,11 @@ def modal_model(
             "clamp the heel or add fastenings"
         )
         raise MechanicsError(msg)
-    shapes = _upright(shapes)
+    shapes = _fix_signs(shapes)
     limit = (2.0 * np.pi * cutoff_frequency) ** 2
     kept = max(int(np.searchsorted(eigenvalues, limit, side="right")), 1)
     low, high = shapes[:, :kept], shapes[:, kept:]
-    high_rows = _each_by_itself(rows, high.T)
+    high_rows = _multiply_by_rows(rows, high.T)
     scaled = high / eigenvalues[kept:]
     residual_load = scaled @ (high.T @ load)
     return ModalModel(
@@ -123,32 +123,32 @@ def modal_model(
         stiffness=np.diag(eigenvalues[:kept]),
         damping=low.T @ damping @ low,
         modes=np.ascontiguousarray(low),
-        row_modes=_each_by_itself(rows, low.T),
-        flexibility=_each_by_itself(high_rows / eigenvalues[kept:], high_rows),
+        row_modes=_multiply_by_rows(rows, low.T),
+        flexibility=_multiply_by_rows(high_rows / eigenvalues[kept:], high_rows),
         residual_shapes=np.ascontiguousarray(scaled @ high_rows.T),
         load=low.T @ load,
         residual_load=residual_load,
-        row_load=_each_by_itself(rows, residual_load[np.newaxis])[:, 0].copy(),
+        row_load=_multiply_by_rows(rows, residual_load[np.newaxis])[:, 0].copy(),
     )
 
 
-def damped_apart(model: ModalModel) -> ModalModel:
-    """Return a model in other shapes of the same modes, each of which is damped by itself.
+def diagonalise_damping(model: ModalModel) -> ModalModel:
+    """Return the same model in shapes that make its damping diagonal.
 
-    Kept modes may be combined at will as long as they stay orthogonal in the mass. Stiffness is
-    asked for once for each length of a step, damping in every step.
+    Any rotation of the kept modes stays orthonormal in the mass. The stiffness matrix is needed
+    once for each length of a step, damping in every step, so it is damping that is diagonalised.
 
     Raises
     ------
     MechanicsError
-        If damping makes energy.
+        If the damping matrix is not positive semidefinite.
 
     Examples
     --------
     >>> spring = np.array([[2.0, -1.0], [-1.0, 2.0]])
     >>> given = {"rows": np.eye(2), "load": np.zeros(2), "cutoff_frequency": 10.0}
     >>> model = modal_model(spring, np.eye(2), damping=np.diag([0.0, 0.5]), **given)
-    >>> damped_apart(model).damping.round(9).tolist()
+    >>> diagonalise_damping(model).damping.round(9).tolist()
     [[0.0, 0.0], [0.0, 0.5]]
     """
     of_shapes, turn = np.diagonal(model.damping), None
@@ -158,34 +158,34 @@ def damped_apart(model: ModalModel) -> ModalModel:
         of_shapes, turn = eigh(model.damping, check_finite=True)
     if np.min(of_shapes, initial=0.0) < -NEGATIVE * np.abs(of_shapes).max(initial=0.0):
         msg = (
-            "the damping of a rail makes energy instead of taking it; "
-            "look at the sign of its damping matrix"
+            "the damping matrix of a rail is not positive semidefinite, it would add energy; "
+            "check its sign"
         )
         raise MechanicsError(msg)
     damping = np.diag(np.maximum(of_shapes, 0.0))
     if turn is None:
         return replace(model, damping=damping)
-    turn = _upright(turn)
+    turn = _fix_signs(turn)
     stiffness = (turn.T * model.eigenvalues) @ turn
     return replace(
         model,
         stiffness=0.5 * (stiffness + stiffness.T),
         damping=damping,
         modes=np.ascontiguousarray(model.modes @ turn),
-        row_modes=_each_by_itself(model.row_modes, turn.T),
+        row_modes=_multiply_by_rows(model.row_modes, turn.T),
         load=turn.T @ model.load,
     )
 
 
-def _upright(shapes: Floats) -> Floats:
-    """Return shapes with the sign that makes the largest entry of each positive."""
+def _fix_signs(shapes: Floats) -> Floats:
+    """Return shapes with signs that make the largest entry of each positive."""
     at = np.argmax(np.abs(shapes), axis=0)
     found: Floats = shapes * np.sign(shapes[at, np.arange(shapes.shape[1])])
     return found
 
 
-def _each_by_itself(a: Floats, b: Floats) -> Floats:
-    """Return ``a @ b.T`` entry by entry, so that a row more changes no bit of the others."""
+def _multiply_by_rows(a: Floats, b: Floats) -> Floats:
+    """Return ``a @ b.T`` summed entry by entry: one more row changes no bit of the others."""
     found: Floats = np.einsum("ik,jk->ij", np.ascontiguousarray(a), np.ascontiguousarray(b))
     return found
 

@@ -28,7 +28,7 @@ def atomic_path(target: Path | str, *, durable: bool = True) -> Iterator[Path]:
     target : Path or str
         The file to write.
     durable : bool
-        Whether to wait until the disk has it. What can be made again, many times over, need not.
+        Whether to wait until the data are on the disk; not needed for files that can be made again.
 
     Yields
     ------
@@ -76,14 +76,14 @@ def write_atomic(target: Path | str, content: str | bytes, *, durable: bool = Tr
 
 
 def is_leftover(path: Path, *, of: re.Pattern[str]) -> bool:
-    """Tell whether a file is what an ended `atomic_path` has left of a target.
+    """Tell whether a file is a temporary one that an interrupted `atomic_path` left behind.
 
     Parameters
     ----------
     path : Path
         The file.
     of : pattern
-        Of the whole names of targets, each with a suffix.
+        Matches the whole name of a target, suffix included.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-"""Where caches are kept: a folder that nobody else can write, or a private one for this run.
+"""Cache folders: one that nobody else can write, or a private one for this run.
 
-Numba unpickles the kernels that it finds, so whoever can write to its folder can run code as the
-user. A folder is used only if it, all in it and all above it belong to the user or to the system,
-and nobody else may write there. Otherwise a fresh folder, which processes started by this one
-share and which is removed at the end, takes its place.
+Numba unpickles cached kernels, so anyone who can write to its folder can run code as the user. A
+folder is used only if the folder itself, its content and all folders above belong to the user or
+the system, and nobody else may write there. Otherwise a new private folder takes its place; child
+processes share it, and it is removed at the end.
 """
 
 import atexit
@@ -17,7 +17,7 @@ from functools import cache
 from pathlib import Path
 
 PRIVATE_VARIABLE = "TURNOUT_PRIVATE_CACHE"
-"""Names the private folder, to the processes that are started by this one."""
+"""Environment variable with the private folder, for child processes."""
 
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _SYSTEM = 0
@@ -53,13 +53,13 @@ def safe_folder(wanted: Path) -> Path | None:
     Parameters
     ----------
     wanted : Path
-        Where the cache belongs; made if missing, for the user alone.
+        Folder for the cache; created with access for the user only if it is missing.
 
     Returns
     -------
     Path or None
-        The folder itself without symbolic links, a private one in its place, or None where
-        neither can be had. It stays the same while the process lives.
+        The folder without symbolic links, a private one in its place, or None where neither is
+        possible. The answer is the same throughout the process.
     """
     reason = _make(wanted) or distrust(wanted)
     if not reason:
@@ -72,12 +72,12 @@ def safe_folder(wanted: Path) -> Path | None:
 
 
 def why_private() -> str:
-    """Return why a private folder took the place of one that was wanted; empty where none did."""
+    """Return why a private folder replaced a wanted one; empty where none did."""
     return next(iter(_reasons.values()), "")
 
 
 def distrust(folder: Path) -> str:
-    """Say why a folder is not to be used for a cache; empty where it may be.
+    """Return why a folder is not safe for a cache; empty where it is.
 
     Examples
     --------
@@ -88,7 +88,7 @@ def distrust(folder: Path) -> str:
     >>> distrust(folder).endswith("can be written by other users")
     True
     """
-    if os.name != "posix":  # a profile of Windows is closed by its access lists
+    if os.name != "posix":  # Windows protects a user profile by access lists
         return ""
     real = Path(os.path.realpath(folder))
     try:
@@ -106,7 +106,7 @@ def distrust(folder: Path) -> str:
 
 
 def _distrust_above(folder: Path) -> str:
-    """Say whether others could put another folder in the place of one inside this one."""
+    """Return why others could replace a folder inside this one; empty where they could not."""
     found = folder.stat()
     if found.st_uid not in (_SYSTEM, os.geteuid()):
         return "belongs to another user"
@@ -121,7 +121,7 @@ def _distrust_above(folder: Path) -> str:
 
 
 def _nobody_else_in(group: int) -> bool:
-    """Tell whether a group is the system's, or the user's own as many systems give each user."""
+    """Tell whether a group is the system's, or a private one with the user as only member."""
     if group == _SYSTEM:
         return True
     import grp
@@ -135,7 +135,7 @@ def _nobody_else_in(group: int) -> bool:
 
 
 def _distrust_content(folder: Path, *, closed: bool) -> str:
-    """Say which file or folder inside is a link, another user's, or open to others' writing."""
+    """Return which file or folder inside is a link, another user's, or writable by others."""
     for place, folders, files in os.walk(folder):
         for name in (*folders, *files):
             path = os.path.join(place, name)
@@ -151,7 +151,7 @@ def _distrust_content(folder: Path, *, closed: bool) -> str:
 
 
 def _make(folder: Path) -> str:
-    """Make a folder and those above it for the user alone; say why it cannot be written."""
+    """Create a folder and its parents for the user only; return why it is not writable."""
     missing = [place for place in (folder, *folder.parents) if not place.exists()]
     try:
         for place in reversed(missing):
@@ -164,12 +164,12 @@ def _make(folder: Path) -> str:
 
 
 def private_folder() -> Path | None:
-    """Return a folder for this process and those it starts, removed at its end.
+    """Return a folder for this process and its children, removed at its end.
 
     Returns
     -------
     Path or None
-        None where no folder can be made that others cannot write to.
+        None where no folder can be created that others cannot write to.
     """
     given = os.environ.get(PRIVATE_VARIABLE)
     if given and Path(given).is_dir() and not distrust(Path(given)):
@@ -186,6 +186,6 @@ def private_folder() -> Path | None:
 
 
 def _remove(folder: Path, process: int) -> None:
-    """Remove a private folder, from the process that made it only."""
+    """Remove a private folder, only from the process that created it."""
     if os.getpid() == process:
         shutil.rmtree(folder, ignore_errors=True)

@@ -1,8 +1,8 @@
-"""Keep what is slow to compute, by the content of all that it was computed from.
+"""Cache slow results by the content of all inputs that they were computed from.
 
-A key is a digest of the input values and of the sources that do the computing, so that nothing
-stale is ever found and nothing is rebuilt that need not be. Arrays are kept in memory, and as files
-in the user's cache folder; a file that cannot be read or written costs time, never a result.
+A key is a digest of the input values and of the computing sources, so that a stale result is never
+found and nothing is computed twice. Arrays are cached in memory and as files in the user's cache
+folder; a file that cannot be read or written costs time, never a result.
 """
 
 import hashlib
@@ -25,10 +25,12 @@ from turnout.errors import FileError
 Arrays = dict[str, NDArray[np.float64]]
 
 counts: Counter[str] = Counter()
-"""What happened since the start: "section computed", "superelement from memory", "damaged" ..."""
+"""Events since the start: "section computed", "superelement from memory", "damaged" ..."""
 
 MOST_IN_MEMORY = 64
+"""Results in memory, the latest used."""
 MOST_FILES = 300
+"""Files in the cache folder; beyond, the older half is removed."""
 _memory = LRUCache[Arrays](MOST_IN_MEMORY)
 _reported: set[str] = set()
 _log = logging.getLogger("turnout")
@@ -37,23 +39,23 @@ _log = logging.getLogger("turnout")
 def cached_arrays(
     kind: str, parts: Sequence[object], compute: Callable[[], Arrays], *, on_disk: bool = True
 ) -> Arrays:
-    """Return arrays from memory, from a file, or computed and then kept in both.
+    """Return arrays from memory or a file; compute and cache them where they are in neither.
 
     Parameters
     ----------
     kind : str
-        What they are, a word; part of the key and of the names in `counts`.
+        What the arrays are, in a word; part of the key and of the names in `counts`.
     parts : sequence of object
-        All that they depend on: arrays, numbers, texts, tuples of these.
+        All inputs that they depend on: arrays, numbers, texts, tuples of these.
     compute : callable
-        Makes them.
+        Returns the arrays, by name.
     on_disk : bool
-        Whether they are kept as a file too; not worth it for what takes milliseconds.
+        Whether they are cached as a file too; not worth it for computations of milliseconds.
 
     Returns
     -------
     dict of str to ndarray
-        Shared with every other caller and therefore not writeable.
+        Shared by all callers and therefore read-only.
 
     Examples
     --------
@@ -81,7 +83,7 @@ def cached_arrays(
 
 
 def forget() -> None:
-    """Empty the memory; files stay."""
+    """Clear the cache in memory; files stay."""
     _memory.clear()
 
 
@@ -106,7 +108,7 @@ def digest(parts: Iterable[object]) -> str:
 
 
 def cache_folder() -> Path | None:
-    """Return the folder of kept arrays of the present sources; None where there can be none."""
+    """Return the folder of cached arrays of the present sources; None where there can be none."""
     return safe_folder(user_cache_folder() / f"models-{digest_of_sources(RAILS)}")
 
 
@@ -149,7 +151,7 @@ def _prune(folder: Path) -> None:
 
 
 def _report_once(what: str, text: str) -> None:
-    """Log a problem with the cache once a process."""
+    """Log a problem with the cache once per process."""
     if what not in _reported:
         _reported.add(what)
         _log.warning("cache: %s", text)

@@ -15,11 +15,11 @@ def html_table(
     Parameters
     ----------
     heading : str
-        Above it.
+        Title above the table.
     rows : iterable of sequence
-        Texts or numbers; rows after the twelfth are counted, not shown.
+        Texts or numbers; of rows after the twelfth only the number is shown.
     columns : sequence of str
-        Headings of the columns, if they have any.
+        Headings of the columns; none by default.
 
     Examples
     --------

@@ -1,10 +1,7 @@
-"""Records as JSON, exactly, with a checksum so that damage is seen before anything is used.
+"""Records as JSON and back, exactly, in files with a checksum of their content.
 
-Records as plain data for JSON, and back, exactly: every number keeps its bits.
-
-Only what a record declares is ever made from a file, so reading runs nothing that a stranger wrote.
-
-JSON files with a checksum of their content, so that damage is seen before anything is used.
+Every number keeps its bits. A damaged file is detected before anything of it is used, and reading
+creates only the types that a record declares, so a file cannot run code.
 """
 
 import json
@@ -24,7 +21,7 @@ from turnout.core.toml import read_bytes
 
 T = TypeVar("T")
 _TYPES: dict[str, type] = {"float": float, "str": str, "bool": bool}
-"""Types that may be values themselves, by the name they are written as."""
+"""Types that can be values, by the name that stands for them in a file."""
 _NAMES = {float: "a number", int: "an integer", str: "a text", bool: "true or false"}
 
 
@@ -50,21 +47,21 @@ def to_plain(value: Any) -> Any:
 
 
 def from_plain(kind: type[T], value: object, *, where: str = "") -> T:
-    """Make a record of plain data, after a check of every key and type.
+    """Build a record from plain data, with a check of every key and type.
 
     Parameters
     ----------
     kind : type
-        A dataclass; what its annotations name is read likewise.
+        A dataclass; nested types are read from its annotations.
     value : object
         From `to_plain`, or from a file.
     where : str
-        What to call the place in messages.
+        Name of the place in messages.
 
     Raises
     ------
     ValueError
-        Naming the first place where the data are not what the record declares.
+        With the first place where the data differ from what the record declares.
 
     Examples
     --------
@@ -109,7 +106,7 @@ def _single(kind: type, value: Any, where: str) -> Any:
 
 
 def _one_of(kinds: tuple[Any, ...], value: Any, where: str) -> Any:
-    """Return what the first alternative makes of a value; "inf" is a text before it is a number."""
+    """Read a value as the first type of a union that fits; "inf" is a text before a number."""
     reasons = []
     for kind in sorted(kinds, key=lambda kind: kind is float):
         try:
@@ -157,7 +154,7 @@ def sealed_json(content: Mapping[str, Any]) -> str:
     Raises
     ------
     TypeError, ValueError
-        When something is no plain data, or no finite number.
+        When the content is not plain data, or a number is not finite.
     """
     return json.dumps({**content, CHECKSUM: content_hash(dict(content))}, indent=1)
 
@@ -168,16 +165,16 @@ def read_sealed(path: Path, *, largest: int) -> tuple[dict[str, Any], str]:
     Parameters
     ----------
     path : Path
-        Of the file, which must be there.
+        Of an existing file.
     largest : int
-        So much is read [bytes].
+        Largest size of the file [bytes].
 
     Returns
     -------
     content : dict
-        Without the checksum; empty where the file is no JSON table at all.
+        Without the checksum; empty where the file is not a JSON table.
     fault : str
-        What is wrong with it; empty where nothing is.
+        What is wrong with the file; empty where nothing is.
 
     Raises
     ------

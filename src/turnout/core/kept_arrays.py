@@ -1,7 +1,7 @@
-"""Arrays as the content of a file that tells whether it is still what was written.
+"""Serialise arrays as the content of a file with a digest, so that damage is detected.
 
-The form is that of `numpy.savez` with one member more: a digest of all others and of what the file
-is for. Nothing is unpickled, nothing is decompressed, and no array is larger than its file.
+The format is that of `numpy.savez` with one more member: a digest of all others and of the purpose
+of the file. Nothing is unpickled, nothing is decompressed, and no array is larger than its file.
 """
 
 import hashlib
@@ -18,7 +18,7 @@ DIGEST = "content_digest"
 
 
 class DamagedError(ValueError):
-    """What is kept is not what was written."""
+    """The content of a file is not what was written."""
 
 
 def arrays_to_bytes(arrays: Mapping[str, NDArray[Any]], purpose: str) -> bytes:
@@ -29,7 +29,7 @@ def arrays_to_bytes(arrays: Mapping[str, NDArray[Any]], purpose: str) -> bytes:
     arrays : mapping of str to ndarray
         Numbers, logical values or texts; no objects.
     purpose : str
-        What the file is for, such as its key; it is read back only for the same.
+        Purpose of the file, such as its key; reading it back needs the same.
     """
     if any(array.dtype.hasobject for array in arrays.values()):
         message = "arrays of objects would have to be pickled"
@@ -46,7 +46,7 @@ def arrays_from_bytes(content: bytes, purpose: str) -> dict[str, NDArray[Any]]:
     Raises
     ------
     DamagedError
-        When anything in it is not what `arrays_to_bytes` wrote for this purpose.
+        When the content is not what `arrays_to_bytes` wrote for this purpose.
 
     Examples
     --------
@@ -61,7 +61,7 @@ def arrays_from_bytes(content: bytes, purpose: str) -> dict[str, NDArray[Any]]:
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             arrays = {
-                item.filename.removesuffix(".npy"): _member(archive, item)
+                item.filename.removesuffix(".npy"): _read_member(archive, item)
                 for item in archive.infolist()
             }
     except DamagedError:
@@ -76,7 +76,7 @@ def arrays_from_bytes(content: bytes, purpose: str) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def _member(archive: zipfile.ZipFile, item: zipfile.ZipInfo) -> NDArray[Any]:
+def _read_member(archive: zipfile.ZipFile, item: zipfile.ZipInfo) -> NDArray[Any]:
     if item.compress_type != zipfile.ZIP_STORED:
         message = f"is damaged ({item.filename} is compressed)"
         raise DamagedError(message)

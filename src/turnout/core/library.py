@@ -1,4 +1,4 @@
-"""TOML files that come with a package, in its folder `library`, called by their names."""
+"""TOML files that come with a package, in its folder `library`, by name."""
 
 from importlib import resources
 

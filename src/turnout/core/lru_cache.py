@@ -1,4 +1,4 @@
-"""Keep what was made for some keys, the latest used of them."""
+"""A cache of the values used last, safe to share between threads."""
 
 from collections import OrderedDict
 from collections.abc import Hashable
@@ -9,45 +9,45 @@ V = TypeVar("V")
 
 
 class LRUCache(Generic[V]):
-    """Values by key, of which the latest used stay; several threads may ask at once.
+    """Values by key, of which the least recently used are dropped; safe to share between threads.
 
     Parameters
     ----------
     most : int
-        So many are kept.
+        Largest number of values.
 
     Examples
     --------
-    >>> kept = LRUCache[str](2)
-    >>> kept.put("a", "one"), kept.put("b", "two"), kept.get("a"), kept.put("c", "three")
+    >>> cache = LRUCache[str](2)
+    >>> cache.put("a", "one"), cache.put("b", "two"), cache.get("a"), cache.put("c", "three")
     ('one', 'two', 'one', 'three')
-    >>> kept.get("b") is None
+    >>> cache.get("b") is None
     True
     """
 
     def __init__(self, most: int) -> None:
         self._most = most
-        self._kept: OrderedDict[Hashable, V] = OrderedDict()
+        self._values: OrderedDict[Hashable, V] = OrderedDict()
         self._lock = Lock()
 
     def get(self, key: Hashable) -> V | None:
-        """Return what is kept for a key; None where nothing is."""
+        """Return the value of a key; None where there is none."""
         with self._lock:
-            found = self._kept.get(key)
+            found = self._values.get(key)
             if found is not None:
-                self._kept.move_to_end(key)
+                self._values.move_to_end(key)
             return found
 
     def put(self, key: Hashable, value: V) -> V:
-        """Keep a value, and return it."""
+        """Store a value under a key, and return it."""
         with self._lock:
-            self._kept[key] = value
-            self._kept.move_to_end(key)
-            while len(self._kept) > self._most:
-                self._kept.popitem(last=False)
+            self._values[key] = value
+            self._values.move_to_end(key)
+            while len(self._values) > self._most:
+                self._values.popitem(last=False)
             return value
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Drop all values."""
         with self._lock:
-            self._kept.clear()
+            self._values.clear()

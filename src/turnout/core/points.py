@@ -1,9 +1,9 @@
-"""Points of a plane in a file: one unit for all, a pair of numbers each."""
+"""Read points of a plane: one unit for all, a pair of numbers each."""
 
 from turnout.core.units import LENGTH, SI, parse_numbers, unit_factor
 
 MOST_POINTS = 2000
-"""Points of one outline."""
+"""Most points of one outline."""
 
 
 def parse_points(value: object, *, si: bool = False) -> tuple[tuple[float, float], ...]:

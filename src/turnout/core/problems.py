@@ -40,7 +40,7 @@ def show_value(value: object) -> str:
 
 
 def _beginning(value: object) -> str:
-    """Show a value as far as it fits, looking at no more of it than that."""
+    """Show the beginning of a value, reading no more of it than that."""
     if isinstance(value, Mapping):
         shown = (f"{shortened(str(key))} = {show_value(item)}" for key, item in value.items())
         text = "{" + _joined(shown) + "}"
@@ -63,7 +63,7 @@ def _joined(items: Iterable[str]) -> str:
 
 
 def shortened(text: str, longest: int = _LONGEST) -> str:
-    """Cut a text for a message.
+    """Shorten a text for a message.
 
     Examples
     --------

@@ -1,10 +1,10 @@
-"""What a long computation tells whoever watches it; how that is shown is not its business."""
+"""Interface through which a long computation reports its progress, however it is shown."""
 
 from typing import Protocol
 
 
 class Progress(Protocol):
-    """Receives the state of a long computation."""
+    """Receiver of the progress of a long computation."""
 
     def start(self, total: float, text: str) -> None:
         """Begin a task of a given size, with a short text for the reader."""
@@ -17,7 +17,7 @@ class Progress(Protocol):
 
 
 class Silent:
-    """A progress that shows nothing.
+    """Progress that is not shown.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Who computed a result: version, Python, platform, and the content hash of its input."""
+"""Provenance of a result: version, Python, platform, and the content hash of its input."""
 
 import hashlib
 import json
@@ -9,7 +9,7 @@ from importlib import metadata
 
 @cache
 def version() -> str:
-    """Give the version of the installed program, or "unknown" where it is not installed."""
+    """Return the version of the installed program, "unknown" where it is not installed."""
     try:
         return metadata.version("turnout")
     except metadata.PackageNotFoundError:
@@ -17,7 +17,7 @@ def version() -> str:
 
 
 def provenance() -> dict[str, str]:
-    """Give what a result file says about the program that wrote it.
+    """Return what a result file states about the program that wrote it.
 
     Examples
     --------

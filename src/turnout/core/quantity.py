@@ -1,10 +1,8 @@
-"""Dimensional fields of records: their unit and dimension, and the types that read them.
+"""Types of dimensional fields, and the unit and dimension of a field of a record.
 
-The unit and the dimension of a field of a record, read from what describes it. Types of dimensional
-fields: pydantic reads "13 mm" as 0.013 and refuses a bare 13.
-
-Python code may pass SI numbers, marked by `turnout.core.units.SI` or by the validation context
-`{"si": True}`; a file can do neither.
+With these types pydantic reads "13 mm" as 0.013 and refuses a bare 13. Python code may pass SI
+numbers, marked by `turnout.core.units.SI` or by the validation context `{"si": True}`; a file can
+do neither. Unit and dimension are found from the description in the schema of a field.
 """
 
 import re
@@ -88,7 +86,7 @@ def dimension_of(field: Any) -> Dimension | None:
 
 
 def _markers(annotation: Any) -> Iterator[Any]:
-    """Find what is attached to an annotation, also within unions."""
+    """Yield the metadata of an annotation, also within unions."""
     yield from getattr(annotation, "__metadata__", ())
     for part in typing.get_args(annotation):
         if not isinstance(part, str):

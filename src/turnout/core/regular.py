@@ -1,4 +1,4 @@
-"""Only regular files are read: a pipe waits for ever, and a device may never end."""
+"""Refuse to read anything but regular files: a pipe may block, a device may never end."""
 
 import os
 import stat
@@ -17,18 +17,18 @@ _KINDS = (
 
 
 def require_regular_file(path: Path | str) -> None:
-    """Refuse what is not a regular file or a link to one, without opening it.
+    """Raise for a path that is not a regular file or a link to one, without opening it.
 
     Parameters
     ----------
     path : Path or str
-        What a user named as the file to read.
+        Path of the file to read.
 
     Raises
     ------
     FileError
-        When it is missing, cannot be looked at, or is a folder, a pipe, a socket or a device; the
-        text names the path and the remedy.
+        When it is missing, not accessible, or a folder, a pipe, a socket or a device; the text
+        names the path and the remedy.
 
     Examples
     --------
@@ -36,7 +36,7 @@ def require_regular_file(path: Path | str) -> None:
     >>> require_regular_file(Path(__file__).parent)
     Traceback (most recent call last):
         ...
-    turnout.errors.FileError: ...files: is a folder, not a file; name a file inside it
+    turnout.errors.FileError: ...core: is a folder, not a file; name a file inside it
     """
     try:
         mode = os.stat(path).st_mode
@@ -50,7 +50,7 @@ def require_regular_file(path: Path | str) -> None:
 
 
 def user_path(text: Path | str) -> Path:
-    """Return a path with the user's folder for `~`; that of a user nobody knows stays as it is.
+    """Return a path with `~` expanded; that of an unknown user stays as it is.
 
     Examples
     --------

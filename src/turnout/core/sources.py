@@ -1,7 +1,7 @@
-"""Which sources a kept or stored result depends on: the one list for keys and digests.
+"""The sources that cached and stored results depend on: one list for keys and digests.
 
-Results are kept under a digest of the sources that made them, so that nothing stale is ever found.
-A package that is missing here would keep results that a change of it has made wrong;
+Results are cached under a digest of the sources that computed them, so that no stale one is found.
+A change in a package that is missing here would leave wrong results in use;
 `tests/layers/test_sources.py` compares the lists with what the code imports.
 """
 
@@ -11,16 +11,16 @@ from functools import cache
 from pathlib import Path
 
 KERNELS = ("kernels", "law", "integrate", "machine/compute")
-"""All that is compiled into kernels."""
+"""Sources that are compiled into kernels."""
 
 RAILS = ("section", "beam", "reduction", "mechanism")
-"""All that makes sections and superelements, whose inputs are part of their keys."""
+"""Sources that compute sections and superelements, whose inputs are part of their keys."""
 
 THROWS = (
     *("scheme.py", "core", "kernels", "schema", "panel", "section", "beam", "reduction", "law"),
     *("machine", "mechanism", "condense", "integrate", "response", "metric", "study", "sweep"),
 )
-"""All that makes or changes a number that a sweep stores."""
+"""Sources that compute or change a number that a sweep stores."""
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Keep the linear algebra of small matrices on one core."""
+"""Limit the linear algebra of small matrices to one thread."""
 
 import threading
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from threadpoolctl import ThreadpoolController
 
 
 class _Limit(threading.local):
-    """Whether this thread is within a limit."""
+    """Whether the present thread is inside `one_blas_thread`."""
 
     holds = False
 
@@ -27,8 +27,8 @@ def one_blas_thread() -> Iterator[None]:
     """Limit BLAS and LAPACK to one thread for a while, whatever the environment says.
 
     Rails have some hundred coordinates: threads that wait for each other cost ten times what they
-    gain, and a sweep fills the cores with scenarios instead. Within another limit nothing is asked
-    of the libraries, which takes them a hundredth of a quick throw.
+    gain, and a sweep uses the cores for scenarios instead. A nested limit does not call the
+    libraries again, which would cost a hundredth of a quick throw.
     """
     if _limit.holds:
         yield

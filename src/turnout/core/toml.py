@@ -1,13 +1,9 @@
-"""Read a TOML file with one clear message for all that is wrong in it, and its origin comments.
-
-The pieces of a TOML text, found in one pass whose work grows with the length of the text only.
-
-What is not TOML falls into pieces too; that it is TOML is for `tomllib` to say.
-
-Read a TOML file with one clear message for whatever can be wrong, and its origin comments.
+"""Read a TOML file and its origin comments, with one clear message for whatever can be wrong.
 
 A trailing comment `# kind: text` states where a number comes from. A comment on a table's header,
-or on the first or last line of an array, covers what is inside unless that has its own.
+or on the first or last line of an array, covers its items unless they have their own. Comments are
+found by a scanner of one pass, in time proportional to the text; it splits any text, and `tomllib`
+decides whether that is valid TOML.
 """
 
 import re
@@ -22,14 +18,14 @@ from turnout.core.regular import read_fault, require_regular_file
 from turnout.errors import FileError
 
 MOST_NESTED = 30
-"""Lists and tables inside one another, and names of one key."""
+"""Deepest nesting of lists and tables, and most names in one key."""
 
 LONGEST_NUMBER = 100
-"""Characters of a number; a whole one may have any length in Python, but not everywhere in it."""
+"""Most characters of a number; Python limits some operations on long integers."""
 
 _DIGITS = "0123456789+-"
 
-# Repetitions take all they can and give nothing back: a string without an end is read once.
+# Possessive repetitions: a string without an end is scanned once, without backtracking.
 _TOKEN = re.compile(
     r'''
     (?P<string> """ (?: [^"\\]++ | \\. | "{1,2}(?!") )*+ (?:"{3,5})?
@@ -45,7 +41,7 @@ _TOKEN = re.compile(
 
 
 class Token(NamedTuple):
-    """A piece of TOML: its kind (string, comment, sign, plain), text, and place in the text."""
+    """A token of TOML: kind (string, comment, sign, plain), text, and position in characters."""
 
     kind: str
     text: str
@@ -53,7 +49,7 @@ class Token(NamedTuple):
 
 
 def tokens(text: str) -> Iterator[Token]:
-    r"""Yield the pieces of a TOML text; blanks between them are left out, ends of lines are not.
+    r"""Yield the tokens of a TOML text; line ends are tokens, other blanks are skipped.
 
     Examples
     --------
@@ -65,7 +61,7 @@ def tokens(text: str) -> Iterator[Token]:
 
 
 def key_name(token: Token) -> str:
-    """Return the name that a piece of a key stands for.
+    """Return the name that one token of a key stands for.
 
     Examples
     --------
@@ -80,7 +76,7 @@ def key_name(token: Token) -> str:
 
 
 def beyond_limits(text: str) -> tuple[str, int] | None:
-    r"""Return what in a text is nested too deeply or too long, and its line; None if nothing is.
+    r"""Return which limit of nesting or length a text exceeds, and the line; None if none.
 
     Examples
     --------
@@ -136,9 +132,9 @@ class TomlFile:
         Origin comments by the key path they stand at: a table, a key, or an item of an array
         (its number from 0 as the last part).
     source : str
-        What to call the file in messages.
+        Name of the file in messages.
     folder : Path or None
-        Where relative paths inside the file start.
+        Base of relative paths in the file.
     """
 
     data: dict[str, Any]
@@ -211,7 +207,7 @@ def parse_toml(text: str, *, source: str, folder: Path | None = None) -> TomlFil
 
 
 def load_toml(text: str) -> dict[str, Any]:
-    """Return the tables of a TOML text; ValueError when it is none, or beyond limits.
+    """Return the tables of a TOML text; ValueError when it is not valid or exceeds a limit.
 
     Examples
     --------

@@ -1,15 +1,15 @@
-"""The text of a unit: names of units with small whole powers, multiplied or divided; nothing else.
+"""Grammar of a unit text: names of units with small whole powers, multiplied or divided.
 
     unit    = ["1/"] factor {("*" | "·" | "." | "/" | " per " | " ") factor}
     factor  = name [("^" | "**") whole number from -9 to 9 | raised digit]
 
-Whatever pint makes of any other text, it may take for ever: "m*9^9^9^9" has powers of numbers.
+Other texts are refused before pint sees them: "m*9^9^9^9" would take it for ever.
 """
 
 import re
 
 LONGEST = 60
-"""Characters of a unit."""
+"""Most characters of a unit."""
 
 _FACTOR = re.compile(
     r"(?:[A-Za-zµμΩ][A-Za-z0-9_µμΩ]{0,23}|°[CF]?|%)"
@@ -20,7 +20,7 @@ _ONE = re.compile(r"1(?:\s?/\s?|\sper\s)")
 
 
 def is_unit_text(text: str) -> bool:
-    """Tell whether a text, with single spaces at most, is of that form.
+    """Tell whether a text, with single spaces at most, follows the grammar of the module.
 
     Examples
     --------

@@ -144,7 +144,7 @@ COMMON_UNITS: dict[str, dict[str, float]] = {
     "share per energy": {"1/J": 1.0, "1/MJ": 1e-06},
 }  # fmt: skip
 
-# Counted from another zero than kelvins, so that no factor turns one into the other.
+# An offset scale: no factor converts it to kelvins.
 CELSIUS, CELSIUS_ZERO = ("degC", "°C"), Decimal("273.15")
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
@@ -152,13 +152,13 @@ _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)\b", re.IGNORECASE)
 _LARGEST_COUNT = 10_000
 
 LONGEST = 100
-"""Characters of a quantity."""
+"""Most characters of a quantity."""
 
 MOST_VALUES = 100_000
-"""Values of one list."""
+"""Most values of one list."""
 
 MOST_KEPT = 4096
-"""So many texts are known by what they say, the latest read."""
+"""Quantities in the cache of texts, the latest used."""
 
 
 def parse_quantity(value: object, dimension: Dimension, *, si: bool = False) -> float:
@@ -169,7 +169,7 @@ def parse_quantity(value: object, dimension: Dimension, *, si: bool = False) -> 
     value : object
         A text with a number and a unit, or, from Python, an SI number.
     dimension : Dimension
-        What the value must be.
+        Dimension that the value must have.
     si : bool
         Accept a bare number as SI.
 
@@ -205,7 +205,7 @@ def parse_quantity(value: object, dimension: Dimension, *, si: bool = False) -> 
 
 @lru_cache(maxsize=MOST_KEPT)
 def _read(value: str, dimension: Dimension) -> float:
-    """Read a text, the same ones of a panel again and again while it is changed."""
+    """Read a text; cached, since the texts of a panel are read again after each change."""
     if len(value) > LONGEST:
         message = f"has {len(value)} characters; a quantity has at most {LONGEST}"
         raise ValueError(message)
@@ -260,7 +260,7 @@ def _scaled(number: float, unit: str, dimension: Dimension) -> float:
 
 @lru_cache(maxsize=MOST_KEPT)
 def unit_factor(unit: str, dimension: Dimension) -> float:
-    """Give the SI value of one `unit`; ValueError when it is not a unit of the dimension.
+    """Return the SI value of one `unit`; ValueError when it is not a unit of the dimension.
 
     Examples
     --------

@@ -1,43 +1,43 @@
-r"""How well a solution found from many times updated columns fulfils the equations themselves.
+r"""Residuals of a solution from columns that have been updated many times, and its refinement.
 
-Each rank-one update multiplies the rounding that the columns already carry by about its divisor or
-the inverse, whichever is larger: a stiff stop that closes leaves small differences of large
-numbers, one that opens makes them large again. `State.drift` keeps the product since the columns
-were last measured; when it has grown by `DRIFTS`, the solution is put into the equations
+Each rank-one update multiplies the rounding errors of the columns by about its divisor or the
+inverse, whichever is larger: a stiff stop that closes leaves small differences of large numbers,
+one that opens amplifies them. `State.drift` is the product since the residual was last measured;
+beyond `DRIFTS` the solution is put into the equations
 
 .. math:: e = \Phi q + R\lambda + r, \qquad A q = p + \Phi^T\lambda
 
-with the deviations :math:`\lambda` from the laws' own numbers. Columns must be made anew if the
-ends are off by more than `LARGEST_ERROR`, or if what is left over in the modal equations does work
-in the step that the books of energy would notice, `LARGEST_LEAK`.
+with the deviations :math:`\lambda` from the law table. The columns must be rebuilt if the error of
+an end exceeds `LARGEST_ERROR`, or if the modal residual does so much work in the step that the
+energy balance would show it, `LARGEST_LEAK`.
 """
 
 from turnout.integrate.energy import MARKERS
 from turnout.integrate.scratch import Work
 from turnout.integrate.solution import (
-    derive,
-    deviation_forces,
-    exchange_forces,
-    set_modes,
+    apply_joining_forces,
+    evaluate_deviation_forces,
+    expand_displacements,
+    gather_modes,
 )
-from turnout.integrate.solve import row_forces
+from turnout.integrate.solve import evaluate_row_forces
 from turnout.integrate.state import COUNT_JOINING, State
 from turnout.integrate.system import Floats, System
 from turnout.kernels.compiled import compiled, compiled_part
-from turnout.kernels.vector import add, add_rows, copy, dot
+from turnout.kernels.vector import add_scaled, add_weighted_rows, copy, dot
 from turnout.law.table import LawTable
 
 DRIFTS = 100.0
-"""Growth of rounding after which a solution is measured [-]."""
+"""Growth of rounding errors beyond which the residual is measured [-]."""
 LARGEST_ERROR = 1e-12
-"""Error of an end that is overlooked [m]."""
+"""Largest accepted error of an end [m]."""
 LARGEST_LEAK = 1e-10
-"""Work of a step out of nowhere that is overlooked, as a share of 1 J and the work so far [-]."""
+"""Largest accepted work of the modal residual in a step, per 1 J and per work so far [-]."""
 
 
 @compiled
 def _end_errors(system: System, state: State, force: Floats, error: Floats) -> float:
-    """Write how far blocks under forces are from their leading ends [m]; return the largest."""
+    """Write the displacement errors of the leading ends under forces [m]; return the largest."""
     worst = 0.0
     for block in range(system.end_stop.size):
         first, last = system.end_start[block], system.end_stop[block]
@@ -45,18 +45,18 @@ def _end_errors(system: System, state: State, force: Floats, error: Floats) -> f
         for end in range(first, last):
             error[end] = system.end_load[end] - state.g[end]
         start, stop = system.mode_start[block], system.mode_start[block + 1]
-        add_rows(state.q[start:stop], system.mode_ends[start:stop], of_block)
+        add_weighted_rows(state.q[start:stop], system.mode_ends[start:stop], of_block)
         for end in range(first, last):
             if force[end] != 0.0:
-                add(force[end], system.flexibility[end], of_block)
+                add_scaled(force[end], system.flexibility[end], of_block)
         for end in range(first, last):
             worst = max(worst, abs(error[end]))
     return worst
 
 
 @compiled
-def _lead(system: System, force: Floats) -> None:
-    """Hand forces on ends that follow, and on rows that join blocks, to the leading ends."""
+def _scatter_to_leaders(system: System, force: Floats) -> None:
+    """Scatter forces on following ends and joining rows to the leading ends (in place)."""
     ends = system.joining_ends
     for row in range(ends.shape[1]):
         for side in range(2):
@@ -71,9 +71,9 @@ def _lead(system: System, force: Floats) -> None:
 def _modal_errors(
     system: System, state: State, work: Work, force: Floats, inertia: float, viscosity: float
 ) -> float:
-    """Write what is left over in the modal equations to ``work.modal_error``.
+    """Write the residual of the modal equations to ``work.modal_error``.
 
-    Returns the work that it does in the step [J].
+    Returns its work in the step [J].
     """
     leak = 0.0
     for block in range(system.end_start.size - 1):
@@ -86,31 +86,31 @@ def _modal_errors(
             error[i] = work.right_side[mode] - total
         for end in range(system.end_start[block], system.end_stop[block]):
             if force[end] != 0.0:
-                add(force[end], system.end_modes[end], error)
+                add_scaled(force[end], system.end_modes[end], error)
     for mode in range(state.q.size):
-        leak += abs(work.modal_error[mode] * (state.q[mode] - work.q[mode]))
+        leak += abs(work.modal_error[mode] * (state.q[mode] - work.q_start[mode]))
     return leak
 
 
 @compiled
-def correct(system: System, state: State, work: Work) -> None:
-    """Take the errors that `measure` has found off the solution, with the same columns."""
-    copy(state.g, work.found)
-    _spread(system, state, work)
+def refine(system: System, state: State, work: Work) -> None:
+    """Refine the solution by the errors from `measure_residual`, with the same columns."""
+    copy(state.g, work.end_scratch)
+    _expand_end_errors(system, state, work)
     for block in range(system.end_start.size - 1):
         first, last = system.mode_start[block], system.mode_start[block + 1]
         solved = state.g[system.end_start[block] : system.end_start[block + 1]]
-        add_rows(work.modal_error[first:last], state.mode_columns[first:last], solved)
+        add_weighted_rows(work.modal_error[first:last], state.mode_columns[first:last], solved)
     if state.counters[COUNT_JOINING]:
-        exchange_forces(system, state, work, 0.0)
-    add(1.0, work.found, state.g)
-    set_modes(system, state)
-    derive(system, state)
+        apply_joining_forces(system, state, work, 0.0)
+    add_scaled(1.0, work.end_scratch, state.g)
+    gather_modes(system, state)
+    expand_displacements(system, state)
 
 
 @compiled
-def _spread(system: System, state: State, work: Work) -> None:
-    """Write what blocks by themselves make of ``work.end_error``, a free motion."""
+def _expand_end_errors(system: System, state: State, work: Work) -> None:
+    """Write the response of uncoupled blocks to the free displacements ``work.end_error``."""
     copy(work.end_error, state.g)
     for block in range(system.end_start.size - 1):
         first, last = system.end_start[block], system.end_start[block + 1]
@@ -123,44 +123,44 @@ def _spread(system: System, state: State, work: Work) -> None:
             force = 0.0
             for k in range(system.pattern_start[row], system.pattern_start[row + 1]):
                 force += state.entries[k] * free[system.pattern_at[k]]
-            add(force, state.columns[slot], solved)
+            add_scaled(force, state.columns[slot], solved)
 
 
 @compiled_part
 def is_inaccurate(
     system: System, table: LawTable, state: State, work: Work, inertia: float, viscosity: float
 ) -> bool:
-    """Tell whether the solution of the step just found suffers from worn columns.
+    """Tell whether the columns are too inaccurate for the present solution.
 
-    It is measured where rounding may have grown since it was last.
+    The residual is measured only where rounding errors may have grown since the last time.
 
     Parameters
     ----------
     inertia, viscosity : float
-        What multiplies identity and damping in the matrix of the step.
+        Factors of identity [1/s2] and damping [1/s] in the matrix of the step.
     """
     if state.drift[0] < DRIFTS:
         return False
-    return measure(system, table, state, work, inertia, viscosity)
+    return measure_residual(system, table, state, work, inertia, viscosity)
 
 
 @compiled
-def measure(
+def measure_residual(
     system: System, table: LawTable, state: State, work: Work, inertia: float, viscosity: float
 ) -> bool:
-    """Put a solution into the equations, and tell whether what is left over is too much.
+    """Put the solution into the equations; tell whether the residual is too large.
 
-    Errors are left in ``work.end_error`` and ``work.modal_error``; rounding is counted from here.
+    Errors are written to ``work.end_error`` and ``work.modal_error``; the drift is reset to 1.
     """
     state.drift[0] = 1.0
-    deviation_forces(system, table, state, work)
+    evaluate_deviation_forces(system, table, state, work)
     force = work.end_force
     force[:] = 0.0
     for block in range(system.end_stop.size):
         first = system.slot_start[block]
         for slot in range(first, first + state.slots[block]):
             force[state.end_of_slot[slot]] = work.slot_force[slot]
-    _lead(system, force)
+    _scatter_to_leaders(system, force)
     error = _end_errors(system, state, force, work.end_error)
     leak = _modal_errors(system, state, work, force, inertia, viscosity)
     allowed = LARGEST_LEAK * (1.0 + abs(float(state.ledger[MARKERS])))
@@ -169,10 +169,10 @@ def measure(
 
 @compiled
 def equilibrium_residual(system: System, table: LawTable, state: State, work: Work) -> float:
-    """Return the largest disagreement of the ends with their block under the law forces [m].
+    """Return the largest displacement error of the leading ends under the law forces [m].
 
-    The columns are bypassed, so that their drift shows.
+    It does not use the columns, so that their drift shows.
     """
-    row_forces(system, table, state, work.end_force)
-    _lead(system, work.end_force)
+    evaluate_row_forces(system, table, state, work.end_force)
+    _scatter_to_leaders(system, work.end_force)
     return _end_errors(system, state, work.end_force, work.end_error)

@@ -1,50 +1,48 @@
-"""Arrange a mechanism for the kernels: condensed once, prepared for each run.
+"""Condense a mechanism for the kernels, prepare a run of it, and find where it rests.
 
-Condense a mechanism and arrange it for the kernels, once for runs that differ in values only.
-
-Friction, clearances, forces of saturation, times and motion change neither modes nor the structure
-of the laws. Mechanisms made of the same records share their matrices, which can then not be
-written to: those are recognised by being the same.
-
-Arrange a mechanism for the kernels, and find where it rests.
+Runs that differ only in values of laws (friction, clearances, saturation forces, times) or in the
+motion share modes and structure, which are therefore condensed once and cached. Mechanisms built
+from the same records share their matrices, which are read-only then; the cache knows them by their
+identity.
 """
 
-from collections import OrderedDict
 from collections.abc import Hashable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.condense.blocks import without_joining_bases
-from turnout.condense.condense import base_stiffness, condense_blocks, joined_model
+from turnout.condense.blocks import drop_joining_bases
+from turnout.condense.condense import assemble_model, base_stiffness, condense_blocks
 from turnout.condense.modal import ModalModel
+from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
 from turnout.integrate.columns import rebuild
-from turnout.integrate.equilibrium import begin_at_rest, equilibrium, resting_segments
+from turnout.integrate.equilibrium import anchor_at_rest, equilibrium, equilibrium_segments
 from turnout.integrate.march import Record
 from turnout.integrate.outcome import Code
-from turnout.integrate.places import place_laws, whole_lines
+from turnout.integrate.places import place_laws
 from turnout.integrate.scratch import Work, acquire_buffer, new_work, release_buffers
 from turnout.integrate.solve import Tolerances
 from turnout.integrate.state import LEVEL, State, fresh_copy, fresh_state, set_segments
 from turnout.integrate.step import Stepping
 from turnout.integrate.system import System, check_normals, condensed_system
 from turnout.kernels.interrupt import call_interruptible
+from turnout.kernels.lanes import whole_lines
 from turnout.kernels.records import clone_record, shared_record
 from turnout.law.kernel import SLIP_FORWARD
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import AlphaCoefficients, Scheme
 
-Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Templates = dict[tuple[int, int], tuple[State, Work]]
 
 MOST_KEPT = 24
-"""So many condensed mechanisms are kept in memory, the latest used."""
-
-
-Blanks = dict[tuple[int, int], tuple[State, Work]]
+"""Condensed mechanisms in the cache, the latest used."""
+LARGE_PAGE = 1 << 21
+"""Size of a large page of memory [bytes]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,37 +51,29 @@ class Arrangement:
 
     Attributes
     ----------
+    mechanism : Mechanism
+        What was condensed; keeps alive the matrices whose identities are the key of the cache.
     laws : LawTable
         The laws as integrated: those that join rails are not part of the linear system.
     table : LawTable
-        The same for the kernels.
+        The same for the kernels, as a shared record whose rows are places.
     model : ModalModel
-        Modes and flexibility of the rails.
+        Modes and flexibility of the rails, in the coordinates of the mechanism.
     system : System
         The same for the kernels.
-    blanks : dict
-        States at rest and scratch arrays of runs, for numbers of inputs and levels, to be copied.
+    templates : dict
+        States at rest and scratch arrays, by numbers of inputs and of levels, for runs to copy.
     """
 
+    mechanism: Mechanism
     laws: LawTable
     table: LawTable
     model: ModalModel
     system: System
-    blanks: Blanks
+    templates: Templates
 
 
-@dataclass(frozen=True, slots=True)
-class _Kept:
-    """What is the same for all values of the laws; `mechanism` keeps alive what the key names."""
-
-    mechanism: Mechanism
-    base_segment: Ints
-    model: ModalModel
-    system: System
-    blanks: Blanks
-
-
-_memory: OrderedDict[Hashable, _Kept] = OrderedDict()
+_cache = LRUCache[Arrangement](MOST_KEPT)
 
 
 def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
@@ -96,28 +86,23 @@ def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
     """
     check_normals(mechanism.laws)
     key = _key(mechanism, scheme)
-    kept = _memory.get(key) if key is not None else None
-    if kept is None:
-        kept = _made(mechanism, scheme)
-        if key is not None:
-            _memory[key] = kept
-            while len(_memory) > MOST_KEPT:
-                _memory.popitem(last=False)
-    elif key in _memory:
-        _memory.move_to_end(key)
-    laws = mechanism.laws._replace(base_segment=kept.base_segment)
-    table = shared_record(place_laws(laws, kept.system.row_place))
-    return Arrangement(laws, table, kept.model, kept.system, kept.blanks)
+    cached = _cache.get(key) if key is not None else None
+    if cached is None:
+        made = _condense(mechanism, scheme)
+        return made if key is None else _cache.put(key, made)
+    laws = mechanism.laws._replace(base_segment=cached.laws.base_segment)
+    table = shared_record(place_laws(laws, cached.system.row_place))
+    return replace(cached, mechanism=mechanism, laws=laws, table=table)
 
 
 def forget() -> None:
-    """Empty the memory of condensed mechanisms, and that of histories that are gone."""
-    _memory.clear()
+    """Clear the cache of condensed mechanisms, and release the buffers of histories."""
+    _cache.clear()
     release_buffers()
 
 
 def _key(mechanism: Mechanism, scheme: Scheme) -> Hashable | None:
-    """Return what condensed mechanisms are known by; None where matrices could be written to."""
+    """Return the key of a mechanism in the cache; None where its matrices are writeable."""
     matrices = (
         mechanism.stiffness,
         mechanism.mass,
@@ -144,26 +129,22 @@ def _key(mechanism: Mechanism, scheme: Scheme) -> Hashable | None:
     return (*same, rails, scheme.cutoff_frequency, *(part.tobytes() for part in structure))
 
 
-def _made(mechanism: Mechanism, scheme: Scheme) -> _Kept:
+def _condense(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
     cutoff = scheme.cutoff_frequency
-    laws = without_joining_bases(mechanism, mechanism.laws)
+    laws = drop_joining_bases(mechanism, mechanism.laws)
     try:
         parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff)
     except MechanicsError:
         laws = mechanism.laws
         parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff)
-    model, system = joined_model(parts, mechanism), condensed_system(parts, laws)
-    return _Kept(mechanism, laws.base_segment, model, system, {})
-
-
-Floats = NDArray[np.float64]
-LARGE_PAGE = 1 << 21
-"""Of memory, as processors have them [bytes]."""
+    model, system = assemble_model(parts, mechanism), condensed_system(parts, laws)
+    table = shared_record(place_laws(laws, system.row_place))
+    return Arrangement(mechanism, laws, table, model, system, {})
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What the kernels of one run work on."""
+    """All data of one run; `positions` are the inputs at the ends of the steps [m]."""
 
     system: System
     laws: LawTable
@@ -177,19 +158,32 @@ class Run:
 
 
 def prepare(
-    made: Arrangement,
+    arrangement: Arrangement,
     scheme: Scheme,
     positions: Floats,
     n_stored: int,
     *,
     filled_in: bool,
 ) -> Run:
-    """Arrange everything that the kernels of one run need; nothing has moved yet.
+    """Allocate state, scratch arrays and record of one run; nothing has moved yet.
 
-    `filled_in` tells that instants between the steps are wanted.
+    Parameters
+    ----------
+    arrangement : Arrangement
+        From `arrange`.
+    scheme : Scheme
+        Numerical choices.
+    positions : ndarray, shape (n_steps + 1, n_inputs)
+        Marker positions at the ends of the steps [m].
+    n_stored : int
+        Instants of the record.
+    filled_in : bool
+        Whether instants between the steps are wanted, which needs velocities.
     """
-    system, laws, table = made.system, made.laws, made.table
-    state, work = _fresh(made, n_inputs=positions.shape[1], halvings=scheme.halvings)
+    system, laws, table = arrangement.system, arrangement.laws, arrangement.table
+    state, work = _copy_templates(
+        arrangement, n_inputs=positions.shape[1], halvings=scheme.halvings
+    )
     state.inputs[:] = positions[0]
     alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
     return Run(
@@ -217,20 +211,25 @@ def prepare(
     )
 
 
-def _fresh(made: Arrangement, *, n_inputs: int, halvings: int) -> tuple[State, Work]:
-    """Return a state at rest and scratch arrays, copied from those that were made first."""
-    levels = halvings + 2  # one a halving, and one without inertia
-    blank = made.blanks.get((n_inputs, levels))
-    if blank is None:
-        state = fresh_state(made.system, made.table, n_inputs=n_inputs, levels=levels)
-        blank = made.blanks[n_inputs, levels] = (state, new_work(made.system, made.table))
-    return fresh_copy(blank[0], made.table), clone_record(blank[1])
+def _copy_templates(
+    arrangement: Arrangement, *, n_inputs: int, halvings: int
+) -> tuple[State, Work]:
+    """Return a state at rest and scratch arrays, copied from the templates."""
+    levels = halvings + 2  # one for each halving, and one without inertia
+    template = arrangement.templates.get((n_inputs, levels))
+    if template is None:
+        state = fresh_state(arrangement.system, arrangement.table, n_inputs=n_inputs, levels=levels)
+        template = arrangement.templates[n_inputs, levels] = (
+            state,
+            new_work(arrangement.system, arrangement.table),
+        )
+    return fresh_copy(template[0], arrangement.table), clone_record(template[1])
 
 
 def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: bool) -> Record:
-    """Return room for so many stored instants, one row each, in one piece of memory.
+    """Allocate a record of `count` instants in one piece of memory.
 
-    It starts where a large page of memory does, so that a run touches few pages for the first time.
+    It begins at a large page, so that a run touches few pages for the first time.
     """
     n_modes = system.load.size
     vectors = np.array([n_modes, system.row_place.size, laws.friction_row.size, laws.row.size])
@@ -249,8 +248,8 @@ def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: 
     return shared_record(Record(**arrays, residual=np.zeros(1), v=velocity))
 
 
-def instants_of(run: Run, count: int) -> Record:
-    """Return the first stored instants, without what fills the lines of memory."""
+def trim_record(run: Run, count: int) -> Record:
+    """Return the first `count` stored instants, without the padding to whole cache lines."""
     record, n_modes = run.record, run.system.load.size
     return Record(
         q=record.q[:count, :n_modes],
@@ -264,8 +263,8 @@ def instants_of(run: Run, count: int) -> Record:
     )
 
 
-def start(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
-    """Find the static equilibrium without friction, then anchor the feet where they stand."""
+def start_at_rest(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
+    """Find the static equilibrium without friction, then anchor the feet at their places."""
     system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
     state.present[:] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9) & (laws.waits == 0)
     state.law_placed[state.present == 1] = 0.0
@@ -273,21 +272,21 @@ def start(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
     state.friction[:] = SLIP_FORWARD
     table.friction_coefficient[:] = 0.0
     try:
-        if not _rests(run, thread):
-            segments = resting_segments(mechanism, inputs=state.inputs, present=state.present)
+        if not _find_equilibrium(run, thread):
+            segments = equilibrium_segments(mechanism, inputs=state.inputs, present=state.present)
             set_segments(table, state, segments)
-            if not _rests(run, thread):
+            if not _find_equilibrium(run, thread):
                 return Code.NO_EQUILIBRIUM
     finally:
         table.friction_coefficient[:] = laws.friction_coefficient
-    begin_at_rest(system, table, state, work)
+    anchor_at_rest(system, table, state, work)
     if not run.stepping.inertia:
         rebuild(system, table, state, state.counters[LEVEL], work.row)
     return Code.COMPLETE
 
 
-def _rests(run: Run, thread: Executor) -> bool:
-    """Iterate the contact set of the static equilibrium from the present one."""
+def _find_equilibrium(run: Run, thread: Executor) -> bool:
+    """Iterate the contact set to static equilibrium from the present one; tell if it converged."""
     patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
     given = (run.system, run.table, run.state, run.work, patient)
     code = call_interruptible(thread, run.work.stop, equilibrium, *given)

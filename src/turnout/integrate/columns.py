@@ -1,22 +1,4 @@
-r"""Solved columns of the implicit step, their rank-one updates, and the rows that join blocks.
-
-What a unit force on an end or a mode does to the ends and modes of its block.
-
-It depends on the length of the step alone; see `turnout.integrate.columns`. Sums run entry by entry
-in an order that does not depend on how many ends there are, so that an end more changes no bit of
-the others.
-
-The small dense system of the rows that join two blocks.
-
-With the compliance :math:`H` between the joining rows, gathered from the columns of their ends, and
-their deviations :math:`\lambda = D g + b`
-
-.. math:: (I - D H)\,\lambda = D g_0 + b
-
-where :math:`g_0` are the joining displacements without the joining forces. The matrix is factorised
-by rows with partial pivoting, and kept until a column of an end changes.
-
-Solved columns of the implicit step and their rank-one updates.
+r"""Solved columns of the implicit step, their rank-one updates, and the coupling of blocks.
 
 The implicit step asks for
 
@@ -24,30 +6,38 @@ The implicit step asks for
           e = \Phi q + R\lambda + r,\qquad \lambda = D g + b
 
 with modes and residual flexibility of a block at its ends `e`. Modes count as ends, on which `p` is
-the force. Without deviations a unit force on an end or a mode moves ends and modes by a row of the
-*compliance*
+the force. Without deviations a unit force on an end or a mode displaces ends and modes by a row of
+the *compliance*
 
 .. math:: S = \begin{pmatrix} R + \Phi A^{-1}\Phi^T & \Phi A^{-1} \\ A^{-1}\Phi^T & A^{-1}
               \end{pmatrix},
 
-which depends on the step's length alone. With the deviations of the block's own rows
+which depends on the length of the step alone. Its sums run entry by entry in an order that does not
+depend on the number of ends, so that one more end changes no bit of the others. With the deviations
+of the block's own rows
 
 .. math:: \begin{pmatrix} e \\ q \end{pmatrix} = \sum_j p_j\, P e_j + c, \qquad
-          c = (I + P D)\,r + P\,b, \qquad P = (I - S D)^{-1} S,
+          c = (I + P D)\,r + P\,b, \qquad P = (I - S D)^{-1} S .
 
-and kept are `c` and the columns :math:`P e_j` of all modes and of the *active* ends, those with a
-deviation, each for leading ends and modes; what an end that follows does is the sum of what leading
-ones do. A law that changes its segment changes one row of `D` by :math:`d^T` and its entry of `b`
-by :math:`\beta`, and by Sherman-Morrison every column of the block becomes
+`State` keeps `c` and the columns :math:`P e_j` of all modes and of the *active* ends, those with a
+deviation, each for leading ends and modes; the displacement of an end that follows is the weighted
+sum of those of leading ends. A law that changes its segment changes one row of `D` by :math:`d^T`
+and its entry of `b` by :math:`\beta`, and by the Sherman-Morrison formula every column of the block
+becomes
 
 .. math:: x \leftarrow x + P e_r\,\frac{d^T x}{1 - d^T P e_r}
 
-(for `c` with :math:`d^T c + \beta`). Nothing is factorised. Rows that join two blocks (links,
-stops against a rail that bends, objects) are solved last: with :math:`H` from the columns of their
-ends, :math:`(I - D H)\,\lambda = D g + b` is a small dense system, factorised when a column of it
-has changed.
+(for `c` with :math:`d^T c + \beta`), without a factorisation.
 
-Columns of active ends are rows of `State.columns`, in slots that each block has for itself.
+Rows that join two blocks (links, stops against a rail that bends, objects) are solved last. With
+the compliance :math:`H` between the joining rows, assembled from the columns of their ends,
+
+.. math:: (I - D H)\,\lambda = D g_0 + b
+
+where :math:`g_0` are the joining displacements without the joining forces. This small dense matrix
+is factorised by rows with partial pivoting, and kept until a column of an end changes.
+
+Columns of active ends are rows of `State.columns`; each block has its own range of slots there.
 """
 
 import numpy as np
@@ -63,20 +53,22 @@ from turnout.integrate.state import (
 )
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled, compiled_with_memory
-from turnout.kernels.vector import add, add_rows, copy, spread
+from turnout.kernels.vector import add_scaled, add_weighted_rows, copy, update_rank_one
 from turnout.law.kernel import STICK
 from turnout.law.table import LawTable
 
 
 @compiled_with_memory
-def make_level(system: System, state: State, level: int, inertia: float, viscosity: float) -> None:
-    """Invert ``inertia I + viscosity C + K`` block by block, and what follows from it.
+def assemble_level(
+    system: System, state: State, level: int, inertia: float, viscosity: float
+) -> None:
+    """Assemble the compliance of every block from the inverse of ``inertia I + viscosity C + K``.
 
-    Once for each length of a step. Where the matrix is singular everything is NaN.
+    It is done once for each length of a step. A singular matrix gives NaN.
     """
-    if state.made[level]:
+    if state.level_ready[level]:
         return
-    state.made[level] = 1
+    state.level_ready[level] = 1
     compliance = state.compliance[level]
     for block in range(system.end_stop.size):
         first, last = system.mode_start[block], system.mode_start[block + 1]
@@ -87,36 +79,38 @@ def make_level(system: System, state: State, level: int, inertia: float, viscosi
         inverse = np.full_like(matrix, np.nan)
         try:
             inverse[:] = np.linalg.inv(matrix)
-        except Exception:  # the only kind a kernel can name; a body that floats, or NaN before it
+        except Exception:  # the only class a kernel can catch: a free body, or NaN
             inverse[:] = np.nan
         start, stop = system.end_start[block], system.end_stop[block]
         width = stop - start
         modes = system.mode_ends[first:last]
         for end in range(start, stop):
             column = compliance[end]
-            _write_column(system, end, inverse, modes, column[: width + n])
+            _assemble_column(system, end, inverse, modes, column[: width + n])
             for i in range(n):
                 compliance[stop + i, end - start] = column[width + i]
         for end in range(system.follower_start[block], system.follower_start[block + 1]):
-            _write_column(system, end, inverse, modes, compliance[end, : width + n])
+            _assemble_column(system, end, inverse, modes, compliance[end, : width + n])
         compliance[stop : stop + n, width : width + n] = inverse
 
 
 @compiled
-def _write_column(system: System, end: int, inverse: Floats, modes: Floats, column: Floats) -> None:
-    """Write what a unit force on an end does to leading ends and modes."""
+def _assemble_column(
+    system: System, end: int, inverse: Floats, modes: Floats, column: Floats
+) -> None:
+    """Assemble the displacements of leading ends and modes under a unit force on an end [m/N]."""
     n = inverse.shape[0]
     width = column.size - n
     of_ends, of_modes = column[:width], column[width:]
     of_modes[:] = 0.0
-    add_rows(system.end_modes[end, :n], inverse, of_modes)
+    add_weighted_rows(system.end_modes[end, :n], inverse, of_modes)
     copy(system.flexibility[end], of_ends)
-    add_rows(of_modes, modes, of_ends)
+    add_weighted_rows(of_modes, modes, of_ends)
 
 
 @compiled
-def couple(system: System, state: State) -> None:
-    """Gather and factorise the matrix of the joining rows."""
+def assemble_coupling(system: System, state: State) -> None:
+    """Assemble and factorise the matrix of the joining rows."""
     count = state.counters[COUNT_JOINING]
     matrix = state.coupling
     for i in range(count):
@@ -130,15 +124,15 @@ def couple(system: System, state: State) -> None:
                 for other_side in range(2):
                     other = system.row_ends[state.joining[j], other_side]
                     if system.block_of_end[other] == block:
-                        total += at_end(system, state.columns[state.slot_of_end[other]], end)
+                        total += value_at_end(system, state.columns[state.slot_of_end[other]], end)
             matrix[i, j] = (1.0 if i == j else 0.0) - entry * total
-    _factorise(matrix, state.exchange, count)
+    _factorise(matrix, state.pivots, count)
     state.counters[COUPLED] = 1
 
 
 @compiled
-def at_end(system: System, column: Floats, end: int) -> float:
-    """Return a column of a block at one of its ends."""
+def value_at_end(system: System, column: Floats, end: int) -> float:
+    """Return the value of a column of a block at one of its ends."""
     start, follower = system.end_start[system.block_of_end[end]], end - system.follower_start[0]
     if follower < 0:
         value: float = column[end - start]
@@ -162,27 +156,27 @@ def _factorise(matrix: Floats, exchange: Ints, count: int) -> None:
         exchange[k] = pivot
         if pivot != k:
             for j in range(count):
-                kept = matrix[k, j]
+                saved = matrix[k, j]
                 matrix[k, j] = matrix[pivot, j]
-                matrix[pivot, j] = kept
+                matrix[pivot, j] = saved
         for i in range(k + 1, count):
-            share = matrix[i, k] / matrix[k, k]
-            matrix[i, k] = share
-            if share != 0.0:
+            factor = matrix[i, k] / matrix[k, k]
+            matrix[i, k] = factor
+            if factor != 0.0:
                 for j in range(k + 1, count):
-                    matrix[i, j] -= share * matrix[k, j]
+                    matrix[i, j] -= factor * matrix[k, j]
 
 
 @compiled
 def solve_coupling(matrix: Floats, exchange: Ints, force: Floats) -> None:
-    """Solve the factorised system in place for one right side."""
+    """Solve the factorised system for the right side `force`, in place."""
     count = force.size
     for k in range(count):
         pivot = exchange[k]
         if pivot != k:
-            kept = force[k]
+            saved = force[k]
             force[k] = force[pivot]
-            force[pivot] = kept
+            force[pivot] = saved
     for i in range(count):
         total = force[i]
         for j in range(i):
@@ -195,13 +189,15 @@ def solve_coupling(matrix: Floats, exchange: Ints, force: Floats) -> None:
         force[i] = total / matrix[i, i]
 
 
-# After so many flips columns are made anew after the step, whatever they look like.
 REBUILD_AFTER = 500
+"""Flips after which the columns are rebuilt at the end of the step in any case."""
 
 
 @compiled
-def row_target(system: System, table: LawTable, state: State, row: int, slopes: Floats) -> float:
-    """Write what a row deviates by with each of its terms [N/m]; return its shift [N]."""
+def evaluate_deviation(
+    system: System, table: LawTable, state: State, row: int, slopes: Floats
+) -> float:
+    """Evaluate the deviation of a row: write its slope per term [N/m], return its shift [N]."""
     start, stop = system.term_start[row], system.term_start[row + 1]
     slopes[: stop - start] = 0.0
     shift = 0.0
@@ -229,7 +225,7 @@ def row_target(system: System, table: LawTable, state: State, row: int, slopes: 
 
 @compiled
 def activate(system: System, state: State, end: int, row: int) -> int:
-    """Give an end a solved column; return its slot."""
+    """Assemble the column of an end that becomes active; return its slot."""
     block = system.block_of_end[end]
     start = system.end_start[block]
     width = system.end_start[block + 1] - start
@@ -246,7 +242,7 @@ def activate(system: System, state: State, end: int, row: int) -> int:
         for k in range(system.pattern_start[other_row], system.pattern_start[other_row + 1]):
             weight += state.entries[k] * base[system.pattern_at[k]]
         if weight != 0.0:
-            add(weight, state.columns[other], column)
+            add_scaled(weight, state.columns[other], column)
     state.end_of_slot[slot] = end
     state.row_of_slot[slot] = row
     state.slot_of_end[end] = slot
@@ -256,7 +252,7 @@ def activate(system: System, state: State, end: int, row: int) -> int:
 
 @compiled
 def deactivate(system: System, state: State, end: int) -> None:
-    """Drop the column of an end whose deviation has vanished."""
+    """Remove the column of an end whose deviation has vanished."""
     block = system.block_of_end[end]
     slot = state.slot_of_end[end]
     state.slots[block] -= 1
@@ -274,14 +270,14 @@ def deactivate(system: System, state: State, end: int) -> None:
 
 @compiled
 def update_row(system: System, table: LawTable, state: State, row: int, scratch: Floats) -> None:
-    """Bring one row to the present state of its laws.
+    """Update one row to the present state of its laws.
 
-    `scratch` has room for the row's terms and entries, and for a column.
+    `scratch` holds the terms and entries of the row and one column.
     """
     start, stop = system.pattern_start[row], system.pattern_start[row + 1]
     n_terms = system.term_start[row + 1] - system.term_start[row]
     slopes, entries = scratch[:n_terms], scratch[n_terms : n_terms + stop - start]
-    shift = row_target(system, table, state, row, slopes)
+    shift = evaluate_deviation(system, table, state, row, slopes)
     vanished = shift == 0.0 and system.pinned[row] == 0
     changed = False
     for k in range(stop - start):
@@ -292,26 +288,26 @@ def update_row(system: System, table: LawTable, state: State, row: int, scratch:
             changed = True
     if not changed and shift == state.shift[row]:
         return
-    gained = shift - state.shift[row]
+    shift_change = shift - state.shift[row]
     state.shift[row] = shift
     state.counters[COUNT_FLIPS] += 1
     state.counters[COUNT_RECENT] += 1
     if system.row_ends[row, 1] >= 0:
         state.entries[start] = entries[0]
-        _join_or_part(system, state, row, not vanished)
+        _update_joining_row(system, state, row, not vanished)
         return
     end = system.row_ends[row, 0]
     if state.slot_of_end[end] < 0:
         activate(system, state, end, row)
     rest = scratch[n_terms + stop - start :]
-    _update_columns(system, state, row, entries, rest, gained)
+    _update_columns(system, state, row, entries, rest, shift_change)
     if vanished:
         deactivate(system, state, end)
 
 
 @compiled
-def _weight(change: Floats, at: Ints, column: Floats) -> float:
-    """Return what changed entries of a row make of a column."""
+def _dot_pattern(change: Floats, at: Ints, column: Floats) -> float:
+    """Return the scalar product of the changed entries of a row with a column."""
     total = 0.0
     for k in range(change.size):
         total += change[k] * column[at[k]]
@@ -320,11 +316,11 @@ def _weight(change: Floats, at: Ints, column: Floats) -> float:
 
 @compiled
 def _update_columns(
-    system: System, state: State, row: int, entries: Floats, scratch: Floats, gained: float
+    system: System, state: State, row: int, entries: Floats, scratch: Floats, shift_change: float
 ) -> None:
-    """Change the deviation of a row to new entries, with so much more of a constant force [N].
+    """Update all columns of a block for new entries of a row and a change of its shift [N].
 
-    All columns of its block change with it; `scratch` has room for one.
+    `scratch` holds one column.
     """
     end = system.row_ends[row, 0]
     block = system.block_of_end[end]
@@ -344,38 +340,38 @@ def _update_columns(
     constant = state.constant_column[first : first + width]
     for i in range(width):
         scaled[i] = pivot[i] / denominator
-    add(gained + _weight(change, at, constant), scaled, constant)
+    add_scaled(shift_change + _dot_pattern(change, at, constant), scaled, constant)
     if denominator == 1.0 and not np.any(change):
         return
     slots = system.slot_start[block]
-    spread(change, at, scaled, state.columns[slots:slot])
-    spread(change, at, scaled, state.columns[slot + 1 : slots + state.slots[block]])
+    update_rank_one(change, at, scaled, state.columns[slots:slot])
+    update_rank_one(change, at, scaled, state.columns[slot + 1 : slots + state.slots[block]])
     modes = system.mode_start[block], system.mode_start[block + 1]
-    spread(change, at, scaled, state.mode_columns[modes[0] : modes[1]])
+    update_rank_one(change, at, scaled, state.mode_columns[modes[0] : modes[1]])
     copy(scaled, pivot)
     state.drift[0] *= max(abs(denominator), 1.0 / abs(denominator))
     state.counters[COUPLED] = 0
 
 
 @compiled
-def _join_or_part(system: System, state: State, row: int, joins: bool) -> None:
-    """Keep the columns of both ends of a row that joins blocks while it has a deviation."""
+def _update_joining_row(system: System, state: State, row: int, active: bool) -> None:
+    """Activate or deactivate both ends of a row that joins blocks, and list the row or not."""
     state.counters[COUPLED] = 0
     for side in range(2):
         end = system.row_ends[row, side]
-        active = state.slot_of_end[end] >= 0
-        if joins and not active:
+        has_column = state.slot_of_end[end] >= 0
+        if active and not has_column:
             activate(system, state, end, row)
-        if active and not joins:
+        if has_column and not active:
             deactivate(system, state, end)
     count = state.counters[COUNT_JOINING]
     at = 0
     while at < count and state.joining[at] != row:
         at += 1
-    if joins and at == count:
+    if active and at == count:
         state.joining[count] = row
         state.counters[COUNT_JOINING] = count + 1
-    if not joins and at < count:
+    if not active and at < count:
         state.joining[at] = state.joining[count - 1]
         state.joining[count - 1] = -1
         state.counters[COUNT_JOINING] = count - 1
@@ -383,9 +379,9 @@ def _join_or_part(system: System, state: State, row: int, joins: bool) -> None:
 
 @compiled
 def rebuild(system: System, table: LawTable, state: State, level: int, scratch: Floats) -> None:
-    """Make every column anew for the step of a level; removes the drift of many updates.
+    """Rebuild every column for the step of a level, which removes the drift of many updates.
 
-    The level must have been made.
+    The level must have been assembled.
     """
     state.counters[LEVEL] = level
     state.drift[0] = 1.0
@@ -404,12 +400,12 @@ def rebuild(system: System, table: LawTable, state: State, level: int, scratch: 
         for mode in range(start, system.mode_start[block + 1]):
             copy(state.compliance[level, stop + mode - start], state.mode_columns[mode])
     for row in range(system.row_ends.shape[0]):
-        if system.row_ends[row, 0] < 0:  # no row stands there
+        if system.row_ends[row, 0] < 0:  # no row has this place
             continue
         if system.pinned[row] and system.row_ends[row, 1] < 0:
             activate(system, state, system.row_ends[row, 0], row)
         elif system.pinned[row]:
-            _join_or_part(system, state, row, joins=True)
+            _update_joining_row(system, state, row, active=True)
         update_row(system, table, state, row, scratch)
     state.counters[COUNT_RECENT] = 0
     state.counters[COUNT_REBUILDS] += 1

@@ -1,4 +1,4 @@
-r"""Instants between the steps.
+r"""Interpolation of a record at instants between the steps.
 
 Modal coordinates follow the cubic through coordinates and velocities at both ends of their step,
 
@@ -6,8 +6,8 @@ Modal coordinates follow the cubic through coordinates and velocities at both en
           \bigl[(1-\theta)(h v_0 - \Delta) - \theta\,(h v_1 - \Delta)\bigr],
           \qquad \Delta = q_1 - q_0,
 
-which is of fourth order. What lies above the cut-off answers statically and moves in a straight
-line, as do friction and the books of energy. The laws that act all the time are evaluated anew, so
+which is of fourth order. The static share above the cut-off is interpolated linearly, as are
+friction and energies. The laws that act all the time are evaluated at the new displacements, so
 that they hold between the steps too.
 """
 
@@ -18,15 +18,15 @@ from turnout.integrate.system import Floats
 from turnout.law.table import LawTable
 
 
-def fill_in(
+def interpolate_record(
     record: Record, *, step: float, instants: Floats, inputs: Floats, modes: Floats, laws: LawTable
 ) -> Record:
-    """Return a record of every step at other instants.
+    """Interpolate a record of every step at other instants.
 
     Parameters
     ----------
     record : Record
-        Of every step; without velocities everything moves in straight lines.
+        Of every step; without velocities all of it is interpolated linearly.
     step : float
         Time between the rows of the record [s].
     instants : ndarray, shape (n,)
@@ -34,24 +34,24 @@ def fill_in(
     inputs : ndarray, shape (n, n_inputs)
         Marker positions at the instants [m].
     modes : ndarray, shape (n_rows, n_modes)
-        Modes at the rows.
+        Modes at the rows [m per unit of `q`].
     laws : LawTable
-        The laws as integrated.
+        The laws as integrated, by rows of the mechanism.
     """
     last = record.q.shape[0] - 1
     at = np.clip((instants / step + 1e-9).astype(np.int64), 0, max(last - 1, 0))
     share = np.clip(instants / step - at, 0.0, 1.0)[:, np.newaxis]
-    then = np.minimum(at + 1, last)
+    after = np.minimum(at + 1, last)
 
-    def straight(values: Floats) -> Floats:
-        found: Floats = (1.0 - share) * values[at] + share * values[then]
+    def interpolate_linearly(values: Floats) -> Floats:
+        found: Floats = (1.0 - share) * values[at] + share * values[after]
         return found
 
-    q, g = straight(record.q), straight(record.g)
+    q, g = interpolate_linearly(record.q), interpolate_linearly(record.g)
     if record.v.shape[0] == record.q.shape[0]:
-        change = record.q[then] - record.q[at]
+        change = record.q[after] - record.q[at]
         bend = (1.0 - share) * (step * record.v[at] - change)
-        bend -= share * (step * record.v[then] - change)
+        bend -= share * (step * record.v[after] - change)
         bend *= share * (1.0 - share)
         q += bend
         g += bend @ modes.T
@@ -59,16 +59,16 @@ def fill_in(
         q=q,
         g=g,
         v=record.v[:1],
-        friction=straight(record.friction),
-        law=_law_forces(laws, g, inputs, straight(record.law)),
-        stored=straight(record.stored),
-        ledger=straight(record.ledger),
+        friction=interpolate_linearly(record.friction),
+        law=_law_forces(laws, g, inputs, interpolate_linearly(record.law)),
+        stored=interpolate_linearly(record.stored),
+        ledger=interpolate_linearly(record.ledger),
     )
 
 
-def _law_forces(laws: LawTable, g: Floats, inputs: Floats, straight: Floats) -> Floats:
-    """Return the forces of all laws; of those that appear or disappear the straight ones [N]."""
-    force = straight.copy()
+def _law_forces(laws: LawTable, g: Floats, inputs: Floats, interpolated: Floats) -> Floats:
+    """Return the forces of all laws [N]; interpolated ones for laws that appear or disappear."""
+    force = interpolated.copy()
     always = np.isinf(laws.appears) & np.isinf(laws.disappears) & (laws.waits == 0)
     for law in np.flatnonzero(always):
         e = g[:, laws.row[law]] - laws.offset[law]

@@ -1,18 +1,18 @@
-"""Where a mechanism rests without friction: the lowest point of its potential energy.
+"""Static equilibrium of a mechanism without friction: the minimum of its potential energy.
 
-`equilibrium` iterates the contact set of the condensed system. Where that goes round in circles,
-`resting_segments` finds the segments of the laws first: every law resists with a force that does
-not fall, so the energy is convex and Newton steps that are shortened until the energy falls find
-its lowest point from anywhere, on all coordinates.
+`equilibrium` iterates the contact set of the condensed system. Where that cycles,
+`equilibrium_segments` finds the segments of the laws first, on all coordinates: the force of every
+law never falls with its argument, so the energy is convex, and a Newton iteration with line search
+finds the minimum from any start.
 """
 
 import numpy as np
 
-from turnout.integrate.accuracy import correct, measure
-from turnout.integrate.columns import make_level, rebuild
-from turnout.integrate.energy import account_friction, account_laws, rest_at
+from turnout.integrate.accuracy import measure_residual, refine
+from turnout.integrate.columns import assemble_level, rebuild
+from turnout.integrate.energy import account_friction, account_laws, set_energy_reference
 from turnout.integrate.scratch import Work
-from turnout.integrate.solve import CONVERGED, Tolerances, evaluate, settle
+from turnout.integrate.solve import CONVERGED, Tolerances, evaluate, iterate_contact_set
 from turnout.integrate.state import State
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled
@@ -22,10 +22,11 @@ from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 
 ITERATIONS = 300
+"""Most Newton steps."""
 
 
-def resting_segments(mechanism: Mechanism, *, inputs: Floats, present: Ints) -> Ints:
-    """Return the segment of every law at rest, as near as the iterations come.
+def equilibrium_segments(mechanism: Mechanism, *, inputs: Floats, present: Ints) -> Ints:
+    """Return the segment of every law at the minimum of the energy, by a Newton iteration.
 
     Parameters
     ----------
@@ -34,7 +35,7 @@ def resting_segments(mechanism: Mechanism, *, inputs: Floats, present: Ints) -> 
     inputs : ndarray, shape (n_inputs,)
         Marker positions [m].
     present : ndarray of int, shape (n_laws,)
-        Whether a law acts.
+        1 where a law acts, else 0.
     """
     table, rows = mechanism.laws, mechanism.rows
     at_input = np.where(table.input_index >= 0, inputs[table.input_index] if inputs.size else 0, 0)
@@ -42,12 +43,12 @@ def resting_segments(mechanism: Mechanism, *, inputs: Floats, present: Ints) -> 
     u = np.zeros(rows.shape[1])
 
     def energy(u: Floats) -> float:
-        _, potential, _ = _laws(table, (rows @ u)[table.row] - zero)
+        _, potential, _ = _evaluate_laws(table, (rows @ u)[table.row] - zero)
         return float(u @ (0.5 * (mechanism.stiffness @ u) - mechanism.load) + present @ potential)
 
     for _ in range(ITERATIONS):
         e = (rows @ u)[table.row] - zero
-        force, _, slope = _laws(table, e)
+        force, _, slope = _evaluate_laws(table, e)
         residual = mechanism.stiffness @ u - mechanism.load
         residual += np.bincount(table.row, present * force, rows.shape[0]) @ rows
         tangent = (
@@ -57,16 +58,16 @@ def resting_segments(mechanism: Mechanism, *, inputs: Floats, present: Ints) -> 
         if not np.isfinite(residual).all():
             break
         direction = -np.linalg.lstsq(tangent, residual)[0]
-        now, descent, share = energy(u), float(residual @ direction), 1.0
-        while energy(u + share * direction) > now + 1e-4 * share * descent and share > 1e-9:
+        energy_u, descent, share = energy(u), float(residual @ direction), 1.0
+        while energy(u + share * direction) > energy_u + 1e-4 * share * descent and share > 1e-9:
             share *= 0.5
         u = u + share * direction
         if np.abs(direction).max() <= 1e-12 * max(float(np.abs(u).max()), 1e-6):
             break
-    return _segments(table, (rows @ u)[table.row] - zero)
+    return _find_segments(table, (rows @ u)[table.row] - zero)
 
 
-def _segments(table: LawTable, e: Floats) -> Ints:
+def _find_segments(table: LawTable, e: Floats) -> Ints:
     counts = [
         int(np.searchsorted(table.segment_upper[first : last - 1], value))
         for first, last, value in zip(
@@ -76,9 +77,9 @@ def _segments(table: LawTable, e: Floats) -> Ints:
     return np.array(counts, dtype=np.int64)
 
 
-def _laws(table: LawTable, e: Floats) -> tuple[Floats, Floats, Floats]:
+def _evaluate_laws(table: LawTable, e: Floats) -> tuple[Floats, Floats, Floats]:
     """Return force [N], energy [J] and slope [N/m] of every law at its argument."""
-    at = table.segment_start[:-1] + _segments(table, e)
+    at = table.segment_start[:-1] + _find_segments(table, e)
     force = table.slope[at] * e + table.intercept[at]
     energy = (0.5 * table.slope[at] * e + table.intercept[at]) * e + table.potential[at]
     return force, energy, table.slope[at]
@@ -90,24 +91,23 @@ def equilibrium(
 ) -> int:
     """Find the static equilibrium for the present inputs by iterating the contact set.
 
-    The columns are made for a level without inertia and viscosity, the last one. What rounding has
-    left in the equations is taken off once: nothing should move in the first step of a rail at
-    rest.
+    The columns are those of a level without inertia and viscosity, the last one. The solution is
+    refined once, so that a rail at rest does not move in its first step.
     """
-    static = state.made.size - 1
-    make_level(system, state, static, 0.0, 0.0)
+    static = state.level_ready.size - 1
+    assemble_level(system, state, static, 0.0, 0.0)
     rebuild(system, table, state, static, work.row)
     copy(system.load, work.right_side)
-    code = settle(system, table, state, work, tolerances)
+    code = iterate_contact_set(system, table, state, work, tolerances)
     if code == CONVERGED:
-        measure(system, table, state, work, 0.0, 0.0)
-        correct(system, state, work)
+        measure_residual(system, table, state, work, 0.0, 0.0)
+        refine(system, state, work)
     return code
 
 
 @compiled
-def begin_at_rest(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Anchor every foot where it stands, and open the books of energy."""
+def anchor_at_rest(system: System, table: LawTable, state: State, work: Work) -> None:
+    """Anchor every foot at its present place, and start the energy balance from here."""
     state.friction[:] = STICK
     for friction in range(state.anchor.size):
         state.anchor[friction] = state.g[table.friction_row[friction]]
@@ -116,4 +116,4 @@ def begin_at_rest(system: System, table: LawTable, state: State, work: Work) -> 
     account_friction(system, state, work)
     state.ledger[:] = 0.0
     work.unsettled[:] = 0
-    rest_at(system, table, state, work)
+    set_energy_reference(system, table, state, work)

@@ -1,12 +1,18 @@
-"""The time loop: steps, halved steps, stored instants.
+"""Time loop of the kernels: steps, halved steps, stored instants.
 
 Kernels change `State` in place and return an outcome code; they never raise and never print.
 """
 
 from typing import NamedTuple
 
-from turnout.integrate.accuracy import DRIFTS, correct, equilibrium_residual, is_inaccurate, measure
-from turnout.integrate.columns import REBUILD_AFTER, make_level, rebuild
+from turnout.integrate.accuracy import (
+    DRIFTS,
+    equilibrium_residual,
+    is_inaccurate,
+    measure_residual,
+    refine,
+)
+from turnout.integrate.columns import REBUILD_AFTER, assemble_level, rebuild
 from turnout.integrate.energy import (
     account_friction,
     account_laws,
@@ -22,13 +28,13 @@ from turnout.integrate.solve import (
     STOPPED,
     Tolerances,
     evaluate,
-    restore_set,
-    save_set,
-    settle,
+    iterate_contact_set,
+    restore_contact_set,
+    save_contact_set,
     update_marked,
 )
 from turnout.integrate.state import COUNT_HALVED, COUNT_RECENT, LEVEL, State
-from turnout.integrate.step import Factors, Stepping, begin_step, complete_step, factors_of
+from turnout.integrate.step import Factors, Stepping, correct, predict, step_factors
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
 from turnout.kernels.lanes import LANES, gather, load, store_nontemporal
@@ -36,14 +42,16 @@ from turnout.kernels.vector import copy
 from turnout.law.table import LawTable
 
 MEASURE_EVERY = 100
-"""After so many steps a solution is measured whatever has happened."""
+"""Steps after which the residual of a solution is measured in any case."""
 
 
 class Record(NamedTuple):
-    """Stored instants, one row each, and the running checks.
+    """Stored instants, one row each, and the largest equilibrium residual so far [m].
 
-    Rows of `q`, `g`, `friction`, `law` and `v` fill whole lines of memory; the first four begin
-    with one.
+    `q` and `v` are modal coordinates and velocities, `g` the displacements of the rows [m],
+    `friction` and `law` forces [N], `stored` and `ledger` energies and work [J]
+    (`turnout.integrate.energy`). Rows of `q`, `g`, `friction`, `law` and `v` fill whole cache
+    lines; those of the first four begin at one.
     """
 
     q: Floats
@@ -57,12 +65,12 @@ class Record(NamedTuple):
 
 
 @compiled
-def change_level(
+def switch_level(
     system: System, table: LawTable, state: State, work: Work, stepping: Stepping, level: int
 ) -> None:
-    """Make the columns of a step that is halved so many times."""
-    factors = factors_of(stepping, stepping.step / (1 << level))
-    make_level(system, state, level, factors.inertia, factors.viscosity)
+    """Assemble the columns of a step that has been halved `level` times."""
+    factors = step_factors(stepping, stepping.step / (1 << level))
+    assemble_level(system, state, level, factors.inertia, factors.viscosity)
     rebuild(system, table, state, level, work.row)
 
 
@@ -79,19 +87,19 @@ def _try_step(
     inputs: tuple[Floats, Floats],
     last: bool,
 ) -> int:
-    """Take and book one step of length `h`; on failure leave the state as it was, bar its inputs.
+    """Take one step of length `h` [s]; on failure restore the state, except its inputs.
 
-    A `last` attempt follows the path where the contact set does not settle.
+    A `last` attempt follows the solution path where the contact set does not converge.
     """
     inertia, viscosity = factors.inertia, factors.viscosity
-    begin_step(system, state, work, stepping, h, factors)
-    save_set(state, work)
-    code = settle(system, table, state, work, tolerances)
+    predict(system, state, work, stepping, h, factors)
+    save_contact_set(state, work)
+    code = iterate_contact_set(system, table, state, work, tolerances)
     if code == NOT_CONVERGED and last:
-        copy(work.q, state.q)
+        copy(work.q_start, state.q)
         copy(work.g_start, state.g)
         copy(inputs[0], state.inputs)
-        restore_set(system, table, state, work)
+        restore_contact_set(system, table, state, work)
         rebuild(system, table, state, stepping.halvings, work.row)
         code = follow_path(system, table, state, work, tolerances, inputs, inertia, viscosity)
     if code == CONVERGED and (
@@ -99,19 +107,19 @@ def _try_step(
         or state.counters[COUNT_RECENT] >= REBUILD_AFTER
     ):
         if state.counters[COUNT_RECENT] > 0:
-            # the set is found; its solution is taken from columns without a history
+            # the contact set is known; solve again with columns that carry no rounding of updates
             rebuild(system, table, state, state.counters[LEVEL], work.row)
-            code = settle(system, table, state, work, tolerances)
-        if code == CONVERGED and measure(system, table, state, work, inertia, viscosity):
-            correct(system, state, work)
+            code = iterate_contact_set(system, table, state, work, tolerances)
+        if code == CONVERGED and measure_residual(system, table, state, work, inertia, viscosity):
+            refine(system, state, work)
             evaluate(table, state, work)
             state.drift[0] = DRIFTS
     if code == CONVERGED:
-        complete_step(system, state, work, stepping, factors)
+        correct(system, state, work, stepping, factors)
         return code
-    copy(work.q, state.q)
+    copy(work.q_start, state.q)
     copy(work.g_start, state.g)
-    restore_set(system, table, state, work)
+    restore_contact_set(system, table, state, work)
     return code
 
 
@@ -123,29 +131,29 @@ def _advance(
     work: Work,
     tolerances: Tolerances,
     stepping: Stepping,
-    whole: Factors,
+    nominal: Factors,
     inputs: tuple[Floats, Floats],
     time: float,
 ) -> int:
-    """Cover one nominal step from `time`, in one piece or in halved pieces.
+    """Advance by one nominal step from `time` [s], in one piece or in halved pieces.
 
-    `whole` are the factors of a step in one piece.
+    `nominal` are the factors of a step in one piece.
     """
-    old, new = inputs
-    marks = 1 << stepping.halvings
+    first, last = inputs
+    n_pieces = 1 << stepping.halvings
     position, level = 0, 0
-    h, factors = stepping.step, whole
-    begin, end = work.inputs, work.inputs_end
-    while position < marks:
-        size = marks >> level
-        share = 1.0 if position + size == marks else (position + size) / marks
-        for k in range(new.size):
+    h, factors = stepping.step, nominal
+    begin, end = work.inputs_start, work.inputs_end
+    while position < n_pieces:
+        size = n_pieces >> level
+        share = 1.0 if position + size == n_pieces else (position + size) / n_pieces
+        for k in range(last.size):
             begin[k] = state.inputs[k]
-            state.inputs[k] = old[k] + share * (new[k] - old[k])
+            state.inputs[k] = first[k] + share * (last[k] - first[k])
             end[k] = state.inputs[k]
-        last = stepping.follow_path and level == stepping.halvings
+        last_attempt = stepping.follow_path and level == stepping.halvings
         code = _try_step(
-            system, table, state, work, tolerances, stepping, h, factors, (begin, end), last
+            system, table, state, work, tolerances, stepping, h, factors, (begin, end), last_attempt
         )
         if code != CONVERGED:
             copy(begin, state.inputs)
@@ -154,10 +162,10 @@ def _advance(
                 return code
             state.counters[COUNT_HALVED] += 1
             h = stepping.step / (1 << level)
-            factors = factors_of(stepping, h)
-            change_level(system, table, state, work, stepping, level)
+            factors = step_factors(stepping, h)
+            switch_level(system, table, state, work, stepping, level)
             continue
-        if level > 0 or last:
+        if level > 0 or last_attempt:
             work.unsettled[:] = 0
         account_laws(system, table, state, work, begin, time + share * stepping.step)
         account_friction(system, state, work)
@@ -166,28 +174,28 @@ def _advance(
 
 
 @compiled_loop
-def _gather(g: Floats, places: Ints, to: Floats) -> None:
+def _gather_nontemporal(g: Floats, places: Ints, to: Floats) -> None:
     for i in range(0, places.size, LANES):
         store_nontemporal(gather(g, places, i), to, i)
 
 
 @compiled_loop
-def _write(values: Floats, to: Floats) -> None:
+def _copy_nontemporal(values: Floats, to: Floats) -> None:
     for i in range(0, values.size, LANES):
         store_nontemporal(load(values, i), to, i)
 
 
 @compiled_part
-def store(
+def store_instant(
     system: System, table: LawTable, state: State, work: Work, record: Record, at: int
 ) -> None:
-    """Store the present instant."""
-    _write(state.q, record.q[at])
-    _gather(state.g, system.row_place, record.g[at])
+    """Write the present instant to a row of the record."""
+    _copy_nontemporal(state.q, record.q[at])
+    _gather_nontemporal(state.g, system.row_place, record.g[at])
     if at < record.v.shape[0]:
         copy(state.v, record.v[at])
-    _write(state.friction_force, record.friction[at])
-    _write(work.force, record.law[at])
+    _copy_nontemporal(state.friction_force, record.friction[at])
+    _copy_nontemporal(work.force, record.law[at])
     store_energy(system, table, state, work, record.stored[at])
     for column in range(state.ledger.size):
         record.ledger[at, column] = state.ledger[column]
@@ -214,31 +222,31 @@ def march(
         Marker positions at the ends of the steps [m].
     first, last : int
         Indices into `inputs`; the state is that of instant `first`, its columns those of the
-        nominal step. Where a march is cut into several does not change a bit of the result.
+        nominal step. Splitting a march into several changes no bit of the result.
     """
-    whole = factors_of(stepping, stepping.step)
-    row, left = first // stepping.stride, stepping.stride - first % stepping.stride
+    nominal = step_factors(stepping, stepping.step)
+    row, remaining = first // stepping.stride, stepping.stride - first % stepping.stride
     for n in range(first, last):
         time = n * stepping.step
         if stepping.inertia and state.counters[LEVEL] != 0:
-            change_level(system, table, state, work, stepping, 0)
+            switch_level(system, table, state, work, stepping, 0)
         count = switch_laws(system, table, state, work, time + stepping.step)
         update_marked(system, table, state, work, count)
         pair = (inputs[n], inputs[n + 1])
         if stepping.inertia:
-            code = _advance(system, table, state, work, tolerances, stepping, whole, pair, time)
+            code = _advance(system, table, state, work, tolerances, stepping, nominal, pair, time)
         else:
             span = (time, time + stepping.step)
             code = advance_static(system, table, state, work, tolerances, pair, span)
         if code != CONVERGED:
             return code, n
-        left -= 1
-        if left == 0:
-            row, left = row + 1, stepping.stride
-            store(system, table, state, work, record, row)
+        remaining -= 1
+        if remaining == 0:
+            row, remaining = row + 1, stepping.stride
+            store_instant(system, table, state, work, record, row)
             if row % MEASURE_EVERY == 0:
                 residual = equilibrium_residual(system, table, state, work)
                 record.residual[0] = max(record.residual[0], residual)
         if stepping.inertia and (n + 1) % MEASURE_EVERY == 0:
-            state.drift[0] = max(state.drift[0], DRIFTS)  # what was small at rest may have grown
+            state.drift[0] = max(state.drift[0], DRIFTS)  # errors at rest may have grown
     return CONVERGED, last

@@ -1,4 +1,4 @@
-"""How a run ended, in words that help."""
+"""Outcome of a run: its code, and a message with the remedy."""
 
 import math
 from dataclasses import dataclass
@@ -9,8 +9,7 @@ from turnout.errors import SolverError
 CLOSES = 1e-6
 """Largest residual of the energy balance of a complete run, as a share of its scale [-]."""
 LEAST_SCALE = 0.1
-"""Where less than this has moved, rounding is compared with it: forces of 10 kN times 1e-12 m are a
-share of 1e-7 [J]."""
+"""Smallest scale of the energy balance [J]; forces of 10 kN times 1e-12 m are 1e-7 of it."""
 
 
 class Code(IntEnum):
@@ -69,18 +68,18 @@ def is_closed(residual: float, scale: float) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a run ended.
+    """Outcome of one run.
 
     Attributes
     ----------
     code : Code
-        What happened.
+        Complete, or why not.
     time : float
         Time reached [s].
     step : int
         Index of the last complete step.
     residual : float
-        Largest disagreement of the rows with the base system, see `equilibrium_residual` [m].
+        Largest displacement error, see `turnout.integrate.accuracy.equilibrium_residual` [m].
     contacts : tuple of str
         Names of the laws that changed last or were not settled.
     energy_residual, energy_scale : float
@@ -122,14 +121,14 @@ class Outcome:
 
 
 class NotConverged(SolverError):
-    """A run ended before its time.
+    """Raised where a run ended early.
 
     Attributes
     ----------
     outcome : Outcome
         Time, step, residual and contacts of the failure.
     partial : object
-        What was computed until then, in the form that the caller would have got.
+        Result up to the failure, of the type that the caller would have got.
     """
 
     def __init__(self, outcome: Outcome, *, partial: object = None) -> None:

@@ -1,10 +1,10 @@
-"""Where every end, mode and row of a run stands in the vector of displacements.
+"""Numbering of ends, modes and rows in the vector of displacements.
 
 The vector holds, block by block, the leading ends and then the modes of the block; these are the
-*solved* places. Behind them stand the ends that follow from leading ones, and last the rows that
-join two blocks. A row with one end stands where that end does. Each block fills whole lines of the
-cache, and so do all ends that follow, and all rows that join; what is left over is finite and means
-nothing. One line of zeros stands behind all.
+*solved* places. The ends that follow from leading ones come next, and last the rows that join two
+blocks. A row with one end has the place of that end. Each block is padded to whole cache lines, and
+so are the following ends and the joining rows; the padding is finite and means nothing. The vector
+ends with one cache line of zeros.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.condense.condense import BlockModel
-from turnout.kernels.lanes import LANES
+from turnout.kernels.lanes import LANES, whole_lines
 from turnout.law.table import LawTable
 
 Floats = NDArray[np.float64]
@@ -23,10 +23,10 @@ Ints = NDArray[np.int64]
 Terms = list[tuple[int, float]]
 
 
-def unsigned(indices: Ints) -> Ints:
-    """Return indices that a kernel need not suspect of counting from the end.
+def as_unsigned(indices: Ints) -> Ints:
+    """Return indices as unsigned integers, so that kernels skip the check for negative ones.
 
-    They are for looking up alone: NumPy makes floating-point numbers of sums with signed ones, so
+    Use them for indexing only: NumPy promotes sums of unsigned and signed integers to floats, so
     that a kernel run as a plain function would fail.
     """
     return cast("Ints", indices.astype(np.uint64))
@@ -34,7 +34,7 @@ def unsigned(indices: Ints) -> Ints:
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Numbers of the places.
+    """Places of ends, modes and rows, as numbers.
 
     Attributes
     ----------
@@ -65,22 +65,22 @@ class Places:
 
     @property
     def solved(self) -> int:
-        """How many places are solved for."""
+        """Number of solved places."""
         return int(self.end_start[-1])
 
     @property
     def zero(self) -> int:
-        """A place that is always zero."""
+        """Number of a place whose displacement is always zero."""
         return int(self.row_ends.shape[0]) - LANES
 
 
 def number_places(parts: Sequence[BlockModel]) -> Places:
-    """Give a place to every end and mode of the blocks, and to their rows."""
+    """Assign a place to every end, mode and row of the blocks."""
     leading = np.array([part.leading.leaders.size for part in parts])
     ends = np.array([part.block.rows.size for part in parts])
-    mode_start = _starts([part.model.eigenvalues.size for part in parts])
-    end_start = _starts(whole_lines(leading + np.diff(mode_start)))
-    follower_start = end_start[-1] + _starts(ends - leading)
+    mode_start = _cumulate([part.model.eigenvalues.size for part in parts])
+    end_start = _cumulate(whole_lines(leading + np.diff(mode_start)))
+    follower_start = end_start[-1] + _cumulate(ends - leading)
     follower_start[-1] = whole_lines(follower_start[-1:])[0]
     of_end = []
     for block, part in enumerate(parts):
@@ -111,35 +111,25 @@ def number_places(parts: Sequence[BlockModel]) -> Places:
         of_row=of_row,
         row_ends=ends_at_place,
         of_end=tuple(of_end),
-        terms=_terms(parts, of_end, int(end_start[-1]), int(follower_start[-1])),
+        terms=_assemble_terms(parts, of_end, int(end_start[-1]), int(follower_start[-1])),
     )
 
 
 def place_laws(laws: LawTable, of_row: Ints) -> LawTable:
-    """Return laws for the kernels, whose rows are places, given the place of every row."""
+    """Return the laws for the kernels, whose rows are places; `of_row` is the place of each row."""
     return laws._replace(
-        row=unsigned(of_row[laws.row]),
-        friction_row=unsigned(of_row[laws.friction_row]),
-        friction_normal=unsigned(laws.friction_normal),
+        row=as_unsigned(of_row[laws.row]),
+        friction_row=as_unsigned(of_row[laws.friction_row]),
+        friction_normal=as_unsigned(laws.friction_normal),
     )
 
 
-def whole_lines(counts: Ints) -> Ints:
-    """Round numbers of places up to whole lines of the cache.
-
-    Examples
-    --------
-    >>> whole_lines(np.array([1, 8, 9])).tolist()
-    [8, 8, 16]
-    """
-    return -(-counts // LANES) * LANES
-
-
-def _starts(counts: Sequence[int] | Ints) -> Ints:
+def _cumulate(counts: Sequence[int] | Ints) -> Ints:
+    """Return running sums that begin with zero."""
     return np.concatenate(([0], np.cumsum(np.asarray(counts, dtype=np.int64)))).astype(np.int64)
 
 
-def _terms(
+def _assemble_terms(
     parts: Sequence[BlockModel], of_end: Sequence[Ints], solved: int, count: int
 ) -> list[Terms]:
     """Return every end and mode as a sum of solved places."""

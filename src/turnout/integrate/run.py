@@ -13,10 +13,10 @@ from turnout.condense.modal import ModalModel
 from turnout.core.threads import one_blas_thread
 from turnout.errors import SolverError
 from turnout.integrate.accuracy import equilibrium_residual
-from turnout.integrate.arrange import Run, arrange, instants_of, prepare, start
-from turnout.integrate.dense import fill_in
+from turnout.integrate.arrange import Run, arrange, prepare, start_at_rest, trim_record
+from turnout.integrate.dense import interpolate_record
 from turnout.integrate.energy import energy_balance
-from turnout.integrate.march import Record, march, store
+from turnout.integrate.march import Record, march, store_instant
 from turnout.integrate.outcome import Code, Outcome, is_closed
 from turnout.integrate.state import (
     COUNT_FLIPS,
@@ -31,16 +31,16 @@ from turnout.scheme import Scheme
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# Progress is told after so many seconds, and at the first after so many steps.
+# Progress is reported after so many seconds [s], and the first time after so many steps.
 INTERRUPT_INTERVAL, FIRST_CHUNK = 0.1, 2200
-# A history may take so much memory [bytes], and so many steps.
+# Most memory of a history [bytes], and most steps.
 MOST_MEMORY = 2e9
 MOST_STEPS = 2_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """What a run leaves behind; n is the number of stored instants.
+    """Stored instants and outcome of a run; n is the number of stored instants.
 
     Attributes
     ----------
@@ -55,12 +55,12 @@ class History:
     law_force, friction_force : ndarray, shape (n, n_laws), (n, n_frictions)
         Forces with which laws and frictions resist [N].
     stored, ledger : ndarray, shape (n, 4), (n, 6)
-        Energies, see `turnout.integrate.energy` and `turnout.integrate.energy` for the columns [J].
+        Stored energies, and work since the start; columns as in `turnout.integrate.energy` [J].
     law_placed, law_first : ndarray, shape (n_laws,)
-        When a law began to act (nan: there was never room for it), and when it first had a force,
-        from every step; of laws that do not act all the time (objects), nan for all others [s].
+        Times at which a law that does not always act (an object) appeared, and first had a force
+        [s]; NaN where it did not, as an object that never fits, and for all other laws.
     model : ModalModel
-        The condensed system, for the recovery of shapes.
+        The condensed system, from which shapes are recovered.
     laws : LawTable
         The laws as integrated: those that join rails are not part of the linear system.
     outcome : Outcome
@@ -102,7 +102,7 @@ def integrate(
     mechanism : Mechanism
         Reduced rails and their laws.
     scheme : Scheme
-        Numerical choices.
+        Step, cut-off frequency, tolerances and output.
     inputs : callable
         Marker positions, shape (n_inputs, n), for times of shape (n,) [m].
     end : float
@@ -126,17 +126,17 @@ def _integrate(
     end: float,
     report: Callable[[int, int], None] | None,
 ) -> History:
-    grid = _grid(mechanism, scheme, end)
+    grid = _choose_grid(mechanism, scheme, end)
     stride = grid.stride
-    made = arrange(mechanism, scheme)
+    arrangement = arrange(mechanism, scheme)
     times = scheme.step * np.arange(grid.n_steps + 1, dtype=np.float64)
     positions = np.ascontiguousarray(inputs(times).T)
-    run = prepare(made, scheme, positions, grid.n_stored, filled_in=grid.filled_in)
-    _march(run, 0, 0)  # compiles, if need be, while Ctrl-C ends the program at once
+    run = prepare(arrangement, scheme, positions, grid.n_stored, filled_in=grid.filled_in)
+    _march(run, 0, 0)  # compiles where needed, while Ctrl-C still ends the program at once
     with one_thread() as thread:
-        code, done = start(run, mechanism, thread), 0
+        code, done = start_at_rest(run, mechanism, thread), 0
         if code == Code.COMPLETE:
-            store(run.system, run.table, run.state, run.work, run.record, 0)
+            store_instant(run.system, run.table, run.state, run.work, run.record, 0)
             code, done = _march_in_chunks(run, report, thread)
     kept = 0 if code == Code.NO_EQUILIBRIUM else done // stride + 1
     balance = energy_balance(run.record.stored[:kept], run.record.ledger[:kept])
@@ -148,25 +148,25 @@ def _integrate(
         time=done * scheme.step,
         step=done,
         residual=max(float(run.record.residual[0]), float(residual)),
-        contacts=_unsettled(mechanism, run),
+        contacts=_name_unsettled(mechanism, run),
         energy_residual=balance[0],
         energy_scale=balance[1],
     )
-    record = instants_of(run, kept)
+    record = trim_record(run, kept)
     instants = scheme.step * stride * np.arange(kept, dtype=np.float64)
     positions = positions[::stride][:kept]
     if grid.filled_in and kept > 1:
         count = int((min(grid.last, instants[-1]) + 1e-9) / scheme.output_interval) + 1
         instants = scheme.output_interval * np.arange(count, dtype=np.float64)
         positions = np.ascontiguousarray(inputs(instants).T)
-        given = {"instants": instants, "inputs": positions, "modes": made.model.row_modes}
-        record = fill_in(record, step=scheme.step, laws=made.laws, **given)
-    return _history(run, record, made.model, outcome, instants, positions)
+        given = {"instants": instants, "inputs": positions, "modes": arrangement.model.row_modes}
+        record = interpolate_record(record, step=scheme.step, laws=arrangement.laws, **given)
+    return _assemble_history(run, record, arrangement.model, outcome, instants, positions)
 
 
 @dataclass(frozen=True, slots=True)
 class _Grid:
-    """Where steps and stored instants lie; `last` is the last instant that is wanted [s]."""
+    """Numbers of steps and stored instants; `last` is the last instant that is wanted [s]."""
 
     n_steps: int
     n_stored: int
@@ -175,8 +175,8 @@ class _Grid:
     last: float
 
 
-def _grid(mechanism: Mechanism, scheme: Scheme, end: float) -> _Grid:
-    """Choose the steps, and refuse what cannot be held."""
+def _choose_grid(mechanism: Mechanism, scheme: Scheme, end: float) -> _Grid:
+    """Choose the steps; refuse a run with too many of them, or too large for the memory."""
     for interval, what in ((scheme.step, "steps"), (scheme.output_interval, "stored instants")):
         if end / interval > MOST_STEPS:
             msg = (
@@ -203,7 +203,7 @@ def _grid(mechanism: Mechanism, scheme: Scheme, end: float) -> _Grid:
     return _Grid(n_steps, n_stored, stride, filled_in, last)
 
 
-def _history(
+def _assemble_history(
     run: Run,
     record: Record,
     model: ModalModel,
@@ -250,7 +250,7 @@ def _march(run: Run, first: int, last: int) -> tuple[int, int]:
 def _march_in_chunks(
     run: Run, report: Callable[[int, int], None] | None, thread: Executor
 ) -> tuple[Code, int]:
-    """March, and tell of the progress now and then."""
+    """March in chunks of about `INTERRUPT_INTERVAL`, and report the progress after each."""
     n_steps = run.positions.shape[0] - 1
     done, chunk = 0, FIRST_CHUNK
     try:
@@ -269,8 +269,8 @@ def _march_in_chunks(
     return Code.COMPLETE, done
 
 
-def _unsettled(mechanism: Mechanism, run: Run) -> tuple[str, ...]:
-    """Name the laws on rows that still changed when the last attempt ended."""
+def _name_unsettled(mechanism: Mechanism, run: Run) -> tuple[str, ...]:
+    """Return the names of the laws on rows that still changed when the last attempt ended."""
     rows, table = run.work.unsettled.astype(bool), run.table
     names = [name for name, row in zip(mechanism.law_names, table.row, strict=True) if rows[row]]
     names += [

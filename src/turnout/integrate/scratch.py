@@ -1,11 +1,8 @@
-"""Memory of runs: scratch arrays of the kernels, and buffers of histories.
+"""Memory of runs: buffers of histories that serve run after run, and scratch arrays of kernels.
 
-Memory of histories that nobody looks at any more, which serves the next run.
-
-Memory that is fresh from the operating system is filled with zeros when it is first touched, which
-took a tenth of the time of a run in waveform mode.
-
-Scratch arrays of the kernels.
+The operating system fills fresh memory with zeros when it is first touched, which took a tenth of
+the time of a run in waveform mode. A buffer that no array refers to any more therefore serves the
+next run.
 """
 
 import weakref
@@ -22,15 +19,15 @@ from turnout.law.table import LawTable
 Floats = NDArray[np.float64]
 
 MOST_KEPT = 16 * 2**20
-"""Pieces of more numbers than this go back to the operating system; two pieces are kept at most."""
+"""Buffers of more numbers than this go back to the operating system; at most two are kept."""
 
 _free_buffers: deque[Floats] = deque(maxlen=2)
 
 
 def acquire_buffer(count: int) -> Floats:
-    """Return room for so many numbers or a few more; what they are means nothing.
+    """Return an uninitialised array of at least `count` numbers, at most twice as many.
 
-    It comes back by itself once the last array that shares it is gone.
+    Its memory becomes free for the next call once the last array that shares it is gone.
 
     Examples
     --------
@@ -44,7 +41,7 @@ def acquire_buffer(count: int) -> Floats:
     >>> acquire_buffer(900).ctypes.data == address
     True
     """
-    memory = _fitting(count)
+    memory = _take_fitting(count)
     if memory is None:
         memory = np.empty(count)
     found = np.frombuffer(memory.data, dtype=np.float64)
@@ -54,12 +51,12 @@ def acquire_buffer(count: int) -> Floats:
 
 
 def release_buffers() -> None:
-    """Give spare memory back to the operating system."""
+    """Return the memory of free buffers to the operating system."""
     _free_buffers.clear()
 
 
-def _fitting(count: int) -> Floats | None:
-    """Take a spare piece of memory that is large enough and not twice as large."""
+def _take_fitting(count: int) -> Floats | None:
+    """Take a free buffer of `count` to twice as many numbers; None where there is none."""
     for _ in range(len(_free_buffers)):
         try:
             memory = _free_buffers.pop()  # the last one may still be in the processor's caches
@@ -74,60 +71,64 @@ def _fitting(count: int) -> Floats | None:
 class Work(NamedTuple):
     """Scratch arrays of the kernels; their content means nothing between calls.
 
-    Except `push`, which is zero on rows without an input, `unsettled`, which flags the rows that
-    still changed when a step was given up, `changed`, whether a law has changed since the contact
-    set was saved, and `stop`, which another thread sets to end the work between two solutions.
-    At the last solution `given` holds a zero and the inputs, and
-    `law_input` that of every law.
-    `q`, `g_start` and the two of the contact set are the state at the start of a step; `argument`,
-    `force`, `trial` and `limit` are of the last solution, `turnout.integrate.solve`.
+    The exceptions are
+
+    - ``q_start``, ``g_start``, ``saved_segment``, ``saved_friction``: modal coordinates,
+      displacements [m] and contact set at the start of a step; ``q_pred``, ``v_pred`` and
+      ``right_side`` are predicted from them, `turnout.integrate.step`;
+    - ``padded_inputs``: a zero, then the inputs of the last solution [m]; ``law_input`` that of
+      every law;
+    - ``argument``, ``force``, ``trial``, ``limit``: laws and frictions at the last solution;
+    - ``input_force``: force of the inputs on their rows [N], zero on rows without an input;
+    - ``unsettled``: flags the rows that still changed when a step was given up;
+    - ``changed``: whether a law has changed since the contact set was saved;
+    - ``stop``: set by another thread to end the work between two solutions.
     """
 
     row: Floats
-    predicted: Floats
-    velocity: Floats
+    q_pred: Floats
+    v_pred: Floats
     right_side: Floats
-    push: Floats
+    input_force: Floats
     end_force: Floats
     slot_force: Floats
     joining: Floats
-    pushed: Floats
-    joined_end: Ints
+    input_end_force: Floats
+    coupled_end: Ints
     dirty: Ints
     dirty_list: Ints
     unsettled: Ints
-    old_segment: Ints
-    old_friction: Floats
-    q: Floats
-    g: Floats
+    saved_segment: Ints
+    saved_friction: Floats
+    q_start: Floats
+    g_end: Floats
     g_start: Floats
     argument: Floats
     force: Floats
     trial: Floats
     limit: Floats
-    aim: Floats
-    origin: Floats
+    right_side_end: Floats
+    right_side_start: Floats
     end_error: Floats
     modal_error: Floats
-    found: Floats
-    of_modes: Floats
-    given: Floats
+    end_scratch: Floats
+    padded_inputs: Floats
     law_input: Floats
-    inputs: Floats
+    inputs_start: Floats
     inputs_end: Floats
     changed: Ints
     stop: Ints
 
 
 def new_work(system: System, table: LawTable) -> Work:
-    """Return scratch arrays that fit a system."""
+    """Return scratch arrays of the sizes of a system and its laws."""
     n_places = system.row_ends.shape[0]
     n_inputs = int(table.input_index.max(initial=-1)) + 1
 
     def modal() -> Floats:
         return np.zeros(system.load.size)
 
-    def placed() -> Floats:
+    def by_place() -> Floats:
         return np.zeros(n_places)
 
     def flags() -> Ints:
@@ -136,36 +137,35 @@ def new_work(system: System, table: LawTable) -> Work:
     return shared_record(
         Work(
             row=np.zeros(2 * n_places + int(np.max(np.diff(system.pattern_start), initial=1))),
-            predicted=modal(),
-            velocity=modal(),
+            q_pred=modal(),
+            v_pred=modal(),
             right_side=modal(),
-            push=placed(),
-            end_force=placed(),
+            input_force=by_place(),
+            end_force=by_place(),
             slot_force=np.zeros(system.slot_start[-1]),
-            joining=placed(),
-            pushed=np.zeros(system.pushed_end.size),
-            joined_end=flags(),
+            joining=by_place(),
+            input_end_force=np.zeros(system.input_end.size),
+            coupled_end=flags(),
             dirty=flags(),
             dirty_list=flags(),
             unsettled=flags(),
-            old_segment=np.zeros(table.row.size, dtype=np.int64),
-            old_friction=np.zeros(table.friction_row.size),
-            q=modal(),
-            g=placed(),
-            g_start=placed(),
+            saved_segment=np.zeros(table.row.size, dtype=np.int64),
+            saved_friction=np.zeros(table.friction_row.size),
+            q_start=modal(),
+            g_end=by_place(),
+            g_start=by_place(),
             argument=np.zeros(table.row.size),
             force=np.zeros(table.row.size),
             trial=np.zeros(table.friction_row.size),
             limit=np.zeros(table.friction_row.size),
-            aim=modal(),
-            origin=modal(),
-            end_error=placed(),
+            right_side_end=modal(),
+            right_side_start=modal(),
+            end_error=by_place(),
             modal_error=modal(),
-            found=placed(),
-            of_modes=modal(),
-            given=np.zeros(n_inputs + 1),
+            end_scratch=by_place(),
+            padded_inputs=np.zeros(n_inputs + 1),
             law_input=np.zeros(table.row.size),
-            inputs=np.zeros(n_inputs),
+            inputs_start=np.zeros(n_inputs),
             inputs_end=np.zeros(n_inputs),
             changed=np.ones(1, dtype=np.int64),
             stop=np.zeros(1, dtype=np.int64),

@@ -1,9 +1,9 @@
-"""One implicit step: predict, solve, check every law, flip what changed, until nothing changes.
+"""Contact-set iteration of one implicit step: solve, check every law, flip those that changed.
 
-With an unchanged contact set a solution is a few small matrix-vector products. A set change costs
-one rank-one update a row. Modal coordinates are found once the set has settled. Law checks compare
-the solution with the segment or friction branch that it was computed with; the last solution of a
-converged step satisfies every law.
+With an unchanged contact set a solution is a few small matrix-vector products; each row that
+changes costs one rank-one update. The check compares the solution with the segment or friction
+branch of every law that it was computed with, so the last solution of a converged step satisfies
+every law. Modal coordinates are gathered once the set has converged.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,7 @@ import numpy as np
 
 from turnout.integrate.columns import update_row
 from turnout.integrate.scratch import Work
-from turnout.integrate.solution import set_modes, solve_set
+from turnout.integrate.solution import gather_modes, solve_displacements
 from turnout.integrate.state import COUNT_ITERATIONS, State, set_segment
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
@@ -41,7 +41,7 @@ CONVERGED, NOT_CONVERGED, NOT_FINITE, STOPPED = 0, 1, 2, 4
 
 
 class Tolerances(NamedTuple):
-    """Violations that are overlooked, and the iterations a step may take."""
+    """Largest violation of a law: gap [m] and force [N]; and most iterations of a step."""
 
     gap: float
     force: float
@@ -74,7 +74,7 @@ def mark_law(
 
 @compiled
 def update_marked(system: System, table: LawTable, state: State, work: Work, count: int) -> None:
-    """Bring every marked row to the present law states."""
+    """Update every marked row to the present states of its laws."""
     for i in range(count):
         row = work.dirty_list[i]
         work.dirty[row] = 0
@@ -83,20 +83,20 @@ def update_marked(system: System, table: LawTable, state: State, work: Work, cou
 
 @compiled_part
 def evaluate_laws(table: LawTable, state: State, work: Work, gap: float) -> bool:
-    """Write the displacement of every law's row, less its input [m], and what it resists with [N].
+    """Evaluate argument [m] (row displacement less input) and force [N] of every law.
 
     The force is that of the present segment, as in the solution: a contact that ends within the
-    overlooked gap pulls by a trace. Returns whether any has left its segment by more than that.
+    tolerance pulls slightly. Returns whether any law has left its segment by more than `gap`.
     """
     line = (state.slope, state.constant)
     bounds = (state.lower, state.upper)
-    return _try_laws(
+    return _evaluate_laws(
         state.g, table.row, work.law_input, line, bounds, gap, work.argument, work.force
     )
 
 
 @compiled_loop
-def _try_laws(
+def _evaluate_laws(
     g: Floats,
     row: Ints,
     inputs: Floats,
@@ -108,72 +108,74 @@ def _try_laws(
 ) -> bool:
     slope, constant = line
     lower, upper = bounds
-    overlooked = broadcast(gap)
-    outside = greater(overlooked, overlooked)
+    tolerance = broadcast(gap)
+    outside = greater(tolerance, tolerance)
     for i in range(0, forces.size, LANES):
-        at = gather(g, row, i) - load(inputs, i)
-        store(at, arguments, i)
-        store(load(slope, i) * at + load(constant, i), forces, i)
-        above = greater(at, load(upper, i) + overlooked)
-        outside = logical_or(outside, logical_or(above, greater(load(lower, i) - overlooked, at)))
+        argument = gather(g, row, i) - load(inputs, i)
+        store(argument, arguments, i)
+        store(load(slope, i) * argument + load(constant, i), forces, i)
+        above = greater(argument, load(upper, i) + tolerance)
+        outside = logical_or(
+            outside, logical_or(above, greater(load(lower, i) - tolerance, argument))
+        )
     return any_true(outside)
 
 
 @compiled_part
 def evaluate_frictions(table: LawTable, state: State, work: Work, force: float) -> bool:
-    """Write the elastic force of every friction and the limit from its normal law [N].
+    """Evaluate the trial force of every friction and its limit from the normal law [N].
 
-    ``work.force`` is that of the solution. Returns whether any contradicts its branch by more than
-    a force that is overlooked [N].
+    ``work.force`` is that of the solution. Returns whether any friction violates its branch by more
+    than `force` [N].
     """
     of_normals = (work.force, table.friction_normal, table.friction_coefficient)
     springs = (state.anchor, table.stick_stiffness)
-    return _try_frictions(
+    return _evaluate_frictions(
         of_normals, state.g, table.friction_row, springs, state.friction, force,
         work.trial, work.limit,
     )  # fmt: skip
 
 
 @compiled_loop
-def _try_frictions(
+def _evaluate_frictions(
     of_normals: tuple[Floats, Ints, Floats],
     g: Floats,
     row: Ints,
     springs: tuple[Floats, Floats],
     branches: Floats,
-    overlooked: float,
+    tolerance: float,
     trials: Floats,
     limits: Floats,
 ) -> bool:
     force, normal, coefficient = of_normals
     anchor, stiffness = springs
-    zero, never, trace = broadcast(0.0), broadcast(-np.inf), broadcast(overlooked)
-    contradicted = greater(zero, zero)
+    zero, never, tolerance_8 = broadcast(0.0), broadcast(-np.inf), broadcast(tolerance)
+    violated = greater(zero, zero)
     for i in range(0, trials.size, LANES):
         limit = load(coefficient, i) * gather(force, normal, i)
         trial = load(stiffness, i) * (gather(g, row, i) - load(anchor, i))
         store(limit, limits, i)
         store(trial, trials, i)
         branch = load(branches, i)
-        slips, presses = greater(absolute(branch), zero), greater(limit, zero)
-        most = select(presses, limit, zero)
-        # who sticks contradicts by holding too much, who slips by being held by less than the limit
-        more = select(slips, select(presses, most - trace, never), absolute(trial))
-        contradicted = logical_or(
-            contradicted, greater(more, select(slips, branch * trial, most + trace))
+        slips, closed = greater(absolute(branch), zero), greater(limit, zero)
+        positive_limit = select(closed, limit, zero)
+        # stick is violated by a trial force above the limit, slip by one below
+        larger = select(slips, select(closed, positive_limit - tolerance_8, never), absolute(trial))
+        violated = logical_or(
+            violated, greater(larger, select(slips, branch * trial, positive_limit + tolerance_8))
         )
-    return any_true(contradicted)
+    return any_true(violated)
 
 
 @compiled
 def evaluate(table: LawTable, state: State, work: Work) -> None:
-    """Write what laws and frictions make of the displacements last solved for."""
+    """Evaluate all laws and frictions at the displacements last solved for."""
     evaluate_laws(table, state, work, 0.0)
     evaluate_frictions(table, state, work, 0.0)
 
 
 @compiled_part
-def check_segments(
+def update_segments(
     system: System, table: LawTable, state: State, work: Work, gap: float, one_at_a_time: bool
 ) -> int:
     """Move laws whose argument has left its segment; return how many rows are marked.
@@ -182,17 +184,17 @@ def check_segments(
     """
     if not evaluate_laws(table, state, work, gap):
         return 0
-    at, lower, upper = work.argument, state.lower, state.upper
+    argument, lower, upper = work.argument, state.lower, state.upper
     count = 0
-    for law in range(at.size):
-        if at[law] > upper[law] + gap or at[law] < lower[law] - gap:
-            e = at[law] - table.offset[law]
+    for law in range(argument.size):
+        if argument[law] > upper[law] + gap or argument[law] < lower[law] - gap:
+            e = argument[law] - table.offset[law]
             present = state.segment[law]
             segment = segment_for(table, law, e, present, gap)
             # to the neighbour only: a jump over a segment can go back and forth for ever
             segment = min(max(segment, present - 1), present + 1)
             set_segment(table, state, law, segment)
-            work.force[law] = state.slope[law] * at[law] + state.constant[law]
+            work.force[law] = state.slope[law] * argument[law] + state.constant[law]
             count = mark_law(system, table, state, work, count, law)
             if one_at_a_time:
                 return count
@@ -200,16 +202,16 @@ def check_segments(
 
 
 @compiled_part
-def check_frictions(
+def update_branches(
     table: LawTable, state: State, work: Work, count: int, force: float, one_at_a_time: bool
 ) -> int:
-    """Move friction laws between stick and slip; return how many rows are marked in all."""
+    """Move frictions between stick and slip; return how many rows are marked in all."""
     if not evaluate_frictions(table, state, work, force):
         return count
     trial, limit, branches = work.trial, work.limit, state.friction
     for friction in range(trial.size):
-        most = max(limit[friction], 0.0)
-        branch = friction_state(trial[friction], most, branches[friction], force)
+        positive_limit = max(limit[friction], 0.0)
+        branch = friction_state(trial[friction], positive_limit, branches[friction], force)
         if branch != branches[friction]:
             branches[friction] = branch
             count = mark_row(work, count, table.friction_row[friction])
@@ -219,7 +221,7 @@ def check_frictions(
 
 
 @compiled_part
-def check_laws(
+def update_contact_set(
     system: System,
     table: LawTable,
     state: State,
@@ -227,33 +229,33 @@ def check_laws(
     tolerances: Tolerances,
     one_at_a_time: bool,
 ) -> int:
-    """Move every law (or the first) that its solution contradicts; return how many rows changed."""
-    count = check_segments(system, table, state, work, tolerances.gap, one_at_a_time)
+    """Move every law (or the first) that the solution violates; return how many rows are marked."""
+    count = update_segments(system, table, state, work, tolerances.gap, one_at_a_time)
     if one_at_a_time and count > 0:
         return count
-    return check_frictions(table, state, work, count, tolerances.force, one_at_a_time)
+    return update_branches(table, state, work, count, tolerances.force, one_at_a_time)
 
 
 @compiled
-def settle(
+def iterate_contact_set(
     system: System, table: LawTable, state: State, work: Work, tolerances: Tolerances
 ) -> int:
-    """Iterate the contact set of one step; return CONVERGED or what kept it from that.
+    """Iterate the contact set of one step; return CONVERGED or what prevented it.
 
     After half of the iterations laws change one at a time, which breaks cycles in which several
     laws undo each other.
     """
     for iteration in range(tolerances.iterations):
-        solve_set(system, table, state, work)
+        solve_displacements(system, table, state, work)
         state.counters[COUNT_ITERATIONS] += 1
         if any_not_finite(state.g):
             return NOT_FINITE
         if work.stop[0]:
             return STOPPED
         one_at_a_time = 2 * iteration > tolerances.iterations
-        count = check_laws(system, table, state, work, tolerances, one_at_a_time)
+        count = update_contact_set(system, table, state, work, tolerances, one_at_a_time)
         if count == 0:
-            set_modes(system, state)
+            gather_modes(system, state)
             return CONVERGED
         if iteration == tolerances.iterations - 1:
             copy(work.dirty, work.unsettled)
@@ -262,26 +264,26 @@ def settle(
 
 
 @compiled_part
-def save_set(state: State, work: Work) -> None:
+def save_contact_set(state: State, work: Work) -> None:
     """Save the displacements, and the contact set if it has changed since it was saved."""
     copy(state.g, work.g_start)
     if work.changed[0]:
-        copy(state.segment, work.old_segment)
-        copy(state.friction, work.old_friction)
+        copy(state.segment, work.saved_segment)
+        copy(state.friction, work.saved_friction)
         work.changed[0] = 0
 
 
 @compiled
-def restore_set(system: System, table: LawTable, state: State, work: Work) -> None:
-    """Go back to the contact set saved in `work`."""
+def restore_contact_set(system: System, table: LawTable, state: State, work: Work) -> None:
+    """Restore the contact set saved in `work`."""
     count = 0
     for law in range(table.row.size):
-        if state.segment[law] != work.old_segment[law]:
-            set_segment(table, state, law, work.old_segment[law])
+        if state.segment[law] != work.saved_segment[law]:
+            set_segment(table, state, law, work.saved_segment[law])
             count = mark_law(system, table, state, work, count, law)
     for friction in range(table.friction_row.size):
-        if state.friction[friction] != work.old_friction[friction]:
-            state.friction[friction] = work.old_friction[friction]
+        if state.friction[friction] != work.saved_friction[friction]:
+            state.friction[friction] = work.saved_friction[friction]
             count = mark_row(work, count, table.friction_row[friction])
     # a friction that returned to slip after its normal law was handled still needs its row
     for friction in range(table.friction_row.size):
@@ -290,8 +292,8 @@ def restore_set(system: System, table: LawTable, state: State, work: Work) -> No
 
 
 @compiled
-def row_forces(system: System, table: LawTable, state: State, force: Floats) -> None:
-    """Write the deviation force of every row from the laws' own forces [N]."""
+def evaluate_row_forces(system: System, table: LawTable, state: State, force: Floats) -> None:
+    """Evaluate the deviation force of every row from the forces of its laws [N]."""
     force[:] = 0.0
     for law in range(table.row.size):
         row = table.row[law]

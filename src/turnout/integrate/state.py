@@ -13,23 +13,32 @@ from turnout.law.table import LawTable
 
 
 class State(NamedTuple):
-    """What a run changes, in place, and nothing else does.
+    """All that changes during a run; kernels change it in place.
 
-    On its present segment a law resists with ``slope * (g - input) + constant`` for ``g - input``
-    between ``lower`` and ``upper`` and, at its argument e, stores the energy
-    ``(slope * e / 2 + intercept) * e + potential``; `set_segment` keeps these together.
-    ``friction`` is the branch of every friction, see `turnout.law.kernel`. ``entries`` and
-    ``shift`` are the deviations of the rows; the columns, with their slots, and the coupling of the
-    blocks are those of `turnout.integrate.columns`, for the step of ``level``; what
-    depends on the length of the step alone (``compliance``) is kept level by level. ``g`` holds
-    the displacements of all places, `turnout.integrate.places`.
-    ``counters``: active rows that join blocks, flips since the last rebuild, flips in all,
-    iterations in all, steps halved, rebuilds, the level, whether the coupling is up to date.
-    ``drift`` is the growth of rounding since it was last measured. ``push_force`` are the forces of
-    the driven laws at the last instant, ``jump`` is what a law that was switched lost there.
-    ``resting``, ``held_at_rest``, ``law_apart`` and ``friction_apart`` are those of
-    `turnout.integrate.energy`. ``law_placed`` and ``law_first`` are of laws that do not act all the
-    time.
+    Laws: on its present `segment` a law resists with ``slope * (g - input) + constant`` [N] for
+    ``g - input`` between ``lower`` and ``upper`` [m]; at its argument e [m] it stores
+    ``(slope * e / 2 + intercept) * e + potential`` [J]; `set_segment` keeps these together.
+    ``present`` is 0 for an absent law. ``input_law_force`` are the forces of the driven laws at the
+    last instant [N], ``jump`` the force that a law lost when it was switched [N]; ``law_placed``
+    and ``law_first`` are the times at which a law that does not always act appeared, and first had
+    a force [s].
+
+    Frictions: ``friction`` is the branch, see `turnout.law.kernel`, ``anchor`` the displacement at
+    which the stick spring is free [m], ``friction_force`` what it resists with [N].
+
+    Motion: modal coordinates ``q`` with their velocities ``v``, algorithmic accelerations ``a`` and
+    accelerations ``acceleration``, `turnout.integrate.step`; ``g`` holds the displacements of all
+    places [m], `turnout.integrate.places`. ``q_rest``, ``modal_force_rest``, ``law_rest_offset``
+    and ``friction_rest_offset`` are the reference of the energies, and ``ledger`` sums up work [J],
+    `turnout.integrate.energy`.
+
+    Solution: ``entries`` and ``shift`` are the deviations of the rows; the columns with their
+    slots, and the coupling of the blocks with its ``pivots``, are those of
+    `turnout.integrate.columns` for the step of the present level. ``compliance`` depends on the
+    length of the step alone and is kept level by level, ``level_ready`` flags the levels that have
+    been assembled. ``drift`` is the growth of rounding since it was last measured [-].
+    ``counters``: active rows that join blocks, flips since the last rebuild, all flips, all
+    iterations, halved steps, rebuilds, the level, whether the coupling is up to date.
     """
 
     segment: Ints
@@ -43,12 +52,12 @@ class State(NamedTuple):
     friction: Floats
     anchor: Floats
     friction_force: Floats
-    push_force: Floats
+    input_law_force: Floats
     jump: Floats
-    resting: Floats
-    held_at_rest: Floats
-    law_apart: Floats
-    friction_apart: Floats
+    q_rest: Floats
+    modal_force_rest: Floats
+    law_rest_offset: Floats
+    friction_rest_offset: Floats
     entries: Floats
     shift: Floats
     slot_of_end: Ints
@@ -58,8 +67,8 @@ class State(NamedTuple):
     columns: Floats
     joining: Ints
     coupling: Floats
-    exchange: Ints
-    made: Ints
+    pivots: Ints
+    level_ready: Ints
     mode_columns: Floats
     constant_column: Floats
     compliance: Floats
@@ -78,7 +87,7 @@ class State(NamedTuple):
 
 @compiled
 def set_segment(table: LawTable, state: State, law: int, segment: int) -> None:
-    """Put a law on a segment; an absent law keeps the segment but has no force and no bounds."""
+    """Move a law to a segment; an absent law keeps it but has neither force nor bounds."""
     state.segment[law] = segment
     if state.present[law] == 0:
         state.slope[law] = 0.0
@@ -113,10 +122,10 @@ def set_segment(table: LawTable, state: State, law: int, segment: int) -> None:
 def set_home_segments(table: LawTable, state: State) -> None:
     """Put every law on its base segment, or on the one that holds the argument zero."""
     for law in range(table.row.size):
-        home = table.base_segment[law]
-        if home < 0:
-            home = segment_for(table, law, 0.0, 0, 0.0)
-        set_segment(table, state, law, home)
+        segment = table.base_segment[law]
+        if segment < 0:
+            segment = segment_for(table, law, 0.0, 0, 0.0)
+        set_segment(table, state, law, segment)
 
 
 @compiled
@@ -153,12 +162,12 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             friction=of_frictions.copy(),
             anchor=of_frictions.copy(),
             friction_force=of_frictions.copy(),
-            push_force=np.zeros(system.input_law.size),
+            input_law_force=np.zeros(system.input_law.size),
             jump=of_laws.copy(),
-            resting=modal.copy(),
-            held_at_rest=modal.copy(),
-            law_apart=of_laws.copy(),
-            friction_apart=of_frictions.copy(),
+            q_rest=modal.copy(),
+            modal_force_rest=modal.copy(),
+            law_rest_offset=of_laws.copy(),
+            friction_rest_offset=of_frictions.copy(),
             entries=np.zeros(system.pattern_list.size),
             shift=np.zeros(n_places),
             slot_of_end=np.full(n_ends, -1, dtype=np.int64),
@@ -168,8 +177,8 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             columns=zeros_in_lines(n_slots, widest),
             joining=np.full(n_joining, -1, dtype=np.int64),
             coupling=np.zeros((n_joining, n_joining)),
-            exchange=np.zeros(n_joining, dtype=np.int64),
-            made=np.zeros(levels, dtype=np.int64),
+            pivots=np.zeros(n_joining, dtype=np.int64),
+            level_ready=np.zeros(levels, dtype=np.int64),
             mode_columns=zeros_in_lines(n_modes, widest),
             constant_column=np.zeros(int(system.end_start[-1])),
             compliance=zeros_in_lines(levels, n_ends, widest),

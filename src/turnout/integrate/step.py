@@ -1,10 +1,20 @@
-r"""The generalised-alpha step: what it predicts, and how the solved coordinates complete it.
+r"""The generalised-alpha step: prediction, and correction once the coordinates are solved for.
 
-Each coordinate is damped by itself, so that the right side of the implicit step
+.. math:: (1-\alpha_m)\,a_{n+1} + \alpha_m\,a_n
+          = (1-\alpha_f)\,\ddot q_{n+1} + \alpha_f\,\ddot q_n
 
-.. math:: p = \iota \tilde q + f + c\,(\nu\tilde q - \tilde v)
+relates the algorithmic acceleration `a`, which Newmark's formulas with :math:`\beta, \gamma` update
+`q` and `v` by, to the acceleration :math:`\ddot q` of the equations of motion
+(`State.acceleration`). Source: Chung and Hulbert, Journal of Applied Mechanics 60(2), 1993,
+doi:10.1115/1.2900803, in the form of Arnold and Bruels, Multibody System Dynamics 18, 2007,
+doi:10.1007/s11044-007-9084-0. With the mass equal to the identity and each coordinate damped by
+itself, the right side of the implicit step
 
-follows from the predicted coordinates :math:`\tilde q` and velocities :math:`\tilde v` one by one.
+.. math:: p = \iota \tilde q + f + c\,(\nu\tilde q - \tilde v), \qquad
+          \iota = \frac{1-\alpha_m}{h^2 \beta\,(1-\alpha_f)}, \quad \nu = \frac{\gamma}{h \beta}
+
+follows from the predicted coordinates :math:`\tilde q` and velocities :math:`\tilde v`, those of a
+step without new acceleration, one by one.
 """
 
 from typing import NamedTuple
@@ -18,7 +28,11 @@ from turnout.kernels.lanes import LANES, broadcast, horizontal_sum, load, store
 
 
 class Stepping(NamedTuple):
-    """Step size and generalised-alpha coefficients."""
+    """How a run steps: nominal step [s], generalised-alpha coefficients [-], and choices.
+
+    A step may be halved `halvings` times; every `stride`-th instant is stored; without `inertia`
+    the integrator is that of `turnout.integrate.quasistatic`.
+    """
 
     step: float
     alpha_m: float
@@ -32,23 +46,27 @@ class Stepping(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """What a step of one length is multiplied by: its matrix is ``inertia I + viscosity C + K``."""
+    """Factors of a step of one length, whose matrix is ``inertia I + viscosity C + K``.
+
+    ``inertia`` [1/s2] and ``viscosity`` [1/s] are iota and nu of the module's formulas;
+    ``inverse_alpha_m`` is 1 / (1 - alpha_m) [-].
+    """
 
     inertia: float
     viscosity: float
-    share: float
+    inverse_alpha_m: float
 
 
 @compiled
-def factors_of(stepping: Stepping, h: float) -> Factors:
-    """Return the factors of a step of length `h`."""
+def step_factors(stepping: Stepping, h: float) -> Factors:
+    """Return the factors of a step of length `h` [s]."""
     kappa = (1.0 - stepping.alpha_f) / (1.0 - stepping.alpha_m)
     inertia, viscosity = 1.0 / (h * h * stepping.beta * kappa), stepping.gamma / (h * stepping.beta)
     return Factors(inertia, viscosity, 1.0 / (1.0 - stepping.alpha_m))
 
 
 @compiled_part
-def begin_step(
+def predict(
     system: System,
     state: State,
     work: Work,
@@ -57,73 +75,73 @@ def begin_step(
     factors: Factors,
 ) -> None:
     """Save the coordinates; predict the step without new acceleration, and write its right side."""
-    _predict(
+    _predict_modes(
         stepping,
         h,
         factors,
         (state.q, state.v, state.a, state.acceleration),
         system.damping,
         system.load,
-        work.q,
-        work.predicted,
-        work.velocity,
+        work.q_start,
+        work.q_pred,
+        work.v_pred,
         work.right_side,
     )
 
 
 @compiled_loop
-def _predict(
+def _predict_modes(
     stepping: Stepping,
     h: float,
     factors: Factors,
     motion: tuple[Floats, Floats, Floats, Floats],
     damping: Floats,
     constant: Floats,
-    saved: Floats,
-    predicted: Floats,
-    velocity: Floats,
-    side: Floats,
+    q_start: Floats,
+    q_pred: Floats,
+    v_pred: Floats,
+    right_side: Floats,
 ) -> None:
     inertia, viscosity = broadcast(factors.inertia), broadcast(factors.viscosity)
-    share = factors.share
-    old, older = broadcast(share * stepping.alpha_f), broadcast(-share * stepping.alpha_m)
-    rest, new = broadcast(0.5 - stepping.beta), broadcast(stepping.beta)
-    early, late = broadcast(1.0 - stepping.gamma), broadcast(stepping.gamma)
-    step, square = broadcast(h), broadcast(h * h)
+    inverse = factors.inverse_alpha_m
+    alpha_f = broadcast(inverse * stepping.alpha_f)
+    minus_alpha_m = broadcast(-inverse * stepping.alpha_m)
+    half_minus_beta, beta = broadcast(0.5 - stepping.beta), broadcast(stepping.beta)
+    one_minus_gamma, gamma = broadcast(1.0 - stepping.gamma), broadcast(stepping.gamma)
+    h_1, h_2 = broadcast(h), broadcast(h * h)
     q, v, a, acceleration = motion
-    for i in range(0, side.size, LANES):
-        now, speed, last = load(q, i), load(v, i), load(a, i)
-        known = old * load(acceleration, i) + older * last
-        there = now + step * speed + square * (rest * last + new * known)
-        fast = speed + step * (early * last + late * known)
-        store(now, saved, i)
-        store(there, predicted, i)
-        store(fast, velocity, i)
-        damped = load(damping, i) * (viscosity * there - fast)
-        store(inertia * there + load(constant, i) + damped, side, i)
+    for i in range(0, right_side.size, LANES):
+        q_n, v_n, a_n = load(q, i), load(v, i), load(a, i)
+        a_new = alpha_f * load(acceleration, i) + minus_alpha_m * a_n
+        q_new = q_n + h_1 * v_n + h_2 * (half_minus_beta * a_n + beta * a_new)
+        v_new = v_n + h_1 * (one_minus_gamma * a_n + gamma * a_new)
+        store(q_n, q_start, i)
+        store(q_new, q_pred, i)
+        store(v_new, v_pred, i)
+        damping_force = load(damping, i) * (viscosity * q_new - v_new)
+        store(inertia * q_new + load(constant, i) + damping_force, right_side, i)
 
 
 @compiled_part
-def complete_step(
-    system: System, state: State, work: Work, stepping: Stepping, factors: Factors
-) -> None:
-    """Complete velocity and accelerations from the solved coordinates.
+def correct(system: System, state: State, work: Work, stepping: Stepping, factors: Factors) -> None:
+    """Correct velocities and accelerations by the solved coordinates.
 
-    Damping and the scheme's own loss are booked, `turnout.integrate.energy`.
+    The work of damping and the numerical dissipation of the scheme are added to the ledger,
+    `turnout.integrate.energy`.
     """
-    before = (work.q, work.predicted, work.velocity)
-    of_damping, of_scheme = _complete(
-        stepping, factors, before, system.damping, state.q, state.v, state.a, state.acceleration
+    start = (work.q_start, work.q_pred, work.v_pred)
+    of_damping, of_scheme = _correct_modes(
+        stepping, factors, start, system.damping, state.q, state.v, state.a, state.acceleration
     )
     state.ledger[DAMPING] += of_damping
     state.ledger[ALGORITHMIC] += of_scheme
 
 
 @compiled_loop
-def _complete(
+def _correct_modes(
     stepping: Stepping,
     factors: Factors,
-    before: tuple[Floats, Floats, Floats],
+    start: tuple[Floats, Floats, Floats],
     damping: Floats,
     q: Floats,
     v: Floats,
@@ -135,18 +153,24 @@ def _complete(
         broadcast(factors.viscosity),
         broadcast(0.5),
     )
-    share, new = broadcast(factors.share), broadcast(1.0 - stepping.alpha_f)
-    old, older = broadcast(stepping.alpha_f), broadcast(stepping.alpha_m)
-    saved, predicted, velocity = before
-    damped, lost = broadcast(0.0), broadcast(0.0)
+    inverse, one_minus_alpha_f = (
+        broadcast(factors.inverse_alpha_m),
+        broadcast(1.0 - stepping.alpha_f),
+    )
+    alpha_f, alpha_m = broadcast(stepping.alpha_f), broadcast(stepping.alpha_m)
+    q_start, q_pred, v_pred = start
+    damped, dissipated = broadcast(0.0), broadcast(0.0)
     for i in range(0, q.size, LANES):
-        now, speed, last = load(q, i), load(v, i), load(acceleration, i)
-        change, way = now - load(predicted, i), now - load(saved, i)
-        fast, push = load(velocity, i) + viscosity * change, inertia * change
-        mean = half * (fast + speed)
-        damped = damped + load(damping, i) * mean * way
-        lost = lost + (half * (push + last) * way - mean * (fast - speed))
-        store(share * (new * push + old * last - older * load(a, i)), a, i)
-        store(fast, v, i)
-        store(push, acceleration, i)
-    return horizontal_sum(damped), horizontal_sum(lost)
+        q_new, v_n, acceleration_n = load(q, i), load(v, i), load(acceleration, i)
+        correction, delta_q = q_new - load(q_pred, i), q_new - load(q_start, i)
+        v_new, acceleration_new = load(v_pred, i) + viscosity * correction, inertia * correction
+        v_mean = half * (v_new + v_n)
+        damped = damped + load(damping, i) * v_mean * delta_q
+        dissipated = dissipated + (
+            half * (acceleration_new + acceleration_n) * delta_q - v_mean * (v_new - v_n)
+        )
+        a_new = one_minus_alpha_f * acceleration_new + alpha_f * acceleration_n
+        store(inverse * (a_new - alpha_m * load(a, i)), a, i)
+        store(v_new, v, i)
+        store(acceleration_new, acceleration, i)
+    return horizontal_sum(damped), horizontal_sum(dissipated)

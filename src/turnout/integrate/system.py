@@ -1,12 +1,12 @@
 """The condensed system of a run, as arrays for the kernels.
 
 Laws act on *rows*. The mechanism is split into blocks (rails that only laws join), and a row has an
-*end* in each block that it reaches into: one, or two if it joins two of them. Ends, modes and rows
-stand in one vector of displacements, see `turnout.integrate.places`; a number of a row or an end is
-its place there. The linear system (beams, linear supports, and the base segment of the laws) is
-solved once; a law away from its base segment adds a *deviation* ``lambda = D g + b`` on its row.
-``D`` has few entries a row: those of the row itself and, for friction, of the rows of the normal
-laws. See `turnout.integrate.columns` for what is done with it.
+*end* in each block that it reaches into: one, or two if it joins two blocks. All ends, modes and
+rows have a place in one vector of displacements, `turnout.integrate.places`, and are numbered by
+it. The linear system (beams, linear supports, and the base segments of the laws) is solved once; a
+law away from its base segment adds a *deviation* ``lambda = D g + b`` on its row. A row of ``D``
+has few entries: at the row itself and, for friction, at the rows of the normal laws. How the system
+is solved is described in `turnout.integrate.columns`.
 """
 
 from collections.abc import Sequence
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from turnout.condense.condense import BlockModel, base_stiffness
 from turnout.errors import MechanicsError
-from turnout.integrate.places import Places, Terms, number_places, unsigned
-from turnout.kernels.lanes import LANES
+from turnout.integrate.places import Places, Terms, as_unsigned, number_places
+from turnout.kernels.lanes import LANES, whole_lines
 from turnout.kernels.records import shared_record
 from turnout.law.table import LawTable
 
@@ -27,24 +27,33 @@ Ints = NDArray[np.int64]
 
 
 class System(NamedTuple):
-    """What does not change during a run.
+    """Constants of a run: blocks, modes, ends and rows of the linear system, by place.
 
-    Block `b` has the leading ends ``end_start[b]`` to ``end_stop[b]``; the places from there to
-    ``end_start[b + 1]`` are its modes, so that one column tells what a force does to both. Its
-    other ends are ``follower_start[b]`` to ``follower_start[b + 1]``. Modes by themselves are
-    numbered from ``mode_start[b]``, stand at ``mode_place``, and each is damped by itself. Arrays
-    with two indices hold, for each end or mode, the entries of its own block only, from the left:
-    stiffness, the modes at the ends (and, transposed, ``mode_ends``), and the residual flexibility
-    to leading ends. What follows from leading ends is the sum over the rows of ``follower_list``
-    with ``follower_weight``, a column for each end that follows; rows that join blocks are the sum
-    over ``joining_ends``. ``pushed_end`` are the ends that inputs push on, but for rows that join
-    blocks; ``input_place`` is the number of a law's input, from one, or zero, and ``input_group``
-    where eights of laws begin that have any. The pairs ``..._start`` / ``..._list`` are ragged
-    lists in compressed form: which rows the deviation of a row depends on (``term``), and the same
-    as leading ends (``pattern``), with weights and their places in the block. -1 in ``row_ends``
-    stands for no end. ``row_place`` are the places of the mechanism's rows, ``law_load`` and
-    ``friction_load`` the static share of the constant load there; ``timed_law`` lists the laws that
-    do not act all the time.
+    Blocks: block `b` has the leading ends ``end_start[b]`` to ``end_stop[b]``; the places from
+    there to ``end_start[b + 1]`` are its modes, so that one column holds the response of both. Its
+    other ends, which follow, are ``follower_start[b]`` to ``follower_start[b + 1]``; its columns
+    have the slots from ``slot_start[b]``. Modes are numbered from ``mode_start[b]`` when counted
+    without ends, and their places are ``mode_place``.
+
+    Matrices with two indices hold, for each end or mode, the entries of its own block only, from
+    the left: ``stiffness`` [1/s2], ``end_modes`` (modes at the ends) and its transpose
+    ``mode_ends``, and ``flexibility``, the residual one to leading ends [m/N]. ``damping`` [1/s] is
+    one number for each mode. ``end_load`` is the static displacement of an end from the constant
+    load beyond the modes [m]; ``law_load`` and ``friction_load`` are the same at the rows of laws
+    and frictions.
+
+    Rows: ``row_place`` are the places of the rows of the mechanism, ``row_ends`` the ends of the
+    row at a place (-1 for none). A following end is the sum over the rows of ``follower_list`` with
+    ``follower_weight``, a column for each such end; a joining row is the sum over ``joining_ends``.
+    The pairs ``..._start`` / ``..._list`` are ragged lists in compressed form: the rows that the
+    deviation of a row depends on (``term``), and the same as leading ends (``pattern``), with
+    weights and indices within the block; the laws and frictions of a row; the frictions of a
+    normal law. ``pinned`` rows stay active.
+
+    Inputs: ``input_law`` are the driven laws and ``input_row`` their rows; ``input_end`` are those
+    of the rows that are an end. ``input_place`` is the number of a law's input, from one, or zero,
+    and ``input_group`` where the groups of eight laws with any input begin. ``timed_law`` lists the
+    laws that do not always act.
     """
 
     load: Floats
@@ -88,53 +97,54 @@ class System(NamedTuple):
     input_row: Ints
     input_place: Ints
     input_group: Ints
-    pushed_end: Ints
+    input_end: Ints
     timed_law: Ints
 
 
 def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
-    """Arrange modal models and their laws for the kernels.
+    """Assemble modal models and their laws for the kernels.
 
     Parameters
     ----------
     parts : sequence of BlockModel
-        Of the linear system with the base segments of the laws; every row has an end or two.
+        Of the linear system with the base segments of the laws; every row has one end or two.
     laws : LawTable
-        The laws.
+        All laws, by rows of the mechanism.
 
     Returns
     -------
     System
+        As a shared record.
     """
     places = number_places(parts)
     count = places.row_ends.shape[0]
     row_place = places.of_row
     models = [part.model for part in parts]
-    row_law = _ragged(_inverted(row_place[laws.row], count))
-    row_friction = _ragged(_inverted(row_place[laws.friction_row], count))
-    normal_friction = _ragged(_inverted(laws.friction_normal, laws.row.size))
-    of_ends = _of_ends(parts, places)
+    row_law = _compress(_invert(row_place[laws.row], count))
+    row_friction = _compress(_invert(row_place[laws.friction_row], count))
+    normal_friction = _compress(_invert(laws.friction_normal, laws.row.size))
+    of_ends = _assemble_ends(parts, places)
     pinned = np.zeros(count, dtype=np.int64)
     driven = np.flatnonzero(laws.input_index >= 0)
     driven_rows = np.unique(row_place[laws.row[driven]])
     pinned[driven_rows] = 1
     system = System(
         load=np.concatenate([model.load for model in models]),
-        stiffness=_stacked([model.stiffness for model in models]),
+        stiffness=_stack_padded([model.stiffness for model in models]),
         damping=np.concatenate([np.diagonal(model.damping) for model in models]),
         **of_ends,
         end_start=places.end_start,
         end_stop=places.end_stop,
         mode_start=places.mode_start,
-        mode_place=_mode_places(places),
+        mode_place=_number_mode_places(places),
         follower_start=places.follower_start,
         slot_start=np.concatenate(([0], np.cumsum([p.block.rows.size for p in parts]))),
-        block_of_end=_blocks(places),
+        block_of_end=_number_blocks(places),
         row_ends=places.row_ends,
-        row_place=unsigned(row_place),
-        **_followers(places),
+        row_place=as_unsigned(row_place),
+        **_assemble_followers(places),
         joining_ends=_joining_ends(places),
-        **_patterns(laws, places),
+        **_assemble_patterns(laws, places),
         row_law_start=row_law[0],
         row_law_list=row_law[1],
         row_friction_start=row_friction[0],
@@ -148,9 +158,9 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
         pinned=pinned,
         input_law=driven.astype(np.int64),
         input_row=driven_rows,
-        input_place=unsigned(laws.input_index + 1),
+        input_place=as_unsigned(laws.input_index + 1),
         input_group=np.unique(driven // LANES) * LANES,
-        pushed_end=np.sort(driven_rows[places.row_ends[driven_rows, 1] < 0]),
+        input_end=np.sort(driven_rows[places.row_ends[driven_rows, 1] < 0]),
         timed_law=np.flatnonzero(
             np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1)
         ),
@@ -158,8 +168,8 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
     return shared_record(system)
 
 
-def _of_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Any]:
-    """Return what the linear system is at the ends, by place."""
+def _assemble_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Any]:
+    """Assemble load, modes and residual flexibility at the ends, by place."""
     n_modes = [part.model.eigenvalues.size for part in parts]
     widest = max(part.leading.leaders.size for part in parts)
     found = {
@@ -180,16 +190,17 @@ def _of_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Any]:
     return found
 
 
-def _mode_places(places: Places) -> Ints:
-    """Return where modes stand; for what fills up their line a place of zero."""
+def _number_mode_places(places: Places) -> Ints:
+    """Return the places of the modes, padded to whole cache lines with a place of zero."""
     pairs = zip(places.end_stop, np.diff(places.mode_start), strict=True)
     listed = [np.arange(stop, stop + count) for stop, count in pairs]
-    padding = -int(places.mode_start[-1]) % LANES
-    return unsigned(np.concatenate([*listed, np.full(padding, places.zero)]))
+    n_modes = int(places.mode_start[-1])
+    padding = whole_lines(n_modes) - n_modes
+    return as_unsigned(np.concatenate([*listed, np.full(padding, places.zero)]))
 
 
-def _blocks(places: Places) -> Ints:
-    """Return the block of every end and mode."""
+def _number_blocks(places: Places) -> Ints:
+    """Return the number of the block of every end and mode."""
     blocks = np.arange(places.end_stop.size)
     return np.concatenate(
         (
@@ -199,25 +210,25 @@ def _blocks(places: Places) -> Ints:
     )
 
 
-def _followers(places: Places) -> dict[str, Any]:
-    """Return what ends that follow are sums of, with a term of no weight where there are fewer."""
+def _assemble_followers(places: Places) -> dict[str, Any]:
+    """Assemble leading ends and weights of the following ends, padded with terms of zero weight."""
     sums = places.terms[places.solved :]
     most, count = max((len(terms) for terms in sums), default=0), len(sums)
     listed, weights = np.zeros((most, count), dtype=np.int64), np.zeros((most, count))
     for end, terms in enumerate(sums):
         for k, (leader, weight) in enumerate(terms):
             listed[k, end], weights[k, end] = leader, weight
-    return {"follower_list": unsigned(listed), "follower_weight": weights}
+    return {"follower_list": as_unsigned(listed), "follower_weight": weights}
 
 
 def _joining_ends(places: Places) -> Ints:
-    """Return both ends of every row that joins blocks; for what is left over any place."""
+    """Return both ends of every row that joins blocks; the padding may be any place."""
     joining = places.row_ends[int(places.follower_start[-1]) : places.zero]
-    return unsigned(np.ascontiguousarray(np.maximum(joining.T, 0)))
+    return as_unsigned(np.ascontiguousarray(np.maximum(joining.T, 0)))
 
 
-def _patterns(laws: LawTable, places: Places) -> dict[str, Any]:
-    """Return the rows and leading ends that the deviation of every row depends on."""
+def _assemble_patterns(laws: LawTable, places: Places) -> dict[str, Any]:
+    """Assemble the rows and leading ends that the deviation of every row depends on."""
     rows: list[list[int]] = [[] for _ in range(places.row_ends.shape[0])]
     for row in places.of_row.tolist():
         rows[row].append(row)
@@ -236,10 +247,10 @@ def _patterns(laws: LawTable, places: Places) -> dict[str, Any]:
             pattern += of_row
             number += [term] * len(of_row)
         patterns.append(pattern)
-    start, flat = _ragged_terms(patterns)
+    start, flat = _compress_terms(patterns)
     ends = np.array([end for end, _ in flat], dtype=np.int64)
     block = np.searchsorted(places.end_start, ends, side="right") - 1
-    term_start, term_list = _ragged(rows)
+    term_start, term_list = _compress(rows)
     return {
         "term_start": term_start,
         "term_list": term_list,
@@ -252,7 +263,7 @@ def _patterns(laws: LawTable, places: Places) -> dict[str, Any]:
 
 
 def check_normals(table: LawTable) -> None:
-    """Refuse frictions whose normal law is no contact.
+    """Refuse frictions whose normal law is not a contact.
 
     Raises
     ------
@@ -269,25 +280,27 @@ def check_normals(table: LawTable) -> None:
         raise MechanicsError(msg)
 
 
-def _stacked(blocks: Sequence[Floats]) -> Floats:
-    """Stack matrices, each filled up with zeros on the right."""
+def _stack_padded(blocks: Sequence[Floats]) -> Floats:
+    """Stack matrices, each padded with zeros on the right."""
     widest = max(block.shape[1] for block in blocks)
     padded = [np.pad(block, ((0, 0), (0, widest - block.shape[1]))) for block in blocks]
     return np.ascontiguousarray(np.concatenate(padded))
 
 
-def _inverted(targets: Ints, count: int) -> list[list[int]]:
+def _invert(targets: Ints, count: int) -> list[list[int]]:
+    """Return, for each of `count` targets, the indices that name it."""
     lists: list[list[int]] = [[] for _ in range(count)]
     for index, target in enumerate(targets):
         lists[target].append(index)
     return lists
 
 
-def _ragged(lists: list[list[int]]) -> tuple[Ints, Ints]:
+def _compress(lists: list[list[int]]) -> tuple[Ints, Ints]:
+    """Return a ragged list in compressed form: starts, then all entries."""
     start = np.concatenate(([0], np.cumsum([len(x) for x in lists]))).astype(np.int64)
     return start, np.array([i for x in lists for i in x], dtype=np.int64)
 
 
-def _ragged_terms(lists: Sequence[Terms]) -> tuple[Ints, Terms]:
+def _compress_terms(lists: Sequence[Terms]) -> tuple[Ints, Terms]:
     start = np.concatenate(([0], np.cumsum([len(x) for x in lists]))).astype(np.int64)
     return start, [term for terms in lists for term in terms]

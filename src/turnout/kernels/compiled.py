@@ -1,4 +1,4 @@
-"""The one decorator for compiled kernels, with its cache in the user's cache folder.
+"""Decorators of compiled kernels, and their cache in the user's cache folder.
 
 Numba notices a change of the file that holds a kernel, but not of the kernels it calls. The cache
 folder's name therefore holds a digest of every kernel source: a new source, a new folder.
@@ -19,12 +19,12 @@ CACHE_VARIABLE = "NUMBA_CACHE_DIR"
 
 
 def kernel_cache_folder() -> Path:
-    """Return the folder of compiled kernels that belongs to the present sources."""
+    """Return the cache folder of the kernels compiled from the present sources."""
     return user_cache_folder() / f"kernels-{digest_of_sources(KERNELS)}"
 
 
 def _prepare_numba() -> Any:
-    """Import Numba, told to keep kernels where nobody else can write, as it unpickles them."""
+    """Import Numba with a cache folder that nobody else can write, since it unpickles kernels."""
     chosen = os.environ.pop(CACHE_VARIABLE, None)
     folder = safe_folder(Path(chosen).absolute() if chosen else kernel_cache_folder())
     if folder is not None:
@@ -43,7 +43,7 @@ def compiled(function: Callable[P, T]) -> Callable[P, T]:
     """Compile a kernel to machine code on its first call and keep it in the cache.
 
     The plain function stays reachable as `.py_func`. Kernels let other threads of Python run. They
-    may not make arrays: nothing then needs to be counted when records of arrays are handed on.
+    may not allocate arrays, so that passing records of arrays needs no reference counting.
     Sums keep the order in which they are written, and products are rounded before they are added,
     so that the same kernel gives the same bits however it came to be compiled.
     """
@@ -53,19 +53,19 @@ def compiled(function: Callable[P, T]) -> Callable[P, T]:
 def compiled_loop(function: Callable[P, T]) -> Callable[P, T]:
     """Compile a short loop over arrays into each kernel that calls it.
 
-    The arrays that it writes must not overlap with each other or with those that it reads: it is
-    compiled without looking.
+    The arrays that it writes must not overlap each other or those that it reads, which is not
+    checked.
     """
     return _compiled(function, memory=False, loop=True)
 
 
 def compiled_part(function: Callable[P, T]) -> Callable[P, T]:
-    """Compile a kernel into each kernel that calls it; for short ones that few call."""
+    """Compile a kernel inline into each kernel that calls it; for short ones with few callers."""
     return _compiled(function, memory=False, part=True)
 
 
 def compiled_with_memory(function: Callable[P, T]) -> Callable[P, T]:
-    """Compile a kernel that makes arrays of its own; for rare calls."""
+    """Compile a kernel that may allocate arrays; for rare calls."""
     return _compiled(function, memory=True)
 
 

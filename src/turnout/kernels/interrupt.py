@@ -1,8 +1,7 @@
-"""Kernels that can be stopped while they work.
+"""Call kernels so that Ctrl-C can stop them.
 
-Python hears Ctrl-C between two calls only, and one step of a hard contact problem may take seconds.
-A kernel therefore works in a thread of its own, and looks now and then at a flag that this thread
-sets.
+Python handles Ctrl-C between two calls only, and one step of a hard contact problem may take
+seconds. A kernel therefore runs in a worker thread and polls a flag that the calling thread sets.
 """
 
 from collections.abc import Callable
@@ -16,12 +15,12 @@ Ints = NDArray[np.int64]
 P = ParamSpec("P")
 T = TypeVar("T")
 
-# A wait without an end would be deaf on some platforms [s].
+# On some platforms a wait without a timeout does not react to Ctrl-C [s].
 POLL_INTERVAL = 0.1
 
 
 def one_thread() -> Executor:
-    """Return the thread that kernels work in; to be closed after use."""
+    """Return an executor of one worker thread for kernels; close it after use."""
     return ThreadPoolExecutor(1, thread_name_prefix="turnout")
 
 
@@ -35,9 +34,9 @@ def call_interruptible(
     thread : Executor
         From `one_thread`.
     stop : ndarray of int, shape (1,)
-        The flag that the kernel looks at. It stays set.
+        The flag that the kernel polls. It stays set.
     kernel : callable
-        Lets other threads run.
+        It releases the global interpreter lock.
     *given, **named
         Its arguments.
 

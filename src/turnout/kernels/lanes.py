@@ -1,16 +1,16 @@
-"""Eight numbers at a time, for kernels whose loops are too short to be left to the compiler.
+"""SIMD operations on eight floats at a time, for kernels whose loops are short.
 
-A compiler turns a long loop into wide instructions, but what a rail has of each kind fits in a few:
-loops then consist of their beginnings and ends. Here a kernel says itself what is done to eight
-neighbours at once. Sums keep eight parts and add them up in one order, products are rounded before
-they are added, so that the numbers are the same on every processor.
+A compiler vectorises long loops well, but a rail has a few lanes of most things, and such a loop
+then consists of its prologue and its remainder. Here a kernel states the vector operations itself.
+Reductions keep eight partial sums and add them in one order, and products are rounded before they
+are added, so that results have the same bits on every processor.
 
-A processor hands on what it has just written to what reads just that or a part of it. What reads
-eight numbers of which one was written alone must wait for memory: where a number comes from a
-kernel, eight are written at once.
+Store-to-load forwarding works only where a load lies within one earlier store: eight floats of
+which one was written alone have to wait for the cache. Kernels therefore write eight at once what
+they read eight at once.
 
-Vectors must end with whole lines of memory, as those of `turnout.kernels.records` do: the last
-eight may reach beyond the end. In Python the same functions work on vectors of whole lines.
+Vectors must be padded to whole cache lines, as those of `turnout.kernels.records` are, since the
+last eight may reach beyond the end. In Python the same functions work on padded vectors.
 """
 
 import operator
@@ -32,11 +32,24 @@ Bools = NDArray[np.bool_]
 Indices = NDArray[np.int64] | NDArray[np.uint64]
 
 LANES = 8
-"""So many numbers are worked on at a time; they fill a line of the cache."""
+"""Floats of one SIMD operation; they fill a cache line."""
+
+Count = TypeVar("Count", int, NDArray[np.int64])
+
+
+def whole_lines(count: Count) -> Count:
+    """Round numbers of floats up to whole cache lines.
+
+    Examples
+    --------
+    >>> whole_lines(9), whole_lines(np.array([1, 8, 9])).tolist()
+    (16, [8, 8, 16])
+    """
+    return -(-count // LANES) * LANES
 
 
 def zeros_in_lines(*shape: int) -> Floats:
-    """Return zeros that begin with a line of memory and end with one.
+    """Return zeros that begin at a cache line and end with one.
 
     Examples
     --------
@@ -44,7 +57,7 @@ def zeros_in_lines(*shape: int) -> Floats:
     0
     """
     count = int(np.prod(shape))
-    memory = np.zeros(-(-count // LANES) * LANES + LANES)
+    memory = np.zeros(whole_lines(count) + LANES)
     first = (-(memory.ctypes.data // 8)) % LANES
     return memory[first : first + count].reshape(shape)
 
@@ -55,11 +68,11 @@ _FLAGS = ir.VectorType(ir.IntType(1), LANES)
 
 
 class _Lanes(types.Type):
-    """Eight numbers."""
+    """Numba type of eight floats."""
 
 
 class _Flags(types.Type):
-    """Eight answers."""
+    """Numba type of eight logical values."""
 
 
 @register_model(_Lanes)
@@ -79,8 +92,11 @@ F = TypeVar("F", bound=Callable[..., Any])
 Build = Callable[[Any, Any, tuple[Any, ...]], Any]
 
 
-def _built_by(result: types.Type, build: Build, *wanted: Callable[[Any], Any]) -> Callable[[F], F]:
-    """Let kernels do what `build` writes where they call a function with arguments as `wanted`."""
+def _intrinsic(result: types.Type, build: Build, *wanted: Callable[[Any], Any]) -> Callable[[F], F]:
+    """Register a function as an intrinsic: kernels inline the LLVM code that `build` emits.
+
+    `wanted` maps the type of each argument to the type it is cast to, None where it does not fit.
+    """
 
     def register(function: F) -> F:
         class Template(AbstractTemplate):
@@ -125,7 +141,7 @@ def _eight(kind: Any) -> Any:
     return kind if kind == _LANES else None
 
 
-def _answers(kind: Any) -> Any:
+def _flags(kind: Any) -> Any:
     return kind if kind == _FLAGGED else None
 
 
@@ -147,9 +163,9 @@ def _build_store(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
 
 def _build_store_nontemporal(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     eight, array, at = args
-    kept = builder.store(eight, _eight_at(builder, array, at), align=8 * LANES)
+    instruction = builder.store(eight, _eight_at(builder, array, at), align=8 * LANES)
     one = ir.Constant(ir.IntType(32), 1)
-    kept.set_metadata("nontemporal", builder.module.add_metadata([one]))
+    instruction.set_metadata("nontemporal", builder.module.add_metadata([one]))
 
 
 def _build_gather(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
@@ -209,9 +225,9 @@ def _build_any_true(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     return builder.icmp_unsigned("!=", together, ir.Constant(ir.IntType(LANES), 0))
 
 
-@_built_by(_LANES, _build_load, _values, _index)
+@_intrinsic(_LANES, _build_load, _values, _index)
 def load(values: Floats, at: int) -> Floats:
-    """Return eight neighbours.
+    """Load eight neighbouring floats from index `at`.
 
     Examples
     --------
@@ -221,34 +237,34 @@ def load(values: Floats, at: int) -> Floats:
     return values[at : at + LANES].copy()
 
 
-@_built_by(types.none, _build_store, _eight, _values, _index)
+@_intrinsic(types.none, _build_store, _eight, _values, _index)
 def store(eight: Floats, to: Floats, at: int) -> None:
-    """Write eight neighbours."""
+    """Store eight floats from index `at`."""
     to[at : at + LANES] = eight
 
 
-@_built_by(types.none, _build_store_nontemporal, _eight, _values, _index)
+@_intrinsic(types.none, _build_store_nontemporal, _eight, _values, _index)
 def store_nontemporal(eight: Floats, to: Floats, at: int) -> None:
-    """Write eight neighbours that begin with a line of memory, which are not read soon."""
+    """Store eight floats, aligned to a cache line, past the caches: for what is not read soon."""
     to[at : at + LANES] = eight
 
 
-@_built_by(_LANES, _build_gather, _values, _places, _index)
+@_intrinsic(_LANES, _build_gather, _values, _places, _index)
 def gather(values: Floats, places: Indices, at: int) -> Floats:
-    """Return the values at eight neighbouring entries of a list of places."""
+    """Load ``values[places[at]]`` and the seven that follow."""
     found: Floats = values[places[at : at + LANES]]
     return found
 
 
-@_built_by(_LANES, _build_broadcast, _number)
+@_intrinsic(_LANES, _build_broadcast, _number)
 def broadcast(value: float) -> Floats:
-    """Return a number eight times."""
+    """Return eight floats of one value."""
     return np.full(LANES, float(value))
 
 
-@_built_by(types.float64, _build_horizontal_sum, _eight)
+@_intrinsic(types.float64, _build_horizontal_sum, _eight)
 def horizontal_sum(eight: Floats) -> float:
-    """Return the sum, halves first.
+    """Return the sum of eight floats; the halves are added first.
 
     Examples
     --------
@@ -261,38 +277,38 @@ def horizontal_sum(eight: Floats) -> float:
     return float(part[0])
 
 
-@_built_by(_LANES, _build_absolute, _eight)
+@_intrinsic(_LANES, _build_absolute, _eight)
 def absolute(eight: Floats) -> Floats:
-    """Return the magnitudes."""
+    """Return eight magnitudes."""
     return np.abs(eight)
 
 
-@_built_by(_FLAGGED, _build_greater, _eight, _eight)
+@_intrinsic(_FLAGGED, _build_greater, _eight, _eight)
 def greater(a: Floats, b: Floats) -> Bools:
-    """Tell which of eight numbers exceed which others; nothing exceeds NaN, nor NaN anything."""
+    """Compare eight by eight floats, ``a > b``; false where one is NaN."""
     return a > b
 
 
-@_built_by(_FLAGGED, _build_logical_or, _answers, _answers)
+@_intrinsic(_FLAGGED, _build_logical_or, _flags, _flags)
 def logical_or(one: Bools, other: Bools) -> Bools:
-    """Tell where one or the other answer is yes."""
+    """Combine eight by eight flags."""
     return one | other
 
 
-@_built_by(_LANES, _build_select, _answers, _eight, _eight)
+@_intrinsic(_LANES, _build_select, _flags, _eight, _eight)
 def select(where: Bools, yes: Floats, no: Floats) -> Floats:
-    """Return one number where the answer is yes, the other where it is no."""
+    """Return `yes` where the flag is true, else `no`."""
     return np.where(where, yes, no)
 
 
-@_built_by(types.boolean, _build_any_true, _answers)
-def any_true(answers: Bools) -> bool:
-    """Tell whether any answer is yes."""
-    return bool(answers.any())
+@_intrinsic(types.boolean, _build_any_true, _flags)
+def any_true(flags: Bools) -> bool:
+    """Tell whether any of eight flags is true."""
+    return bool(flags.any())
 
 
 def _arithmetic() -> None:
-    """Let kernels add, subtract and multiply eights with the usual signs."""
+    """Register +, - and * of eight by eight floats."""
     for sign, name in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul")):
 
         class Template(AbstractTemplate):

@@ -29,7 +29,7 @@ from numba.extending import (
 from numba.np.arrayobj import make_array, populate_array
 from numpy.typing import NDArray
 
-from turnout.kernels.lanes import LANES, zeros_in_lines
+from turnout.kernels.lanes import whole_lines, zeros_in_lines
 
 T = TypeVar("T", bound=NamedTuple)
 
@@ -37,7 +37,7 @@ _WORD = ir.IntType(64)
 
 
 class _SharedType(types.Type):
-    """What a kernel knows of a shared record: names, kinds and places of its arrays."""
+    """Numba type of a shared record: names, dtypes and numbers of dimensions of its arrays."""
 
     def __init__(self, record: str, fields: tuple[tuple[str, str, int], ...]) -> None:
         self.record = record
@@ -48,7 +48,7 @@ class _SharedType(types.Type):
         self.word_of = {name: word for (name, *_), word in zip(fields, starts, strict=False)}
 
     def array_at(self, wanted: str) -> tuple[types.Array, int] | None:
-        """Return the type of an array and the word where its numbers begin."""
+        """Return the type of an array and the index of its first word; None for an unknown name."""
         for name, kind, ndim in self.fields:
             if name == wanted:
                 array = types.Array(numba.from_dtype(np.dtype(kind)), ndim, "C")
@@ -65,8 +65,9 @@ class _SharedModel(models.PrimitiveModel):
 class Shared:
     """A named tuple of arrays with its address; made by `shared_record` and `clone_record`.
 
-    Vectors are pieces of one `memory`, `vectors` tells which; `words` are the numbers that kernels
-    are handed, the address and the lengths of each array. `arrays` are those asked for so far.
+    Vectors are pieces of one `memory`; `vectors` holds start, size and dtype of each. `words` are
+    the address and the lengths of each array, which kernels read. `arrays` caches the arrays that
+    have been asked for.
     """
 
     __slots__ = ("address", "arrays", "kind", "memory", "vectors", "words")
@@ -83,7 +84,7 @@ class Shared:
         self.address = int(words.ctypes.data)
 
     def __reduce__(self) -> str:
-        """Refuse to be copied or sent elsewhere: the address would not move along."""
+        """Refuse to be copied or pickled: the address would be that of the original."""
         msg = f"a shared {self.kind.record} stays where it is in memory; copy its arrays"
         raise TypeError(msg)
 
@@ -99,7 +100,7 @@ class Shared:
 
 
 @cache
-def _kind(record: type[Any], arrays: tuple[tuple[str, int], ...]) -> _SharedType:
+def _shared_type(record: type[Any], arrays: tuple[tuple[str, int], ...]) -> _SharedType:
     named = zip(record._fields, arrays, strict=True)
     return _SharedType(record.__name__, tuple((name, *array) for name, array in named))
 
@@ -112,15 +113,13 @@ def shared_record(arrays: T, **beyond: float) -> T:
     arrays : named tuple of ndarray
         Contiguous arrays of floats or integers, of 8 bytes each.
     **beyond : float
-        What stands behind the end of a vector of floats, up to the end of its line of memory;
-        else zero.
+        Padding of a vector of floats up to the end of its cache line, by name; else zero.
 
     Returns
     -------
     named tuple of ndarray
         It has the attributes of `arrays` but is no tuple. Vectors are copies, which lie next to
-        each other and begin and end with whole lines of memory (`turnout.kernels.lanes`); what has
-        more dimensions is the same memory.
+        each other and fill whole cache lines (`turnout.kernels.lanes`); matrices are not copied.
 
     Raises
     ------
@@ -143,9 +142,9 @@ def shared_record(arrays: T, **beyond: float) -> T:
             raise TypeError(msg)
         if array.ndim == 1:
             vectors[name] = (at, array.size, array.dtype)
-            at += -(-array.size // LANES) * LANES
+            at += whole_lines(array.size)
         words += [array.ctypes.data if array.ndim != 1 else 0, *array.shape]
-    kind = _kind(type(arrays), tuple([(array.dtype.str, array.ndim) for array in arrays]))
+    kind = _shared_type(type(arrays), tuple([(array.dtype.str, array.ndim) for array in arrays]))
     record = Shared(kind, zeros_in_lines(at), vectors, np.array(words, dtype=np.int64))
     first = record.memory.ctypes.data
     for name, array in zip(arrays._fields, arrays, strict=True):
@@ -156,7 +155,7 @@ def shared_record(arrays: T, **beyond: float) -> T:
         record.words[kind.word_of[name]] = first + 8 * start
         getattr(record, name)[:] = array
         if name in beyond:
-            record.memory[start + size : start + -(-size // LANES) * LANES] = beyond[name]
+            record.memory[start + size : start + whole_lines(size)] = beyond[name]
     return cast("T", record)
 
 
@@ -190,7 +189,7 @@ def clone_record(record: T, **matrices: NDArray[Any]) -> T:
     """
     given = cast("Shared", record)
     if matrices.keys() != given.kind.word_of.keys() - given.vectors.keys():
-        msg = f"another {given.kind.record} needs all of its matrices anew"
+        msg = f"clone_record({given.kind.record}): pass every matrix, no vector"
         raise TypeError(msg)
     words = given.words.copy()
     found = Shared(given.kind, zeros_in_lines(given.memory.size), given.vectors, words)
@@ -204,12 +203,12 @@ def clone_record(record: T, **matrices: NDArray[Any]) -> T:
 
 
 @typeof_impl.register(Shared)
-def _kind_of(record: Shared, _context: Any) -> _SharedType:
+def _type_of(record: Shared, _context: Any) -> _SharedType:
     return record.kind
 
 
 @unbox(_SharedType)
-def _address_of(_kind: _SharedType, record: Any, compiler: Any) -> NativeValue:
+def _unbox_address(_kind: _SharedType, record: Any, compiler: Any) -> NativeValue:
     address = compiler.pyapi.object_getattr_string(record, "address")
     value = compiler.unbox(types.int64, address)
     compiler.pyapi.decref(address)

@@ -1,14 +1,14 @@
-"""The inner loops of the kernels, on vectors that lie next to each other in memory.
+"""Inner loops of the kernels on contiguous vectors: products, weighted sums, gathers.
 
-What is short and often run takes eight numbers at a time, see `turnout.kernels.lanes`. A loop over
-``array[first + j]`` stays slow, since an index could be negative; views do not.
+Short loops that run often take eight floats at a time, `turnout.kernels.lanes`. Callers pass views:
+a loop over ``array[first + j]`` is slow, since an index could be negative.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.kernels.compiled import compiled_loop
-from turnout.kernels.lanes import LANES, broadcast, horizontal_sum, load, store
+from turnout.kernels.lanes import LANES, broadcast, gather, horizontal_sum, load, store
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -16,7 +16,7 @@ Ints = NDArray[np.int64]
 
 @compiled_loop
 def dot(a: Floats, b: Floats) -> float:
-    """Return the product of two vectors; the second may be longer.
+    """Return the scalar product of two vectors; the second may be longer.
 
     Examples
     --------
@@ -35,15 +35,15 @@ def dot(a: Floats, b: Floats) -> float:
 
 
 @compiled_loop
-def add(weight: float, a: Floats, to: Floats) -> None:
+def add_scaled(weight: float, a: Floats, to: Floats) -> None:
     """Add a multiple of a vector to another; the added one may be longer.
 
     Examples
     --------
     >>> import numpy as np
-    >>> horizontal_sum = np.ones(2)
-    >>> add(2.0, np.array([1.0, 3.0, 5.0]), horizontal_sum)
-    >>> horizontal_sum.tolist()
+    >>> total = np.ones(2)
+    >>> add_scaled(2.0, np.array([1.0, 3.0, 5.0]), total)
+    >>> total.tolist()
     [3.0, 7.0]
     """
     for i in range(to.size):
@@ -51,15 +51,15 @@ def add(weight: float, a: Floats, to: Floats) -> None:
 
 
 @compiled_loop
-def add_two(one: float, a: Floats, other: float, b: Floats, to: Floats) -> None:
+def add_two_scaled(one: float, a: Floats, other: float, b: Floats, to: Floats) -> None:
     """Add multiples of two vectors to a third; the added ones may be longer.
 
     Examples
     --------
     >>> import numpy as np
-    >>> horizontal_sum = np.ones(2)
-    >>> add_two(2.0, np.array([1.0, 3.0, 5.0]), 1.0, np.ones(2), horizontal_sum)
-    >>> horizontal_sum.tolist()
+    >>> total = np.ones(2)
+    >>> add_two_scaled(2.0, np.array([1.0, 3.0, 5.0]), 1.0, np.ones(2), total)
+    >>> total.tolist()
     [4.0, 8.0]
     """
     for i in range(to.size):
@@ -67,7 +67,7 @@ def add_two(one: float, a: Floats, other: float, b: Floats, to: Floats) -> None:
 
 
 @compiled_loop
-def add_rows(weights: Floats, rows: Floats, to: Floats) -> None:
+def add_weighted_rows(weights: Floats, rows: Floats, to: Floats) -> None:
     """Add a weighted sum of the rows of a matrix, which may be wider, to a vector.
 
     Four rows at a time, so that the sum is read and written a quarter as often.
@@ -75,9 +75,9 @@ def add_rows(weights: Floats, rows: Floats, to: Floats) -> None:
     Examples
     --------
     >>> import numpy as np
-    >>> horizontal_sum = np.zeros(2)
-    >>> add_rows(np.arange(1.0, 6.0), np.arange(15.0).reshape(5, 3), horizontal_sum)
-    >>> horizontal_sum.tolist()
+    >>> total = np.zeros(2)
+    >>> add_weighted_rows(np.arange(1.0, 6.0), np.arange(15.0).reshape(5, 3), total)
+    >>> total.tolist()
     [120.0, 135.0]
     """
     n, width = weights.size, to.size
@@ -95,22 +95,22 @@ def add_rows(weights: Floats, rows: Floats, to: Floats) -> None:
             to[i] += (a * first[i] + b * second[i]) + (c * third[i] + d * fourth[i])
         r += 4
     while r < n:
-        add(weights[r], rows[r], to)
+        add_scaled(weights[r], rows[r], to)
         r += 1
 
 
 @compiled_loop
-def sum_rows(start: Floats, weights: Floats, rows: Floats, to: Floats) -> None:
+def sum_weighted_rows(start: Floats, weights: Floats, rows: Floats, to: Floats) -> None:
     """Write a vector plus a weighted sum of the rows of a matrix, which may be wider, to another.
 
-    Vectors fill whole lines of memory.
+    Vectors fill whole cache lines.
 
     Examples
     --------
     >>> import numpy as np
-    >>> horizontal_sum = np.zeros(8)
-    >>> sum_rows(np.ones(8), np.arange(1.0, 6.0), np.arange(40.0).reshape(5, 8), horizontal_sum)
-    >>> horizontal_sum[:2].tolist()
+    >>> total = np.zeros(8)
+    >>> sum_weighted_rows(np.ones(8), np.arange(1.0, 6.0), np.arange(40.0).reshape(5, 8), total)
+    >>> total[:2].tolist()
     [321.0, 336.0]
     """
     n, width, present = weights.size, to.size, start
@@ -136,16 +136,16 @@ def sum_rows(start: Floats, weights: Floats, rows: Floats, to: Floats) -> None:
 
 
 @compiled_loop
-def spread(change: Floats, at: Ints, pivot: Floats, rows: Floats) -> None:
-    """Add to each row of a matrix, which may be wider, what it makes of a change times a pivot.
+def update_rank_one(change: Floats, at: Ints, pivot: Floats, rows: Floats) -> None:
+    """Update a matrix by ``rows += (rows[:, at] @ change) pivot^T``; it may be wider.
 
-    The pivot fills whole lines of memory.
+    The pivot fills whole cache lines.
 
     Examples
     --------
     >>> import numpy as np
     >>> rows = np.arange(24.0).reshape(3, 8)
-    >>> spread(np.array([10.0]), np.array([1], dtype=np.uint64), np.eye(8)[0], rows)
+    >>> update_rank_one(np.array([10.0]), np.array([1], dtype=np.uint64), np.eye(8)[0], rows)
     >>> rows[:, :2].tolist()
     [[10.0, 1.0], [98.0, 9.0], [186.0, 17.0]]
     """
@@ -168,27 +168,27 @@ def spread(change: Floats, at: Ints, pivot: Floats, rows: Floats) -> None:
         a = 0.0
         for k in range(change.size):
             a += change[k] * rows[r, at[k]]
-        add(a, pivot, rows[r][:width])
+        add_scaled(a, pivot, rows[r][:width])
 
 
 @compiled_loop
-def gather_all(a: Floats, at: Ints, to: Floats) -> None:
-    """Write chosen entries of a vector to another.
+def gather_all(values: Floats, places: Ints, to: Floats) -> None:
+    """Write ``values[places]`` to a vector; places and result fill whole cache lines.
 
     Examples
     --------
     >>> import numpy as np
-    >>> chosen = np.zeros(2)
-    >>> gather_all(np.arange(5.0), np.array([3, 1]), chosen)
-    >>> chosen.tolist()
-    [3.0, 1.0]
+    >>> chosen = np.zeros(8)
+    >>> gather_all(np.arange(5.0), np.array([3, 1, 0, 0, 0, 0, 0, 0]), chosen)
+    >>> chosen[:3].tolist()
+    [3.0, 1.0, 0.0]
     """
-    for i in range(to.size):
-        to[i] = a[at[i]]
+    for i in range(0, places.size, LANES):
+        store(gather(values, places, i), to, i)
 
 
 @compiled_loop
 def copy(a: Floats | Ints, to: Floats | Ints) -> None:
-    """Write a vector, which may be longer or fill the same lines of memory, to another."""
+    """Copy a vector, which may be longer or fill the same cache lines, to another."""
     for i in range(to.size):
         to[i] = a[i]

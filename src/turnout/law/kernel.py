@@ -1,9 +1,9 @@
 """Compiled evaluation of the law table: arguments, segments, forces, friction.
 
-Arrays are float64, the branches of frictions too, indices int64. In the table for the kernels,
-`turnout.integrate.places.place_laws`, rows are places, and they and the normals of frictions are
-unsigned. Arguments grow in the direction that a contact closes; forces `F` are what the law resists
-with, so that the structure feels ``-F`` along the law's row.
+Arrays are float64, including the branches of frictions; indices are int64. In the table for the
+kernels, `turnout.integrate.places.place_laws`, rows are places, and they and the normal laws of
+frictions are unsigned. Arguments grow as a contact closes; `F` is the resisting force of the law,
+so that ``-F`` acts on the structure along the law's row.
 """
 
 import numpy as np
@@ -67,7 +67,7 @@ def friction_state(trial: float, limit: float, present: float, tolerance: float)
     present : float
         STICK, SLIP_FORWARD or SLIP_BACKWARD.
     tolerance : float
-        Violation that is overlooked [N].
+        Largest violation of the present state that is accepted [N].
     """
     if present == STICK:
         if abs(trial) <= limit + tolerance:

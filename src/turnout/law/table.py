@@ -1,7 +1,7 @@
 """Laws as rows of one piecewise-linear table, and friction rows that name their normal law.
 
 Every law is scalar. It reads one generalised displacement (a *row*, `g`) of the mechanism, forms
-its argument ``e = g - offset - input(t)`` and answers with ``F = k e + f`` of the segment that
+its argument ``e = g - offset - input(t)`` and resists with ``F = k e + f`` of the segment that
 holds `e`; the force on the structure along the row is ``-F``. Contacts, bushings, links and foreign
 objects differ in their numbers only. A friction law acts along its own row and has the limit
 ``friction_coefficient * F`` of its normal law.
@@ -26,8 +26,8 @@ class LawTable(NamedTuple):
 
     Segment `s` of law `l` is entry ``segment_start[l] + s``; it holds for arguments between
     ``segment_lower`` and ``segment_upper``. ``potential`` makes the energy continuous and zero
-    where ``e`` is zero. ``base_segment[l]`` is folded into the linear system (-1: none). A law with
-    ``waits`` appears only once it would not press at once.
+    where ``e`` is zero. ``base_segment[l]`` is part of the linear system (-1: none). A law with
+    ``waits`` appears only once its force would be zero.
     """
 
     row: Ints
@@ -51,7 +51,7 @@ class LawTable(NamedTuple):
 
 @dataclass(slots=True)
 class LawTableBuilder:
-    """Collects laws one by one; `table` closes the books."""
+    """Collect laws one by one; `table` returns all of them."""
 
     laws: list[tuple[int, float, int, int, float, float, bool]] = field(default_factory=list)
     segments: list[list[tuple[float, float, float, float, float]]] = field(default_factory=list)
@@ -89,7 +89,7 @@ class LawTableBuilder:
         appears, disappears : float
             The law acts for ``appears <= t <= disappears`` [s].
         waits : bool
-            It does not appear before its force would be zero: an object needs room.
+            It appears only once its force would be zero: an object must fit.
 
         Returns
         -------
@@ -103,12 +103,12 @@ class LawTableBuilder:
             raise MechanicsError(msg)
         lower = np.concatenate(([-np.inf], breakpoints))
         upper = np.concatenate((breakpoints, [np.inf]))
-        home = int(np.searchsorted(breakpoints, 0.0))
+        zero_segment = int(np.searchsorted(breakpoints, 0.0))
         intercept = np.zeros(slopes.size)
         potential = np.zeros(slopes.size)
-        for s in range(home + 1, slopes.size):
+        for s in range(zero_segment + 1, slopes.size):
             _continue(intercept, potential, slopes, s, s - 1, lower[s])
-        for s in range(home - 1, -1, -1):
+        for s in range(zero_segment - 1, -1, -1):
             _continue(intercept, potential, slopes, s, s + 1, upper[s])
         self.laws.append((row, offset, input_index, base_segment, appears, disappears, waits))
         self.segments.append(
@@ -147,7 +147,7 @@ class LawTableBuilder:
         return len(self.frictions) - 1
 
     def table(self) -> LawTable:
-        """Return the finished table."""
+        """Return the table of all laws and frictions added so far."""
         laws = np.array(self.laws, dtype=float).reshape(-1, 7)
         flat = np.array([s for law in self.segments for s in law], dtype=float).reshape(-1, 5)
         counts = [len(law) for law in self.segments]

@@ -72,8 +72,8 @@ class Mechanism:
         All laws, addressing rows by index.
     law_names, friction_names : tuple of str
         For messages and look-up.
-    law_index : dict
-        Family -> (member names ..., law indices): see `turnout.mechanism.build`.
+    index : LawIndex
+        Indices of the laws of each family, by name.
     rails : tuple of RailBody
         For the recovery of shapes.
     shapes : dict of str to RailShape

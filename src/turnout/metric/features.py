@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.moving_average import WINDOW, moving_average
 from turnout.errors import ResponseError
-from turnout.metric.signal import FILTER_WINDOW, filtered_values
 from turnout.metric.slip import TIME_TOLERANCE, Span, movements
 
 if TYPE_CHECKING:
@@ -220,7 +220,7 @@ def _features(
     rows = np.arange(effort.shape[0])
     at = np.argmax(np.where(known, effort, -np.inf), axis=1)
     slips = effort >= limits[:, np.newaxis]
-    held = max(1, round(FILTER_WINDOW * (elapsed.size - 1) / (elapsed[-1] - elapsed[0])))
+    held = max(1, round(WINDOW * (elapsed.size - 1) / (elapsed[-1] - elapsed[0])))
     duration = _durations(elapsed, travel, current, lengths=np.full(rows.size, length))
     plateau = _plateaus(elapsed, effort, duration)
     onset, slope = _build_ups(elapsed, effort, plateau)
@@ -249,7 +249,8 @@ def _build_ups(elapsed: Floats, effort: Floats, plateau: Floats) -> tuple[Floats
 
     NaN where there is none.
     """
-    smooth = filtered_values(effort, time=elapsed)
+    rate = (elapsed.size - 1) / (elapsed[-1] - elapsed[0])
+    smooth = moving_average(effort, rate=rate)
     rows, index = np.arange(plateau.size), np.arange(elapsed.size)
     top = np.argmax(smooth, axis=1)
     rise = smooth[rows, top] - plateau

@@ -10,16 +10,16 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.moving_average import WINDOW, moving_average
+
 if TYPE_CHECKING:
     import xarray as xr
 
 
 Floats = NDArray[np.float64]
 
-FILTER_WINDOW = 0.1
 
-
-def filtered(channel: "xr.DataArray", *, window: float = FILTER_WINDOW) -> "xr.DataArray":
+def filtered(channel: "xr.DataArray", *, window: float = WINDOW) -> "xr.DataArray":
     """Return the centred moving average of a channel over time.
 
     Near the ends the average is over what there is. A window of 0.1 s is what the published
@@ -46,38 +46,12 @@ def filtered(channel: "xr.DataArray", *, window: float = FILTER_WINDOW) -> "xr.D
     """
     axis = channel.get_axis_num("time")
     values = np.moveaxis(channel.values, axis, -1).astype(float)
-    mean = filtered_values(values, time=channel["time"].values, window=window)
-    return channel.copy(data=np.moveaxis(mean, -1, axis))
-
-
-def filtered_values(values: Floats, *, time: Floats, window: float = FILTER_WINDOW) -> Floats:
-    """Return what `filtered` does, for arrays.
-
-    Parameters
-    ----------
-    values : ndarray, shape (..., n_times)
-        Any channels.
-    time : ndarray, shape (n_times,)
-        Evenly spaced [s].
-    window : float
-        Width [s].
-
-    Returns
-    -------
-    ndarray, shape (..., n_times)
-    """
+    time = channel["time"].values
     if time.size < 2:
-        return values.copy()
-    step = (time[-1] - time[0]) / (time.size - 1)
-    half = min(round(0.5 * window / step), time.size - 1)
-    index = np.arange(time.size)
-    total = np.cumsum(values, axis=-1)
-    inside = time.size - half  # so many windows end before the channel does
-    mean: Floats = np.repeat(total[..., -1:], time.size, axis=-1)
-    mean[..., :inside] = total[..., half:]
-    mean[..., half + 1 :] -= total[..., : inside - 1]
-    mean /= np.minimum(index + half + 1, time.size) - np.maximum(index - half, 0)
-    return mean
+        return channel.copy(data=channel.values.astype(float))
+    rate = (time.size - 1) / (time[-1] - time[0])
+    mean = moving_average(values, rate=rate, window=window)
+    return channel.copy(data=np.moveaxis(mean, -1, axis))
 
 
 def first_time(flag: "xr.DataArray", *, after: float = -np.inf) -> "xr.DataArray":

@@ -1,1 +1,1 @@
-"""Reduction of linear structures: matrices in, smaller matrices out; knows no rails."""
+"""Reduction of linear structures, matrices to smaller matrices, independent of rails."""

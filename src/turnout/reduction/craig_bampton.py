@@ -92,6 +92,7 @@ def craig_bampton(
     Returns
     -------
     Superelement
+        n_interface DOFs and as many modes as lie below the cut-off.
 
     Raises
     ------
@@ -110,7 +111,7 @@ def craig_bampton(
     """
     full_stiffness, full_mass = _as_sparse(stiffness), _as_sparse(mass)
     size = full_stiffness.shape[0]
-    kept = _checked_interface(interface, size)
+    kept = _check_interface(interface, size)
     if not cutoff_frequency >= 0.0:
         msg = f"cutoff_frequency is {cutoff_frequency} Hz, allowed is 0 or more"
         raise MechanicsError(msg)
@@ -122,7 +123,7 @@ def craig_bampton(
         )
         raise MechanicsError(msg)
     inner = np.setdiff1d(np.arange(size), kept)
-    static, coupling = _static_shapes(full_stiffness, kept, inner)
+    static, coupling = _solve_static_shapes(full_stiffness, kept, inner)
     inner_mass = full_mass[inner][:, inner]
     frequencies, modes, omitted = modes_below(
         full_stiffness[inner][:, inner], inner_mass, cutoff_frequency=cutoff_frequency
@@ -156,6 +157,7 @@ def reduce_matrix(superelement: Superelement, matrix: Matrix) -> FloatArray:
     Parameters
     ----------
     superelement : Superelement
+        Of the same structure, n full DOFs and r reduced ones.
     matrix : sparse array or ndarray, shape (n, n)
         Symmetry is not needed.
 
@@ -174,6 +176,7 @@ def reduce_vector(superelement: Superelement, vector: FloatArray) -> FloatArray:
     Parameters
     ----------
     superelement : Superelement
+        Of the same structure, n full DOFs and r reduced ones.
     vector : ndarray, shape (n,) or (n, m)
         One load, or one a column.
 
@@ -189,7 +192,7 @@ def _as_sparse(matrix: Any) -> sp.csr_array:
     return sparse
 
 
-def _checked_interface(
+def _check_interface(
     interface: Sequence[int] | npt.NDArray[np.intp], size: int
 ) -> npt.NDArray[np.intp]:
     kept = np.asarray(interface, dtype=np.intp)
@@ -203,7 +206,7 @@ def _checked_interface(
     return kept
 
 
-def _static_shapes(
+def _solve_static_shapes(
     stiffness: sp.csr_array, kept: npt.NDArray[np.intp], inner: npt.NDArray[np.intp]
 ) -> tuple[FloatArray, FloatArray]:
     """Return inner displacements for unit interface displacements, and K_bi, both (n_b, n_i)."""

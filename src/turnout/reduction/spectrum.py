@@ -1,4 +1,4 @@
-"""The low end of a spectrum: all modes up to a frequency, and proof that none is missing.
+"""All modes of a structure up to a frequency, with a count that proves none is missing.
 
 The number of eigenvalues of (K, M) below a shift is the number of negative pivots of K - shift M
 (Sylvester's law of inertia). The modes themselves come from Lanczos iteration on the inverse.
@@ -62,6 +62,7 @@ def factorise(matrix: sp.csr_array, *, reference: sp.csr_array | None = None) ->
     Parameters
     ----------
     matrix : csr_array, shape (n, n)
+        Need not be positive definite.
     reference : csr_array, shape (n, n), optional
         Positive definite matrix whose diagonal gives the scale; by default `matrix`.
 
@@ -109,7 +110,7 @@ def count_below(stiffness: sp.csr_array, mass: sp.csr_array, *, frequency: float
     factor = factorise(shifted, reference=sp.csr_array(stiffness + shift * mass))
     if factor is not None and factor.is_symmetric:
         return int(np.count_nonzero(factor.pivots < 0.0))
-    # A leading block is singular at the very shift: rare, so the slow way will do.
+    # A leading block is singular exactly at the shift: rare, so the slow method will do.
     return int(np.count_nonzero(np.linalg.eigvalsh(shifted.toarray()) < 0.0))
 
 
@@ -156,9 +157,9 @@ def modes_below(
     shifted = sp.csr_array(stiffness - shift * mass)
     # Both ways solve M x = theta (K - shift M) x for the greatest theta = 1 / (omega^2 - shift).
     dense = wanted > _DENSE_SHARE * size or size < 30
-    ways = (_largest_dense,) if dense else (_largest_lanczos, _largest_dense)
-    for way in ways:
-        theta, modes = way(mass, shifted, wanted)
+    methods = (_solve_dense,) if dense else (_solve_lanczos, _solve_dense)
+    for method in methods:
+        theta, modes = method(mass, shifted, wanted)
         frequencies = np.sqrt(np.maximum(1.0 / theta + shift, 0.0)) / (2.0 * np.pi)
         order = np.argsort(frequencies, kind="stable")
         frequencies, modes = frequencies[order], modes[:, order]
@@ -171,10 +172,10 @@ def modes_below(
         msg = f"{count} modes lie below {cutoff_frequency} Hz, but not all were found"
         raise MechanicsError(msg)
     omitted = float(frequencies[count]) if frequencies.size > count else float("nan")
-    return frequencies[:count], _normalised(modes[:, :count], mass), omitted
+    return frequencies[:count], _normalise(modes[:, :count], mass), omitted
 
 
-def _largest_dense(
+def _solve_dense(
     mass: sp.csr_array, shifted: sp.csr_array, wanted: int
 ) -> tuple[FloatArray, FloatArray]:
     size = mass.shape[0]
@@ -189,7 +190,7 @@ def _largest_dense(
     return theta[positive], modes[:, positive]
 
 
-def _largest_lanczos(
+def _solve_lanczos(
     mass: sp.csr_array, shifted: sp.csr_array, wanted: int
 ) -> tuple[FloatArray, FloatArray]:
     factor = factorise(shifted)
@@ -204,7 +205,7 @@ def _largest_lanczos(
     return 1.0 / values, modes
 
 
-def _normalised(modes: FloatArray, mass: sp.csr_array) -> FloatArray:
+def _normalise(modes: FloatArray, mass: sp.csr_array) -> FloatArray:
     if not modes.size:
         return modes
     scaled = modes / np.sqrt(np.einsum("ij,ij->j", modes, mass @ modes))

@@ -1,4 +1,4 @@
-"""What a reduction keeps and what it costs: frequencies, static error, modal error, size."""
+"""Truncation errors of a reduction: frequencies kept, static error, modal error, size."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -84,6 +84,7 @@ def reduction_report(
     Returns
     -------
     ReductionReport
+        Errors up to the cut-off frequency of the superelement.
 
     Examples
     --------
@@ -122,6 +123,7 @@ def format_report(report: ReductionReport, *, most_modes: int = 10) -> str:
     Parameters
     ----------
     report : ReductionReport
+        From `reduction_report`.
     most_modes : int
         Length of the table of free-interface frequencies; the last line is the worst of all modes.
 

@@ -23,7 +23,7 @@ _ELEMENTS_ACROSS = 10.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SectionAnalysis:
-    """Section properties from outlines, one entry a station, and what a beam does not need of them.
+    """Section properties from outlines, one entry a station, with constants that beams do not use.
 
     Parameters
     ----------
@@ -67,6 +67,7 @@ def analyse_outline(
     Parameters
     ----------
     outline : Outline
+        In any frame; positions refer to it [m].
     poisson_ratio : float
         Poisson's ratio [-], above -1 and at most 0.5; only the shear factors depend on it.
     element_length : float, optional
@@ -77,7 +78,8 @@ def analyse_outline(
 
     Returns
     -------
-    SectionAnalysis, shape (1,)
+    SectionAnalysis
+        One station.
 
     Examples
     --------
@@ -113,7 +115,8 @@ def analyse_outlines(
 
     Returns
     -------
-    SectionAnalysis, shape (n,)
+    SectionAnalysis
+        n stations, in the order of the outlines.
     """
     if not outlines:
         msg = "no outlines were given"
@@ -129,14 +132,14 @@ def analyse_outlines(
         moments = area_moments(outline)
         length = moments.area**0.5 / _ELEMENTS_ACROSS if element_length is None else element_length
         fine, coarse = (
-            _elastic(outline, poisson_ratio=poisson_ratio, length=length, refinements=times)
+            _solve_elastic(outline, poisson_ratio=poisson_ratio, length=length, refinements=times)
             for times in (refinements, refinements - 1)
         )
-        rows.append(_station(moments, fine, coarse))
-    return _stacked(rows)
+        rows.append(_assemble_station(moments, fine, coarse))
+    return _stack(rows)
 
 
-def _elastic(
+def _solve_elastic(
     outline: Outline, *, poisson_ratio: float, length: float, refinements: int
 ) -> dict[str, float]:
     """Solve torsion and shear on one mesh; positions from the centroid."""
@@ -169,7 +172,7 @@ def _elastic(
     }
 
 
-def _station(
+def _assemble_station(
     moments: AreaMoments, fine: dict[str, float], coarse: dict[str, float]
 ) -> dict[str, float]:
     """Gather one station: geometry, the finer solution and its distance from the coarser one."""
@@ -199,7 +202,7 @@ def _station(
     }
 
 
-def _stacked(rows: list[dict[str, float]]) -> SectionAnalysis:
+def _stack(rows: list[dict[str, float]]) -> SectionAnalysis:
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     names = SectionProperties.__dataclass_fields__
     properties = SectionProperties(**{name: columns.pop(name) for name in names})

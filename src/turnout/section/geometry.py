@@ -1,8 +1,7 @@
-r"""Geometry of an outline: moments of area, and the foot that rests on a slide chair.
+r"""Geometry of an outline: moments of area, and the edges of the foot on a slide chair.
 
-Area, centroid and second moments of an outline, exactly, from its vertices.
-
-By Green's theorem an integral over the section is one along its boundary, and along a straight edge
+Area, centroid and second moments are exact for the polygon: by Green's theorem an integral over the
+section is one along its boundary, and along a straight edge
 from :math:`(y_i, z_i)` to :math:`(y_j, z_j)` that is a polynomial. With
 :math:`c = y_i z_j - y_j z_i`
 
@@ -13,9 +12,8 @@ from :math:`(y_i, z_i)` to :math:`(y_j, z_j)` that is a polynomial. With
     \int y^2\,dA = \tfrac1{12} \sum c\,(y_i^2 + y_i y_j + y_j^2), \quad
     \int y z\,dA = \tfrac1{24} \sum c\,(2 y_i z_i + y_i z_j + y_j z_i + 2 y_j z_j).
 
-Clockwise holes count negative by themselves. Arcs are as good as the polygon that stands for them.
-
-The underside of a section: what of it rests on a slide chair.
+Clockwise holes count negative by themselves. Arcs are as accurate as the polygon that replaces
+them. The foot is the part of the section within a small height above its lowest point.
 """
 
 from dataclasses import dataclass
@@ -57,10 +55,12 @@ def area_moments(outline: Outline) -> AreaMoments:
     Parameters
     ----------
     outline : Outline
+        In any frame [m].
 
     Returns
     -------
     AreaMoments
+        Second moments about the centroid, its position in the frame of the outline.
 
     Examples
     --------
@@ -89,6 +89,7 @@ def principal_moments(moments: AreaMoments) -> tuple[float, float, float]:
     Parameters
     ----------
     moments : AreaMoments
+        About axes through the centroid [m^4].
 
     Returns
     -------
@@ -100,9 +101,9 @@ def principal_moments(moments: AreaMoments) -> tuple[float, float, float]:
 
     Examples
     --------
-    >>> from turnout.section.outline import make_outline, rotated
+    >>> from turnout.section.outline import make_outline, rotate
     >>> upright = make_outline([[-1, -3], [1, -3], [1, 3], [-1, 3]])
-    >>> greatest, least, angle = principal_moments(area_moments(rotated(upright, angle=0.2)))
+    >>> greatest, least, angle = principal_moments(area_moments(rotate(upright, angle=0.2)))
     >>> round(greatest, 9), round(least, 9), round(angle, 9)
     (36.0, 4.0, 0.2)
     """
@@ -166,13 +167,13 @@ def foot_edges(outline: Outline, *, depth: float = UNDERSIDE_DEPTH) -> tuple[flo
     level = float(start[:, 1].min()) + depth
     inside = start[start[:, 1] <= level, 0]
     crosses = (start[:, 1] <= level) != (end[:, 1] <= level)
-    places = _at_level(start[crosses], end[crosses], level)
-    found = np.concatenate([inside, places])
+    crossings = _intersect_level(start[crosses], end[crosses], level)
+    found = np.concatenate([inside, crossings])
     return float(found.min()), float(found.max())
 
 
-def _at_level(start: FloatArray, end: FloatArray, level: float) -> FloatArray:
-    """Return y where edges pass a height."""
+def _intersect_level(start: FloatArray, end: FloatArray, level: float) -> FloatArray:
+    """Return y at which edges, shape (n, 2) each end, cross a height [m]."""
     share = (level - start[:, 1]) / (end[:, 1] - start[:, 1])
-    places: FloatArray = start[:, 0] + share * (end[:, 0] - start[:, 0])
-    return places
+    crossing: FloatArray = start[:, 0] + share * (end[:, 0] - start[:, 0])
+    return crossing

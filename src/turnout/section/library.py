@@ -1,4 +1,4 @@
-"""The outlines that come with turnout, as data files that any other rail's can be modelled on.
+"""The library of rail outlines: data files that come with turnout, and examples for others.
 
 A file gives its vertices in one stated unit, from the frame drawn in its own comments; a rail that
 is planed to fit another says how. Lengths are in metres once read.
@@ -28,6 +28,7 @@ class RailOutline:
     Parameters
     ----------
     name, description : str
+        Of the profile, such as "60E1", and one sentence on its source.
     outline : Outline
         In the frame that the file states [m].
     running_edge : float
@@ -67,6 +68,7 @@ def load_rail_outline(name: str) -> RailOutline:
     Returns
     -------
     RailOutline
+        Lengths in metres.
 
     Raises
     ------

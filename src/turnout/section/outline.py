@@ -1,4 +1,4 @@
-"""The outline of a cross-section: a polygon, with holes if it has any, as plain data.
+"""The outline of a cross-section as data: a polygon with or without holes.
 
 Axes: y lateral, z up, both in metres, in whatever frame the outline is drawn; the functions here
 move an outline from one frame to another and return a new one.
@@ -73,6 +73,7 @@ def make_outline(points: npt.ArrayLike, *, holes: tuple[npt.ArrayLike, ...] = ()
     Returns
     -------
     Outline
+        Outer boundary counter-clockwise, holes clockwise, none closed.
 
     Examples
     --------
@@ -81,8 +82,8 @@ def make_outline(points: npt.ArrayLike, *, holes: tuple[npt.ArrayLike, ...] = ()
     ((4, 2), 0.02)
     """
     return Outline(
-        points=_turned(_ring(points), sense=1.0),
-        holes=tuple(_turned(_ring(hole), sense=-1.0) for hole in holes),
+        points=_orient(_drop_repeated(points), sense=1.0),
+        holes=tuple(_orient(_drop_repeated(hole), sense=-1.0) for hole in holes),
     )
 
 
@@ -93,13 +94,13 @@ def ring_area(ring: FloatArray) -> float:
     return 0.5 * float(np.sum(from_first[:, 0] * after[:, 1] - after[:, 0] * from_first[:, 1]))
 
 
-def moved(outline: Outline, *, y: float = 0.0, z: float = 0.0) -> Outline:
+def move(outline: Outline, *, y: float = 0.0, z: float = 0.0) -> Outline:
     """Return the outline shifted by (y, z) [m].
 
     Examples
     --------
     >>> square = make_outline([[0, 0], [1, 0], [1, 1], [0, 1]])
-    >>> moved(square, y=2.0).points[0].tolist()
+    >>> move(square, y=2.0).points[0].tolist()
     [2.0, 0.0]
     """
     shift = np.array([y, z])
@@ -108,32 +109,32 @@ def moved(outline: Outline, *, y: float = 0.0, z: float = 0.0) -> Outline:
     )
 
 
-def rotated(outline: Outline, *, angle: float, about: tuple[float, float] = (0.0, 0.0)) -> Outline:
+def rotate(outline: Outline, *, angle: float, about: tuple[float, float] = (0.0, 0.0)) -> Outline:
     """Return the outline turned by `angle` [rad], from y towards z, about a point (y, z) [m].
 
     Examples
     --------
     >>> square = make_outline([[0, 0], [1, 0], [1, 1], [0, 1]])
-    >>> rotated(square, angle=np.pi / 2).points[1].round(12).tolist()
+    >>> rotate(square, angle=np.pi / 2).points[1].round(12).tolist()
     [0.0, 1.0]
     """
     c, s = np.cos(angle), np.sin(angle)
-    turn = np.array([[c, s], [-s, c]])  # acts on rows
+    rotation = np.array([[c, s], [-s, c]])  # acts on rows
     centre = np.array(about)
     return replace(
         outline,
-        points=(outline.points - centre) @ turn + centre,
-        holes=tuple((h - centre) @ turn + centre for h in outline.holes),
+        points=(outline.points - centre) @ rotation + centre,
+        holes=tuple((h - centre) @ rotation + centre for h in outline.holes),
     )
 
 
-def scaled(outline: Outline, *, factor: float) -> Outline:
+def scale(outline: Outline, *, factor: float) -> Outline:
     """Return the outline with all lengths multiplied by a positive factor [-].
 
     Examples
     --------
     >>> square = make_outline([[0, 0], [1, 0], [1, 1], [0, 1]])
-    >>> ring_area(scaled(square, factor=3.0).points)
+    >>> ring_area(scale(square, factor=3.0).points)
     9.0
     """
     if factor <= 0.0:
@@ -144,13 +145,13 @@ def scaled(outline: Outline, *, factor: float) -> Outline:
     )
 
 
-def mirrored_outline(outline: Outline) -> Outline:
+def mirror(outline: Outline) -> Outline:
     """Return the outline mirrored in the plane y = 0: the same rail on the other side of the track.
 
     Examples
     --------
     >>> triangle = make_outline([[0, 0], [1, 0], [0, 1]])
-    >>> mirrored_outline(triangle).points.tolist()
+    >>> mirror(triangle).points.tolist()
     [[0.0, 1.0], [-1.0, 0.0], [0.0, 0.0]]
     """
     flip = np.array([-1.0, 1.0])
@@ -161,13 +162,13 @@ def mirrored_outline(outline: Outline) -> Outline:
     )
 
 
-def densified(outline: Outline, *, length: float) -> Outline:
+def densify(outline: Outline, *, length: float) -> Outline:
     """Return the outline with each edge divided evenly into parts no longer than `length` [m].
 
     Examples
     --------
     >>> square = make_outline([[0, 0], [1, 0], [1, 1], [0, 1]])
-    >>> densified(square, length=0.5).points[:3].tolist()
+    >>> densify(square, length=0.5).points[:3].tolist()
     [[0.0, 0.0], [0.5, 0.0], [1.0, 0.0]]
     """
     if length <= 0.0:
@@ -175,37 +176,37 @@ def densified(outline: Outline, *, length: float) -> Outline:
         raise MechanicsError(msg)
     return replace(
         outline,
-        points=_divided(outline.points, length),
-        holes=tuple(_divided(h, length) for h in outline.holes),
+        points=_divide(outline.points, length),
+        holes=tuple(_divide(h, length) for h in outline.holes),
     )
 
 
 def polygon_of(outline: Outline) -> "shapely.Polygon":
-    """Return the outline as a polygon of shapely, for what is cut from it."""
+    """Return the outline as a shapely polygon."""
     from shapely import Polygon
 
     return Polygon(outline.points, outline.holes)
 
 
 def outline_of(polygon: "shapely.Polygon") -> Outline:
-    """Return a polygon of shapely as an outline."""
+    """Return a shapely polygon as an outline."""
     holes = tuple(np.array(hole.coords) for hole in polygon.interiors)
     return make_outline(np.array(polygon.exterior.coords), holes=holes)
 
 
-def _ring(points: npt.ArrayLike) -> FloatArray:
+def _drop_repeated(points: npt.ArrayLike) -> FloatArray:
     ring = np.asarray(points, dtype=float)
     closed = ring.ndim == 2 and ring.shape[0] > 1 and bool(np.all(ring[0] == ring[-1]))
     return ring[:-1] if closed else ring
 
 
-def _turned(ring: FloatArray, *, sense: float) -> FloatArray:
+def _orient(ring: FloatArray, *, sense: float) -> FloatArray:
     if ring.ndim != 2 or ring.shape[1] != 2 or ring.shape[0] < 3:
         return ring  # refused by the record
     return ring[::-1].copy() if ring_area(ring) * sense < 0.0 else ring.copy()
 
 
-def _divided(ring: FloatArray, length: float) -> FloatArray:
+def _divide(ring: FloatArray, length: float) -> FloatArray:
     edges = np.roll(ring, -1, axis=0) - ring
     parts = np.maximum(np.ceil(np.hypot(*edges.T) / length - 1e-9), 1.0).astype(int)
     fractions = [np.arange(count)[:, None] / count for count in parts]

@@ -69,7 +69,7 @@ class SectionProperties:
 
     def __post_init__(self) -> None:
         """Refuse what no section can be, with all problems in one message."""
-        values = _as_dict(self)
+        values = _to_dict(self)
         shapes = {name: np.shape(value) for name, value in values.items()}
         if len(set(shapes.values())) != 1 or len(shapes["area"]) != 1:
             msg = f"section properties must be 1-D arrays of one length, not {shapes}"
@@ -98,14 +98,15 @@ def interpolate_sections(
     ----------
     stations : array_like, shape (n,)
         Positions of the sections [m], never decreasing. A position given twice is a step.
-    properties : SectionProperties, shape (n,)
-        One entry a station.
+    properties : SectionProperties
+        n entries, one a station.
     x : array_like, shape (m,)
         Positions asked for [m].
 
     Returns
     -------
-    SectionProperties, shape (m,)
+    SectionProperties
+        m entries.
 
     Examples
     --------
@@ -122,11 +123,11 @@ def interpolate_sections(
     if np.any(np.diff(at) < 0.0):
         msg = f"the stations must not decrease: {at.tolist()}"
         raise MechanicsError(msg)
-    values = _as_dict(properties)
+    values = _to_dict(properties)
     return SectionProperties(**{name: np.interp(wanted, at, v) for name, v in values.items()})
 
 
-def mirrored(properties: SectionProperties) -> SectionProperties:
+def mirror_sections(properties: SectionProperties) -> SectionProperties:
     """Return the sections mirrored in the vertical plane y = 0 of the reference line.
 
     The lateral positions and the product of inertia change sign; all else stays.
@@ -135,13 +136,14 @@ def mirrored(properties: SectionProperties) -> SectionProperties:
     --------
     >>> one = np.ones(1)
     >>> section = SectionProperties(*[one] * 3, 0.5 * one, *[one] * 7)
-    >>> float(mirrored(section).product_moment[0]), float(mirrored(section).centroid_z[0])
+    >>> mirror = mirror_sections(section)
+    >>> float(mirror.product_moment[0]), float(mirror.centroid_z[0])
     (-0.5, 1.0)
     """
-    values = _as_dict(properties)
+    values = _to_dict(properties)
     values.update({name: -values[name] for name in _ODD_IN_Y})
     return SectionProperties(**values)
 
 
-def _as_dict(properties: SectionProperties) -> dict[str, FloatArray]:
+def _to_dict(properties: SectionProperties) -> dict[str, FloatArray]:
     return {field.name: getattr(properties, field.name) for field in fields(SectionProperties)}

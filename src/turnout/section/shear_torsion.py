@@ -1,15 +1,12 @@
 r"""Torsion and shear of a section by quadratic finite elements.
 
-Quadratic finite elements on an outline, and Neumann problems solved on them.
-
 Torsion and shear of a section are both Neumann problems of the Laplacian, so one factorisation
 serves all of them. The triangles are those of a constrained Delaunay triangulation of the densified
 outline, each divided into four as often as asked for; even the thinnest web then has elements
 across it.
 
-Saint-Venant torsion: warping function, torsion constant, shear centre, warping constant.
-
-A bar twisted at the rate :math:`\vartheta'` about its centroid warps by
+**Torsion** (Saint-Venant) gives the torsion constant, the shear centre and the warping constant. A
+bar twisted at the rate :math:`\vartheta'` about its centroid warps by
 :math:`\vartheta' \omega(y, z)` and carries the shear stress :math:`G \vartheta' \boldsymbol t`,
 
 .. math::
@@ -33,10 +30,9 @@ with y, z and S measured from the centroid and :math:`\omega` of zero mean. The 
 this Gamma to be of no account: it matters within :math:`\sqrt{E \Gamma / G J}` of a clamped end,
 14 cm for a 60E1.
 
-Shear stress of a bending bar, and the shear factors that store its energy.
-
-A shear force (V_y, V_z) makes the bending stress grow along the bar by the linear function s(y, z)
-with :math:`\int y s\,dA = V_y` and :math:`\int z s\,dA = V_z`. Saint-Venant's flexure answers with
+**Shear** gives the shear factors. A shear force (V_y, V_z) makes the bending stress grow along the
+bar by the linear function s(y, z) with :math:`\int y s\,dA = V_y` and
+:math:`\int z s\,dA = V_z`. Saint-Venant's flexure gives
 
 .. math::
 
@@ -47,8 +43,8 @@ with :math:`\int y s\,dA = V_y` and :math:`\int z s\,dA = V_z`. Saint-Venant's f
     a\,y z + \tfrac12 b (z^2 - y^2) \end{pmatrix}, \quad s = a y + b z.
 
 The vector d is the sideways contraction of the stretched and compressed fibres; with Poisson's
-ratio zero it is absent. To make the force pass through the shear centre of
-`turnout.section.shear_torsion`, the multiple of the torsion stress **t** is added that makes
+ratio zero it is absent. To make the force pass through the shear centre,
+the multiple of the torsion stress **t** is added that makes
 :math:`\int \boldsymbol\tau \cdot \boldsymbol t\,dA = 0`. The shear factors are then defined by
 energy,
 
@@ -76,7 +72,7 @@ from skfem import Basis, BilinearForm, ElementTriP2, LinearForm, MeshTri
 from skfem.helpers import dot, grad
 
 from turnout.errors import MechanicsError
-from turnout.section.outline import FloatArray, Outline, densified, polygon_of
+from turnout.section.outline import FloatArray, Outline, densify, polygon_of
 
 # Exact for the squares of the quadratics that Poisson's ratio brings.
 _QUADRATURE_ORDER = 4
@@ -124,6 +120,7 @@ def mesh_outline(outline: Outline, *, element_length: float, refinements: int) -
     Parameters
     ----------
     outline : Outline
+        In any frame [m].
     element_length : float
         Longest edge on the boundary before refinement [m].
     refinements : int
@@ -132,11 +129,12 @@ def mesh_outline(outline: Outline, *, element_length: float, refinements: int) -
     Returns
     -------
     SectionMesh
+        Positions from the centroid.
     """
     if refinements < 0:
         msg = f"a mesh cannot be refined {refinements} times"
         raise MechanicsError(msg)
-    polygon = polygon_of(densified(outline, length=element_length))
+    polygon = polygon_of(densify(outline, length=element_length))
     triangles = shapely.constrained_delaunay_triangles(polygon).geoms
     corners = shapely.get_coordinates(triangles).reshape(len(triangles), 4, 2)[:, :3]
     vertices, index = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
@@ -200,7 +198,7 @@ def _field(mesh: SectionMesh, nodal: FloatArray) -> Field:
 
 @dataclass(frozen=True, slots=True)
 class Torsion:
-    """What torsion makes of a section.
+    """Torsion properties of a section.
 
     Parameters
     ----------
@@ -229,6 +227,7 @@ def solve_torsion(mesh: SectionMesh, *, warping: Field) -> Torsion:
     Parameters
     ----------
     mesh : SectionMesh
+        That of the solution.
     warping : Field
         The solution for the flux `torsion_flux` [m^2].
 
@@ -253,7 +252,7 @@ def solve_torsion(mesh: SectionMesh, *, warping: Field) -> Torsion:
 
 @dataclass(frozen=True, slots=True)
 class Shear:
-    """What shear forces make of a section.
+    """Shear properties of a section.
 
     Parameters
     ----------
@@ -277,13 +276,16 @@ def shear_loads(
     Parameters
     ----------
     mesh : SectionMesh
+        With n_elements elements of n_points points.
     poisson_ratio : float
         Above -1, at most 0.5 [-].
 
     Returns
     -------
     sources : list of two ndarray, shape (n_elements, n_points)
+        s for a force along y and one along z, per unit force [1/m^3].
     fluxes : list of two ndarray, shape (2, n_elements, n_points)
+        c d likewise [1/m^2].
     """
     y, z = mesh.y, mesh.z
     product = integral(mesh, y * z)
@@ -306,8 +308,9 @@ def solve_shear(
     Parameters
     ----------
     mesh : SectionMesh
+        That of the solutions.
     warping : Field
-        Warping function about the centroid.
+        Warping function about the centroid [m^2].
     potentials : list of two Field
         The solutions for `shear_loads`, for unit forces along y and z.
     fluxes : list of two ndarray, shape (2, n_elements, n_points)

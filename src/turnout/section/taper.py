@@ -1,4 +1,4 @@
-"""Planed switch rails: what is left of a rail's outline beside the stock rail it closes against.
+"""Sections of planed switch rails, cut to fit the stock rail that they close against.
 
 Where the running edges of the two rails are a distance w apart, the closed switch rail is its full
 outline, less the stock rail with a clearance and everything on the far side of it, its top below
@@ -15,9 +15,9 @@ import numpy.typing as npt
 import shapely
 
 from turnout.errors import MechanicsError
-from turnout.section.outline import FloatArray, Outline, moved, outline_of, polygon_of
+from turnout.section.outline import FloatArray, Outline, move, outline_of, polygon_of
 
-# What cutting leaves closer together than this is one point [m].
+# Vertices closer together than this after cutting are merged [m].
 _SMALLEST_EDGE = 1e-6
 # Longer mitres than this many clearances are cut off square.
 _MITRE_LIMIT = 10.0
@@ -105,10 +105,12 @@ def planed_section(
     running_edge_offset : float
         Distance w of the switch rail's running edge from the stock rail's [m].
     planing : Planing
+        Clearance, lowering and running edges of both rails.
 
     Returns
     -------
     PlanedSection
+        The largest piece that is left, and the areas of the others.
 
     Raises
     ------
@@ -126,25 +128,25 @@ def planed_section(
     [-0.038, 0.0]
     """
     offset = running_edge_offset
-    beside = moved(stock_rail, y=-planing.running_edge_stock - offset, z=-planing.seat_height)
-    full = polygon_of(moved(switch_rail, y=-planing.running_edge_switch))
+    beside = move(stock_rail, y=-planing.running_edge_stock - offset, z=-planing.seat_height)
+    full = polygon_of(move(switch_rail, y=-planing.running_edge_switch))
     stock = polygon_of(beside)
     reach = stock.bounds[2] - full.bounds[0] + planing.clearance
     left = full.difference(_shadow(stock, clearance=planing.clearance, reach=max(reach, 0.0)))
     lowering = float(np.interp(offset, planing.lowering_offset, planing.lowering))
     y_least, z_least, y_most, _ = full.bounds
     left = left.intersection(shapely.box(y_least, z_least, y_most, stock.bounds[3] - lowering))
-    pieces = _pieces(left, smallest=1e-6 * full.area)
+    pieces = _split_pieces(left, smallest=1e-6 * full.area)
     if not pieces:
         apart = f"{1e3 * offset:g} mm apart"
         msg = f"nothing of the switch rail is left where the running edges are {apart}"
         raise MechanicsError(msg)
     whole = pieces[0]
-    thick = _without_thin(whole, thickness=planing.least_thickness)
+    thick = _remove_thin(whole, thickness=planing.least_thickness)
     tidy = shapely.set_precision(thick.simplify(_SMALLEST_EDGE), _SMALLEST_EDGE)
     return PlanedSection(
         running_edge_offset=offset,
-        outline=outline_of(_pieces(tidy, smallest=0.0)[0]),
+        outline=outline_of(_split_pieces(tidy, smallest=0.0)[0]),
         stock_rail=beside,
         dropped_areas=tuple(piece.area for piece in pieces[1:]),
         thin_area=whole.area - thick.area,
@@ -163,9 +165,11 @@ def planed_sections(
     Parameters
     ----------
     switch_rail, stock_rail : Outline
+        Full outlines, as for `planed_section`.
     running_edge_offsets : array_like, shape (n,)
         Distances of the running edges [m].
     planing : Planing
+        Clearance, lowering and running edges of both rails.
 
     Returns
     -------
@@ -187,22 +191,24 @@ def _shadow(polygon: shapely.Polygon, *, clearance: float, reach: float) -> shap
     return shapely.union_all([shapely.Polygon(grown.exterior), *shapely.polygons(slanted)])
 
 
-def _pieces(geometry: shapely.Geometry, *, smallest: float) -> list[shapely.Polygon]:
+def _split_pieces(geometry: shapely.Geometry, *, smallest: float) -> list[shapely.Polygon]:
     """Return the polygons of a geometry above the smallest area, the largest first."""
     parts = [part for part in shapely.get_parts(geometry) if isinstance(part, shapely.Polygon)]
     return sorted((part for part in parts if part.area > smallest), key=lambda part: -part.area)
 
 
-def _without_thin(polygon: shapely.Polygon, *, thickness: float) -> shapely.Polygon:
-    """Remove what a strip of the given thickness does not fit into, and keep sharp corners."""
+def _remove_thin(polygon: shapely.Polygon, *, thickness: float) -> shapely.Polygon:
+    """Remove the parts thinner than `thickness` [m], but keep sharp corners."""
     if thickness == 0.0:
         return polygon
     options = {"join_style": "mitre", "mitre_limit": _MITRE_LIMIT}
-    core = _pieces(polygon.buffer(-0.5 * thickness, **options), smallest=0.0)
+    core = _split_pieces(polygon.buffer(-0.5 * thickness, **options), smallest=0.0)
     if not core:
         msg = f"all of the section is thinner than {1e3 * thickness:g} mm"
         raise MechanicsError(msg)
-    thick = _pieces(core[0].buffer(0.5 * thickness, **options).intersection(polygon), smallest=0.0)
-    # A corner that was only rounded off is no thin piece.
+    thick = _split_pieces(
+        core[0].buffer(0.5 * thickness, **options).intersection(polygon), smallest=0.0
+    )
+    # A removed area this small is only a corner that was rounded off.
     removed = polygon.area - thick[0].area
     return thick[0] if removed > thickness**2 else polygon

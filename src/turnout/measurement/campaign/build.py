@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.moving_average import moving_average
 from turnout.core.provenance import provenance
 from turnout.errors import ListedError, MeasurementError, TurnoutError
 from turnout.measurement.campaign.fit_of_files import (
@@ -30,7 +31,6 @@ from turnout.measurement.campaign.signals import force_changes
 from turnout.measurement.campaign.throws import Detection
 from turnout.measurement.chain.apply import load_channel_map, map_hash
 from turnout.measurement.chain.channel_map import ChannelMap
-from turnout.measurement.chain.condition import moving_average
 from turnout.measurement.quality.channel import MEASURED, Limits
 from turnout.measurement.quality.judge import Expected, Verdict, judge
 from turnout.measurement.quality.throw import (

@@ -12,11 +12,10 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
+from turnout.core.moving_average import moving_average, window_samples
 from turnout.measurement.recording import Channel
 from turnout.schema.channels import label
 
-# What the published measurements were filtered with [s].
-WINDOW = 0.1
 ORDER = 4
 FILTERED = ("drive_force", "drive_current", "object_force")
 # Two times are the same when they differ by less than this part of a step.
@@ -25,65 +24,6 @@ SAME_STEP = 1e-3
 MOST_GROWTH_OF_RATE = 10
 
 Values = NDArray[np.float64]
-
-
-def window_samples(window: float, *, rate: float) -> int:
-    """Return the odd number of samples of a centred window.
-
-    Parameters
-    ----------
-    window : float
-        Width [s].
-    rate : float
-        Samples a second [1/s].
-
-    Examples
-    --------
-    >>> window_samples(0.1, rate=1000.0)
-    101
-    """
-    return 2 * round(0.5 * window * rate) + 1
-
-
-def moving_average(values: Values, *, rate: float, window: float = WINDOW) -> Values:
-    """Return the centred moving average, which does not shift in time.
-
-    Within half a window of an end the average is over what there is, so it is not centred there.
-
-    Parameters
-    ----------
-    values : ndarray, shape (..., n)
-        Samples.
-    rate : float
-        Samples a second [1/s].
-    window : float
-        Width [s]; 0.1 s at 1 kHz are 101 samples.
-
-    Returns
-    -------
-    ndarray, shape (..., n)
-        NaN where a window has no sample at all.
-
-    Examples
-    --------
-    >>> moving_average(np.array([0.0, 3.0, 0.0, 0.0, np.nan]), rate=10.0, window=0.2)
-    array([1.5, 1. , 1. , 0. , 0. ])
-    """
-    half, count = window_samples(window, rate=rate) // 2, values.shape[-1]
-    there = np.isfinite(values)
-    # About the mean, so that sums over a long recording keep their digits.
-    level = float(np.mean(values, where=there)) if there.any() else 0.0
-    sums = _running(np.where(there, values - level, 0.0))
-    index = np.arange(count)
-    first, last = np.maximum(index - half, 0), np.minimum(index + half + 1, count)
-    if there.all():
-        whole: Values = (sums[..., last] - sums[..., first]) / (last - first)
-        return whole + level
-    numbers = _running(there.astype(float))
-    number = numbers[..., last] - numbers[..., first]
-    total = sums[..., last] - sums[..., first]
-    mean: Values = np.divide(total, number, out=np.full_like(total, np.nan), where=number > 0)
-    return mean + level
 
 
 def median(values: Values, *, rate: float, window: float) -> Values:
@@ -302,12 +242,6 @@ def resample(channel: Channel, values: Values, *, time: Values) -> Values:
     if step * channel.rate > 1.5:
         values = moving_average(values, rate=channel.rate, window=step)
     return np.interp(time, channel.time, values)
-
-
-def _running(values: Values) -> Values:
-    """Return sums from the start, beginning with 0."""
-    zero = np.zeros((*values.shape[:-1], 1))
-    return np.concatenate((zero, np.cumsum(values, axis=-1)), axis=-1)
 
 
 def _bridged(values: Values) -> tuple[Values, NDArray[np.bool_]]:

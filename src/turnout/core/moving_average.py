@@ -1,0 +1,85 @@
+"""The one moving average of measurements and features."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+WINDOW = 0.1
+"""Width that the published measurements were filtered with [s]."""
+
+_DECIMALS = 6
+"""Of half a window in samples; rounding in the rate must not decide which way a tie goes."""
+
+
+def window_samples(window: float, *, rate: float) -> int:
+    """Return the odd number of samples of a centred window.
+
+    Parameters
+    ----------
+    window : float
+        Width [s].
+    rate : float
+        Samples a second [1/s].
+
+    Examples
+    --------
+    >>> window_samples(0.1, rate=1000.0), window_samples(0.1, rate=250.0 * (1 + 1e-12))
+    (101, 25)
+    """
+    return 2 * round(round(0.5 * window * rate, _DECIMALS)) + 1
+
+
+def moving_average(values: Floats, *, rate: float, window: float = WINDOW) -> Floats:
+    """Return the centred moving average, which does not shift in time.
+
+    Within half a window of an end the average is over the samples there are, so it is not centred
+    there. Each row is averaged about its own mean: sums over a long recording keep their digits,
+    and one more row changes no bit of the others.
+
+    Parameters
+    ----------
+    values : ndarray, shape (..., n)
+        Samples; NaN is a missing one, over which the average is of the others.
+    rate : float
+        Samples a second [1/s].
+    window : float
+        Width [s]; 0.1 s at 1 kHz are 101 samples.
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+        NaN where a window has no sample at all.
+
+    Examples
+    --------
+    >>> moving_average(np.array([0.0, 3.0, 0.0, 0.0, np.nan]), rate=10.0, window=0.2)
+    array([1.5, 1. , 1. , 0. , 0. ])
+    """
+    count = values.shape[-1]
+    if count == 0:
+        return values.astype(np.float64)
+    half = min(window_samples(window, rate=rate) // 2, count - 1)
+    known = np.isfinite(values)
+    if known.all():
+        level = values.mean(axis=-1, keepdims=True)
+        index = np.arange(count)
+        number = np.minimum(index + half + 1, count) - np.maximum(index - half, 0)
+        return np.asarray(_window_sums(values - level, half) / number + level, dtype=np.float64)
+    filled = np.where(known, values, 0.0)
+    level = filled.sum(axis=-1, keepdims=True) / np.maximum(known.sum(axis=-1, keepdims=True), 1)
+    total = _window_sums(np.where(known, filled - level, 0.0), half)
+    number = _window_sums(known.astype(np.float64), half)
+    mean = np.divide(total, number, out=np.full_like(total, np.nan), where=number > 0)
+    return np.asarray(mean + level, dtype=np.float64)
+
+
+def _window_sums(values: Floats, half: int) -> Floats:
+    """Return the sums over `half` samples on both sides and the one between, shape (..., n)."""
+    total = np.cumsum(values, axis=-1)
+    inside = values.shape[-1] - half  # windows that end within the samples
+    found = np.empty_like(total)
+    found[..., :inside] = total[..., half:]
+    found[..., inside:] = total[..., -1:]
+    found[..., half + 1 :] -= total[..., : inside - 1]
+    return found
