@@ -35,7 +35,7 @@ class FileFormat:
     recognise : callable
         Whether the first bytes are of this format.
     reader : str
-        Module of `turnout.measurement` and function that read it in a process of its own; empty
+        Module of this package and function that read it in a process of its own; empty
         for text, whose memory grows with the file only.
     packages : tuple of str
         What the reader loads.
@@ -144,7 +144,7 @@ def _read(path: Path, kind: FileFormat, *, allow_outside: bool) -> Recording:
     options = {"allow_outside": allow_outside} if kind.refers else {}
     return read_isolated(
         path,
-        reader=f"turnout.measurement.{kind.reader}",
+        reader=f"turnout.measurement.formats.{kind.reader}",
         kind=kind.name.removesuffix(" 7.3"),
         packages=kind.packages,
         **options,
