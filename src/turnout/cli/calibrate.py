@@ -16,7 +16,7 @@ from turnout.cli.options import (
     opened_panel,
     write_and_report,
 )
-from turnout.cli.validate import kept_throws
+from turnout.measurement.campaign.inside import kept_throws
 
 if TYPE_CHECKING:
     from turnout.calibration.calibrate import Outcome

@@ -13,6 +13,7 @@ from turnout.cli.options import (
     opened_panel,
     write_and_report,
 )
+from turnout.measurement.campaign.inside import kept_throws
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -106,12 +107,6 @@ def _check_place(dataset: "xr.Dataset", place: str) -> None:
     if place not in known:
         message = f"--place: no closing movement with an object at '{place}'; there are "
         raise FileError(message + choices(known))
-
-
-def kept_throws(source: Path) -> Path:
-    """Return the folder in which the throws for a campaign are kept."""
-    folder = source if source.is_dir() else source.parent
-    return folder / ".turnout" / "throws"
 
 
 def _validated(

@@ -23,8 +23,8 @@ from turnout.measurement.campaign.fit_of_files import (
     series_remarks,
     slip_remarks,
 )
-from turnout.measurement.campaign.inside import refuse_links_out, refuse_outside
-from turnout.measurement.campaign.piece import STORE, Piece, kept_pieces
+from turnout.measurement.campaign.inside import STORE, refuse_links_out, refuse_outside
+from turnout.measurement.campaign.piece import Piece, kept_pieces
 from turnout.measurement.campaign.sheet import Run, RunSheet, find_sheet, read_sheet
 from turnout.measurement.campaign.signals import force_changes
 from turnout.measurement.campaign.throws import Detection
