@@ -12,7 +12,7 @@ from turnout.errors import MeasurementError
 from turnout.measurement.campaign import build as module
 from turnout.measurement.campaign import piece
 from turnout.measurement.campaign.build import Campaign, build_campaign, stacked
-from turnout.measurement.campaign.fit_of_files import order_remarks
+from turnout.measurement.campaign.fit_of_files import order_remarks, series_remarks
 from turnout.measurement.campaign.piece import Piece
 from turnout.measurement.campaign.sheet import find_sheet, read_sheet
 from turnout.measurement.campaign.throws import Throw
@@ -260,3 +260,17 @@ def test_a_piece_with_a_changed_bit_is_cut_again(tmp_path: Path, part: str) -> N
         for name, content in members.items():
             archive.writestr(name, bytes(content))
     assert build_campaign(folder).reused == 8
+
+
+@pytest.mark.parametrize(
+    ("last", "said"), [(5000.0, "no drive slipped up to 16 mm"), (4020.0, "no longer grows")]
+)
+def test_no_slip_is_said_only_where_no_force_saturates(
+    tmp_path: Path, last: float, said: str
+) -> None:
+    sheet = tmp_path / "runs.csv"
+    rows = [f"{n}.csv,closing,{size},drive 1,no" for n, size in enumerate((5, 13, 16))]
+    sheet.write_text("\n".join(["file,direction,size [mm],place,slip", *rows]), encoding="utf-8")
+    forces = [np.array([value, 900.0]) for value in (1000.0, 4000.0, last)]
+    (remark,) = series_remarks(read_sheet(sheet).runs, [None] * 3, forces)
+    assert said in remark

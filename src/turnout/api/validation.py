@@ -148,6 +148,6 @@ def validate(
     total = dataset.sizes["movement"] * (1 + len(record.fitted))
     with Evaluator(panel, folder=kept_throws_of(campaign), workers=workers) as evaluator:
         if report is not None:
-            evaluator.told = lambda: report(min(evaluator.made, total), total)
+            evaluator.on_throw = lambda: report(min(evaluator.made, total), total)
         found = predict(dataset, panel, record, evaluator=evaluator)
     return Validation(dataset=found, verdict=judge(found))

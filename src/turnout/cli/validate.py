@@ -128,7 +128,7 @@ def _validated(
             watched(f"throwing {panel.name}", quiet=quiet) as watch,
             Evaluator(panel, folder=kept_throws(source), workers=workers) as evaluator,
         ):
-            evaluator.told = lambda: watch.report(min(evaluator.made, total), total)
+            evaluator.on_throw = lambda: watch.report(min(evaluator.made, total), total)
             return validate(dataset, panel, known, evaluator=evaluator)
     except KeyboardInterrupt:
         _interrupted()

@@ -1,8 +1,4 @@
-"""Fit each law that a drive may follow, and say which one the measurement supports.
-
-Fit each law that a drive may follow, and tell which one the measurement wants. A comparison of
-drive laws in words.
-"""
+"""Fit each law that a drive may follow, and report which one the measurement supports."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -283,7 +279,7 @@ def _chosen(
         movements, Selection(objects="any", direction="closing", most=OBJECTS), panel
     )
     if not trapped:
-        problem = "no closing movement with an object, so laws of a drive cannot be told apart"
+        problem = "no closing movement with an object, so laws of a drive cannot be compared"
         raise MeasurementError([problem], source=source)
     return (*free, *trapped)
 
