@@ -8,8 +8,8 @@ levels, its own noise, drift and hum, and friction that scatters by 2 % from thr
 truth is solved with half the mesh, twice the modes, quarter steps and other damping. Sensitivity
 and cross-talk of the force channels are wrong by draws from what the intervals allow for
 (`Uncertainty`): common to a campaign, and sensitivity from movement to movement. The joint stage
-of the default calibration starts 5 % or so from the truth. A campaign is fixed by its index; a job that
-was stopped goes on. `report` writes into docs/calibration.md.
+of the default calibration starts 5 % or so from the truth. A campaign is fixed by its index; a job
+that was stopped goes on. `report` writes into docs/calibration.md.
 """
 
 from dataclasses import replace

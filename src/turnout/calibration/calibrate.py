@@ -17,8 +17,8 @@ from turnout.calibration.entries import (
     distrust_reasons,
     excluded_movements,
     fitted_parameters,
-    left_out,
     noise_entries,
+    skipped_stage,
     stage_log,
     warnings_from,
 )
@@ -219,7 +219,7 @@ class _Run:
             chosen = selected(self.movements, stage.movements, self.panel)
             parameters = self.plan.named(stage.parameters)
             if not chosen or not parameters:
-                warnings += left_out(stage, chosen)
+                warnings += skipped_stage(stage, chosen)
                 continue
             before = self.evaluator.made
             misfit = self._misfit(stage, chosen, values, scatter)

@@ -54,7 +54,7 @@ def excluded_movements(dataset: xr.Dataset) -> list[str]:
     ]
 
 
-def left_out(stage: Stage, chosen: Sequence[Movement]) -> list[str]:
+def skipped_stage(stage: Stage, chosen: Sequence[Movement]) -> list[str]:
     """Say why a stage was left out."""
     if chosen:
         return [f"stage {stage.name} was left out: all its parameters are fixed"]

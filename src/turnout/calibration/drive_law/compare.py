@@ -105,7 +105,7 @@ class LawComparison:
 
     @property
     def best(self) -> LawResult:
-        """The law that the data want: the plain one unless another is decisively better."""
+        """The law that the data support: the plain one unless another is decisively better."""
         other = min((r for r in self.results if not r.slight), key=lambda item: item.schwarz)
         better = min(self.plain.schwarz - other.schwarz, self.plain.akaike - other.akaike)
         return other if better > DECISIVE else self.plain
@@ -337,7 +337,7 @@ def _parameters(calibration: Calibration, panel: LoadedPanel, drive: str) -> lis
 def law_lines(found: LawComparison) -> list[str]:
     """Return a comparison as lines for the screen, the verdict first."""
     best, plain = found.best, found.plain
-    lines = [f"drive {found.drive}: the data want the law '{best.name}': {best.text}"]
+    lines = [f"drive {found.drive}: the data support the law '{best.name}': {best.text}"]
     if best is plain:
         lines[0] += "; no other law is decisively better"
     else:
