@@ -301,7 +301,7 @@ def test_a_fit_goes_on_while_it_gains_and_says_where_it_did_not_end(
     assert found.values["k"] == pytest.approx(TRUE["k"], rel=0.01)
     assert distrust_reasons(found, spread_of(found)) == []
     monkeypatch.setattr(fitting, "STEP_LIMIT", 1)
-    monkeypatch.setattr(fitting, "MOST_PASSES", 1)
+    monkeypatch.setattr(fitting, "MAX_PASSES", 1)
     found = fit(whole, PARAMETERS, {"mu": 0.6, "k": 2e6})
     reasons = distrust_reasons(found, spread_of(found))
     assert reasons[0].startswith("the last stage stopped after 1 steps before convergence")
