@@ -57,7 +57,7 @@ def test_a_level_that_was_only_pushed_away_is_not_told(monkeypatch: pytest.Monke
     honest, warnings = drop_unidentified_slip_levels(found)
     assert spread_of(honest).states[2] == "not identified"
     assert len(warnings) == 1
-    assert "not below" in warnings[0]
+    assert "only at least" in warnings[0]
 
 
 def test_a_level_at_which_a_drive_slips_is_told() -> None:
