@@ -1,9 +1,9 @@
-"""What is mistaken for what, told on movements that were made up."""
+"""Systematic errors absorbed by parameters, on made-up movements."""
 
 import numpy as np
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
 
-from turnout.calibration.advice import SHARE, Candidate, _confusion, next_lines
+from turnout.calibration.advice import SHARE, Candidate, _systematic_error, next_lines
 from turnout.calibration.covariance import gain_column
 from turnout.calibration.fit import fit
 
@@ -11,7 +11,7 @@ from turnout.calibration.fit import fit
 def test_an_error_that_a_parameter_imitates_is_told_in_its_words() -> None:
     found = fit(misfit([movement("m", rng=np.random.default_rng(1))]), PARAMETERS, TRUE)
     # One per cent of friction, as an error that is not friction.
-    text = _confusion(found, "1 % more weight", -0.01 * found.jacobian[:, 0])
+    text = _systematic_error(found, "1 % more weight", -0.01 * found.jacobian[:, 0])
     assert text == (
         "1 % more weight would change mu by +1 %, and these movements would not show it "
         "(0.0 standard deviations)"
@@ -21,14 +21,14 @@ def test_an_error_that_a_parameter_imitates_is_told_in_its_words() -> None:
 def test_an_error_that_nothing_imitates_is_seen() -> None:
     found = fit(misfit([movement("m", rng=np.random.default_rng(1))]), PARAMETERS, TRUE)
     wave = 10.0 * np.sin(np.arange(found.residuals.size))
-    assert "but the misfit would show it" in _confusion(found, "a wave", wave)
+    assert "but the misfit would show it" in _systematic_error(found, "a wave", wave)
 
 
 def test_gauges_that_read_too_much_are_seen_where_a_slip_level_is_known() -> None:
     rng = np.random.default_rng(1)
     found = fit(misfit([movement(f"m{n}", rng=rng) for n in range(3)]), PARAMETERS, TRUE)
     column = SHARE * gain_column(found, ("drive_force", "1"))
-    assert "but the misfit would show it" in _confusion(found, "1 % more", column)
+    assert "but the misfit would show it" in _systematic_error(found, "1 % more", column)
 
 
 def test_the_best_come_first_and_few() -> None:
@@ -37,4 +37,4 @@ def test_the_best_come_first_and_few() -> None:
     ]
     lines = next_lines(many)
     assert len(lines) == 3
-    assert lines[0].startswith("next: m0: leaves 50 % of the deviation of k")
+    assert lines[0].startswith("next: m0: leaves 50 % of the standard deviation of k")

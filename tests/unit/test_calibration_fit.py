@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from turnout.calibration import fit as fitting
-from turnout.calibration.comparison import Comparison, Doubt
+from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import spread_of
-from turnout.calibration.entries import reasons_against
+from turnout.calibration.entries import distrust_reasons
 from turnout.calibration.evaluate import CELL, Evaluator, Response, Throw, packed, unpacked
-from turnout.calibration.fit import _least_squares, fit, loosened
+from turnout.calibration.fit import _least_squares, fit, inflate_noise
 from turnout.calibration.local import FINE_DIFFERENCE
 from turnout.calibration.misfit import Misfit, framed, jacobian
 from turnout.calibration.noise import Noise, measured_noise, missed_by_model
@@ -112,7 +112,7 @@ def test_the_truth_is_found_from_far_starts(start: dict[str, float]) -> None:
     assert found.values["mu"] == pytest.approx(TRUE["mu"], rel=0.01)
     assert found.values["k"] == pytest.approx(TRUE["k"], rel=0.01)
     assert 0.8 < found.rms < 1.2
-    estimated = [view.estimates["mu"][0] for view in found.frame.views]
+    estimated = [alignment.estimates["mu"][0] for alignment in found.frame.alignments]
     np.testing.assert_allclose(estimated, owns - owns.mean(), atol=0.008)
 
 
@@ -140,25 +140,25 @@ def test_a_gain_that_all_movements_share_widens_the_intervals_by_what_it_does() 
     rng = np.random.default_rng(6)
     measured = [movement(f"m{n}", rng=rng) for n in range(8)]
     whole = misfit(measured)
-    # Nothing else is in doubt, so that the parameters have to imitate the gain.
+    # Nothing else is uncertain, so that the parameters have to imitate the gain.
     known, doubted = (
         replace(
             whole,
             comparison=replace(
                 whole.comparison,
                 scatter={},
-                doubt=Doubt(gain=0.0, solver=0.0, zero=0.01, common_gain=share),
+                uncertainty=Uncertainty(gain=0.0, solver=0.0, zero=0.01, common_gain=share),
             ),
         )
         for share in (0.0, 1e-3)
     )
-    found = _least_squares(known, PARAMETERS, TRUE, rough=False, told=None)
+    found = _least_squares(known, PARAMETERS, TRUE, rough=False, on_step=None)
     narrow = spread_of(found).coordinate_covariance
     wide = spread_of(replace(found, misfit=doubted)).coordinate_covariance
     added = np.sqrt(np.diag(wide - narrow))
     for item in measured:
         item.signals[0].values[:] *= 1.001
-    moved = _least_squares(known, PARAMETERS, found.values, rough=False, told=None)
+    moved = _least_squares(known, PARAMETERS, found.values, rough=False, on_step=None)
     np.testing.assert_allclose(added, np.abs(moved.point - found.point), rtol=0.05)
     assert added.min() > 2e-4
 
@@ -166,17 +166,19 @@ def test_a_gain_that_all_movements_share_widens_the_intervals_by_what_it_does() 
 def test_no_value_is_surer_than_mesh_and_step() -> None:
     measured = [movement(f"m{n}", rng=np.random.default_rng(n)) for n in range(4)]
     whole = misfit(measured)
-    sure = replace(whole, comparison=replace(whole.comparison, doubt=Doubt(solver=0.0)))
+    sure = replace(whole, comparison=replace(whole.comparison, uncertainty=Uncertainty(solver=0.0)))
     found = fit(sure, PARAMETERS, TRUE)
     before = spread_of(found).coordinate_covariance
     after = spread_of(replace(found, misfit=whole)).coordinate_covariance
-    np.testing.assert_allclose(after - before, Doubt().solver ** 2 * np.eye(2), atol=1e-12)
+    np.testing.assert_allclose(after - before, Uncertainty().solver ** 2 * np.eye(2), atol=1e-12)
 
 
 def test_a_fit_begins_with_the_noise_of_what_it_misses() -> None:
     whole = misfit([movement("m", rng=np.random.default_rng(7))])
-    far = loosened(whole, PARAMETERS, {"mu": 0.6, "k": 2e6}).comparison.noise["drive_force", "1"]
-    near = loosened(whole, PARAMETERS, TRUE).comparison.noise["drive_force", "1"]
+    far = inflate_noise(whole, PARAMETERS, {"mu": 0.6, "k": 2e6}).comparison.noise[
+        "drive_force", "1"
+    ]
+    near = inflate_noise(whole, PARAMETERS, TRUE).comparison.noise["drive_force", "1"]
     assert far.total > 50.0 * near.total
     assert near.total < 2.0 * whole.comparison.noise["drive_force", "1"].total
 
@@ -217,7 +219,7 @@ def test_slopes_are_thrown_anew_only_for_movements_that_went_away() -> None:
     assert near.moved is known.moved
     assert len(asked) == 2
     asked.clear()
-    whole.own = {"mu": (0.0, 0.01)}
+    whole.effects = {"mu": (0.0, 0.01)}
     part = whole.local_near(TRUE, ("k",), known)
     assert part.moved["k"][0] is known.moved["k"][0]
     assert part.moved["k"][1] is not known.moved["k"][1]
@@ -226,7 +228,7 @@ def test_slopes_are_thrown_anew_only_for_movements_that_went_away() -> None:
     whole.local_near({**TRUE, "k": TRUE["k"] * 1.01}, ("k",), known)
     assert len(asked) == 2 * 3
     asked.clear()
-    whole.own, whole.quick = {}, True
+    whole.effects, whole.quick = {}, True
     assert whole.local_near(TRUE, ("k",), known).quick
     assert len(asked) == 2 * 3
 
@@ -256,7 +258,7 @@ def test_movements_are_thrown_at_their_own_values_however_far_these_are() -> Non
     whole = misfit(measured)
     whole.evaluator = Steep(load_panel("sb1"))
     found = fit(whole, PARAMETERS, {"mu": 0.33, "k": 850e3})
-    thrown = found.values["mu"] * (1.0 + np.array(found.misfit.own["mu"]))
+    thrown = found.values["mu"] * (1.0 + np.array(found.misfit.effects["mu"]))
     np.testing.assert_allclose(thrown, TRUE["mu"] * (1.0 + owns), rtol=2e-3)
     assert found.values["k"] == pytest.approx(TRUE["k"], rel=1e-3)
     assert 0.8 < found.rms < 1.2
@@ -292,17 +294,17 @@ def test_a_fit_goes_on_while_it_gains_and_says_where_it_did_not_end(
 ) -> None:
     rng = np.random.default_rng(2)
     whole = misfit([movement(f"m{n}", rng=rng) for n in range(3)])
-    monkeypatch.setattr(fitting, "MOST_STEPS", 1)
-    monkeypatch.setattr(fitting, "MORE_STEPS", 1)
+    monkeypatch.setattr(fitting, "MAX_STEPS", 1)
+    monkeypatch.setattr(fitting, "EXTRA_STEPS", 1)
     found = fit(whole, PARAMETERS, {"mu": 0.6, "k": 2e6})
     assert found.converged
     assert found.values["k"] == pytest.approx(TRUE["k"], rel=0.01)
-    assert reasons_against(found, spread_of(found)) == []
-    monkeypatch.setattr(fitting, "LAST_STEP", 1)
-    monkeypatch.setattr(fitting, "MOST_PASSES", 1)
+    assert distrust_reasons(found, spread_of(found)) == []
+    monkeypatch.setattr(fitting, "STEP_LIMIT", 1)
+    monkeypatch.setattr(fitting, "MAX_PASSES", 1)
     found = fit(whole, PARAMETERS, {"mu": 0.6, "k": 2e6})
-    reasons = reasons_against(found, spread_of(found))
-    assert reasons[0].startswith("the last stage ended after 1 steps; more may improve it")
+    reasons = distrust_reasons(found, spread_of(found))
+    assert reasons[0].startswith("the last stage stopped after 1 steps before convergence")
 
 
 def test_a_movement_that_no_friction_explains_is_not_thrown_without_any() -> None:
@@ -310,7 +312,7 @@ def test_a_movement_that_no_friction_explains_is_not_thrown_without_any() -> Non
     whole = misfit([movement("m", rng=rng, own=-0.9), movement("n", rng=rng)])
     whole.comparison = replace(whole.comparison, scatter={"mu": 0.5})
     found = fit(whole, PARAMETERS[1:], {**TRUE, "mu": 0.9})
-    assert min(found.misfit.own["mu"]) == -0.5
+    assert min(found.misfit.effects["mu"]) == -0.5
 
 
 def test_a_model_of_something_else_is_not_to_be_trusted_and_not_refined() -> None:
@@ -335,10 +337,10 @@ def test_a_model_of_something_else_is_not_to_be_trusted_and_not_refined() -> Non
         thrown = listened(whole)
         found = fit(whole, PARAMETERS, TRUE)
         seen[name] = any(throw.fine for throw, _ in thrown)
-        reasons = reasons_against(found, spread_of(found))
+        reasons = distrust_reasons(found, spread_of(found))
         assert bool(reasons) == (name == "other")
     assert seen == {"right": True, "other": False}
-    assert "drive_force of drive 1: the model misses" in reasons[-1]
+    assert "drive_force of drive 1: model error" in reasons[-1]
     assert "that rods and places are named right" in reasons[-1]
 
 
@@ -422,6 +424,6 @@ def test_an_onset_that_forces_told_far_too_early_is_found() -> None:
     lates = (0.0, 0.03, 0.145)
     measured = [movement(f"m{n}", rng=rng, late=late) for n, late in enumerate(lates)]
     found = fit(misfit(measured), PARAMETERS, TRUE)
-    estimated = [view.estimates["onset"][0] for view in found.frame.views]
+    estimated = [alignment.estimates["onset"][0] for alignment in found.frame.alignments]
     np.testing.assert_allclose(estimated, lates, atol=1e-3)
     assert found.values["k"] == pytest.approx(TRUE["k"], rel=2e-3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
 
-from turnout.calibration.comparison import Doubt
+from turnout.calibration.comparison import Uncertainty
 from turnout.calibration.covariance import Spread, spread_of
 from turnout.calibration.emulator import emulate
 from turnout.calibration.fit import Fit, fit
@@ -20,8 +20,8 @@ def fitted() -> Fit:
     measured = [movement(f"m{n}", rng=rng, own=0.02 * rng.standard_normal()) for n in range(4)]
     whole = misfit(measured)
     # A posterior holds what the movements tell, not what all of them could share.
-    doubt = Doubt(common_gain=0.0, cross_talk=0.0, solver=0.0)
-    whole.comparison = replace(whole.comparison, doubt=doubt)
+    doubt = Uncertainty(common_gain=0.0, cross_talk=0.0, solver=0.0)
+    whole.comparison = replace(whole.comparison, uncertainty=doubt)
     return fit(whole, PARAMETERS, TRUE)
 
 

@@ -51,13 +51,13 @@ def test_a_level_that_was_only_pushed_away_is_not_told(monkeypatch: pytest.Monke
     whole = slipping(9000.0)
     largest = max(float(item.signals[0].values.max()) for item in whole.movements)
     # A fit that stops as soon as the level hardly matters; there its slope still does.
-    monkeypatch.setattr("turnout.calibration.fit.MOST_STEPS", 0)
+    monkeypatch.setattr("turnout.calibration.fit.MAX_STEPS", 0)
     found = fit(whole, whole.parameters, {**TRUE, KEY: 0.999 * largest})
     assert spread_of(found).states[2] == "fitted"
     honest, warnings = drop_unidentified_slip_levels(found)
     assert spread_of(honest).states[2] == "not identified"
     assert len(warnings) == 1
-    assert "not below" in warnings[0]
+    assert "only at least" in warnings[0]
 
 
 def test_a_level_at_which_a_drive_slips_is_told() -> None:

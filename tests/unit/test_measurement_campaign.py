@@ -1,5 +1,6 @@
 """A folder of recordings becomes one dataset; what is excluded or odd is said, never dropped."""
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from turnout.errors import MeasurementError
 from turnout.measurement.campaign import build as module
 from turnout.measurement.campaign import piece
 from turnout.measurement.campaign.build import Campaign, build_campaign, stacked
-from turnout.measurement.campaign.fit_of_files import order_remarks
+from turnout.measurement.campaign.fit_of_files import order_remarks, series_remarks
 from turnout.measurement.campaign.piece import Piece
 from turnout.measurement.campaign.sheet import find_sheet, read_sheet
 from turnout.measurement.campaign.throws import Throw
@@ -243,3 +244,33 @@ def test_movements_cut_at_different_times_are_aligned() -> None:
     assert np.isfinite(both).all()
     assert np.isnan(force[1].sel(time=slice(None, -0.31))).all()
     assert np.isnan(force[0].sel(time=slice(4.01, None))).all()
+
+
+@pytest.mark.parametrize("part", ["time.npy", "drive_force.npy", "described.npy"])
+def test_a_piece_with_a_changed_bit_is_cut_again(tmp_path: Path, part: str) -> None:
+    """Also one whose zip checksum fits: it is rewritten as a whole."""
+    folder = copied(tmp_path)
+    build_campaign(folder)
+    stored = sorted((folder / ".turnout").glob("*.npz"))[0]
+    with zipfile.ZipFile(stored) as archive:
+        members = {name: bytearray(archive.read(name)) for name in archive.namelist()}
+    # The last byte is of a number or, in Unicode of 4 bytes, of a character; 8 keeps both legal.
+    members[part][-4 if part == "described.npy" else -1] ^= 8
+    with zipfile.ZipFile(stored, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, bytes(content))
+    assert build_campaign(folder).reused == 8
+
+
+@pytest.mark.parametrize(
+    ("last", "said"), [(5000.0, "no drive slipped up to 16 mm"), (4020.0, "no longer grows")]
+)
+def test_no_slip_is_said_only_where_no_force_saturates(
+    tmp_path: Path, last: float, said: str
+) -> None:
+    sheet = tmp_path / "runs.csv"
+    rows = [f"{n}.csv,closing,{size},drive 1,no" for n, size in enumerate((5, 13, 16))]
+    sheet.write_text("\n".join(["file,direction,size [mm],place,slip", *rows]), encoding="utf-8")
+    forces = [np.array([value, 900.0]) for value in (1000.0, 4000.0, last)]
+    (remark,) = series_remarks(read_sheet(sheet).runs, [None] * 3, forces)
+    assert said in remark

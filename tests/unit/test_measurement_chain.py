@@ -123,7 +123,7 @@ def test_tare_is_the_mean_of_the_rest() -> None:
     raw = {"Rod 1": ("mV/V", [9.0, 9.0, 0.1, 0.3, 0.2 + 0.372611])}
     dataset = apply_chain(recorded(raw), mapped(text))
     assert dataset["drive_force"].values[0, 4] == pytest.approx(6000.0, rel=5e-6)
-    assert "taken off as tare" in dataset.attrs["problems"]
+    assert "subtracted as tare" in dataset.attrs["problems"]
     late = mapped(ROD + 'tare = { start = "2 s", end = "3 s" }')
     with pytest.raises(MeasurementError, match="drive_force.1.tare: there are no samples from 2"):
         apply_chain(recorded(raw), late)

@@ -1,16 +1,17 @@
 """Binary formats: there and back, as other programs lay them out, and damaged."""
 
 import io
+from importlib import import_module
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from scipy.io import savemat
+from scipy.io import loadmat, savemat
 from scipy.sparse import csc_array
 
 from turnout.errors import FileError
-from turnout.measurement.formats.files import read_recording, write_recording
+from turnout.measurement.formats.files import FORMATS, read_recording, write_recording
 from turnout.measurement.formats.mat_check import check_mat5
 from turnout.measurement.recording import Channel, Recording
 
@@ -152,6 +153,30 @@ def test_a_cell_array_of_fewer_values_than_it_says(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("place", "bit", "reason", "kept"),
+    [
+        (134, 0, "cut off within a variable", {"Fs"}),
+        (312, 2, "as many numbers as it says", {"Fs", "a", "s"}),
+        (328, 0, "as many values as it says", {"Fs", "a", "s"}),
+    ],
+)
+def test_a_flipped_bit_that_scipy_does_not_notice(
+    tmp_path: Path, place: int, bit: int, reason: str, kept: set[str]
+) -> None:
+    """One bit in a size or class: variables are lost, or a structure is none."""
+    path = tmp_path / "a.mat"
+    savemat(path, {"Fs": 1000.0, "a": np.arange(6.0), "s": {"u": np.arange(6.0)}})
+    content = bytearray(path.read_bytes())
+    content[place] ^= 1 << bit
+    path.write_bytes(content)
+    found = loadmat(path, squeeze_me=True, struct_as_record=False)
+    assert {name for name in found if name[0] != "_"} == kept
+    assert not hasattr(found.get("s"), "u")
+    with pytest.raises(FileError, match=reason):
+        read_recording(path)
+
+
+@pytest.mark.parametrize(
     "value",
     [
         np.array([[1 + 2j, 3]]),
@@ -196,3 +221,12 @@ def test_content_without_channels(tmp_path: Path) -> None:
     (tmp_path / "a.mat").write_bytes(file.getvalue())
     with pytest.raises(FileError, match="no channel can be read: there are no numbers in it"):
         read_recording(tmp_path / "a.mat")
+
+
+def test_every_reader_is_where_its_format_says() -> None:
+    """Readers are named by text and imported in another process, so no other check sees them."""
+    for item in FORMATS:
+        module, _, function = item.reader.partition(":")
+        if module:
+            found = import_module(f"turnout.measurement.formats.{module}")
+            assert callable(getattr(found, function))

@@ -74,3 +74,13 @@ def test_all_faults_are_told_at_once_and_a_flood_is_cut(tmp_path: Path) -> None:
 def test_missing_file_is_told(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"none\.csv"):
         read_history(tmp_path / "none.csv")
+
+
+@pytest.mark.parametrize("line", [0, 2])
+def test_a_cell_that_csv_refuses_is_one_message(tmp_path: Path, line: int) -> None:
+    rows = ["time [s],object_force [N]", "0,1", "1,2", "2,3"]
+    rows[line] = rows[line].replace(",", "," + "0" * 140_000)
+    path = tmp_path / "history.csv"
+    path.write_text("\n".join(rows), encoding="utf-8")
+    with pytest.raises(FileError, match=rf"line {line + 1}: field larger.*shorten the cell"):
+        read_history(path)

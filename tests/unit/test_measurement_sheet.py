@@ -157,3 +157,15 @@ def test_a_sheet_must_be_there_once(tmp_path: Path) -> None:
         find_sheet(tmp_path)
     with pytest.raises(FileError, match="no such folder"):
         find_sheet(tmp_path / "none")
+
+
+@pytest.mark.parametrize("line", [0, 1])
+def test_a_cell_that_csv_refuses_is_one_message(tmp_path: Path, line: int) -> None:
+    rows = ["file,direction,size [mm],place,remark", "a.csv,closing,13,sleeper 6,"]
+    rows[line] += "x" * 140_000
+    path = tmp_path / "runs.csv"
+    path.write_text("\n".join(rows), encoding="utf-8")
+    with pytest.raises(
+        MeasurementError, match=rf"line {line + 1}: .*field limit.*shorten the cell"
+    ):
+        read_sheet(path)

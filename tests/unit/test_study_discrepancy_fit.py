@@ -10,7 +10,7 @@ from tests.unit.calibrations import calibration, fitted
 from turnout.calibration.comparison import Comparison
 from turnout.calibration.drive_law.candidates import PLAIN, SOFT, WORN, drive_laws, lagged
 from turnout.calibration.drive_law.compare import LawComparison, fitted_laws, judged
-from turnout.calibration.drive_law.fit import _own_levels
+from turnout.calibration.drive_law.fit import _movement_levels
 from turnout.calibration.evaluate import CELL, Evaluator, Response, Throw
 from turnout.calibration.fit import fit
 from turnout.calibration.misfit import Misfit
@@ -166,6 +166,6 @@ def test_a_drive_that_slipped_below_the_common_level_is_found_from_no_slope_at_a
             comparison=Comparison(noise=measured_noise(measured), scatter=law.scatter),
         )
         plain = fit(misfit, parameters[1:2], misfit.base)
-        shares = _own_levels(law, misfit, plain, "2")
+        shares = _movement_levels(law, misfit, plain, "2")
     assert shares[2] == pytest.approx(5.6 / 7.0 - 1.0, abs=0.01)
     assert np.abs(np.delete(shares, 2)).max() < 0.01

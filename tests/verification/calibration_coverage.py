@@ -7,9 +7,9 @@ Each campaign has 4 closing movements of the panel sb1, its own true friction, s
 levels, its own noise, drift and hum, and friction that scatters by 2 % from throw to throw. The
 truth is solved with half the mesh, twice the modes, quarter steps and other damping. Sensitivity
 and cross-talk of the force channels are wrong by draws from what the intervals allow for
-(`Doubt`): common to a campaign, and sensitivity from movement to movement. The joint stage of the
-default calibration starts 5 % or so from the truth. A campaign is fixed by its index; a job that
-was stopped goes on. `report` writes into docs/calibration.md.
+(`Uncertainty`): common to a campaign, and sensitivity from movement to movement. The joint stage
+of the default calibration starts 5 % or so from the truth. A campaign is fixed by its index; a job
+that was stopped goes on. `report` writes into docs/calibration.md.
 """
 
 from dataclasses import replace
@@ -21,7 +21,7 @@ from tests.verification.resumable import Record, command_line, put_section
 from tests.verification.twin_campaigns import WINDOW, Twin, campaign, short_sb1
 
 from turnout.calibration.calibrate import calibrate
-from turnout.calibration.comparison import Doubt
+from turnout.calibration.comparison import Uncertainty
 from turnout.calibration.stage import Plan as Stages
 from turnout.calibration.stage import default_plan
 from turnout.errors import TurnoutError
@@ -80,11 +80,11 @@ def result_of(index: int) -> Record:
 
 
 def mixing(rng: np.random.Generator, *, channels: int) -> list[NDArray[np.float64]]:
-    """Return for each movement what each force channel takes up of each, as doubts allow."""
-    doubt = Doubt()
-    common = doubt.cross_talk * rng.standard_normal((channels, channels))
-    np.fill_diagonal(common, 1.0 + doubt.common_gain * rng.standard_normal(channels))
-    return [np.diag(1.0 + doubt.gain * rng.standard_normal(channels)) @ common for _ in CASES]
+    """Return for each movement the gains and cross-talk of all force channels, as drawn."""
+    uncertainty = Uncertainty()
+    common = uncertainty.cross_talk * rng.standard_normal((channels, channels))
+    np.fill_diagonal(common, 1.0 + uncertainty.common_gain * rng.standard_normal(channels))
+    return [np.diag(1.0 + uncertainty.gain * rng.standard_normal(channels)) @ common for _ in CASES]
 
 
 def _drawn(rng: np.random.Generator) -> float:
@@ -96,7 +96,7 @@ def coverage(records: list[Record]) -> dict[str, tuple[int, int, float]]:
     """Return by parameter: intervals that hold the truth, intervals, and the spread of z.
 
     The spread is the standard deviation of (value - truth) / standard deviation, 1 where the
-    stated doubt is right.
+    stated uncertainty is right.
     """
     found: dict[str, tuple[int, int, float]] = {}
     good = [record for record in records if not record["failure"]]

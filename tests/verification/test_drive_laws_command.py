@@ -37,7 +37,7 @@ def test_a_soft_build_up_is_told_by_the_command(tmp_path: Path) -> None:
     # The plain model does not hold, so the verdict is no.
     assert done.exit_code == 1, (done.output, done.exception)
     assert "NOT VALID" in done.output
-    assert "drive 2: the data want the law 'lagging build-up'" in done.output
+    assert "drive 2: the data support the law 'lagging build-up'" in done.output
     assert "the bilinear law is rejected" in done.output
     lag = re.search(r"lagging build-up .* chosen  lag = ([\d.]+)", done.output)
     assert lag is not None

@@ -40,7 +40,7 @@ def test_a_foreign_campaign_is_calibrated_and_validated(tmp_path: Path) -> None:
     assert done.exit_code == 0, (done.output, done.exception)
     assert "VALID: all 3 channels of 1 movements" in done.output
     # Forces alone mark the onset some 50 ms too early, in all movements alike.
-    assert "no motor current told 6 onsets" in done.output
+    assert "6 onsets without motor current" in done.output
 
 
 SQUEEZED = (Case(), *(Case(place=place, size=0.013) for place in ("drive 1", "drive 2")))

@@ -12,6 +12,7 @@ from turnout.core.html_table import html_table
 from turnout.core.units import LENGTH, parse_quantity
 from turnout.errors import FileError, MeasurementError, PanelError
 from turnout.measurement.campaign.build import build_campaign as read_folder
+from turnout.measurement.campaign.inside import kept_throws
 from turnout.measurement.campaign.sheet import normal_place
 from turnout.metric.campaign import places_of
 from turnout.panel.load import LoadedPanel
@@ -256,12 +257,11 @@ def checked_panel(panel: object, *, caller: str) -> LoadedPanel:
     raise PanelError([problem], source=caller)
 
 
-def kept_throws(campaign: Campaign | xr.Dataset) -> Path | None:
+def kept_throws_of(campaign: Campaign | xr.Dataset) -> Path | None:
     """Return the folder in which throws for a campaign are kept; None for a bare dataset."""
     if not isinstance(campaign, Campaign):
         return None
-    folder = campaign.source if campaign.source.is_dir() else campaign.source.parent
-    return folder / ".turnout" / "throws"
+    return kept_throws(campaign.source)
 
 
 def _from_file(source: Path) -> Campaign:

@@ -1,4 +1,4 @@
-"""What a fit cannot tell apart from what it takes for granted, and what to measure next."""
+"""Systematic errors that the parameters of a fit would absorb, and what to measure next."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,11 +18,11 @@ from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]
 WEIGHT = "gravity"
-# What is taken for granted may be wrong by so much [-].
+# Relative error of the weight and of each sensitivity that is looked at [-].
 SHARE = 0.01
-# A difference below this many standard deviations is not seen.
+# Residuals below this many standard deviations are not noticed.
 SEEN = 3.0
-# Changes below this share of what is taken for granted are not worth a word [-].
+# Changes of a parameter below this share of the error are not listed [-].
 WORTH = 0.1
 SIZES = (0.013, 0.026)
 
@@ -39,9 +39,9 @@ class Candidate:
         Information that it would add: half the logarithm of how much the volume of what is
         possible shrinks [-].
     parameter : str
-        Whose deviation it would reduce most.
+        Whose standard deviation it would reduce most.
     remaining : float
-        Share of that deviation that would remain [-].
+        Share of that standard deviation that would remain [-].
     """
 
     text: str
@@ -50,8 +50,8 @@ class Candidate:
     remaining: float
 
 
-def confusions(found: Fit) -> list[str]:
-    """Say how errors in what is taken for granted would be mistaken for parameters.
+def systematic_errors(found: Fit) -> list[str]:
+    """Say how errors of weight and sensitivity would change the parameters.
 
     Looked at are the weight of the rails and the sensitivity of each force channel. An error that
     the parameters can imitate is not seen in the residuals, and goes into the parameters.
@@ -66,18 +66,18 @@ def confusions(found: Fit) -> list[str]:
     list of str
         A sentence each.
     """
-    found = _without_gains(found)
+    found = _without_gain_uncertainty(found)
     columns = {f"{100 * SHARE:g} % more weight of the rails": _weight_column(found)}
     for key in force_channels(found):
         name = f"the gauges of drive {key[1]}" if key[1] else "the load cell"
         columns[f"{100 * SHARE:g} % more sensitivity of {name}"] = SHARE * gain_column(found, key)
-    return [_confusion(found, what, column) for what, column in columns.items()]
+    return [_systematic_error(found, what, column) for what, column in columns.items()]
 
 
-def _without_gains(found: Fit) -> Fit:
-    """Return a fit seen as if no gain were in doubt, so that the doubt does not tell the gain."""
+def _without_gain_uncertainty(found: Fit) -> Fit:
+    """Return a fit as if all gains were exact, so that their uncertainty absorbs no gain error."""
     comparison = found.misfit.comparison
-    known = replace(comparison, doubt=replace(comparison.doubt, gain=0.0))
+    known = replace(comparison, uncertainty=replace(comparison.uncertainty, gain=0.0))
     misfit = replace(found.misfit, comparison=known)
     frame = framed(found.local, misfit)
     return replace(
@@ -89,7 +89,7 @@ def _without_gains(found: Fit) -> Fit:
     )
 
 
-def _confusion(found: Fit, what: str, column: Floats) -> str:
+def _systematic_error(found: Fit, what: str, column: Floats) -> str:
     """Return a sentence on one error: what it does to the parameters, and whether it is seen."""
     change = np.linalg.lstsq(found.jacobian, -column, rcond=None)[0]
     left = float(np.linalg.norm(column + found.jacobian @ change))
@@ -125,7 +125,7 @@ def next_movements(found: Fit, spread: Spread, panel: LoadedPanel) -> list[Candi
     """Rank movements that could be measured next by the information that they would add.
 
     Candidates are a movement without an object, and objects of 13 and 26 mm at each drive, at the
-    sensors, and midway; those that the panel has no room for are left out.
+    sensors, and midway; objects that do not fit are left out.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def _candidates(found: Fit, panel: LoadedPanel) -> list[Movement]:
 
 def _slopes(found: Fit, movement: Movement, names: Sequence[str]) -> Floats:
     """Return the sensitivities of a movement that was not measured."""
-    misfit: Misfit = replace(found.misfit, movements=(movement,), own={}, frame=None)
+    misfit: Misfit = replace(found.misfit, movements=(movement,), effects={})
     local = misfit.local(found.values, names)
     time: Floats = np.asarray(
         BIN * (np.arange(round(movement.length / BIN)) + 0.5), dtype=np.float64
@@ -216,15 +216,15 @@ def _slopes(found: Fit, movement: Movement, names: Sequence[str]) -> Floats:
 
 
 def next_lines(candidates: Sequence[Candidate], *, most: int = 3) -> list[str]:
-    """Say which movements would tell most.
+    """List the movements that would add most information.
 
     Examples
     --------
     >>> next_lines([Candidate(text="closing, no object", gain=1.0, parameter="k", remaining=0.5)])
-    ['next: closing, no object: leaves 50 % of the deviation of k, adds 1.4 bits']
+    ['next: closing, no object: leaves 50 % of the standard deviation of k, adds 1.4 bits']
     """
     return [
-        f"next: {item.text}: leaves {100 * item.remaining:.0f} % of the deviation of "
+        f"next: {item.text}: leaves {100 * item.remaining:.0f} % of the standard deviation of "
         f"{item.parameter}, adds {item.gain / np.log(2.0):.1f} bits"
         for item in candidates[:most]
     ]

@@ -1,4 +1,4 @@
-"""The one chain from a campaign to a calibration."""
+"""Calibrate a panel to a campaign, stage by stage."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,21 +9,21 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.calibration.advice import confusions, next_lines, next_movements
-from turnout.calibration.comparison import Comparison, Doubt
+from turnout.calibration.advice import next_lines, next_movements, systematic_errors
+from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import Spread, spread_of
 from turnout.calibration.entries import (
     data_hash,
+    distrust_reasons,
+    excluded_movements,
     fitted_parameters,
-    left_out,
     noise_entries,
-    reasons_against,
+    skipped_stage,
     stage_log,
-    unusable,
-    warnings_of,
+    warnings_from,
 )
 from turnout.calibration.evaluate import Evaluator
-from turnout.calibration.fit import LOOSE, TIGHTENING, Fit, fit
+from turnout.calibration.fit import JOINT_SHARES, ROUGH_SHARES, Fit, fit
 from turnout.calibration.grid_search import Sweep, sweep
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.movements import (
@@ -34,7 +34,7 @@ from turnout.calibration.movements import (
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.observed import Movement, observe, selected
 from turnout.calibration.posterior import posterior_of
-from turnout.calibration.progress import State, Watch, planned_throws
+from turnout.calibration.progress import State, Watch, planned_throws, throws_per_step
 from turnout.calibration.result import Calibration, StageLog
 from turnout.calibration.stage import Plan, Stage, default_plan
 from turnout.core.provenance import provenance
@@ -56,7 +56,7 @@ class Outcome:
     final : Fit
         The last stage.
     spread : Spread
-        How sure it is.
+        Its uncertainty.
     sweeps : tuple of Sweep
         The grid searches, to draw.
     movements : tuple of Movement
@@ -79,7 +79,7 @@ def calibrate(
     folder: Path | None = None,
     workers: int = 1,
     scheme: Scheme | None = None,
-    doubt: Doubt | None = None,
+    uncertainty: Uncertainty | None = None,
     posterior: bool = False,
     advise: bool = False,
     report: Callable[[State], None] | None = None,
@@ -102,12 +102,12 @@ def calibrate(
         Processes.
     scheme : Scheme, optional
         Numerical choices.
-    doubt : Doubt, optional
-        Of onsets and zeros.
+    uncertainty : Uncertainty, optional
+        Of onsets, zeros, gains and the solver.
     posterior : bool
-        Whether to sample what the data leave possible.
+        Whether to sample the posterior distribution.
     advise : bool
-        Whether to say what could be mistaken for what, and what to measure next.
+        Whether to list systematic errors that parameters would absorb, and what to measure next.
     report : callable, optional
         Called after each throw.
 
@@ -125,27 +125,38 @@ def calibrate(
         When a throw cannot be simulated.
     """
     plan = plan or default_plan(panel)
-    movements, roomless = exclude_oversized_objects(observe(dataset, panel, exclude=exclude), panel)
+    movements, oversized = exclude_oversized_objects(
+        observe(dataset, panel, exclude=exclude), panel
+    )
     check_campaign(movements, plan, panel, source=str(dataset.attrs.get("title", "campaign")))
     comparison = Comparison(
         noise=measured_noise(movements),
         scatter={p.name: p.scatter for p in plan.parameters if p.scatter > 0},
-        doubt=doubt or Doubt(),
+        uncertainty=uncertainty or Uncertainty(),
     )
     planned = planned_throws(plan, movements, panel, posterior=posterior, advise=advise)
-    watch = Watch(report, len(plan.stages), planned=planned)
+    per_step = throws_per_step(plan, movements, panel)
+    watch = Watch(report, len(plan.stages), planned=planned, per_step=per_step)
     with Evaluator(panel, folder=folder, workers=workers, scheme=scheme or Scheme()) as evaluator:
-        evaluator.told = lambda: watch.tell(evaluator)
+        evaluator.on_throw = lambda: watch.tell(evaluator)
         run = _Run(plan, panel, movements, comparison, evaluator, watch)
         logs, sweeps, warnings, final = run.stages()
-        final, untold = drop_unidentified_slip_levels(final)
-        warnings += untold
+        final, slip_warnings = drop_unidentified_slip_levels(final)
+        warnings += slip_warnings
         spread = spread_of(final)
-        warnings = [*unusable(dataset), *roomless, *warnings, *warnings_of(final, spread)]
+        warnings = [
+            *excluded_movements(dataset),
+            *oversized,
+            *warnings,
+            *warnings_from(final, spread),
+        ]
         findings = list(spread.findings)
         if advise:
             watch.stage = "advice"
-            findings += [*confusions(final), *next_lines(next_movements(final, spread, panel))]
+            findings += [
+                *systematic_errors(final),
+                *next_lines(next_movements(final, spread, panel)),
+            ]
         sampled: dict[str, object] = {}
         if posterior:
             watch.stage = "posterior"
@@ -164,7 +175,7 @@ def calibrate(
         stages=tuple(logs),
         warnings=tuple(dict.fromkeys(warnings)),
         findings=tuple(findings),
-        distrust=tuple(reasons_against(final, spread)),
+        distrust=tuple(distrust_reasons(final, spread)),
         noise=noise_entries(final),
         scatter=final.misfit.comparison.scatter,
         about={
@@ -208,7 +219,7 @@ class _Run:
             chosen = selected(self.movements, stage.movements, self.panel)
             parameters = self.plan.named(stage.parameters)
             if not chosen or not parameters:
-                warnings += left_out(stage, chosen)
+                warnings += skipped_stage(stage, chosen)
                 continue
             before = self.evaluator.made
             misfit = self._misfit(stage, chosen, values, scatter)
@@ -225,13 +236,13 @@ class _Run:
                     parameters,
                     values,
                     rough=True,
-                    loose_shares=TIGHTENING if last else LOOSE,
-                    told=self.watch.found,
+                    noise_shares=JOINT_SHARES if last else ROUGH_SHARES,
+                    on_step=self.watch.found,
                 )
                 values = dict(final.values)
                 if last:
                     start = replace(misfit, base=values)
-                    final = fit(start, parameters, values, near=final, told=self.watch.found)
+                    final = fit(start, parameters, values, near=final, on_step=self.watch.found)
                     values = dict(final.values)
                 scatter = dict(final.misfit.comparison.scatter)
             made = self.evaluator.made - before

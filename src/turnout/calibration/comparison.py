@@ -1,8 +1,8 @@
-"""How one measured movement is compared with a simulated one: alignment, noise, doubts.
+"""How one measured movement is compared with a simulated one: alignment, noise, nuisances.
 
 What differs from movement to movement, and is not asked for, has a prior and is integrated out: the
 true onset, the zero of each channel, and parameters that scatter, such as friction. Whitened
-residuals therefore hold only what the parameters of a fit can tell.
+residuals therefore hold only what the parameters of a fit can explain.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,19 +19,19 @@ from turnout.calibration.predict import compared, prediction
 
 Floats = NDArray[np.float64]
 ONSET_STEP = 2e-3
-MOST_SHIFT = 0.4
-ONSET_TURNS = 12
+MAX_ONSET_SHIFT = 0.4
+ONSET_ITERATIONS = 12
 Key = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Doubt:
-    """What is not known of each movement, as standard deviations.
+class Uncertainty:
+    """Standard uncertainties of the measurement and of the solver.
 
     Attributes
     ----------
     clocked_onset, onset : float
-        Of the marked onset, where currents told it and where only forces did [s].
+        Of the marked onset, where found from motor currents and where from forces only [s].
     zero : float
         Of the zero of a force channel [N].
     gain : float
@@ -66,8 +66,8 @@ class Comparison:
         From the onset [s]; None for the end of the movement and its rest.
     scatter : mapping of str to float
         Relative standard deviation of parameters from movement to movement.
-    doubt : Doubt
-        Of onset and zero.
+    uncertainty : Uncertainty
+        Of onset, zero, gain and solver.
     outlying : float
         Residuals beyond this many standard deviations count less [-]; infinite far from the fit,
         where they say where to go.
@@ -77,8 +77,8 @@ class Comparison:
     channels: tuple[str, ...] = ("drive_force", "object_force")
     window: tuple[float, float | None] = (0.0, None)
     scatter: Mapping[str, float] = field(default_factory=dict)
-    doubt: Doubt = field(default_factory=Doubt)
-    outlying: float = float("inf")
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    outlier_limit: float = float("inf")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -89,18 +89,19 @@ class Sensitivity:
     ----------
     here, aside : Response
         At the movement's own value, and one step aside.
-    step, own : float
-        The step, and how far the own value is from the common one, as shares of the common one.
+    step, effect : float
+        The step, and the difference of the movement's own value from the common one, as shares of
+        the common one.
     """
 
     here: Response
     aside: Response
     step: float
-    own: float
+    effect: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class View:
+class Alignment:
     """How one movement is compared: bins, onset, and the whitening of its residuals.
 
     Attributes
@@ -116,16 +117,16 @@ class View:
     columns : ndarray, shape (n, 1 + s)
         Change of the prediction with the onset [1/s] and with the share of each scattering
         parameter.
-    own : mapping of str to float
-        By scattering parameter: where throws are made, as a share of the common value.
+    effects : mapping of str to float
+        By scattering parameter: where the movement is simulated, as a share of the common value.
     factors : tuple of ndarray
         Cholesky factor of the noise of each part.
     basis, shrink : ndarray, shape (n, q) and (q,)
-        Directions in which the movement is in doubt, whitened, and how far they are shrunk.
-    doubts : ndarray, shape (1 + s, n)
-        From a row with its noise made independent to the estimates.
-    estimates : mapping of str to float
-        Of what is in doubt: "onset" [s], scattering parameters as shares.
+        Whitened directions of the nuisances, and how far residuals are shrunk along them.
+    estimator : ndarray, shape (1 + s, n)
+        From a noise-whitened row to the estimates of onset and movement effects.
+    estimates : mapping of str to (float, float)
+        Mean and standard deviation: "onset" [s], scattering parameters as shares.
     """
 
     movement: Movement
@@ -133,47 +134,47 @@ class View:
     measured: Floats
     shift: float
     columns: Floats
-    own: Mapping[str, float]
+    effects: Mapping[str, float]
     factors: tuple[Floats, ...]
     basis: Floats
     shrink: Floats
-    doubts: Floats
+    estimator: Floats
     estimates: Mapping[str, tuple[float, float]]
 
-    def of(self, response: Response, own: Mapping[str, float] | None = None) -> Floats:
-        """Return the prediction of a response, brought back to doubts about zero.
+    def reduced(self, response: Response, effects: Mapping[str, float] | None = None) -> Floats:
+        """Return the prediction of a response, carried back to zero nuisances.
 
         Parameters
         ----------
         response : Response
             To the movement.
-        own : mapping of str to float, optional
-            Where it was thrown; default as the view was made.
+        effects : mapping of str to float, optional
+            At which the response was simulated; default those of the alignment.
         """
-        places = [self.shift, *(own if own is not None else self.own).values()]
-        return np.asarray(self.plain(response) - self.columns @ np.array(places))
+        places = [self.shift, *(effects if effects is not None else self.effects).values()]
+        return np.asarray(self.predicted(response) - self.columns @ np.array(places))
 
-    def own_after(self, row: Floats) -> dict[str, float]:
-        """Return the estimates of scattering parameters from a row of measured less `of`."""
-        found = self.doubts @ self.noise_whitened(row)
-        return {name: float(found[n]) for n, name in enumerate(self.own, 1)}
+    def effects_from(self, row: Floats) -> dict[str, float]:
+        """Return the movement effects from a row of measured less `reduced`."""
+        found = self.estimator @ self.noise_whitened(row)
+        return {name: float(found[n]) for n, name in enumerate(self.effects, 1)}
 
-    def plain(self, response: Response) -> Floats:
+    def predicted(self, response: Response) -> Floats:
         """Return the prediction of a response at the estimated onset."""
         return prediction(response, self.movement, self.parts).row(self.shift)
 
     def noise_whitened(self, row: Floats) -> Floats:
-        """Return a row with its noise made independent; doubts are left in."""
+        """Return a row with its noise made independent; nuisances are left in."""
         return _unnoised(row, self.factors)
 
     def whitened(self, row: Floats) -> Floats:
-        """Return a row, or each of several columns, made independent, doubts shrunk."""
+        """Return a row, or each of several columns, made independent, nuisances shrunk."""
         clean = self.noise_whitened(row)
         return np.asarray(clean - (self.basis * self.shrink) @ (self.basis.T @ clean))
 
-    def left_over(self, response: Response) -> list[Floats]:
-        """Return the residuals of each part, less what the doubts of this movement explain."""
-        row = self.measured - self.of(response)
+    def remaining_residuals(self, response: Response) -> list[Floats]:
+        """Return the residuals of each part, less what the nuisances of this movement explain."""
+        row = self.measured - self.reduced(response)
         clean = self.noise_whitened(row)
         explained = 1.0 - (1.0 - self.shrink) ** 2
         clean = clean - self.basis @ (explained * (self.basis.T @ clean))
@@ -194,21 +195,21 @@ def _unnoised(row: Floats, factors: Sequence[Floats]) -> Floats:
     return np.concatenate(found)
 
 
-def view_of(
+def align(
     movement: Movement,
     response: Response,
     *,
     comparison: Comparison,
     sensitivities: Mapping[str, Sensitivity],
-) -> View:
-    """Make the view of a movement about a response.
+) -> Alignment:
+    """Align a measured movement with a response.
 
     Parameters
     ----------
     movement : Movement
         Measured.
     response : Response
-        Simulated at the point that the view is made about.
+        Simulated at the point about which nuisances are linearised.
     comparison : Comparison
         How movements are compared.
     sensitivities : mapping of str to Sensitivity
@@ -219,15 +220,16 @@ def view_of(
         comparison.noise[signal.channel, signal.drive].factor(signal.time[bins])
         for signal, bins in parts
     )
-    view = _aligned(movement, response, parts, factors, comparison, sensitivities)
-    if comparison.outlying == float("inf"):
-        return view
+    alignment = _align(movement, response, parts, factors, comparison, sensitivities)
+    if comparison.outlier_limit == float("inf"):
+        return alignment
     # What is far off once all is aligned, such as an impact, counts less.
     trusted = [
-        factor * np.maximum(1.0, np.abs(row) / (comparison.outlying * deviations(factor)))[:, None]
-        for factor, row in zip(factors, view.left_over(response), strict=True)
+        factor
+        * np.maximum(1.0, np.abs(row) / (comparison.outlier_limit * deviations(factor)))[:, None]
+        for factor, row in zip(factors, alignment.remaining_residuals(response), strict=True)
     ]
-    return _aligned(movement, response, parts, tuple(trusted), comparison, sensitivities)
+    return _align(movement, response, parts, tuple(trusted), comparison, sensitivities)
 
 
 def deviations(factor: Floats) -> Floats:
@@ -235,56 +237,60 @@ def deviations(factor: Floats) -> Floats:
     return np.asarray(np.sqrt((factor**2).sum(axis=1)), dtype=np.float64)
 
 
-def _aligned(
+def _align(
     movement: Movement,
     response: Response,
     parts: list[tuple[Signal, NDArray[np.intp]]],
     factors: tuple[Floats, ...],
     comparison: Comparison,
     sensitivities: Mapping[str, Sensitivity],
-) -> View:
-    """Estimate what is in doubt of a movement, the onset by turns, and whiten by that."""
+) -> Alignment:
+    """Estimate the nuisances of a movement, the onset iteratively, and whiten by them."""
     measured = np.concatenate([signal.values[bins] for signal, bins in parts])
-    spread = comparison.doubt.clocked_onset if movement.clocked else comparison.doubt.onset
+    spread = (
+        comparison.uncertainty.clocked_onset if movement.clocked else comparison.uncertainty.onset
+    )
     names = ["onset", *sensitivities]
     scales = [spread, *(comparison.scatter[name] for name in sensitivities)]
-    zeros = _channel_columns(parts, measured, comparison.doubt)
+    zeros = _channel_columns(parts, measured, comparison.uncertainty)
     ahead = prediction(response, movement, parts)
     pairs = [
         (prediction(s.aside, movement, parts), prediction(s.here, movement, parts), s.step)
         for s in sensitivities.values()
     ]
     shift = 0.0
-    for _ in range(ONSET_TURNS):
+    for _ in range(ONSET_ITERATIONS):
         turned = (ahead.row(shift + ONSET_STEP) - ahead.row(shift - ONSET_STEP)) / (
             2.0 * ONSET_STEP
         )
         columns = [turned] + [
             (aside.row(shift) - here.row(shift)) / step for aside, here, step in pairs
         ]
-        doubts = np.column_stack([*(c * s for c, s in zip(columns, scales, strict=True)), *zeros])
-        clean = _unnoised(doubts, factors)
-        places = np.array([shift, *(s.own for s in sensitivities.values())])
+        nuisances = np.column_stack(
+            [*(c * s for c, s in zip(columns, scales, strict=True)), *zeros]
+        )
+        clean = _unnoised(nuisances, factors)
+        places = np.array([shift, *(s.effect for s in sensitivities.values())])
         plain = np.column_stack(columns)
         rest = measured - ahead.row(shift) + plain @ places
         inverse = np.linalg.inv(np.eye(clean.shape[1]) + clean.T @ clean)
         solve = inverse @ clean.T
         found = solve @ _unnoised(rest, factors)
-        before, shift = shift, float(np.clip(found[0] * spread, -MOST_SHIFT, MOST_SHIFT))
+        before, shift = shift, float(np.clip(found[0] * spread, -MAX_ONSET_SHIFT, MAX_ONSET_SHIFT))
         if abs(shift - before) < 1e-4:
             break
     basis, sizes, _ = np.linalg.svd(clean, full_matrices=False)
-    return View(
+    return Alignment(
         movement=movement,
         parts=parts,
         measured=measured,
         shift=before,
         columns=plain,
-        own={name: s.own for name, s in sensitivities.items()},
+        effects={name: s.effect for name, s in sensitivities.items()},
         factors=factors,
         basis=basis,
         shrink=1.0 - 1.0 / np.sqrt(1.0 + sizes**2),
-        doubts=np.array(scales)[:, None] * solve[: len(scales)],
+        estimator=np.array(scales)[:, None] * solve[: len(scales)],
         estimates={
             name: (float(found[n] * scale), float(np.sqrt(inverse[n, n]) * scale))
             for n, (name, scale) in enumerate(zip(names, scales, strict=True))
@@ -293,13 +299,13 @@ def _aligned(
 
 
 def _channel_columns(
-    parts: Sequence[tuple[Signal, NDArray[np.intp]]], measured: Floats, doubt: Doubt
+    parts: Sequence[tuple[Signal, NDArray[np.intp]]], measured: Floats, uncertainty: Uncertainty
 ) -> list[Floats]:
     """Return a column for the zero and one for the gain of each part."""
     columns, first = [], 0
     for _, bins in parts:
         place = slice(first, first + bins.size)
-        for values in (np.full(bins.size, doubt.zero), doubt.gain * measured[place]):
+        for values in (np.full(bins.size, uncertainty.zero), uncertainty.gain * measured[place]):
             column = np.zeros(measured.size)
             column[place] = values
             columns.append(column)

@@ -1,4 +1,4 @@
-"""How sure a fit is: covariance, intervals, and what the data cannot tell apart, in words."""
+"""Uncertainty of a fit: covariance, intervals, and strongly correlated parameters in words."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ from turnout.calibration.observed import Movement
 from turnout.calibration.parameter import Parameter
 
 Floats = NDArray[np.float64]
-# A deviation above this share of what the bounds alone allow: the data say next to nothing.
+# A standard deviation above this share of what the bounds alone allow: not identified.
 UNIDENTIFIED = 0.7
-# Correlation from which two parameters are told apart badly [-].
+# Correlation beyond which two parameters are called strongly correlated [-].
 CORRELATED = 0.95
 NORMAL_95 = float(norm.ppf(0.975))
 
@@ -50,7 +50,7 @@ class Spread:
 
 
 def prior_information(parameters: Sequence[Parameter]) -> Floats:
-    """Return what bounds alone tell of each coordinate: the inverse variance of a flat density."""
+    """Return the inverse variance of a flat density between the bounds, for each coordinate."""
     widths = [item.coordinate(item.upper) - item.coordinate(item.lower) for item in parameters]
     return np.array([12.0 / width**2 for width in widths])
 
@@ -58,7 +58,9 @@ def prior_information(parameters: Sequence[Parameter]) -> Floats:
 def force_channels(found: Fit) -> list[Key]:
     """Return channel and drive of all that is compared, each once."""
     return list(
-        dict.fromkeys((s.channel, s.drive) for view in found.frame.views for s, _ in view.parts)
+        dict.fromkeys(
+            (s.channel, s.drive) for alignment in found.frame.alignments for s, _ in alignment.parts
+        )
     )
 
 
@@ -81,14 +83,14 @@ def gain_column(found: Fit, key: Key, *, source: Key | None = None) -> Floats:
     """
     source = source or key
     rows = []
-    for view in found.frame.views:
-        row, first = np.zeros(view.measured.size), 0
-        for signal, bins in view.parts:
+    for alignment in found.frame.alignments:
+        row, first = np.zeros(alignment.measured.size), 0
+        for signal, bins in alignment.parts:
             if (signal.channel, signal.drive) == key:
                 place = slice(first, first + bins.size)
-                row[place] = _taken_up(view.movement, source, bins)
+                row[place] = _taken_up(alignment.movement, source, bins)
             first += bins.size
-        rows.append(view.whitened(row))
+        rows.append(alignment.whitened(row))
     return np.concatenate(rows)
 
 
@@ -136,7 +138,7 @@ def spread_of(found: Fit) -> Spread:
         for at, size, slope in zip(bound, sizes, scale, strict=True)
     )
     # The scatter of a parameter is itself known from few movements only.
-    freedom = max(len(found.frame.views) - 1, 0) + SCATTER_WEIGHT
+    freedom = max(len(found.frame.alignments) - 1, 0) + SCATTER_WEIGHT
     wide = {
         name: float(student.ppf(0.975, freedom))
         for name, share in found.misfit.comparison.scatter.items()
@@ -164,7 +166,7 @@ def _of_solver(found: Fit) -> Floats:
     """Return the standard deviation of each coordinate by mesh and step."""
     values = [(item, found.values[item.name]) for item in found.parameters]
     shares = np.array([abs(value) / item.slope(value) for item, value in values])
-    return np.asarray(found.misfit.comparison.doubt.solver * shares)
+    return np.asarray(found.misfit.comparison.uncertainty.solver * shares)
 
 
 def _of_sensitivities(found: Fit, estimate: Floats) -> Floats:
@@ -175,11 +177,11 @@ def _of_sensitivities(found: Fit, estimate: Floats) -> Floats:
     found : Fit
         At its end.
     estimate : ndarray, shape (p, n)
-        What a change of the residuals does to the coordinates.
+        Change of the coordinates with the residuals.
     """
-    doubt, channels = found.misfit.comparison.doubt, force_channels(found)
+    uncertainty, channels = found.misfit.comparison.uncertainty, force_channels(found)
     moves = [
-        (doubt.common_gain if key == source else doubt.cross_talk)
+        (uncertainty.common_gain if key == source else uncertainty.cross_talk)
         * (estimate @ gain_column(found, key, source=source))
         for key in channels
         for source in channels
@@ -195,9 +197,9 @@ def _correlations(parameters: Sequence[Parameter], whole: Floats, kept: Sequence
             correlation = float(whole[one, other] / (sizes[one] * sizes[other]))
             if abs(correlation) < CORRELATED:
                 continue
-            word = "quotient" if correlation > 0 else "product"
+            word = "ratio" if correlation > 0 else "product"
             found.append(
-                f"{parameters[one].name} and {parameters[other].name} are told apart badly "
-                f"(correlation {correlation:+.2f}): the data tell their {word} better than either"
+                f"{parameters[one].name} and {parameters[other].name} are strongly correlated "
+                f"({correlation:+.2f}); only their {word} is identified"
             )
     return found

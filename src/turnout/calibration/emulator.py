@@ -1,4 +1,4 @@
-"""A quadratic stand-in for simulations near a fit, proved on throws that it has not seen."""
+"""A quadratic emulator of simulations near a fit, tested on new throws."""
 
 from dataclasses import dataclass
 
@@ -138,7 +138,7 @@ def _cloud(number: int, count: int, rng: np.random.Generator) -> Floats:
 def _thrown(found: Fit, root: Floats, standard: Floats) -> Floats:
     """Return the whitened residuals at standardised points.
 
-    A parameter that scatters keeps its own value in each movement, which tells it sharply; the
+    A parameter that scatters keeps its own value in each movement, which identifies it sharply; the
     common one acts through the expected scatter alone, and that is linear.
     """
     misfit = found.misfit

@@ -1,4 +1,4 @@
-"""What a calibration writes down of its stages, its parameters, and what to look at."""
+"""Entries of a calibration record: stages, parameters, warnings."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from turnout.calibration.result import Fitted, StageLog
 from turnout.calibration.stage import Plan, Stage
 from turnout.core.provenance import content_hash
 
-# Residuals this much above their expected size say that the model misses something [-].
+# A model error this much above the noise is warned of [-].
 LARGE_MISFIT = 1.5
 
 
@@ -39,14 +39,14 @@ def data_hash(movements: Sequence[Movement]) -> str:
     )
 
 
-def unusable(dataset: xr.Dataset) -> list[str]:
-    """Say what a campaign was measured of but could not be used, which its dataset tells.
+def excluded_movements(dataset: xr.Dataset) -> list[str]:
+    """List the measured movements that a campaign could not use, from its dataset.
 
     Examples
     --------
-    >>> told = '[{"movement": "a", "file": "a.csv", "reasons": ["dead channel of drive_force 1"]}]'
-    >>> unusable(xr.Dataset(attrs={"excluded": told}))
-    ['a is not in the campaign: dead channel of drive_force 1']
+    >>> listed = '[{"movement": "a", "file": "a.csv", "reasons": ["dead drive_force 1"]}]'
+    >>> excluded_movements(xr.Dataset(attrs={"excluded": listed}))
+    ['a is not in the campaign: dead drive_force 1']
     """
     return [
         f"{item['movement']} is not in the campaign: {'; '.join(item['reasons'])}"
@@ -54,7 +54,7 @@ def unusable(dataset: xr.Dataset) -> list[str]:
     ]
 
 
-def left_out(stage: Stage, chosen: Sequence[Movement]) -> list[str]:
+def skipped_stage(stage: Stage, chosen: Sequence[Movement]) -> list[str]:
     """Say why a stage was left out."""
     if chosen:
         return [f"stage {stage.name} was left out: all its parameters are fixed"]
@@ -89,52 +89,52 @@ def stage_log(
     )
 
 
-def warnings_of(final: Fit, spread: Spread) -> list[str]:
-    """Say what to look at: what the movements do not tell, and what the model misses."""
+def warnings_from(final: Fit, spread: Spread) -> list[str]:
+    """Return warnings: parameters that are not identifiable, and a large model error."""
     found = []
     for item, state in zip(final.parameters, spread.states, strict=True):
         if state == "not identified":
             found.append(
-                f"{item.name}: these movements do not tell it; fix it, or measure one that does"
+                f"{item.name}: not identifiable from these movements; fix it, or measure one that "
+                "depends on it"
             )
     for key, noise in final.misfit.comparison.noise.items():
         measured = float(np.hypot(noise.white, noise.slow))
         if noise.missed > LARGE_MISFIT * measured:
             found.append(
-                f"{_told(*key)}: the model misses {noise.missed:.3g} N beside a noise of "
-                f"{measured:.2g} N; deviations allow for it"
+                f"{_channel_name(*key)}: model error {noise.missed:.3g} N with a noise of "
+                f"{measured:.2g} N; uncertainty widened"
             )
     return found
 
 
-def reasons_against(final: Fit, spread: Spread) -> list[str]:
+def distrust_reasons(final: Fit, spread: Spread) -> list[str]:
     """Say why a calibration is not to be trusted; nothing where it is.
 
-    An end before convergence, values at their bounds, and a model that misses more than a small
-    part of what was measured.
+    Reasons are an end before convergence, values at their bounds, and a large model error.
     """
     found = []
     if not final.converged:
         found.append(
-            f"the last stage {final.message}; calibrate again, starting from what came out (--set)"
+            f"the last stage {final.message}; calibrate again from the values reached (--set)"
         )
     for item, state in zip(final.parameters, spread.states, strict=True):
         if state == "at its bound":
             found.append(
-                f"{item.name} = {final.values[item.name]:.6g} lies at its bound: the data want "
-                "more; widen the bound, or look for what else is wrong"
+                f"{item.name} = {final.values[item.name]:.6g} is at its bound: the best fit lies "
+                "beyond; widen the bound, or look for another cause"
             )
     noise = final.misfit.comparison.noise
     for key, share in poorly_followed(noise, final.misfit.movements).items():
         found.append(
-            f"{_told(*key)}: the model misses {noise[key].missed:.3g} N, {100 * share:.1f} % of "
-            "the largest; check that this is the panel that was measured, that rods and places are "
+            f"{_channel_name(*key)}: model error {noise[key].missed:.3g} N, {100 * share:.1f} % of "
+            "the peak; check that this is the panel that was measured, that rods and places are "
             "named right (channel map, run sheet), and the sensitivity of the channel"
         )
     return found
 
 
-def _told(channel: str, drive: str) -> str:
+def _channel_name(channel: str, drive: str) -> str:
     """Name a channel, and its drive where it has one."""
     return f"{channel} of drive {drive}" if drive else channel
 
@@ -169,9 +169,9 @@ def fitted_parameters(plan: Plan, final: Fit, spread: Spread) -> tuple[Fitted, .
 
 
 def noise_entries(final: Fit) -> dict[str, dict[str, float]]:
-    """Return the noise that a fit ended with, by channel in words."""
+    """Return the noise at the end of a fit, by channel name [N], [s]."""
     return {
-        (f"{channel} of drive {drive}" if drive else channel): {
+        _channel_name(channel, drive): {
             "white": noise.white,
             "slow": noise.slow,
             "slow_length": noise.slow_length,

@@ -102,7 +102,7 @@ class Evaluator:
         Processes; with one, all is done in this one.
     scheme, quick : Scheme
         Numerical choices, and those for throws that may be quick.
-    told : callable or None
+    on_throw : callable or None
         Called after each throw.
     made, reused : int
         Throws simulated, and taken from the folder.
@@ -113,7 +113,7 @@ class Evaluator:
     workers: int = 1
     scheme: Scheme = field(default_factory=Scheme)
     quick: Scheme = field(default_factory=lambda: Scheme.of("quick"))
-    told: Callable[[], None] | None = None
+    on_throw: Callable[[], None] | None = None
     made: int = 0
     reused: int = 0
     _known: "OrderedDict[str, Response]" = field(default_factory=OrderedDict)
@@ -166,8 +166,8 @@ class Evaluator:
                 self._write(key, packed(response, key))
             self._known[key] = response
             self.made += 1
-            if self.told is not None:
-                self.told()
+            if self.on_throw is not None:
+                self.on_throw()
         found = [self._known[key] for key in keys]
         while len(self._known) > MOST_IN_MEMORY:
             self._known.popitem(last=False)

@@ -1,4 +1,8 @@
-"""Bounded least squares on simulations: steps that know what a throw costs and how sure it is."""
+"""Bounded nonlinear least squares on simulated movements (Levenberg-Marquardt).
+
+Notation: theta coordinates of the parameters, r whitened residuals, J their Jacobian, lambda the
+damping, cost :math:`r^T r`.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,30 +25,30 @@ from turnout.calibration.parameter import Parameter, coordinates, values_at
 from turnout.calibration.predict import compared, predicted
 
 Floats = NDArray[np.float64]
-# Steps of a fit; so many more after each that still gained by this share of the cost and by a whole
-# square of a standard deviation; and the most.
-MOST_STEPS, MORE_STEPS, LAST_STEP = 12, 4, 40
-STILL_SHARE, STILL_GAIN = 1e-3, 1.0
-# Noise of the turns of a rough fit, as a share of what the model misses at the start [-].
-LOOSE, TIGHTENING = (1.0,), (1.0, 0.1)
-MOST_PASSES = 4
+# Steps of a fit; how many more are allowed after one that still lowered the cost by this share and
+# by a whole square of a standard deviation; and the limit of all.
+MAX_STEPS, EXTRA_STEPS, STEP_LIMIT = 12, 4, 40
+EXTENDING_SHARE, EXTENDING_DECREASE = 1e-3, 1.0
+# Noise of the passes of a rough fit, as a share of the model error at the start [-].
+ROUGH_SHARES, JOINT_SHARES = (1.0,), (1.0, 0.1)
+MAX_PASSES = 4
 # Longest step of a coordinate; half a unit is a factor of 1.6.
-LONGEST_STEP = 0.5
-# Steps below this cannot be told from the noise of the solver [coordinate].
-SHORTEST_STEP = 1e-4
-# A step that promises less than this is not worth throws [square of a standard deviation].
-LEAST_GAIN = 0.05
-# Of a stage that others follow: how few steps, how few of them in vain, and which share of the cost
-# one must promise.
-ROUGH_STEPS, ROUGH_REFUSED, ROUGH_GAIN = 6, 2, 0.01
+MAX_STEP = 0.5
+# Steps below this are lost in the noise of the solver [coordinate].
+MIN_STEP = 1e-4
+# A step whose predicted decrease is below this is not tried [square of a standard deviation].
+MIN_DECREASE = 0.05
+# Of a stage that others follow: most steps, most rejected in a row, and the share of the cost that
+# a step must be predicted to save.
+ROUGH_STEPS, ROUGH_REJECTED, ROUGH_DECREASE = 6, 2, 0.01
 # How many movements the expected scatter counts for beside those that were measured.
 SCATTER_WEIGHT = 2.0
-# What the noise may change before the fit is done again with it [-].
-SAME_NOISE = 0.25
+# Relative change of the noise beyond which the fit is repeated with it [-].
+NOISE_TOLERANCE = 0.25
 # Residuals beyond this many standard deviations, such as at an impact, count less once near.
-OUTLYING = 3.0
+OUTLIER_LIMIT = 3.0
 # From the median of absolute values to the standard deviation of a normal distribution [-].
-TO_DEVIATION = 1.4826
+MAD_TO_SIGMA = 1.4826
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,7 +64,7 @@ class Fit:
     values : mapping of str to float
         Of all parameters.
     local, frame : Local, Frame
-        Responses and views there.
+        Responses and alignments there.
     residuals : ndarray, shape (n,)
         Whitened.
     jacobian : ndarray, shape (n, p)
@@ -91,7 +95,7 @@ class Fit:
 
     @property
     def cost(self) -> float:
-        """Sum of the squared residuals."""
+        """Sum of the squared whitened residuals [-]."""
         return float(self.residuals @ self.residuals)
 
     @property
@@ -106,11 +110,11 @@ def fit(
     values: Mapping[str, float],
     *,
     rough: bool = False,
-    loose_shares: Sequence[float] = LOOSE,
+    noise_shares: Sequence[float] = ROUGH_SHARES,
     near: Fit | None = None,
     refined: bool = True,
-    enough: float = LEAST_GAIN,
-    told: Callable[[float], None] | None = None,
+    min_decrease: float = MIN_DECREASE,
+    on_step: Callable[[float], None] | None = None,
 ) -> Fit:
     """Fit parameters to movements, and the noise and scatter to what is left over.
 
@@ -123,16 +127,18 @@ def fit(
     values : mapping of str to float
         Where to start, of all parameters.
     rough : bool
-        Whether others follow, so that nearby is good enough, and the noise begins loosened.
-    loose_shares : sequence of float
-        For each turn of a rough fit, which share of what the start misses is taken as noise [-].
+        Whether other fits follow, so that nearby is good enough, and the noise begins inflated.
+    noise_shares : sequence of float
+        For each pass of a rough fit, which share of the model error at the start is taken as noise
+        [-].
     near : Fit, optional
         A rough fit that ended at the values: its movements' own values are gone on with.
     refined : bool
         Whether a fit that is not rough ends with shorter steps of the solver.
-    enough : float
-        What a step must promise to be worth throws [square of a standard deviation].
-    told : callable, optional
+    min_decrease : float
+        Predicted decrease of the cost below which a step is not tried
+        [square of a standard deviation].
+    on_step : callable, optional
         Called with the root mean square of the residuals after each step.
 
     Returns
@@ -144,39 +150,47 @@ def fit(
     SolverError
         When a movement cannot be simulated at the start.
     """
-    iterations, own = 0, near.misfit.own if near else {}
+    iterations, effects = 0, near.misfit.effects if near else {}
     local = near.local if near else None
     if rough:
-        loose = loosened(misfit, parameters, values)
-        for share in loose_shares:
-            tighter = replace(tightened(loose, misfit, share), own=own)
-            found = _least_squares(tighter, parameters, values, rough=True, told=told, local=local)
+        inflated = inflate_noise(misfit, parameters, values)
+        for share in noise_shares:
+            scaled = replace(scale_inflation(inflated, misfit, share), effects=effects)
+            found = _least_squares(
+                scaled, parameters, values, rough=True, on_step=on_step, local=local
+            )
             iterations += found.iterations
-            values, own, local = found.values, found.misfit.own, found.local
-        return replace(found, misfit=relearned(found, misfit), iterations=iterations)
-    first, misfit = misfit, replace(misfit, own=own)
-    for number in range(MOST_PASSES):
+            values, effects, local = found.values, found.misfit.effects, found.local
+        return replace(found, misfit=reestimate_noise(found, misfit), iterations=iterations)
+    first, misfit = misfit, replace(misfit, effects=effects)
+    for number in range(MAX_PASSES):
         # Finer steps are no remedy for a model of something else.
         poor = bool(poorly_followed(misfit.comparison.noise, misfit.movements))
         misfit = replace(misfit, fine=refined and number > 0 and not poor)
         found = _least_squares(
-            misfit, parameters, values, rough=False, told=told, local=local, enough=enough
+            misfit,
+            parameters,
+            values,
+            rough=False,
+            on_step=on_step,
+            local=local,
+            min_decrease=min_decrease,
         )
         iterations += found.iterations
         values, local = found.values, found.local
-        misfit = relearned(found, first)
-        if number > 0 and (poor or _alike(found.misfit, misfit)):
+        misfit = reestimate_noise(found, first)
+        if number > 0 and (poor or _same_noise(found.misfit, misfit)):
             break
     return replace(found, iterations=iterations)
 
 
-def loosened(
+def inflate_noise(
     misfit: Misfit, parameters: Sequence[Parameter], values: Mapping[str, float]
 ) -> Misfit:
-    """Return a misfit whose noise holds what the model misses where a fit starts.
+    """Return a misfit whose noise holds the model error where a fit starts.
 
-    Weighed by the noise of the measurement alone, a model that is still far off would be led by
-    single bins and by what onset and scatter can imitate, not by what is large.
+    Weighed by the noise of the measurement alone, a model that is still far off would follow single
+    bins and what onset and scatter can imitate, instead of the large differences.
 
     Parameters
     ----------
@@ -200,17 +214,17 @@ def loosened(
         size = float(np.sqrt(np.mean(np.concatenate(rows))))
         if size > noise[key].missed:
             noise[key] = replace(noise[key], missed=size, missed_length=BIN)
-    return replace(misfit, comparison=replace(misfit.comparison, noise=noise), frame=None)
+    return replace(misfit, comparison=replace(misfit.comparison, noise=noise))
 
 
-def tightened(loose: Misfit, first: Misfit, share: float) -> Misfit:
-    """Return a misfit with a share of the loosened noise beside that of the measurement."""
+def scale_inflation(inflated: Misfit, first: Misfit, share: float) -> Misfit:
+    """Return a misfit with a share of the inflated noise, nowhere below the measured noise."""
     noise = dict(first.comparison.noise)
-    for key, own in noise.items():
-        size = share * loose.comparison.noise[key].missed
-        if size > own.missed:
-            noise[key] = replace(own, missed=size, missed_length=BIN)
-    return replace(first, comparison=replace(first.comparison, noise=noise), frame=None)
+    for key, measured in noise.items():
+        size = share * inflated.comparison.noise[key].missed
+        if size > measured.missed:
+            noise[key] = replace(measured, missed=size, missed_length=BIN)
+    return replace(first, comparison=replace(first.comparison, noise=noise))
 
 
 def _least_squares(
@@ -219,9 +233,9 @@ def _least_squares(
     values: Mapping[str, float],
     *,
     rough: bool,
-    told: Callable[[float], None] | None,
+    on_step: Callable[[float], None] | None,
     local: Local | None = None,
-    enough: float = LEAST_GAIN,
+    min_decrease: float = MIN_DECREASE,
 ) -> Fit:
     """Levenberg-Marquardt within bounds, in one state of noise and scatter."""
     names = [item.name for item in parameters]
@@ -231,41 +245,43 @@ def _least_squares(
         whole = {**misfit.base, **values}
         local = replace(local, values=whole, here=tuple(misfit.responses([whole])[0]))
     damping, iterations = 1e-4, 0
-    most, most_refused = (ROUGH_STEPS, ROUGH_REFUSED) if rough else (MOST_STEPS, MOST_STEPS)
+    max_steps, max_rejected = (ROUGH_STEPS, ROUGH_REJECTED) if rough else (MAX_STEPS, MAX_STEPS)
     message, converged = "", rough
     while True:
         misfit, local, frame = update_movement_effects(
-            misfit, local, names, turns=1 if rough else EFFECT_PASSES
+            misfit, local, names, passes=1 if rough else EFFECT_PASSES
         )
-        residuals = misfit.residuals_of(local.here, frame)
-        slopes = jacobian(local, frame, names)
-        cost = float(residuals @ residuals)
-        if told is not None:
-            told(float(np.sqrt(cost / max(residuals.size, 1))))
-        moved, refused = False, 0
-        while iterations < most and refused < most_refused:
+        r = misfit.residuals_of(local.here, frame)
+        J = jacobian(local, frame, names)
+        cost = float(r @ r)
+        if on_step is not None:
+            on_step(float(np.sqrt(cost / max(r.size, 1))))
+        accepted, rejected = False, 0
+        while iterations < max_steps and rejected < max_rejected:
             iterations += 1
-            step, gain = _step(residuals, slopes, parameters, local.values, damping)
-            least = max(enough, ROUGH_GAIN * cost) if rough else enough
-            if gain < least or np.abs(step).max() < SHORTEST_STEP:
+            step, predicted_decrease = _step(r, J, parameters, local.values, damping)
+            least = max(min_decrease, ROUGH_DECREASE * cost) if rough else min_decrease
+            if predicted_decrease < least or np.abs(step).max() < MIN_STEP:
                 message, converged = "converged", True
                 break
-            point = coordinates(parameters, local.values) + step
-            trial = {**local.values, **values_at(parameters, point)}
-            ahead = replace(misfit, own=effects_after(misfit, local, frame, names, step))
-            here = tuple(ahead.responses([trial])[0])
-            at_trial = ahead.residuals_of(here, frame)
-            left = float(at_trial @ at_trial)
-            if np.isfinite(left) and left < cost:
-                damping, moved, misfit = 0.1 * damping, True, ahead
-                if not rough and cost - left > max(STILL_GAIN, STILL_SHARE * left):
-                    most = max(most, min(iterations + MORE_STEPS, LAST_STEP))
+            theta = coordinates(parameters, local.values) + step
+            trial = {**local.values, **values_at(parameters, theta)}
+            trial_misfit = replace(misfit, effects=effects_after(misfit, local, frame, names, step))
+            here = tuple(trial_misfit.responses([trial])[0])
+            r_trial = trial_misfit.residuals_of(here, frame)
+            trial_cost = float(r_trial @ r_trial)
+            if np.isfinite(trial_cost) and trial_cost < cost:
+                damping, accepted, misfit = 0.1 * damping, True, trial_misfit
+                if not rough and cost - trial_cost > max(
+                    EXTENDING_DECREASE, EXTENDING_SHARE * trial_cost
+                ):
+                    max_steps = max(max_steps, min(iterations + EXTRA_STEPS, STEP_LIMIT))
                 break
-            damping, refused = max(10.0 * damping, 1e-3), refused + 1
-            if np.abs(step).max() < 10 * SHORTEST_STEP:
+            damping, rejected = max(10.0 * damping, 1e-3), rejected + 1
+            if np.abs(step).max() < 10 * MIN_STEP:
                 message, converged = "converged to the noise of the solver", True
                 break
-        if not moved:
+        if not accepted:
             break
         local = replace(local, values=trial, here=here)
     return Fit(
@@ -274,42 +290,59 @@ def _least_squares(
         values=local.values,
         local=local,
         frame=frame,
-        residuals=residuals,
-        jacobian=slopes,
+        residuals=r,
+        jacobian=J,
         iterations=iterations,
-        message=message or f"ended after {iterations} steps; more may improve it",
+        message=message or f"stopped after {iterations} steps before convergence",
         converged=converged,
     )
 
 
 def _step(
-    residuals: Floats,
-    slopes: Floats,
+    r: Floats,
+    J: Floats,
     parameters: Sequence[Parameter],
     values: Mapping[str, float],
     damping: float,
 ) -> tuple[Floats, float]:
-    """Return the damped step within bounds, and the fall of the cost that it promises."""
-    scale = np.sqrt((slopes**2).sum(axis=0))
-    scale = np.where(scale > 0, scale, 1.0)
-    here = coordinates(parameters, values)
-    low = np.array([item.coordinate(item.lower) for item in parameters]) - here
-    high = np.array([item.coordinate(item.upper) for item in parameters]) - here
-    low = np.minimum(np.maximum(low, -LONGEST_STEP), -1e-12)
-    high = np.maximum(np.minimum(high, LONGEST_STEP), 1e-12)
-    # The small triangle holds all that the tall matrix knows of the step.
-    tall = np.column_stack([slopes, residuals])
-    triangle: Floats = np.asarray(np.linalg.qr(tall, mode="r"), dtype=np.float64)
-    count = len(parameters)
-    matrix = np.vstack([triangle[:, :count], np.sqrt(damping) * np.diag(scale)])
-    right = np.concatenate([-triangle[:, count], np.zeros(count)])
-    step = lsq_linear(matrix, right, bounds=(low, high)).x
-    ahead = residuals + slopes @ step
-    return np.asarray(step), float(residuals @ residuals - ahead @ ahead)
+    r"""Return the Levenberg-Marquardt step within bounds, and the predicted decrease of the cost.
+
+    .. math::
+
+        \min_s \|J s + r\|^2 + \lambda \|D s\|^2, \quad D_{jj} = \|J_{:j}\|
+
+    Parameters
+    ----------
+    r : ndarray, shape (n,)
+        Whitened residuals.
+    J : ndarray, shape (n, p)
+        Their change with each coordinate.
+    parameters : sequence of Parameter
+        Tell the bounds.
+    values : mapping of str to float
+        At the present point.
+    damping : float
+        :math:`\lambda` [-].
+    """
+    D = np.sqrt((J**2).sum(axis=0))
+    D = np.where(D > 0, D, 1.0)
+    theta = coordinates(parameters, values)
+    lower = np.array([item.coordinate(item.lower) for item in parameters]) - theta
+    upper = np.array([item.coordinate(item.upper) for item in parameters]) - theta
+    lower = np.minimum(np.maximum(lower, -MAX_STEP), -1e-12)
+    upper = np.maximum(np.minimum(upper, MAX_STEP), 1e-12)
+    # The triangle of [J r] gives the same step as the tall matrices.
+    R: Floats = np.asarray(np.linalg.qr(np.column_stack([J, r]), mode="r"), dtype=np.float64)
+    p = len(parameters)
+    matrix = np.vstack([R[:, :p], np.sqrt(damping) * np.diag(D)])
+    right = np.concatenate([-R[:, p], np.zeros(p)])
+    step = lsq_linear(matrix, right, bounds=(lower, upper)).x
+    r_linear = r + J @ step
+    return np.asarray(step), float(r @ r - r_linear @ r_linear)
 
 
-def relearned(found: Fit, first: Misfit) -> Misfit:
-    """Return a misfit whose noise holds what the model misses, and whose scatter is as found.
+def reestimate_noise(found: Fit, first: Misfit) -> Misfit:
+    """Return a misfit whose noise holds the model error, and whose scatter is as estimated.
 
     Parameters
     ----------
@@ -320,10 +353,12 @@ def relearned(found: Fit, first: Misfit) -> Misfit:
     """
     series: dict[Key, list[Floats]] = {}
     misfit_noise = found.misfit.comparison.noise
-    for view, response in zip(found.frame.views, found.local.here, strict=True):
-        for (signal, _), row in zip(view.parts, view.left_over(response), strict=True):
+    for alignment, response in zip(found.frame.alignments, found.local.here, strict=True):
+        for (signal, _), row in zip(
+            alignment.parts, alignment.remaining_residuals(response), strict=True
+        ):
             known = misfit_noise[signal.channel, signal.drive].total
-            most = OUTLYING * max(known, TO_DEVIATION * float(np.median(np.abs(row))))
+            most = OUTLIER_LIMIT * max(known, MAD_TO_SIGMA * float(np.median(np.abs(row))))
             series.setdefault((signal.channel, signal.drive), []).append(np.clip(row, -most, most))
     noise = dict(first.comparison.noise)
     for key, rows in series.items():
@@ -332,18 +367,20 @@ def relearned(found: Fit, first: Misfit) -> Misfit:
             noise[key] = replace(noise[key], missed=size, missed_length=length)
     scatter = {}
     for name, expected in first.comparison.scatter.items():
-        estimates = [v.estimates[name] for v in found.frame.views if name in v.estimates]
+        estimates = [v.estimates[name] for v in found.frame.alignments if name in v.estimates]
         squares = sum(mean**2 + deviation**2 for mean, deviation in estimates)
         total = squares + SCATTER_WEIGHT * expected**2
         # One movement's worth is used up by the common value itself.
         scatter[name] = float(np.sqrt(total / (max(len(estimates) - 1, 0) + SCATTER_WEIGHT)))
-    comparison = replace(first.comparison, noise=noise, scatter=scatter, outlying=OUTLYING)
-    return replace(found.misfit, comparison=comparison, frame=None)
+    comparison = replace(
+        first.comparison, noise=noise, scatter=scatter, outlier_limit=OUTLIER_LIMIT
+    )
+    return replace(found.misfit, comparison=comparison)
 
 
-def _alike(before: Misfit, after: Misfit) -> bool:
-    """Tell whether noise and scatter changed too little to matter."""
-    if before.comparison.outlying != after.comparison.outlying:
+def _same_noise(before: Misfit, after: Misfit) -> bool:
+    """Tell whether noise and scatter changed by at most a quarter."""
+    if before.comparison.outlier_limit != after.comparison.outlier_limit:
         return False
     pairs = [
         (before.comparison.noise[key].total, noise.total)
@@ -352,4 +389,4 @@ def _alike(before: Misfit, after: Misfit) -> bool:
     pairs += [
         (before.comparison.scatter[name], share) for name, share in after.comparison.scatter.items()
     ]
-    return all(abs(a - b) <= SAME_NOISE * max(a, b) for a, b in pairs)
+    return all(abs(a - b) <= NOISE_TOLERANCE * max(a, b) for a, b in pairs)

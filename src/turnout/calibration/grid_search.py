@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.calibration.comparison import view_of
+from turnout.calibration.comparison import align
 from turnout.calibration.evaluate import Response
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.observed import BIN, Movement, Signal
@@ -114,11 +114,11 @@ def _share(misfit: Misfit, responses: Sequence[Response]) -> float:
     for movement, response in zip(misfit.movements, responses, strict=True):
         if response.failure:
             return float("inf")
-        view = view_of(movement, response, comparison=misfit.comparison, sensitivities={})
-        row, first = view.measured - view.plain(response), 0
-        for _, bins in view.parts:
+        alignment = align(movement, response, comparison=misfit.comparison, sensitivities={})
+        row, first = alignment.measured - alignment.predicted(response), 0
+        for _, bins in alignment.parts:
             piece = slice(first, first + bins.size)
-            width = float(np.ptp(view.measured[piece]))
+            width = float(np.ptp(alignment.measured[piece]))
             squares.append((row[piece] / max(width, 1.0)) ** 2)
             first += bins.size
     return float(np.sqrt(np.mean(np.concatenate(squares))))

@@ -14,7 +14,7 @@ T = TypeVar("T")
 # throws, and of those whose slopes must hold where little is left over but noise.
 DIFFERENCE, FINE_DIFFERENCE = 0.01, 0.003
 # Within this, steps aside are not simulated anew [coordinate]: of quick throws, and of those whose
-# small rest, once doubts are taken out, has to point the right way.
+# small rest, once nuisances are taken out, has to point the right way.
 SAME_SLOPE, SAME_FINE_SLOPE = 0.015, 0.003
 # A drive that stays this far below its slip level does not feel it [-].
 UNTOUCHED = 0.98

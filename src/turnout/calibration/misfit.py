@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.calibration.comparison import Comparison, Sensitivity, View, view_of
+from turnout.calibration.comparison import Alignment, Comparison, Sensitivity, align
 from turnout.calibration.evaluate import Evaluator, Response, Throw
 from turnout.calibration.local import (
     DIFFERENCE,
@@ -40,9 +40,9 @@ class Misfit:
         Measured.
     comparison : Comparison
         How they are compared.
-    own : mapping of str to tuple of float
-        By parameter that scatters: how far each movement's own value is from the common one, as a
-        share; throws are made there.
+    effects : mapping of str to tuple of float
+        By parameter that scatters: difference of each movement's own value from the common one, as
+        a share; movements are simulated there.
     law : callable, optional
         From values by name to further overrides of the panel, such as another law of a drive.
     shape : callable, optional
@@ -60,23 +60,22 @@ class Misfit:
     base: Mapping[str, float]
     movements: tuple[Movement, ...]
     comparison: Comparison
-    own: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    effects: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     law: Callable[[Mapping[str, float]], dict[str, object]] | None = None
     shape: Callable[[Response, Mapping[str, float]], Response] | None = None
     always: tuple[str, ...] = ()
     quick: bool = False
     fine: bool = False
-    frame: "Frame | None" = None
 
-    def residuals(self, values: Mapping[str, float]) -> Floats:
-        """Return the whitened residuals at values, in the frame of the misfit.
-
-        The first call without a frame makes one at the base values.
+    def residuals_of(self, responses: Sequence[Response], frame: "Frame") -> Floats:
+        """Return the whitened residuals of the response to each movement.
 
         Parameters
         ----------
-        values : mapping of str to float
-            By name of parameter, in SI; those that are left out keep their base value.
+        responses : sequence of Response
+            Simulated with the movement effects of this misfit.
+        frame : Frame
+            Alignments that whiten.
 
         Returns
         -------
@@ -84,21 +83,19 @@ class Misfit:
             Measured less simulated, independent with a standard deviation of 1 where the model is
             right; NaN where a simulation failed.
         """
-        if self.frame is None:
-            self.frame = framed(self.local(self.base, ()), self)
-        return self.residuals_of(self.responses([values])[0], self.frame)
-
-    def residuals_of(self, responses: Sequence[Response], frame: "Frame") -> Floats:
-        """Return the whitened residuals of the response to each movement, thrown at its own."""
         rows = []
-        for number, (view, response) in enumerate(zip(frame.views, responses, strict=True)):
-            own = {name: self.share(name, number) for name in view.own}
-            rows.append(view.whitened(view.measured - view.of(response, own)))
+        for number, (alignment, response) in enumerate(
+            zip(frame.alignments, responses, strict=True)
+        ):
+            effects = {name: self.effect(name, number) for name in alignment.effects}
+            rows.append(
+                alignment.whitened(alignment.measured - alignment.reduced(response, effects))
+            )
         return np.concatenate(rows) if rows else np.zeros(0)
 
-    def share(self, name: str, number: int) -> float:
-        """Return how far a movement's own value of a parameter is from the common one."""
-        return self.own[name][number] if name in self.own else 0.0
+    def effect(self, name: str, number: int) -> float:
+        """Return the difference of a movement's own value from the common one [share]."""
+        return self.effects[name][number] if name in self.effects else 0.0
 
     def responses(self, points: Sequence[Mapping[str, float]]) -> list[list[Response]]:
         """Return the response to each movement at each of several points, thrown together."""
@@ -120,7 +117,7 @@ class Misfit:
         movement = self.movements[number]
         mine = {
             name: values[name] * (1.0 + shares[number])
-            for name, shares in self.own.items()
+            for name, shares in self.effects.items()
             if shares[number]
         }
         overrides: dict[str, object] = dict(overrides_of(self.parameters, {**values, **mine}))
@@ -167,7 +164,7 @@ class Misfit:
         }
         shares = {
             p.name: tuple(
-                (aside[p.name] / whole[p.name] - 1.0) * (1.0 + self.share(p.name, n))
+                (aside[p.name] / whole[p.name] - 1.0) * (1.0 + self.effect(p.name, n))
                 for n in range(count)
             )
             for p in stepped
@@ -184,38 +181,40 @@ class Misfit:
             quick=self.quick,
         )
 
-    def local_near(self, values: Mapping[str, float], vary: Sequence[str], known: Local) -> Local:
-        """Return what `local` does; steps aside that were taken near by are not simulated anew.
+    def local_near(
+        self, values: Mapping[str, float], vary: Sequence[str], previous: Local
+    ) -> Local:
+        """Return what `local` does, reusing differences that were taken near by.
 
-        Near is told movement by movement, as each is thrown at its own values.
+        Near is judged movement by movement, as each is simulated at its own values.
         """
         whole = {**self.base, **values}
         most = SAME_SLOPE if self.quick else SAME_FINE_SLOPE
-        stale = [n for n in range(len(self.movements)) if self._shift(whole, n, known) > most]
-        same = set(vary) <= set(known.moved) and known.quick == self.quick
+        stale = [n for n in range(len(self.movements)) if self._shift(whole, n, previous) > most]
+        same = set(vary) <= set(previous.moved) and previous.quick == self.quick
         if not same or len(stale) == len(self.movements):
             return self.local(whole, vary)
         here = tuple(self.responses([whole])[0])
-        found = replace(known, values=whole, here=here)
+        found = replace(previous, values=whole, here=here)
         if not stale:
             return found
         part = replace(
             self,
             movements=tuple(self.movements[n] for n in stale),
-            own={name: tuple(row[n] for n in stale) for name, row in self.own.items()},
+            effects={name: tuple(row[n] for n in stale) for name, row in self.effects.items()},
         )
         return found.with_movements(stale, part.local(whole, vary))
 
     def _thrown_at(self, values: Mapping[str, float], number: int) -> dict[str, float]:
-        return {name: value * (1.0 + self.share(name, number)) for name, value in values.items()}
+        return {name: value * (1.0 + self.effect(name, number)) for name, value in values.items()}
 
-    def _shift(self, values: Mapping[str, float], number: int, known: Local) -> float:
+    def _shift(self, values: Mapping[str, float], number: int, previous: Local) -> float:
         """Return how far a movement is thrown from where its steps aside were taken."""
-        before, now = known.about[number], self._thrown_at(values, number)
+        before, after = previous.about[number], self._thrown_at(values, number)
         return max(
-            abs(p.coordinate(now[p.name]) - p.coordinate(before[p.name]))
+            abs(p.coordinate(after[p.name]) - p.coordinate(before[p.name]))
             for p in self.parameters
-            if p.name in known.moved
+            if p.name in previous.moved
         )
 
     def _moved(
@@ -248,43 +247,43 @@ class Misfit:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frame:
-    """Views of all movements, made about one point.
+    """Alignments of all movements, made about one point.
 
     Attributes
     ----------
     values : mapping of str to float
         The point.
-    views : tuple of View
+    alignments : tuple of Alignment
         In the order of the movements.
     """
 
     values: Mapping[str, float]
-    views: tuple[View, ...]
+    alignments: tuple[Alignment, ...]
 
 
 def framed(local: Local, misfit: Misfit) -> Frame:
-    """Make the views of all movements about a point."""
-    views = []
+    """Align all movements about a point."""
+    alignments = []
     for number, movement in enumerate(misfit.movements):
         sensitivities = {
             name: Sensitivity(
                 here=local.origin[number],
                 aside=local.moved[name][number],
                 step=local.shares[name][number],
-                own=misfit.share(name, number),
+                effect=misfit.effect(name, number),
             )
             for name, share in misfit.comparison.scatter.items()
             if share > 0 and name in local.moved
         }
-        views.append(
-            view_of(
+        alignments.append(
+            align(
                 movement,
                 local.here[number],
                 comparison=misfit.comparison,
                 sensitivities=sensitivities,
             )
         )
-    return Frame(values=local.values, views=tuple(views))
+    return Frame(values=local.values, alignments=tuple(alignments))
 
 
 def slopes_of(local: Local, frame: Frame, names: Sequence[str]) -> list[Floats]:
@@ -295,13 +294,13 @@ def slopes_of(local: Local, frame: Frame, names: Sequence[str]) -> list[Floats]:
     list of ndarray, shape (n, len(names))
     """
     found = []
-    for number, view in enumerate(frame.views):
-        here = view.plain(local.origin[number])
+    for number, alignment in enumerate(frame.alignments):
+        here = alignment.predicted(local.origin[number])
         block = np.zeros((here.size, len(names)))
         for column, name in enumerate(names):
             moved = local.moved[name][number]
             if moved is not local.origin[number]:
-                block[:, column] = (view.plain(moved) - here) / local.steps[name][number]
+                block[:, column] = (alignment.predicted(moved) - here) / local.steps[name][number]
         found.append(block)
     return found
 
@@ -314,5 +313,8 @@ def jacobian(local: Local, frame: Frame, names: Sequence[str]) -> Floats:
     ndarray, shape (n, len(names))
     """
     slopes = slopes_of(local, frame, names)
-    rows = [-view.whitened(slope) for view, slope in zip(frame.views, slopes, strict=True)]
+    rows = [
+        -alignment.whitened(slope)
+        for alignment, slope in zip(frame.alignments, slopes, strict=True)
+    ]
     return np.concatenate(rows)

@@ -1,8 +1,7 @@
-"""Which movements a calibration can use, and whether it belongs to a panel.
+"""Checks of a calibration's input and result.
 
-Whether a campaign can be calibrated to, before anything is thrown. Movements that the model cannot
-follow: objects that there is never room for. Whether movements show a drive slip, or only that it
-does not slip below some force. Whether a calibration belongs to a panel, and is to be trusted.
+Before the fit: whether a campaign suffices for the stages, and objects that do not fit between the
+rails. After it: slip levels that are bounded from below only, and the panel of a calibration.
 """
 
 from collections.abc import Sequence
@@ -65,11 +64,11 @@ def check_campaign(
 def exclude_oversized_objects(
     movements: Sequence[Movement], panel: LoadedPanel
 ) -> tuple[tuple[Movement, ...], list[str]]:
-    """Return the movements whose object the model has room for, and what to say of the others.
+    """Return the movements whose object fits between the rails, and a message for each other.
 
     An object is placed between the rails as soon as they stand far enough apart. Where they never
     do it is not there, and a throw with it is one without: comparing it with a measurement in
-    which it was squeezed in would spoil every value. Only objects near the estimated opening are
+    which it was squeezed would spoil every value. Only objects near the estimated opening are
     thrown to find out.
 
     Parameters
@@ -84,20 +83,20 @@ def exclude_oversized_objects(
     MeasurementError
         When nothing is left.
     """
-    rooms = {(item.place, item.size): _has_room(panel, item) for item in movements if item.size > 0}
-    kept = tuple(item for item in movements if rooms.get((item.place, item.size), True))
+    fits = {(item.place, item.size): _fits(panel, item) for item in movements if item.size > 0}
+    kept = tuple(item for item in movements if fits.get((item.place, item.size), True))
     texts = [
-        f"{item.text} was left out: the gap of panel {panel.name} never has room for the object; "
+        f"{item.text} was left out: the object does not fit into the gap of panel {panel.name}; "
         "check size and place in the run sheet, and the geometry of the panel there"
         for item in movements
-        if not rooms.get((item.place, item.size), True)
+        if not fits.get((item.place, item.size), True)
     ]
     if not kept:
         raise MeasurementError(texts, source="no movement is left")
     return kept, texts
 
 
-def _has_room(panel: LoadedPanel, item: Movement) -> bool:
+def _fits(panel: LoadedPanel, item: Movement) -> bool:
     opening = largest_opening(panel, str(panel.object_defaults.rail), item.x)
     if opening is None or item.size < opening - OPENING_MARGIN:
         return True
@@ -113,12 +112,12 @@ def _has_room(panel: LoadedPanel, item: Movement) -> bool:
 
 Floats = NDArray[np.float64]
 # How much further a slip level is tried [coordinate], and by how much the cost must then rise for
-# the level to be told from above (95 %, one parameter).
+# the level to be identified from above (95 %, one parameter).
 FURTHER, IDENTIFIED = 0.05, 3.84
 
 
 def drop_unidentified_slip_levels(found: Fit) -> tuple[Fit, list[str]]:
-    """Forget slip levels that were only pushed out of the way, and say so.
+    """Drop slip levels that are bounded from below only, with a warning.
 
     A level below the largest force is raised by a fit until it just no longer matters. There the
     cost is steep on one side and flat on the other, and its slope would claim a sharp value.
@@ -139,7 +138,7 @@ def drop_unidentified_slip_levels(found: Fit) -> tuple[Fit, list[str]]:
             slopes[:, column] = 0.0
             value = found.values[item.name]
             warnings.append(
-                f"{item.name}: no movement tells it, only that it is not below {value:.0f} N; "
+                f"{item.name}: not identifiable from these movements, only at least {value:.0f} N; "
                 "measure a larger object beside the drive, at which it slips"
             )
     return (replace(found, jacobian=slopes) if warnings else found), warnings
@@ -163,8 +162,7 @@ def _residuals(found: Fit, item: Parameter, value: float, numbers: Sequence[int]
     part = replace(
         misfit,
         movements=tuple(misfit.movements[n] for n in numbers),
-        own={name: tuple(row[n] for n in numbers) for name, row in misfit.own.items()},
-        frame=None,
+        effects={name: tuple(row[n] for n in numbers) for name, row in misfit.effects.items()},
     )
     made = part.responses([{**found.values, item.name: value}])[0]
     responses = list(found.local.here)
@@ -181,7 +179,7 @@ def _least(residuals: Floats, slopes: Floats) -> float:
 
 
 def check_provenance(calibration: Calibration, *panels: LoadedPanel) -> tuple[str, ...]:
-    """Say why a calibration is not to be trusted, and that it is of none of some panels, by hash.
+    """Say why a calibration is not to be trusted, or that it is of another panel, by hash.
 
     Parameters
     ----------
@@ -201,6 +199,6 @@ def check_provenance(calibration: Calibration, *panels: LoadedPanel) -> tuple[st
     return (
         *found,
         f"the calibration is of panel {calibration.panel} with hash {calibration.panel_hash[:12]}, "
-        f"not of {panels[0].name} with hash {panels[0].hash[:12]}; its values are taken all the "
-        "same",
+        f"not of {panels[0].name} with hash {panels[0].hash[:12]}; its values are used "
+        "anyway",
     )

@@ -1,4 +1,4 @@
-"""How far a channel can be trusted: noise, its correlation, and what the model misses."""
+"""Noise of a channel, its correlation in time, and the model error."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class Noise:
     slow, slow_length : float
         Of what decays exponentially over time: standard deviation, and time to a third [s].
     missed, missed_length : float
-        The same of what the model misses; before anything was fitted, what two solvers would.
+        The same of the model error; before a fit, of the difference between two solvers.
     """
 
     white: float
@@ -79,7 +79,7 @@ def peaks_of(movements: Sequence[Movement]) -> dict[tuple[str, str], float]:
 def poorly_followed(
     noise: Mapping[tuple[str, str], Noise], movements: Sequence[Movement]
 ) -> dict[tuple[str, str], float]:
-    """Return the channels of which a model misses so much that its values say little.
+    """Return the channels whose model error is too large for the fit to be trusted.
 
     Returns
     -------
@@ -125,7 +125,7 @@ def measured_noise(movements: Sequence[Movement]) -> dict[tuple[str, str], Noise
 
 
 def missed_by_model(residuals: Sequence[Floats], noise: Noise) -> tuple[float, float]:
-    """Return size and time of decay of what is left over beyond the noise.
+    """Return size [unit of the channel] and decay time [s] of the model error.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def missed_by_model(residuals: Sequence[Floats], noise: Noise) -> tuple[float, f
     if covariance.size < 2:
         return 0.0, BIN
     extra = covariance[0] - noise.white**2 - noise.slow**2
-    # Below a tenth of the noise's own variance it cannot be told from chance.
+    # Below a tenth of the noise's own variance it is not significant.
     if extra <= 0.1 * (noise.white**2 + noise.slow**2):
         return 0.0, BIN
     below = np.flatnonzero(covariance[1:] < extra * np.exp(-1.0))

@@ -71,7 +71,7 @@ class Movement:
     length : float
         Time from the onset in which a simulation can be compared [s].
     clocked : bool
-        Whether motor currents told the onset.
+        Whether the onset was found from motor currents.
     """
 
     name: str
@@ -201,11 +201,11 @@ def movement_length(panel: LoadedPanel, direction: str, *, trapped: bool) -> flo
         When the schedule has no movement in this direction.
     """
     ordered = [item for _, item in ordered_movements(panel)]
-    own = [item for item in ordered if DIRECTIONS[item.to] == direction]
-    if not own:
+    movements = [item for item in ordered if DIRECTIONS[item.to] == direction]
+    if not movements:
         problem = f"the panel's schedule has no {direction} movement; add one"
         raise PanelError([problem], source="panel")
-    last = own[-1]
+    last = movements[-1]
     end = last.start + max(movement_time(last, name) for name in panel.drive) + HOLD
     limits = [item.start for item in ordered if item.start > last.start]
     gone = panel.object_defaults.disappears

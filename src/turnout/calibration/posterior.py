@@ -1,4 +1,4 @@
-"""What the data leave possible: importance sampling, a chain as check, profiles of the cost."""
+"""Posterior of a fit: importance sampling, a chain as check, profiles of the cost."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ RISE_95 = 3.841
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Posterior:
-    """What is possible given the data, under flat densities within the bounds.
+    """Posterior under flat priors within the bounds.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Posterior:
 
 
 def posterior_of(found: Fit, spread: Spread, *, seed: int = 0) -> Posterior:
-    """Sample what the data leave possible about a fit.
+    """Sample the posterior distribution about a fit.
 
     A quadratic emulator of the residuals is proved on fresh throws. Points are drawn from a
     Student distribution about the fit and weighted by their likelihood. Where emcee is installed, a

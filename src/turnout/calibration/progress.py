@@ -1,4 +1,4 @@
-"""How far a calibration is, for whoever watches."""
+"""Calibration progress."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -12,14 +12,14 @@ from turnout.calibration.stage import Plan
 from turnout.panel.load import LoadedPanel
 
 # Steps that the last stage usually takes, each with its own sensitivities.
-LAST_STEPS = 6
+JOINT_STEPS = 6
 # Movements that advice usually looks at.
 CANDIDATES = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
-    """How far a calibration is, for whoever watches.
+    """Calibration progress.
 
     Attributes
     ----------
@@ -32,7 +32,8 @@ class State:
     misfit : float
         Root mean square of the residuals over their expected size; NaN before the first.
     seconds, left : float
-        Since the start, and what is left at most, by the throws that may still be needed [s].
+        Since the start, and left by the throws that are usually needed; at least those of one
+        more step [s].
     """
 
     stage: str
@@ -58,7 +59,7 @@ def planned_throws(
         chosen = len(selected(movements, stage.movements, panel))
         count = len(plan.named(stage.parameters))
         last = number == len(plan.stages)
-        steps = LAST_STEPS if last else ROUGH_STEPS // 2
+        steps = JOINT_STEPS if last else ROUGH_STEPS // 2
         total += chosen * (2 * len(stage.grid) + steps * (count + 2))
         if last and posterior:
             total += chosen * points_needed(count)
@@ -67,13 +68,21 @@ def planned_throws(
     return total
 
 
+def throws_per_step(plan: Plan, movements: Sequence[Movement], panel: LoadedPanel) -> int:
+    """Return how many throws one step of the last stage takes."""
+    stage = plan.stages[-1]
+    count = len(plan.named(stage.parameters))
+    return len(selected(movements, stage.movements, panel)) * (count + 2)
+
+
 @dataclass(slots=True)
 class Watch:
-    """Puts together what the one who watches is told."""
+    """Collects the progress of a calibration and reports it after each throw."""
 
     report: Callable[[State], None] | None
     stages: int
     planned: int
+    per_step: int = 0
     stage: str = ""
     number: int = 0
     misfit: float = float("nan")
@@ -93,7 +102,7 @@ class Watch:
                 evaluations=evaluator.made,
                 misfit=self.misfit,
                 seconds=seconds,
-                left=seconds / made * max(self.planned - made - evaluator.reused, 0),
+                left=seconds / made * max(self.planned - made - evaluator.reused, self.per_step),
             )
         )
 

@@ -1,4 +1,4 @@
-"""The result of a calibration: values, covariance, where they come from; a file, and its use."""
+"""The record of a calibration: values, covariance, provenance; written, read and applied."""
 
 import json
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ class Fitted:
     value : float
         Best fit, in SI.
     deviation : float
-        Standard deviation; NaN where it was not fitted or the data do not tell it.
+        Standard deviation; NaN where it was not fitted or is not identified.
     lower, upper : float
         The bounds it was kept in.
     interval : tuple of float
@@ -88,7 +88,7 @@ class StageLog:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Calibration:
-    """A calibrated panel, and how sure it is.
+    """Calibrated values of a panel with their uncertainty.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ class Calibration:
     stages : tuple of StageLog
         What was done.
     warnings, findings : tuple of str
-        What to look at, and what the data can and cannot tell, in words.
+        Warnings, and findings such as strong correlations, in words.
     distrust : tuple of str
         Why it is not to be trusted, and what to do; empty where it is.
     noise : mapping of str to mapping of str to float

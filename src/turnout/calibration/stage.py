@@ -181,15 +181,15 @@ def default_plan(
         )
     ]
     for name in panel.drive:
-        own = (f"drive.{name}.stiffness", f"drive.{name}.saturation_force")
-        stiffness, level = (free_parameter(panel, key) for key in own)
+        keys = (f"drive.{name}.stiffness", f"drive.{name}.saturation_force")
+        stiffness, level = (free_parameter(panel, key) for key in keys)
         low, high = min(STIFFNESS_SWEEP), max(STIFFNESS_SWEEP)
         bounds = (min(low, stiffness.lower) / 1.5, max(high, stiffness.upper) * 1.5)
         parameters += [replace(stiffness, lower=bounds[0], upper=bounds[1]), level]
         stages.append(
             Stage(
                 name=f"drive {name}",
-                parameters=own,
+                parameters=keys,
                 movements=Selection(
                     objects=ANY, place=f"drive {name}", size=TEST_SIZE, direction="closing"
                 ),

@@ -16,7 +16,7 @@ from turnout.cli.options import (
     opened_panel,
     write_and_report,
 )
-from turnout.cli.validate import kept_throws
+from turnout.measurement.campaign.inside import kept_throws
 
 if TYPE_CHECKING:
     from turnout.calibration.calibrate import Outcome
@@ -155,7 +155,7 @@ def result_lines(calibration: "Calibration") -> list[str]:
             sure = (
                 f" ({100 * item.deviation / abs(item.value):.2g} %; 95 %: {low:.5g} ... {high:.5g})"
             )
-        lines.append(f"{item.state:<12}{item.name} = {item.value:.5g}{unit}{sure}")
+        lines.append(f"{item.state + ' ':<12}{item.name} = {item.value:.5g}{unit}{sure}")
     lines += _posterior_lines(calibration)
     for name, share in calibration.scatter.items():
         lines.append(f"{'scatter':<12}{name}: {100 * share:.1f} % from movement to movement")

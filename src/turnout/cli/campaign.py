@@ -280,10 +280,14 @@ def dataset_of(
 
     What is to be written, `out`, must not leave the folder by a link in it.
     """
-    from turnout.measurement.campaign.inside import refuse_links_out, refuse_to_leave
-    from turnout.measurement.campaign.piece import STORE
+    from turnout.measurement.campaign.inside import (
+        STORE,
+        campaign_folder,
+        refuse_links_out,
+        refuse_to_leave,
+    )
 
-    received = source if source.is_dir() else source.parent
+    received = campaign_folder(source)
     refuse_links_out(received / STORE, received)
     if out is not None:
         refuse_to_leave(out, received)

@@ -13,6 +13,7 @@ from turnout.cli.options import (
     opened_panel,
     write_and_report,
 )
+from turnout.measurement.campaign.inside import kept_throws
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -108,12 +109,6 @@ def _check_place(dataset: "xr.Dataset", place: str) -> None:
         raise FileError(message + choices(known))
 
 
-def kept_throws(source: Path) -> Path:
-    """Return the folder in which the throws for a campaign are kept."""
-    folder = source if source.is_dir() else source.parent
-    return folder / ".turnout" / "throws"
-
-
 def _validated(
     source: Path,
     dataset: "xr.Dataset",
@@ -133,7 +128,7 @@ def _validated(
             watched(f"throwing {panel.name}", quiet=quiet) as watch,
             Evaluator(panel, folder=kept_throws(source), workers=workers) as evaluator,
         ):
-            evaluator.told = lambda: watch.report(min(evaluator.made, total), total)
+            evaluator.on_throw = lambda: watch.report(min(evaluator.made, total), total)
             return validate(dataset, panel, known, evaluator=evaluator)
     except KeyboardInterrupt:
         _interrupted()

@@ -1,8 +1,4 @@
-"""What a data acquisition system recorded, and an overview of it.
-
-What a data acquisition system recorded: evenly sampled channels, each with a rate of its own. What
-is in a recording at a glance: a row of figures a channel, and its course in a few steps.
-"""
+"""A recording: evenly sampled channels, each with its own rate, and an overview of them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

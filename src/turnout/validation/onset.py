@@ -1,8 +1,8 @@
 """The true onset of movements that no motor current marked.
 
-Forces begin to grow with the cube of time, so that they tell the onset to some tens of milliseconds
+Forces begin to grow with the cube of time, so that they give the onset to some tens of milliseconds
 only, and rather too early in all movements alike. Compared on that clock, the right model would be
-off by more than repeats are. The part of a movement in which no object is touched yet tells better.
+off by more than repeats are. The part of a movement before it touches an object gives it better.
 """
 
 from collections.abc import Sequence
@@ -18,8 +18,8 @@ Floats = NDArray[np.float64]
 # As far as a marked onset may be off, and how finely this is searched at first [s].
 REACH, COARSE, FINE = 0.4, 0.01, 0.001
 # Expected of a marked onset: beyond it, forces must say so more clearly [s].
-DOUBT = 0.05
-# Before the onset, and before the contact [s]; less than `LEAST` of movement tells nothing.
+UNCERTAINTY = 0.05
+# Before the onset, and before the contact [s]; a part shorter than `LEAST` is not used.
 BEFORE, CLEARANCE, LEAST = 0.3, 0.1, 0.3
 # Share of the largest force that a model may miss without saying something of the onset [-].
 MISSED = 0.01
@@ -66,7 +66,7 @@ def _shift(item: Movement, response: Response) -> float:
         return float("nan")
 
     def cost(shift: float) -> float:
-        total = (shift / DOUBT) ** 2
+        total = (shift / UNCERTAINTY) ** 2
         for signal in item.signals:
             if signal.channel != "drive_force":
                 continue

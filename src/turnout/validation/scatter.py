@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-# A direction whose expected scatter moves forces by less than so many noises tells nothing of it.
+# A direction is identified where its expected scatter moves forces by at least so many noises.
 LEAST_ANSWER = 0.5
 
 
@@ -100,11 +100,11 @@ def scatter_of(
         lost = (len(group) - 1.0) / len(group)
         mean = measured[:, list(group)].mean(axis=1)
         for number in group:
-            amounts, told, remainder = _explained(
+            amounts, identified, remainder = _explained(
                 measured[:, number] - mean, directions, number=number, noise=noise
             )
-            squares += np.where(told, amounts**2, 0.0)
-            freedom += np.where(told, lost, 0.0)
+            squares += np.where(identified, amounts**2, 0.0)
+            freedom += np.where(identified, lost, 0.0)
             known = np.isfinite(remainder)
             left += np.where(known, remainder, 0.0) ** 2 @ np.ones(remainder.shape[1])
             samples += lost * known.sum(axis=1)
@@ -126,17 +126,17 @@ def scatter_of(
 def _explained(
     difference: Floats, directions: Sequence[Direction], *, number: int, noise: Floats
 ) -> tuple[Floats, NDArray[np.bool_], Floats]:
-    """Return how much of each direction explains a difference, which of them can tell, the rest."""
+    """Return the share of each direction in a difference, which are identified, and the rest."""
     rows = np.array([item.slope[:, number] for item in directions])
     there = np.isfinite(difference) & np.isfinite(rows).all(axis=0)
     weight = 1.0 / noise[:, np.newaxis]
     flat = np.where(there, rows * weight, 0.0).reshape(len(directions), -1)
     count = max(int(there.sum()), 1)
     answer = np.sqrt((flat**2).sum(axis=1) / count) * [item.expected for item in directions]
-    told = answer > LEAST_ANSWER
+    identified = answer > LEAST_ANSWER
     amounts = np.zeros(len(directions))
-    if told.any():
+    if identified.any():
         target = np.where(there, difference * weight, 0.0).ravel()
-        amounts[told] = np.linalg.lstsq(flat[told].T, target, rcond=1e-6)[0]
+        amounts[identified] = np.linalg.lstsq(flat[identified].T, target, rcond=1e-6)[0]
     remainder = difference - np.tensordot(amounts, np.where(there, rows, 0.0), axes=1)
-    return amounts, told, np.where(there, remainder, np.nan)
+    return amounts, identified, np.where(there, remainder, np.nan)

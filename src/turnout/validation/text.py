@@ -54,7 +54,7 @@ def page_text(validation: xr.Dataset, verdict: Verdict, *, figures: list[str]) -
     lines += [f"![{name}]({name})\n" for name in figures]
     lines.append(
         "NRMSE is the RMS difference over the largest measured force of the channel. The band "
-        "holds the doubt of the parameters, of noise, and of what differs from throw to throw. "
+        "holds the uncertainty of the parameters, the noise, and the scatter from throw to throw. "
         "The spread of a channel without repeats is what the scatter of the others implies.\n"
     )
     return "\n".join(lines)
@@ -65,16 +65,16 @@ def notes(validation: xr.Dataset) -> list[str]:
 
     Examples
     --------
-    >>> told = xr.Dataset({"onset_shift": ("movement", [0.0, 0.045, 0.052])})
-    >>> notes(told.assign_attrs(left_out='["a was left out: no room"]'))
-    ['a was left out: no room', 'no motor current told 2 onsets: ... 45 to 52 ms after the marks']
+    >>> found = xr.Dataset({"onset_shift": ("movement", [0.0, 0.045, 0.052])})
+    >>> notes(found.assign_attrs(left_out='["a was left out: does not fit"]'))
+    ['a was left out: does not fit', '2 onsets without motor current: ... 52 ms after the marks']
     """
     texts = [str(text) for text in json.loads(validation.attrs.get("left_out", "[]"))]
     moved = validation["onset_shift"].values if "onset_shift" in validation else np.zeros(0)
     moved = 1e3 * moved[moved != 0.0]
     if moved.size:
         texts.append(
-            f"no motor current told {moved.size} onsets: those that fit the free part of each "
+            f"{moved.size} onsets without motor current: those that fit the free part of each "
             f"movement are {moved.min():.0f} to {moved.max():.0f} ms after the marks"
         )
     return texts

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.calibration.entries import unusable
+from turnout.calibration.entries import excluded_movements
 from turnout.calibration.evaluate import Evaluator, Throw
 from turnout.calibration.local import stepped_value
 from turnout.calibration.movements import exclude_oversized_objects
@@ -38,7 +38,7 @@ Floats = NDArray[np.float64]
 QUANTILE = 1.959964
 # Parameters that a throw can have of its own, by the end of their key, and how much is expected.
 FRICTION, LEVEL = ("friction_coefficient", 0.02), ("saturation_force", 0.01)
-# To how much the onset of a movement is told, by motor currents or by its free part [s].
+# Standard uncertainty of an onset, from motor currents or from the free part [s].
 ONSET = 0.005
 SHEET = ("direction", "size", "place", "repeat", "slipped")
 
@@ -92,7 +92,7 @@ def validate(
     MeasurementError
         When the campaign does not fit the panel, or no throw can be simulated.
     """
-    movements, roomless = exclude_oversized_objects(observe(dataset, panel), panel)
+    movements, oversized = exclude_oversized_objects(observe(dataset, panel), panel)
     grid = Grid.of(movements)
     model = _model(movements, grid, calibration, evaluator)
     sheet = dataset.sel(movement=[item.name for item in movements])
@@ -132,7 +132,7 @@ def validate(
             "panel_hash": panel.hash,
             "calibration_panel_hash": calibration.panel_hash,
             "scatter": json.dumps({**scatter.sizes, "repeats": scatter.repeated}),
-            "left_out": json.dumps([*unusable(dataset), *roomless]),
+            "left_out": json.dumps([*excluded_movements(dataset), *oversized]),
         },
     )
 
@@ -206,7 +206,7 @@ def _directions(model: _Model, calibration: Calibration) -> list[Direction]:
 
 
 def _of_parameters(model: _Model, calibration: Calibration) -> Floats:
-    """Return the variance that the doubt of the fitted parameters makes [N^2]."""
+    """Return the variance from the uncertainty of the fitted parameters [N^2]."""
     if not model.slopes:
         return np.zeros_like(model.forces)
     stacked = np.stack(list(model.slopes.values()))

@@ -1,7 +1,6 @@
-"""What perfect transducers would have recorded of one movement, and a truth of another mesh.
+"""What perfect transducers would have recorded of one simulated movement.
 
-A truth that is not the model's own: the same switch, solved more finely and otherwise. What perfect
-transducers would have recorded of one movement of a simulated run.
+The truth may be a finer reference solution: the same switch with another mesh, step and damping.
 """
 
 from collections.abc import Mapping

@@ -1,8 +1,4 @@
-"""Fit each law that a drive may follow, and say which one the measurement supports.
-
-Fit each law that a drive may follow, and tell which one the measurement wants. A comparison of
-drive laws in words.
-"""
+"""Fit each law that a drive may follow, and report which one the measurement supports."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -109,7 +105,7 @@ class LawComparison:
 
     @property
     def best(self) -> LawResult:
-        """The law that the data want: the plain one unless another is decisively better."""
+        """The law that the data support: the plain one unless another is decisively better."""
         other = min((r for r in self.results if not r.slight), key=lambda item: item.schwarz)
         better = min(self.plain.schwarz - other.schwarz, self.plain.akaike - other.akaike)
         return other if better > DECISIVE else self.plain
@@ -283,7 +279,7 @@ def _chosen(
         movements, Selection(objects="any", direction="closing", most=OBJECTS), panel
     )
     if not trapped:
-        problem = "no closing movement with an object, so laws of a drive cannot be told apart"
+        problem = "no closing movement with an object, so laws of a drive cannot be compared"
         raise MeasurementError([problem], source=source)
     return (*free, *trapped)
 
@@ -341,7 +337,7 @@ def _parameters(calibration: Calibration, panel: LoadedPanel, drive: str) -> lis
 def law_lines(found: LawComparison) -> list[str]:
     """Return a comparison as lines for the screen, the verdict first."""
     best, plain = found.best, found.plain
-    lines = [f"drive {found.drive}: the data want the law '{best.name}': {best.text}"]
+    lines = [f"drive {found.drive}: the data support the law '{best.name}': {best.text}"]
     if best is plain:
         lines[0] += "; no other law is decisively better"
     else:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.drive_law.candidates import DriveLaw, level_key
-from turnout.calibration.fit import TIGHTENING, Fit, fit
+from turnout.calibration.fit import JOINT_SHARES, Fit, fit
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.observed import largest_force
 from turnout.calibration.parameter import Parameter
@@ -21,12 +21,12 @@ TRIES = (0.1, 0.3, 1.0, 3.0)
 
 class _End(TypedDict):
     refined: bool
-    enough: float
+    min_decrease: float
 
 
 # How every law is fitted to its end: what half a step of the solver moves is within the noise that
 # laws are judged by, and so is half a unit of the cost.
-END: _End = {"refined": False, "enough": 0.5}
+END: _End = {"refined": False, "min_decrease": 0.5}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,14 +49,16 @@ class LawFit:
 
 
 def fitted_plain(law: DriveLaw, misfit: Misfit, vary: Sequence[Parameter]) -> LawFit:
-    """Fit the plain law as a calibration does: quickly and loosely, then to the end.
+    """Fit the plain law as a calibration does: roughly at first, then to convergence.
 
     Raises
     ------
     SolverError
         When a movement cannot be simulated.
     """
-    near = fit(replace(misfit, quick=True), vary, misfit.base, rough=True, loose_shares=TIGHTENING)
+    near = fit(
+        replace(misfit, quick=True), vary, misfit.base, rough=True, noise_shares=JOINT_SHARES
+    )
     found = fit(replace(misfit, base=near.values), vary, near.values, near=near, **END)
     return LawFit(law=law, names=tuple(item.name for item in vary), found=found)
 
@@ -84,12 +86,14 @@ def fitted_variant(
     SolverError
         When a movement cannot be simulated.
     """
-    at_plain = replace(misfit, own=plain.misfit.own, base={**misfit.base, **plain.values})
+    at_plain = replace(misfit, effects=plain.misfit.effects, base={**misfit.base, **plain.values})
     values = _suggested(law, at_plain, plain)
-    own = dict(plain.misfit.own)
+    effects = dict(plain.misfit.effects)
     if level_key(drive) in law.scatter:
-        own[level_key(drive)] = _own_levels(law, replace(at_plain, base=values), plain, drive)
-    start = replace(plain, misfit=replace(at_plain, own=own, base=values), values=values)
+        effects[level_key(drive)] = _movement_levels(
+            law, replace(at_plain, base=values), plain, drive
+        )
+    start = replace(plain, misfit=replace(at_plain, effects=effects, base=values), values=values)
     found = fit(replace(misfit, base=values), vary, values, near=start, **END)
     return LawFit(law=law, names=tuple(item.name for item in vary), found=found)
 
@@ -113,11 +117,13 @@ def fitted_from(before: LawFit, misfit: Misfit, other: Fit) -> LawFit:
     """
     vary = [item for item in misfit.parameters if item.name in before.names]
     values = {item.name: other.values[item.name] for item in misfit.parameters}
-    own = {name: row for name, row in other.misfit.own.items() if name in misfit.comparison.scatter}
+    effects = {
+        name: row for name, row in other.misfit.effects.items() if name in misfit.comparison.scatter
+    }
     # Slopes of another law are none of this one.
     near = replace(
         other,
-        misfit=replace(misfit, own=own),
+        misfit=replace(misfit, effects=effects),
         values=values,
         local=replace(other.local, moved={}),
     )
@@ -139,25 +145,30 @@ def _suggested(law: DriveLaw, misfit: Misfit, plain: Fit) -> dict[str, float]:
     return values
 
 
-def _own_levels(law: DriveLaw, misfit: Misfit, plain: Fit, drive: str) -> tuple[float, ...]:
-    """Return for each movement where its slip level may be, as a share beside the common one.
+def _movement_levels(law: DriveLaw, misfit: Misfit, plain: Fit, drive: str) -> tuple[float, ...]:
+    """Return for each movement its likely slip level, as a share relative to the common one.
 
     Where a drive slips below the common level, a throw at the common one may not slip at all, and
-    no slope tells that it should. So the largest force that was measured is tried as level.
+    no slope shows that it should. So the largest force that was measured is tried as level.
     """
     name = level_key(drive)
     common = misfit.base[name]
     shares = tuple(largest_force(item, drive) / common - 1.0 for item in misfit.movements)
-    tried = replace(misfit, own={**misfit.own, name: shares})
+    tried = replace(misfit, effects={**misfit.effects, name: shares})
     rows = [
         (misfit, misfit.responses([misfit.base])[0]),
         (tried, tried.responses([misfit.base])[0]),
     ]
     chosen = []
-    for number, view in enumerate(plain.frame.views):
-        own = {key: misfit.share(key, number) for key in view.own}
+    for number, alignment in enumerate(plain.frame.alignments):
+        effects = {key: misfit.effect(key, number) for key in alignment.effects}
         costs = [
-            float(np.sum(view.whitened(view.measured - view.of(row[number], own)) ** 2))
+            float(
+                np.sum(
+                    alignment.whitened(alignment.measured - alignment.reduced(row[number], effects))
+                    ** 2
+                )
+            )
             for _, row in rows
         ]
         costs[1] += (shares[number] / law.scatter[name]) ** 2

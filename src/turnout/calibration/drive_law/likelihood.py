@@ -1,4 +1,4 @@
-"""How likely the residuals of a fit are under a state of noise, and what criteria make of that."""
+"""Likelihood of the residuals of a fit, and information criteria."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -30,17 +30,17 @@ def deviance(found: Fit, noise: Mapping[Key, Noise]) -> float:
 
     .. math:: D = r^T C^{-1} r + \ln \det C
 
-    with the covariance `C` of noise, doubts of onset and zero, and what scatters.
+    with the covariance `C` of noise, of the uncertain onset and zero, and of scattering parameters.
     """
     comparison = replace(found.misfit.comparison, noise=noise)
-    misfit = replace(found.misfit, comparison=comparison, frame=None)
+    misfit = replace(found.misfit, comparison=comparison)
     frame = framed(found.local, misfit)
     residuals = misfit.residuals_of(found.local.here, frame)
     total = float(residuals @ residuals)
-    for view in frame.views:
-        for factor in view.factors:
+    for alignment in frame.alignments:
+        for factor in alignment.factors:
             total += 2.0 * float(np.log(np.diag(factor)).sum())
-        total -= 2.0 * float(np.log1p(-view.shrink).sum())
+        total -= 2.0 * float(np.log1p(-alignment.shrink).sum())
     return total
 
 
@@ -49,8 +49,8 @@ def effective_samples(found: Fit, noise: Mapping[Key, Noise]) -> float:
     frame = framed(found.local, found.misfit)
     return sum(
         noise[signal.channel, signal.drive].effective(signal.time[bins])
-        for view in frame.views
-        for signal, bins in view.parts
+        for alignment in frame.alignments
+        for signal, bins in alignment.parts
     )
 
 

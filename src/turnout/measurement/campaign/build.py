@@ -1,6 +1,6 @@
-"""From a folder of recordings and its run sheet to one dataset of movements.
+"""Build one dataset from a folder of recordings and its run sheet.
 
-Movements stacked into one dataset, each with time zero at its onset.
+Movements are stacked, each with time zero at its onset.
 """
 
 import json
@@ -24,8 +24,8 @@ from turnout.measurement.campaign.fit_of_files import (
     series_remarks,
     slip_remarks,
 )
-from turnout.measurement.campaign.inside import refuse_links_out, refuse_outside
-from turnout.measurement.campaign.piece import STORE, Piece, kept_pieces
+from turnout.measurement.campaign.inside import STORE, refuse_links_out, refuse_outside
+from turnout.measurement.campaign.piece import Piece, kept_pieces
 from turnout.measurement.campaign.sheet import Run, RunSheet, find_sheet, read_sheet
 from turnout.measurement.campaign.signals import force_changes
 from turnout.measurement.campaign.throws import Detection
@@ -270,9 +270,9 @@ def _pieces(
     if report is not None:
         report(0, len(runs))
     for numbers in members.values():
-        own = [runs[number] for number in numbers]
+        members_of_file = [runs[number] for number in numbers]
         found = kept_pieces(
-            folder, own, channel_map, allow_outside=allow_outside, detection=detection
+            folder, members_of_file, channel_map, allow_outside=allow_outside, detection=detection
         )
         for number, (piece, known) in zip(numbers, found, strict=True):
             pieces[number] = piece
@@ -348,7 +348,7 @@ def _remarks(
 ) -> list[str]:
     runs = [run for run, _, _ in usable]
     forces = [
-        float(force_changes(piece.dataset["drive_force"].values, rate=piece.rate).sum())
+        force_changes(piece.dataset["drive_force"].values, rate=piece.rate)
         for _, piece, _ in usable
     ]
     said: dict[str, list[Run]] = {}
@@ -358,8 +358,8 @@ def _remarks(
     return [
         *order_remarks(runs, [piece.start_time for _, piece, _ in usable]),
         *slip_remarks(runs, slipped),
-        *series_remarks(runs, slipped),
-        *force_remarks(runs, forces),
+        *series_remarks(runs, slipped, forces),
+        *force_remarks(runs, [float(force.sum()) for force in forces]),
         # What the recorder does it does in every file: said once.
         *(f"{_first_of(among)}: {text}" for text, among in said.items()),
     ]

@@ -5,12 +5,18 @@ from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from turnout.core.problems import nearest
 from turnout.errors import MeasurementError
 from turnout.measurement.campaign.inside import PERMIT, leads_outside, where_to
 from turnout.measurement.campaign.sheet import SHEETS, Run, RunSheet
 from turnout.measurement.formats.files import FORMATS
 
+# A rod force saturates where it grew by the first share of its largest value over a series of
+# objects, and by less than the second from the second largest object to the largest [-].
+GROWN, LEVEL = 0.2, 0.02
 NOT_RECORDINGS = {*SHEETS, "channels.toml", "truth.nc", "campaign.nc"}
 
 
@@ -39,7 +45,7 @@ def check_files(sheet: RunSheet, folder: Path, *, allow_outside: bool = False) -
     problems = []
     for run in sheet.runs:
         path = folder / run.file
-        # Whether there is a file outside is not told.
+        # Whether a file exists outside is not revealed.
         if not allow_outside and leads_outside(path, folder):
             text = f"{run.file} {where_to(path, folder)}; copy it into the folder, or {PERMIT}"
             problems.append(f"{run.where}: {text}")
@@ -92,7 +98,9 @@ def _moment(text: str) -> datetime | None:
         return None
 
 
-def series_remarks(runs: Sequence[Run], slipped: Sequence[bool | None]) -> list[str]:
+def series_remarks(
+    runs: Sequence[Run], slipped: Sequence[bool | None], forces: Sequence[NDArray[np.float64]]
+) -> list[str]:
     """Return remarks on series of growing objects: sizes out of order, slip reached or not.
 
     Parameters
@@ -101,18 +109,24 @@ def series_remarks(runs: Sequence[Run], slipped: Sequence[bool | None]) -> list[
         In the order of the sheet.
     slipped : sequence of bool or None
         Whether a drive slipped, as measured; None where that is not known.
+    forces : sequence of ndarray, shape (n_drives,)
+        Change of each rod force over each movement [N].
 
     Returns
     -------
     list of str
     """
     series: dict[tuple[str, str, int], list[tuple[Run, bool | None]]] = {}
-    for run, measured in zip(runs, slipped, strict=True):
+    changes: dict[tuple[str, str, int], list[tuple[float, NDArray[np.float64]]]] = {}
+    for run, measured, force in zip(runs, slipped, forces, strict=True):
         if run.size > 0:
+            key = (run.place, run.direction, run.repeat)
             slip = run.slip if measured is None else measured
-            series.setdefault((run.place, run.direction, run.repeat), []).append((run, slip))
+            series.setdefault(key, []).append((run, slip))
+            changes.setdefault(key, []).append((run.size, force))
     remarks = []
-    for (place, _, _), members in series.items():
+    for key, members in series.items():
+        place = key[0]
         remarks += [
             f"{run.where}: {_milli(run)} at {place} comes after {_milli(before)}"
             "; objects usually grow"
@@ -122,7 +136,13 @@ def series_remarks(runs: Sequence[Run], slipped: Sequence[bool | None]) -> list[
         first = next((number for number, (_, slip) in enumerate(members) if slip), None)
         if first is None and all(slip is not None for _, slip in members) and len(members) > 1:
             largest = max(members, key=lambda member: member[0].size)[0]
-            remarks.append(f"{place}: no drive slipped up to {_milli(largest)}")
+            if _saturates(changes[key]):
+                remarks.append(
+                    f"{place}: a rod force no longer grows up to {_milli(largest)}, yet no drive "
+                    "is said to slip; check clamps and the column slip"
+                )
+            else:
+                remarks.append(f"{place}: no drive slipped up to {_milli(largest)}")
         elif first is not None and first < len(members) - 1:
             run = members[first][0]
             remarks.append(
@@ -130,6 +150,22 @@ def series_remarks(runs: Sequence[Run], slipped: Sequence[bool | None]) -> list[
                 f"yet {len(members) - 1 - first} movements of that series follow"
             )
     return remarks
+
+
+def _saturates(series: Sequence[tuple[float, NDArray[np.float64]]]) -> bool:
+    """Tell whether a rod force that grew with the object is the same for the two largest.
+
+    Examples
+    --------
+    >>> force = [(0.005, 1e3), (0.013, 4e3), (0.016, 4.02e3)]
+    >>> _saturates([(size, np.array([value, 500.0])) for size, value in force])
+    True
+    """
+    if len(series) < 3:
+        return False
+    rows = np.abs(np.stack([force for _, force in sorted(series, key=lambda item: item[0])]))
+    grown = rows[-2] - rows[0] > GROWN * rows[-1]
+    return bool((grown & (rows[-1] - rows[-2] < LEVEL * rows[-1])).any())
 
 
 def slip_remarks(runs: Sequence[Run], slipped: Sequence[bool | None]) -> list[str]:
@@ -143,7 +179,7 @@ def slip_remarks(runs: Sequence[Run], slipped: Sequence[bool | None]) -> list[st
 
 
 def force_remarks(runs: Sequence[Run], forces: Sequence[float]) -> list[str]:
-    """Return a remark where a larger object at the same place is squeezed much less.
+    """Return a remark where a larger object at the same place meets much less force.
 
     Parameters
     ----------

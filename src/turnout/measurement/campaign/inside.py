@@ -9,7 +9,25 @@ from pathlib import Path
 
 from turnout.errors import FileError
 
+# What is kept beside the recordings of a campaign: cut pieces and throws.
+STORE = ".turnout"
 PERMIT = "permit it by --allow-outside (in Python allow_outside=True)"
+
+
+def campaign_folder(source: Path) -> Path:
+    """Return the folder of a campaign, given as that folder or as the dataset (.nc) in it.
+
+    Examples
+    --------
+    >>> campaign_folder(Path("autumn/campaign.nc")).name
+    'autumn'
+    """
+    return source if source.is_dir() else source.parent
+
+
+def kept_throws(source: Path) -> Path:
+    """Return the folder in which throws for a campaign are kept, from its folder or dataset."""
+    return campaign_folder(source) / STORE / "throws"
 
 
 def leads_outside(path: Path, folder: Path) -> bool:

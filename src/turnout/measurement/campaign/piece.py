@@ -1,9 +1,7 @@
 """One movement of a campaign, cut out of its recording and kept so that it is read once only."""
 
 import hashlib
-import io
 import json
-import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -14,9 +12,11 @@ import numpy as np
 import xarray as xr
 
 from turnout.core.atomic import write_atomic
+from turnout.core.kept_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.core.provenance import content_hash, version
 from turnout.core.regular import require_regular_file
 from turnout.errors import FileError, MeasurementError, TurnoutError
+from turnout.measurement.campaign.inside import STORE
 from turnout.measurement.campaign.sheet import Run
 from turnout.measurement.campaign.throws import Detection, Throw, find_throws
 from turnout.measurement.chain.apply import apply_chain, map_hash
@@ -24,9 +24,8 @@ from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.formats.files import read_recording
 from turnout.measurement.quality.channel import MEASURED
 
-STORE = ".turnout"
 # Raised when what a piece holds, or how it is cut, changes.
-PIECE_VERSION = 2
+PIECE_VERSION = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,7 +110,7 @@ def kept_pieces(
     for run in runs:
         key = content_hash({**shared, "movement": run.movement})
         stored = folder / STORE / f"{key[:32]}.npz"
-        piece = _stored(stored)
+        piece = _stored(stored, key)
         if piece is not None:
             yield piece, True
             continue
@@ -122,7 +121,7 @@ def kept_pieces(
         with suppress(FileError, OSError):
             if isinstance(cut, Piece):
                 stored.parent.mkdir(exist_ok=True)
-                write_atomic(stored, _packed(cut))
+                write_atomic(stored, _packed(cut, key))
         yield cut, False
 
 
@@ -175,7 +174,7 @@ def _moved(throw: Throw) -> Throw:
     return Throw(**values)
 
 
-def _packed(piece: Piece) -> bytes:
+def _packed(piece: Piece, key: str) -> bytes:
     described = {
         "throw": asdict(piece.throw),
         "start_time": piece.start_time,
@@ -183,36 +182,24 @@ def _packed(piece: Piece) -> bytes:
         "dims": {name: list(piece.dataset[name].dims) for name in piece.dataset.data_vars},
     }
     arrays: dict[str, Any] = {str(name): piece.dataset[name].values for name in piece.dataset}
-    content = io.BytesIO()
-    np.savez(
-        content,
-        time=piece.dataset["time"].values,
-        drive=piece.dataset["drive"].values.astype(np.str_),
-        described=np.array(json.dumps(described)),
-        **arrays,
-    )
-    return content.getvalue()
+    arrays["time"] = piece.dataset["time"].values
+    arrays["drive"] = piece.dataset["drive"].values.astype(np.str_)
+    arrays["described"] = np.array(json.dumps(described))
+    return arrays_to_bytes(arrays, key)
 
 
-def _stored(path: Path) -> Piece | None:
+def _stored(path: Path, key: str) -> Piece | None:
     """Return a piece from its file; None where there is none, it is damaged or not one of ours."""
     try:
         require_regular_file(path)
-        with zipfile.ZipFile(path) as archive:
-            # A piece is written uncompressed: what unpacks to more was not written here.
-            if sum(item.file_size for item in archive.infolist()) > path.stat().st_size:
-                return None
-        with np.load(path, allow_pickle=False) as arrays:
-            described: Mapping[str, Any] = json.loads(str(arrays["described"]))
-            dataset = xr.Dataset(
-                {name: (dims, arrays[name]) for name, dims in described["dims"].items()},
-                {"time": arrays["time"], "drive": arrays["drive"]},
-            )
-        values = dict(described["throw"])
-        values["drive_ends"] = tuple(values["drive_ends"])
+        arrays = arrays_from_bytes(path.read_bytes(), key)
+        described: Mapping[str, Any] = json.loads(str(arrays["described"]))
+        dataset = xr.Dataset(
+            {name: (dims, arrays[name]) for name, dims in described["dims"].items()},
+            {"time": arrays["time"], "drive": arrays["drive"]},
+        )
+        throw = {**described["throw"], "drive_ends": tuple(described["throw"]["drive_ends"])}
         notes = tuple(str(note) for note in described["notes"])
-        return Piece(dataset, Throw(**values), str(described["start_time"]), notes)
-    except (OSError, ValueError, LookupError, EOFError, zipfile.BadZipFile, FileError):
-        return None
-    except (TypeError, AttributeError, MemoryError, RecursionError, NotImplementedError):
+        return Piece(dataset, Throw(**throw), str(described["start_time"]), notes)
+    except (OSError, ValueError, LookupError, TypeError, FileError):
         return None

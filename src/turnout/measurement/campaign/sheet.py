@@ -1,7 +1,6 @@
-"""The run sheet of a campaign: which file holds which movement, and how its values are read.
+"""The run sheet of a campaign: which file holds which movement, and how its cells are read.
 
-Values of a run sheet: size, place, direction, numbers, yes and no. The run sheet of a campaign:
-which file holds which movement. See docs/campaign-format.md.
+The format is described in docs/campaign-format.md.
 """
 
 import csv
@@ -303,11 +302,11 @@ def _csv_rows(text: str, path: Path) -> tuple[dict[str, Any], list[tuple[str, Ma
         message = "has no line with the names of the columns"
         raise MeasurementError([message], source=str(path))
     separator = max(",;\t", key=lines[0][1].count)
-    header = next(csv.reader([lines[0][1]], delimiter=separator))
+    header = _cells(*lines[0], separator, path)
     names, units = zip(*(_column(cell) for cell in header), strict=True)
     rows: list[tuple[str, Mapping[str, Any]]] = []
     for number, line in lines[1:]:
-        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+        cells = [cell.strip() for cell in _cells(number, line, separator, path)]
         row: dict[str, Any] = {}
         for name, unit, cell in zip(names, units, cells, strict=False):
             if cell and name == "size" and unit and re.fullmatch(r"[-+]?[\d.,]+", cell):
@@ -316,6 +315,15 @@ def _csv_rows(text: str, path: Path) -> tuple[dict[str, Any], list[tuple[str, Ma
                 row[name] = cell
         rows.append((f"line {number}", row))
     return headings, rows
+
+
+def _cells(number: int, line: str, separator: str, path: Path) -> list[str]:
+    """Split a line; csv refuses a cell of more than 131,072 characters."""
+    try:
+        return next(csv.reader([line], delimiter=separator))
+    except csv.Error as error:
+        problem = f"line {number}: {error}; shorten the cell, or close its quotation mark"
+        raise MeasurementError([problem], source=str(path)) from None
 
 
 def _decoded(content: bytes, path: Path) -> str:

@@ -91,7 +91,7 @@ def spikes(values: Floats, *, rate: float, least: float) -> Flags:
     """Tell which samples stand alone: a tooth of one or two samples that is gone again at once.
 
     Motion and impacts last longer than 4 ms; below 500 samples a second a sample may hold a whole
-    inrush, and nothing is told.
+    inrush, and no sample is called a spike.
 
     Parameters
     ----------

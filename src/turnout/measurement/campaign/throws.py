@@ -127,12 +127,12 @@ def find_throws(dataset: xr.Dataset, *, detection: Detection | None = None) -> t
     currents = _rows(dataset, "drive_current", rate=rate, spike=chosen.current_spike)
     running = np.array([is_running(row, rate=rate, detection=chosen) for row in currents])
     # A channel that never rests is no motor current: dead wires and swapped channels look so.
-    told = [bool(row.any() and not row.all()) for row in running]
-    if any(told):
-        active: Flags = np.any(running[told], axis=0)
+    switched = [bool(row.any() and not row.all()) for row in running]
+    if any(switched):
+        active: Flags = np.any(running[switched], axis=0)
         source = "current"
     else:
-        # A zero that drifts is no motion; which way a throw goes is told without it as well.
+        # A zero that drifts is no motion; the direction of a throw does not need it.
         away = np.arange(time.size) / rate
         forces = np.array([row - drift(row, rate=rate) * away for row in forces]).reshape(
             forces.shape
@@ -143,11 +143,11 @@ def find_throws(dataset: xr.Dataset, *, detection: Detection | None = None) -> t
     bounds = _bounds(spans, time.size, rate=rate, detection=chosen)
     throws = []
     for span, bound in zip(spans, bounds, strict=True):
-        rows = currents[told] if source == "current" else forces
+        rows = currents[switched] if source == "current" else forces
         at = _onset(rows, span, rate=rate, source=source, detection=chosen)
         ends = [
             _last(row, span, time) if known else float("nan")
-            for row, known in zip(running, told, strict=True)
+            for row, known in zip(running, switched, strict=True)
         ]
         throws.append(
             Throw(
@@ -247,9 +247,9 @@ def _onset(
     found = [_first_pull(row, span, rate=rate) for row in rows]
     pulls = [pull for pull, _ in found]
     # Drives that begin together tell the same moment: their mean scatters less than the first.
-    told = float(np.mean([pull for pull in pulls if pull <= min(pulls) + 0.02 * rate]))
+    onset = float(np.mean([pull for pull in pulls if pull <= min(pulls) + 0.02 * rate]))
     # A force that grows slowly is followed back too far; some drive shows within 0.1 s.
-    return max(told, min(seen for _, seen in found) - 0.1 * rate)
+    return max(onset, min(seen for _, seen in found) - 0.1 * rate)
 
 
 def _first_inrush(

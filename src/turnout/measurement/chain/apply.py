@@ -1,7 +1,7 @@
-"""Apply a channel map to a recording, go back to what would be recorded, and list what was made.
+"""Turn recorded columns into physical channels by a channel map, and back.
 
-Apply a channel map to a recording, and go back from newtons to what would be recorded. What a
-channel map made of a recording, as rows to be read.
+One way: raw column -> sensor (a straight line to SI) -> physical channel -> conditioning (tare,
+common time). `raw_from_physical` is the inverse, `channel_rows` lists the outcome.
 """
 
 import re
@@ -18,20 +18,18 @@ from pydantic import ValidationError
 
 from turnout.core.problems import choices, describe_error, nearest
 from turnout.core.provenance import content_hash, version
-from turnout.core.regular import require_regular_file
+from turnout.core.regular import require_regular_file, user_path
 from turnout.core.toml import TomlFile, decode, parse_toml, read_toml
 from turnout.core.units import CURRENT, FORCE, Dimension
 from turnout.errors import FileError, MeasurementError
 from turnout.measurement.chain.channel_map import (
     KINDS,
     AnySensor,
-    Calibrated,
     ChannelMap,
-    RawUnit,
     raw_unit,
 )
 from turnout.measurement.chain.condition import common_time, resample, tare
-from turnout.measurement.chain.sensor import Line, line_of
+from turnout.measurement.chain.sensor import Line, describe_sensor, line_of
 from turnout.measurement.recording import Channel, Recording
 from turnout.schema.channels import SCHEMA_VERSION, label
 
@@ -126,36 +124,19 @@ def apply_chain(recording: Recording, channel_map: ChannelMap) -> xr.Dataset:
     >>> dataset["drive_current"].sel(drive="1").values
     array([0., 2.])
     """
-    found, problems = _mapped(recording, channel_map)
-    if problems:
-        raise MeasurementError(problems, source=recording.source)
-    channels = [channel for channel, _, _ in found.values()]
+    mapped = _mapped_columns(recording, channel_map)
+    raw = [item.column for item in mapped]
     try:
-        time = common_time(channels, rate=channel_map.rate)
+        time = common_time(raw, rate=channel_map.rate)
     except ValueError as error:
         raise MeasurementError([str(error)], source=recording.source) from None
-    physical: dict[str, NDArray[np.float64]] = {}
-    notes = list(recording.problems)
-    for key, (channel, sensor, line) in found.items():
-        values = line.scale * (channel.values * line.unit.factor - line.offset)
-        if sensor.tare is not None:
-            start, end = (moment - channel.start for moment in (sensor.tare.start, sensor.tare.end))
-            try:
-                tared = tare(values, rate=channel.rate, start=start, end=end)
-            except ValueError as error:
-                problems.append(f"{key}.tare: {error}")
-                continue
-            notes.append(f"{key}: {values[0] - tared[0]:.6g} {_unit(key)} taken off as tare")
-            values = tared
-        physical[key] = resample(channel, values, time=time)
-    if problems:
-        raise MeasurementError(problems, source=recording.source)
+    physical, notes = _conditioned(mapped, time, source=recording.source)
     dataset = _dataset(physical, channel_map, time)
-    columns = np.stack([resample(channel, channel.values, time=time) for channel in channels])
+    columns = np.stack([resample(column, column.values, time=time) for column in raw])
     dataset["recorded"] = (("column", "time"), columns)
     dataset = dataset.assign_coords(
-        column=np.array([channel.name for channel in channels]),
-        column_unit=("column", np.array([line.unit.text for _, _, line in found.values()])),
+        column=np.array([column.name for column in raw]),
+        column_unit=("column", np.array([item.line.unit.text for item in mapped])),
     )
     dataset.attrs = {
         "schema_version": SCHEMA_VERSION,
@@ -164,7 +145,7 @@ def apply_chain(recording: Recording, channel_map: ChannelMap) -> xr.Dataset:
         "source": recording.source,
         "start_time": recording.start_time or "",
         "channel_map_hash": map_hash(channel_map),
-        "problems": "\n".join(notes),
+        "problems": "\n".join((*recording.problems, *notes)),
     }
     return label(dataset)
 
@@ -210,9 +191,8 @@ def raw_from_physical(dataset: xr.Dataset, channel_map: ChannelMap) -> Recording
             continue
         if sensor.optional and np.isnan(physical).all():
             continue
-        raw = (physical / line.scale + line.offset) / line.unit.factor
         channels[sensor.column] = Channel(
-            sensor.column, line.unit.text, raw, rate, float(time[0]), key
+            sensor.column, line.unit.text, line.raw(physical), rate, float(time[0]), key
         )
     if problems:
         raise MeasurementError(problems, source="dataset")
@@ -227,7 +207,7 @@ def map_hash(channel_map: ChannelMap) -> str:
 def _open(name_or_path: Path | str) -> TomlFile:
     text = str(name_or_path)
     if isinstance(name_or_path, Path) or text.endswith(".toml") or "/" in text or "\\" in text:
-        path = Path(name_or_path).expanduser()
+        path = user_path(name_or_path)
         require_regular_file(path)
         return read_toml(path)
     folder = resources.files("turnout.measurement").joinpath("library")
@@ -257,11 +237,19 @@ def _described(error: Any) -> str:
     return ".".join(keys) + describe_error(error, allowed=fields)
 
 
-def _mapped(
-    recording: Recording, channel_map: ChannelMap
-) -> tuple[dict[str, tuple[Channel, AnySensor, Line]], list[str]]:
-    """Return channel, sensor and line by key, and every problem."""
-    found: dict[str, tuple[Channel, AnySensor, Line]] = {}
+@dataclass(frozen=True, slots=True)
+class _MappedColumn:
+    """A raw column with its sensor, and the key of the quantity that it becomes."""
+
+    key: str
+    column: Channel
+    sensor: AnySensor
+    line: Line
+
+
+def _mapped_columns(recording: Recording, channel_map: ChannelMap) -> list[_MappedColumn]:
+    """Match the channel map with the columns of a recording; MeasurementError with all faults."""
+    found: list[_MappedColumn] = []
     problems: list[str] = []
     for key, dimension, sensor in sensors(channel_map):
         channel = _column(recording, sensor.column)
@@ -278,10 +266,38 @@ def _mapped(
         except ValueError as error:
             problems.append(f"{key} (column '{sensor.column}'): {error}")
             continue
-        found[key] = (channel, sensor, line)
+        found.append(_MappedColumn(key, channel, sensor, line))
     if not found and not problems:
         problems.append("none of the columns of the channel map is in the file")
-    return found, problems
+    if problems:
+        raise MeasurementError(problems, source=recording.source)
+    return found
+
+
+def _conditioned(
+    mapped: list[_MappedColumn], time: NDArray[np.float64], *, source: str
+) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
+    """Return physical values by key on a common time, in SI, and a note on each tare."""
+    physical: dict[str, NDArray[np.float64]] = {}
+    notes: list[str] = []
+    problems: list[str] = []
+    for item in mapped:
+        column, rest = item.column, item.sensor.tare
+        values = item.line.physical(column.values)
+        if rest is not None:
+            start, end = rest.start - column.start, rest.end - column.start
+            try:
+                tared = tare(values, rate=column.rate, start=start, end=end)
+            except ValueError as error:
+                problems.append(f"{item.key}.tare: {error}")
+                continue
+            change = f"{values[0] - tared[0]:.6g} {_unit(item.key)}"
+            notes.append(f"{item.key}: {change} subtracted as tare")
+            values = tared
+        physical[item.key] = resample(column, values, time=time)
+    if problems:
+        raise MeasurementError(problems, source=source)
+    return physical, notes
 
 
 def _column(recording: Recording, name: str) -> Channel | None:
@@ -383,29 +399,3 @@ def channel_rows(dataset: xr.Dataset, channel_map: ChannelMap) -> Iterator[Chann
             unit="A" if dimension is CURRENT else "kN",
             sensor=describe_sensor(sensor, dimension, raw_unit(units[sensor.column])),
         )
-
-
-def describe_sensor(sensor: AnySensor, quantity: Dimension, unit: RawUnit) -> str:
-    """Say what one unit of a column stands for, and how well a calibration knows it.
-
-    Examples
-    --------
-    >>> from turnout.measurement.chain.channel_map import LoadCell
-    >>> cell = LoadCell(kind="load cell", column="A", sensitivity="1 mV/V", capacity="20 kN")
-    >>> from turnout.core.units import FORCE
-    >>> describe_sensor(cell, FORCE, raw_unit("mV/V"))
-    'load cell, 1 mV/V is 20 kN'
-    """
-    line = line_of(sensor, quantity=quantity, recorded_unit=unit.text)
-    factor, shown = (1.0, "A") if quantity is CURRENT else (1e-3, "kN")
-    text = f"{sensor.kind}, 1 {unit.text} is {line.scale * unit.factor * factor:.5g} {shown}"
-    if isinstance(sensor, Calibrated):
-        fit = sensor.calibration()
-        if fit.count == 2:
-            return f"{text}; two points tell no error"
-        text += (
-            f" +- {100 * fit.scale_error / abs(fit.scale):.2g} %, zero at "
-            f"{fit.offset / unit.factor:.4g} +- {fit.offset_error / unit.factor:.2g} {unit.text}, "
-            f"at most {100 * fit.nonlinearity:.2g} % of the range off the line ({fit.count} points)"
-        )
-    return text

@@ -3,6 +3,9 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from turnout.core.units import CURRENT, FORCE, STRAIN, VOLTAGE, VOLTAGE_RATIO, Dimension
 from turnout.measurement.chain.channel_map import (
     Amplified,
@@ -36,6 +39,14 @@ class Line:
     scale: float
     offset: float
     unit: RawUnit
+
+    def physical(self, raw: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return newtons or amperes from readings in the unit of the column."""
+        return self.scale * (raw * self.unit.factor - self.offset)
+
+    def raw(self, physical: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return readings in the unit of the column from newtons or amperes."""
+        return (physical / self.scale + self.offset) / self.unit.factor
 
 
 def bridge_arms(bridge: str, poisson_ratio: float) -> float:
@@ -134,6 +145,30 @@ def line_of(sensor: AnySensor, *, quantity: Dimension, recorded_unit: str = "") 
             raise ValueError(message)
         offset += sensor.offset.values[0]
     return Line(sensor.sign * scale, offset, unit)
+
+
+def describe_sensor(sensor: AnySensor, quantity: Dimension, unit: RawUnit) -> str:
+    """Say what one unit of a column stands for, and how well a calibration knows it.
+
+    Examples
+    --------
+    >>> cell = LoadCell(kind="load cell", column="A", sensitivity="1 mV/V", capacity="20 kN")
+    >>> describe_sensor(cell, FORCE, raw_unit("mV/V"))
+    'load cell, 1 mV/V is 20 kN'
+    """
+    line = line_of(sensor, quantity=quantity, recorded_unit=unit.text)
+    factor, shown = (1.0, "A") if quantity is CURRENT else (1e-3, "kN")
+    text = f"{sensor.kind}, 1 {unit.text} is {line.scale * unit.factor * factor:.5g} {shown}"
+    if isinstance(sensor, Calibrated):
+        fit = sensor.calibration()
+        if fit.count == 2:
+            return f"{text}; two points tell no error"
+        text += (
+            f" +- {100 * fit.scale_error / abs(fit.scale):.2g} %, zero at "
+            f"{fit.offset / unit.factor:.4g} +- {fit.offset_error / unit.factor:.2g} {unit.text}, "
+            f"at most {100 * fit.nonlinearity:.2g} % of the range off the line ({fit.count} points)"
+        )
+    return text
 
 
 def _scale(sensor: AnySensor, unit: RawUnit, quantity: Dimension) -> float:

@@ -86,9 +86,9 @@ def _blocks(recording: Recording, taken: set[str]) -> Iterator[str]:
         column = json.dumps(channel.name, ensure_ascii=False)
         yield f"[{key}]\ncolumn = {column}\n{unit}{keys}"
     for channel in unused:
-        told = f" in {channel.unit}" if channel.unit else ", unit unknown"
+        unit = f" in {channel.unit}" if channel.unit else ", unit unknown"
         shown = json.dumps(channel.name, ensure_ascii=False)
-        yield f"# not used: column {shown}{told}"
+        yield f"# not used: column {shown}{unit}"
 
 
 def _guess(channel: Channel) -> tuple[str, str]:

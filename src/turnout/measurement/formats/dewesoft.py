@@ -45,10 +45,10 @@ def _column(name: str, channel: Any) -> Column:
     if np.iscomplexobj(values) or channel.array_size > 1:
         message = "it has several values a sample"
         raise ValueError(message)
-    told = (name, values, tidy_unit(channel.unit), channel.description)
+    described = (name, values, tidy_unit(channel.unit), channel.description)
     if channel.channel_type == SYNCHRONOUS and channel.sample_rate > 0 and len(time):
-        return Column(*told, rate=float(channel.sample_rate), start=float(time[0]))
-    return Column(*told, time=time)
+        return Column(*described, rate=float(channel.sample_rate), start=float(time[0]))
+    return Column(*described, time=time)
 
 
 def _moment(info: Any) -> str | None:

@@ -1,8 +1,4 @@
-"""Read and write recordings, whatever their format.
-
-Read a file of a data acquisition system, whatever its format. Write recordings in the formats that
-other programs read, whole or not at all.
-"""
+"""Read recordings of any known format, and write them in formats that other programs read."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,7 +20,7 @@ _HDF5_MARK = b"\x89HDF\r\n\x1a\n"
 
 @dataclass(frozen=True, slots=True)
 class FileFormat:
-    """One kind of file: how it is told from others, and who reads it.
+    """One kind of file: how it is recognised, and which function reads it.
 
     Attributes
     ----------

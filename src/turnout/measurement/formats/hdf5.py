@@ -1,9 +1,8 @@
-"""HDF5 files: a dataset a channel, with its unit and rate as attributes.
+"""HDF5 files: a dataset for each channel, with its unit and rate as attributes.
 
-The datasets of an HDF5 file from elsewhere, each met once, declared before it is read.
-
-Such a file can refer to any other file of the machine (external links and storage, virtual
-datasets), link groups in circles, and declare shapes that nothing fills.
+A file from elsewhere can refer to any other file of the machine (external links and storage,
+virtual datasets), link groups in circles, and declare shapes that nothing fills. So each dataset is
+visited once, and counted by `Declared` before it is read.
 """
 
 import io

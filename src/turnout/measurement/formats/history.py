@@ -1,12 +1,8 @@
-"""Histories as text: those of other programs read, our own written.
+"""Histories as CSV text: `read_history` reads another program's, `history_text` writes ours.
 
-Histories that another program computed: a CSV file with a column for each channel.
-
-The first line names the columns, each with its unit: ``time [s]``, ``drive_force:1 [kN]``,
-``sensor_gap:TKK1 [mm]``, ``object_force [N]``. Lines that begin with # are comments. Times rise;
-they need not be even. Signs are those of a dataset.
-
-A run as a table of text that other programs read, and `read_history` reads back.
+There is a column for each channel. The first line names the columns, each with its unit:
+``time [s]``, ``drive_force:1 [kN]``, ``sensor_gap:TKK1 [mm]``, ``object_force [N]``. Lines that
+begin with # are comments. Times rise; they need not be even. Signs are those of a dataset.
 """
 
 import csv
@@ -67,7 +63,11 @@ def read_history(path: Path | str) -> xr.Dataset:
         message = f"{file}: needs a line of names and at least two lines of numbers"
         raise FileError(message)
     separator = ";" if lines[0][1].count(";") > lines[0][1].count(",") else ","
-    heading = next(csv.reader([lines[0][1]], delimiter=separator))
+    try:
+        heading = next(csv.reader([lines[0][1]], delimiter=separator))
+    except csv.Error as error:
+        message = f"{file}: {_cell_problem(lines[0][0], error)}"
+        raise FileError(message) from None
     names, factors, problems = _columns(heading)
     values, found = _numbers(lines[1:], len(heading), separator)
     problems += found
@@ -133,16 +133,24 @@ def _numbers(lines: list[tuple[int, str]], width: int, separator: str) -> tuple[
     values = np.full((len(lines), width), np.nan)
     problems: list[str] = []
     rows = csv.reader((line for _, line in lines), delimiter=separator)
-    for at, ((number, _), row) in enumerate(zip(lines, rows, strict=False)):
-        if len(row) != width:
-            problems.append(f"line {number}: {len(row)} cells, must be {width}")
-            continue
-        for column, cell in enumerate(row):
-            try:
-                values[at, column] = float(cell) if cell.strip() else np.nan
-            except ValueError:
-                problems.append(f"line {number}: '{cell.strip()}' is not a number")
+    try:
+        for at, ((number, _), row) in enumerate(zip(lines, rows, strict=False)):
+            if len(row) != width:
+                problems.append(f"line {number}: {len(row)} cells, must be {width}")
+                continue
+            for column, cell in enumerate(row):
+                try:
+                    values[at, column] = float(cell) if cell.strip() else np.nan
+                except ValueError:
+                    problems.append(f"line {number}: '{cell.strip()}' is not a number")
+    except csv.Error as error:
+        problems.append(_cell_problem(lines[rows.line_num - 1][0], error))
     return values, problems
+
+
+def _cell_problem(number: int, error: csv.Error) -> str:
+    """Describe what csv refuses, such as a cell of more than 131,072 characters."""
+    return f"line {number}: {error}; shorten the cell, or close its quotation mark"
 
 
 def _dataset(names: list[tuple[str, str]], values: Floats, *, title: str) -> xr.Dataset:

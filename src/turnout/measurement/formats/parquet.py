@@ -37,7 +37,7 @@ def read_parquet(path: Path) -> Recording:
     file = pq.ParquetFile(path)
     Declared(path).add(file.metadata.num_rows * file.metadata.num_columns)
     table = file.read()
-    time, rate, start_time = None, _rate(table), _told(table.schema.metadata, "start_time")
+    time, rate, start_time = None, _rate(table), _text_of(table.schema.metadata, "start_time")
     numbers: list[tuple[Any, Any]] = []
     problems: list[str] = []
     for field, column in zip(table.schema, table.columns, strict=True):
@@ -56,8 +56,8 @@ def read_parquet(path: Path) -> Recording:
             Column(
                 name,
                 values,
-                tidy_unit(_told(field.metadata, "unit") or unit),
-                _told(field.metadata, "description") or "",
+                tidy_unit(_text_of(field.metadata, "unit") or unit),
+                _text_of(field.metadata, "description") or "",
                 time=time,
                 rate=rate,
             )
@@ -74,7 +74,7 @@ def _seconds(path: Path, field: Any, values: Any) -> tuple[Any, str | None]:
     if values.dtype.kind == "m":
         return values / np.timedelta64(1, "s"), None
     try:
-        unit = _told(field.metadata, "unit") or split_unit(field.name)[1]
+        unit = _text_of(field.metadata, "unit") or split_unit(field.name)[1]
         return values.astype(np.float64) * seconds_of(unit), None
     except (ValueError, TypeError) as error:
         message = f"{path}: column '{field.name}': {error}"
@@ -91,6 +91,6 @@ def _rate(table: Any) -> float | None:
     return None
 
 
-def _told(metadata: Any, key: str) -> str | None:
+def _text_of(metadata: Any, key: str) -> str | None:
     value = (metadata or {}).get(key.encode())
     return value.decode("utf-8", "replace") if value else None

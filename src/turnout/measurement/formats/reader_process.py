@@ -27,6 +27,7 @@ def answer(request: dict[str, Any]) -> dict[str, Any]:
     """Read a file within a limit of memory; return what describes its channels, or the fault."""
     path, kind = Path(request["file"]), request["kind"]
     module, _, function = request["reader"].partition(":")
+    # A reader that cannot be imported is no fault of the file: it ends the process.
     read = getattr(import_module(module), function)
     limit_memory(int(request["memory"]))
     try:

@@ -47,9 +47,9 @@ class Layout:
     clock : bool
         Whether the first column holds times of day.
     rate : float or None
-        Sample rate told in the heading [1/s].
+        Sample rate given in the heading [1/s].
     start_time : str or None
-        Start told in the heading.
+        Start given in the heading.
     """
 
     encoding: str

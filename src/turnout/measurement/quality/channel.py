@@ -1,7 +1,6 @@
-"""Faults of a recorded throw: their record, their limits, and those that a single channel shows.
+"""Faults of a single recorded channel: holes, held and clipped samples, silence, mains hum.
 
-What a fault of a recorded throw is, and from what size on something is one. Faults that a single
-channel shows: holes, held and clipped samples, silence, mains hum.
+`Fault` and `Limits`, which all checks of a recording share, stand here too.
 """
 
 from dataclasses import dataclass
