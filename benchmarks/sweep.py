@@ -24,8 +24,9 @@ from typing import Any
 
 from benchmarks.sweep_page import page
 from turnout.response.simulate import compile_kernels
+from turnout.study.load import load_study
 from turnout.study.read import scheme_for
-from turnout.study.study import Study, load_study
+from turnout.study.study import Study
 from turnout.sweep.batch import batch_variables, file_bytes, throw_batch
 from turnout.sweep.folder import JOURNAL
 from turnout.sweep.read import open_sweep, read_labels

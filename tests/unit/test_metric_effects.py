@@ -34,7 +34,7 @@ def design(method: str, count: int) -> Design:
 
 
 def drawn_by(made: Design) -> np.ndarray:
-    return np.array([list(made.in_state(state).values()) for state in range(made.states)])
+    return np.array([list(made.drawn_values(state).values()) for state in range(made.states)])
 
 
 def test_sobol_indices_are_those_of_the_known_function() -> None:

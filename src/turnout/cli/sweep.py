@@ -53,7 +53,7 @@ def plan_command(
 ) -> None:
     """Tell what a study varies and how many throws, how long and how large it comes to."""
     from turnout.report.study import duration_text, line, size_text, study_lines
-    from turnout.study.study import load_study
+    from turnout.study.load import load_study
 
     loaded = load_study(study, calibration=calibration)
     for text in loaded.remarks:
@@ -208,7 +208,7 @@ def run_command(
 ) -> None:
     """Throw every scenario of a study; the same command goes on where one was ended."""
     from turnout.errors import FileError
-    from turnout.study.study import load_study
+    from turnout.study.load import load_study
     from turnout.sweep.folder import check_folder
     from turnout.sweep.run import run_sweep
 
@@ -401,8 +401,7 @@ app.command("export")(export_command)
 @app.command("list")
 def list_command() -> None:
     """List the studies that come with the program."""
-    from turnout.study.read import study_names
-    from turnout.study.study import load_study
+    from turnout.study.load import load_study, study_names
 
     names = study_names()
     width = max(len(name) for name in names) + 2
@@ -415,7 +414,7 @@ def list_command() -> None:
 @app.command("show")
 def show_command(study: StudyArgument) -> None:
     """Show the text of a library study, to start an own one from."""
-    from turnout.study.read import study_text
+    from turnout.study.load import study_text
 
     typer.echo(study_text(study).rstrip())
 

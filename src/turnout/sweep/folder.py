@@ -94,7 +94,7 @@ def identity_of(study: Study) -> Identity:
         batches=len(batches_of(study)),
         interval=study.output.interval,
         scheme=study.scheme.describe(),
-        design=json.dumps(to_plain(study.design.described())),
+        design=json.dumps(to_plain(study.design.summary())),
     )
 
 

@@ -133,7 +133,7 @@ def run_sweep(
 
     Examples
     --------
-    >>> from turnout.study.read import load_study  # doctest: +SKIP
+    >>> from turnout.study.load import load_study  # doctest: +SKIP
     >>> run_sweep(load_study("study.toml"), "results", workers=2).thrown  # doctest: +SKIP
     143
     """
