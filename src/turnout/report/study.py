@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from turnout.core.units import TEMPERATURE
-from turnout.metric.summary import changed
+from turnout.metric.summary import format_overrides
 from turnout.report.values import shown
 from turnout.study.chance import format_celsius
 from turnout.study.design import Drawn
@@ -34,7 +34,7 @@ def study_lines(study: Study) -> Iterator[str]:
     yield line("study", f"{study.name} (seed {study.seed})")
     yield line("panel", f"{study.panel.name}, {study.panel.hash[:12]}")
     for number, (key, value) in enumerate(study.panel.overrides.items()):
-        yield line("set" if number == 0 else "", changed({key: value}))
+        yield line("set" if number == 0 else "", format_overrides({key: value}))
     yield line("scenarios", _count(study))
     drawn = {item.name: item for item in study.design.drawn}
     ranges = value_ranges(study.design.axes, study.design.drawn)
