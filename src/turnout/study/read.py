@@ -18,8 +18,8 @@ from turnout.core.units import (
     Dimension,
 )
 from turnout.errors import SolverError, StudyError
+from turnout.panel.keys import records_in
 from turnout.panel.load import LoadedPanel
-from turnout.panel.override import records_in
 from turnout.schema.check import unknown_channels
 from turnout.scheme import MODES, Scheme
 from turnout.study.chance import (

@@ -22,8 +22,8 @@ from turnout.core.units import (
 )
 from turnout.panel.document import FAMILIES
 from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.keys import field_at, known_keys
 from turnout.panel.load import LoadedPanel
-from turnout.panel.override import field_at, known_keys
 from turnout.study.scenario import Value
 
 TEMPERATURE_KEY = "temperature"
