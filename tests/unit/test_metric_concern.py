@@ -6,12 +6,12 @@ import xarray as xr
 from tests.unit.simulated import sb2_panel
 from tests.unit.test_response_simulate import interrupted
 
-from turnout.analysis.panel_check import run_concerns
+from turnout.analysis.panel_check import concerns
 from turnout.response.simulate import simulate
 
 
 def whats(dataset: xr.Dataset) -> list[str]:
-    return [concern.what for concern in run_concerns(dataset)]
+    return [concern.what for concern in concerns(dataset)]
 
 
 @pytest.fixture(scope="module")
@@ -32,11 +32,11 @@ def sound() -> xr.Dataset:
 
 
 def test_a_sound_panel_has_no_concerns(sound: xr.Dataset) -> None:
-    assert run_concerns(sound) == []
+    assert concerns(sound) == []
 
 
 def test_a_drive_near_its_slip_level(thrown: xr.Dataset) -> None:
-    (concern,) = [item for item in run_concerns(thrown) if "slip" in item.what]
+    (concern,) = [item for item in concerns(thrown) if "slip" in item.what]
     largest = -float(thrown["drive_force"].sel(drive="2").min())
     assert concern.where == "drive 2 at x = 6.9 m, opening"
     assert f"{largest / 1e3:.2f} kN of 6.00 kN" in concern.number
@@ -47,13 +47,13 @@ def test_a_drive_near_its_slip_level(thrown: xr.Dataset) -> None:
 def test_either_direction_counts(sound: xr.Dataset) -> None:
     changed = sound.copy(deep=True)
     changed["force_margin"].loc[{"drive": "1", "direction": "closing"}] = -20.0
-    (concern,) = run_concerns(changed)
+    (concern,) = concerns(changed)
     assert concern.where == "drive 1 at x = 0.3 m, closing"
     assert "nothing left" in concern.number
 
 
 def test_a_narrow_flangeway(thrown: xr.Dataset) -> None:
-    (concern,) = [item for item in run_concerns(thrown) if "flangeway" in item.what]
+    (concern,) = [item for item in concerns(thrown) if "flangeway" in item.what]
     least = float(thrown["least_flangeway"])
     assert concern.number == f"{1e3 * least:.2f} mm, limit 58 mm"
     assert f"x = {float(thrown['least_flangeway_x']):g} m" in concern.where
@@ -69,7 +69,7 @@ def test_chairs_that_never_carry() -> None:
         "flangeway.limit": 0.03,
     }
     dataset = simulate(sb2_panel().with_overrides(changes))
-    found = run_concerns(dataset)
+    found = concerns(dataset)
     assert {item.what for item in found} == {"chair never carries"}
     assert [item.where for item in found] == [
         f"chair {chair} under rail {rail} at x = {x} m"
@@ -82,7 +82,7 @@ def test_chairs_that_never_carry() -> None:
 def test_a_rail_without_a_chair_is_no_concern(sound: xr.Dataset) -> None:
     changed = sound.copy(deep=True)
     changed["chair_normal_force"].loc[{"rail": "A", "chair": "5"}] = np.nan
-    assert run_concerns(changed) == []
+    assert concerns(changed) == []
 
 
 def test_a_run_that_ended_early_is_told_first() -> None:

@@ -5,7 +5,7 @@ import xarray as xr
 from tests.unit.simulated import sb1_dataset, sb1_panel, sb2_panel
 from tests.verification.flutter import unsymmetric_panel
 
-from turnout.analysis.panel_check import flutter_concerns, panel_concerns, run_concerns
+from turnout.analysis.panel_check import flutter_concerns, panel_concerns, concerns
 from turnout.analysis.stability import FrictionStability, SlidingCase, friction_stability
 
 NONE, USUAL = "0 N s/m", "3.75 kN s/m"
@@ -56,5 +56,5 @@ def test_all_concerns_are_joined(monkeypatch: pytest.MonkeyPatch) -> None:
     dataset: xr.Dataset = sb1_dataset().assign_attrs(complete=False, outcome_message="stopped")
     monkeypatch.setattr("turnout.analysis.panel_check.flutter_concerns", lambda _panel: ["flutter"])
     joined = panel_concerns(sb1_panel(), dataset)
-    assert joined == [*run_concerns(dataset), "flutter"]
+    assert joined == [*concerns(dataset), "flutter"]
     assert len(joined) >= 2

@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 from tests.verification.runs import DEFAULT, throw
 
-from turnout.analysis.panel_check import run_concerns
+from turnout.analysis.panel_check import concerns
 from turnout.metric.slip import settled
 from turnout.metric.summary import summary
 from turnout.panel.load import load_panel
@@ -61,4 +61,4 @@ def test_the_limit_is_missed_and_that_is_told(alone: xr.Dataset) -> None:
     assert limit.limit == pytest.approx(0.058)
     text = dict(summary(alone))["least flangeway"]
     assert "BELOW the limit of 58 mm" in text
-    assert [item for item in run_concerns(alone) if item.what == "flangeway below its limit"]
+    assert [item for item in concerns(alone) if item.what == "flangeway below its limit"]

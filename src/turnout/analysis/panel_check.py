@@ -39,7 +39,7 @@ class Concern:
         return f"{self.what}: {self.where}: {self.number}; {self.remedy}"
 
 
-def run_concerns(dataset: xr.Dataset) -> list[Concern]:
+def concerns(dataset: xr.Dataset) -> list[Concern]:
     """Return what a throw without an object shows that a switch should not.
 
     Parameters
@@ -158,7 +158,7 @@ def panel_concerns(panel: Panel, dataset: xr.Dataset) -> list[Concern]:
     list of Concern
         Unusual values, those of the throw (`turnout.analysis.panel_check.concerns`), then flutter.
     """
-    return [*unusual_concerns(panel), *run_concerns(dataset), *flutter_concerns(panel)]
+    return [*unusual_concerns(panel), *concerns(dataset), *flutter_concerns(panel)]
 
 
 def unusual_concerns(panel: Panel) -> list[Concern]:

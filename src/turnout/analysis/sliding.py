@@ -156,6 +156,7 @@ def law_coupling(
     Parameters
     ----------
     mechanism : Mechanism
+        Whose laws couple the rows.
     slope : ndarray, shape (n_laws,)
         Of every law on its segment, 0 where it is absent [N/m].
     weight : ndarray, shape (n_frictions,)
@@ -184,6 +185,7 @@ def stick_coupling(mechanism: Mechanism, state: Sliding) -> Floats:
     Parameters
     ----------
     mechanism : Mechanism
+        Whose laws couple the rows.
     state : Sliding
         At rest, found with ``sense=0.0``.
     """

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import xarray as xr
 
-from turnout.analysis.panel_check import run_concerns
+from turnout.analysis.panel_check import concerns
 from turnout.metric.finding import findings
 from turnout.metric.summary import summary
 from turnout.panel.load import LoadedPanel
@@ -82,7 +82,7 @@ def _tables(dataset: xr.Dataset) -> list[Table]:
     lines = summary(dataset) if dataset.attrs.get("kind") == "simulation" else []
     tables = [Table("", ("", ""), lines)] if lines else []
     if lines and dataset.attrs.get("foreign_objects", "[]") == "[]":
-        rows = [(c.what, c.where, c.number, c.remedy) for c in run_concerns(dataset)]
+        rows = [(c.what, c.where, c.number, c.remedy) for c in concerns(dataset)]
         columns = ("What", "Where", "How much", "Remedy")
         tables += [Table("To look at", columns, rows)] if rows else []
     return tables
