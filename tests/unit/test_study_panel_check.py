@@ -5,7 +5,7 @@ import xarray as xr
 from tests.unit.simulated import sb1_dataset, sb1_panel, sb2_panel
 from tests.verification.flutter import unsymmetric_panel
 
-from turnout.analysis.panel_check import flutter_concerns, panel_concerns, concerns
+from turnout.analysis.panel_check import concerns, flutter_concerns, panel_concerns
 from turnout.analysis.stability import FrictionStability, SlidingCase, friction_stability
 
 NONE, USUAL = "0 N s/m", "3.75 kN s/m"

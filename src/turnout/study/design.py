@@ -31,7 +31,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawn:
-    """A variable that is drawn, and from what."""
+    """A variable that is drawn from a distribution, in SI or as a factor [-]."""
 
     name: str
     law: Distribution | Choice
@@ -39,12 +39,14 @@ class Drawn:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignSummary:
-    """What an analysis of the results must know of a design; see `Design` for each.
+    """What an analysis of the results must know of a design.
 
     Attributes
     ----------
     method : str
+        One of `turnout.study.sampling.METHODS`.
     draws, states, cells : int
+        Count of the study file; drawn states of the switch; combinations on the axes.
     drawn : tuple of str
         Names of the variables that are drawn.
     axes : tuple of tuple of str

@@ -29,12 +29,12 @@ _ALL_PARAMETERS = tuple(dict.fromkeys(name for a, b in PARAMETERS.values() for n
 
 @dataclass(slots=True)
 class ParsedStudy:
-    """What was read so far, and what is wrong.
+    """The parts of a study file that were read so far, and all problems found.
 
     Attributes
     ----------
     panel : LoadedPanel
-        What the variables are held against.
+        Whose keys and limits the variables must keep to.
     variables : dict
         By name.
     axes, drawn : list
@@ -50,7 +50,7 @@ class ParsedStudy:
     problems: list[str] = field(default_factory=list)
 
     def add_problem(self, where: str, text: str) -> None:
-        """Keep a problem."""
+        """Append a problem: the key path `where`, then the value and what is allowed."""
         self.problems.append(f"{where}{text}")
 
 

@@ -132,7 +132,7 @@ class PreparedScenario:
 
 @dataclass(frozen=True, slots=True)
 class ThrowResult:
-    """A scenario after its throw; `extracted` is None unless it is complete."""
+    """A scenario after its throws; `extracted` is None unless `outcome` is "complete"."""
 
     scenario: Scenario
     outcome: str
