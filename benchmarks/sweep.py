@@ -24,12 +24,13 @@ from typing import Any
 
 from benchmarks.sweep_page import page
 from turnout.response.simulate import compile_kernels
+from turnout.study.load import load_study
 from turnout.study.read import scheme_for
-from turnout.study.study import Study, load_study
+from turnout.study.study import Study
 from turnout.sweep.batch import batch_variables, file_bytes, throw_batch
 from turnout.sweep.folder import JOURNAL
 from turnout.sweep.read import open_sweep, read_labels
-from turnout.sweep.run import State, run_sweep
+from turnout.sweep.run import SweepProgress, run_sweep
 
 DOCS = Path(__file__).parents[1] / "docs"
 FULL = """
@@ -144,7 +145,7 @@ class Told:
     def __init__(self) -> None:
         self._next = 0.0
 
-    def __call__(self, state: State) -> None:
+    def __call__(self, state: SweepProgress) -> None:
         """Print one line."""
         if time.monotonic() < self._next and state.done < state.total:
             return

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import h5py
 
-from turnout.sweep.batch import written_batches
+from turnout.sweep.batch import list_batches
 from turnout.sweep.folder import BATCHES
 from turnout.sweep.read import open_sweep, read_labels
-from turnout.sweep.verify import content_fault, origin_of
+from turnout.sweep.verify import content_fault, read_origin
 
 
 def least(work: Callable[[], object], *, repeat: int) -> float:
@@ -36,7 +36,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--repeat", type=int, default=15)
     given = parser.parse_args()
-    paths = [path for _, path in written_batches(given.folder / BATCHES)]
+    paths = [path for _, path in list_batches(given.folder / BATCHES)]
 
     def verify() -> None:
         for path in paths:
@@ -44,7 +44,7 @@ def main() -> None:
 
     files = [h5py.File(path, "r") for path in paths]
     checking = least(verify, repeat=given.repeat)
-    checking += least(lambda: [origin_of(file) for file in files], repeat=given.repeat)
+    checking += least(lambda: [read_origin(file) for file in files], repeat=given.repeat)
     for file in files:
         file.close()
     size = sum(path.stat().st_size for path in paths)

@@ -53,7 +53,7 @@ NAMES = {
     "Validation": "turnout.api.validation",
     "validate": "turnout.api.validation",
     # Studies of many throws
-    "load_study": "turnout.study.study",
+    "load_study": "turnout.study.load",
     "Sweep": "turnout.api.sweep",
     "run_sweep": "turnout.api.sweep",
     "open_sweep": "turnout.api.sweep",
@@ -83,7 +83,7 @@ _MOVED = {
 _WITHOUT_DATASETS = (
     *("turnout.errors", "turnout.core", "turnout.panel", "turnout.section", "turnout.integrate"),
     *("turnout.scheme", "turnout.response.save", "turnout.analysis.stability"),
-    "turnout.study.study",
+    "turnout.study.load",
 )
 
 

@@ -46,7 +46,7 @@ from turnout.response.store import save_response as save_response
 from turnout.scheme import Scheme as Scheme
 from turnout.section.analyse import analyse_outline as analyse_outline
 from turnout.section.outline import make_outline as make_outline
-from turnout.study.study import load_study as load_study
+from turnout.study.load import load_study as load_study
 
 __all__ = [
     "CalibrationResult",

@@ -11,7 +11,7 @@ from turnout.cli.main import app
 from turnout.cli.sweep import described
 from turnout.errors import FileError, TurnoutError
 from turnout.sweep.read import read_labels
-from turnout.sweep.run import State, run_sweep
+from turnout.sweep.run import SweepProgress, run_sweep
 
 CLI = CliRunner()
 
@@ -80,6 +80,6 @@ def test_a_damaged_batch_is_named(swept: Path, tmp_path: Path) -> None:
 
 
 def test_progress_is_one_line() -> None:
-    state = State(done=50, failed=2, total=250, rate=4.0)
+    state = SweepProgress(done=50, failed=2, total=250, rate=4.0)
     assert described(state) == "50 of 250 done, 2 failed, 4 a second, 50 s left"
-    assert described(State(0, 0, 9, 0.0)) == "0 of 9 done"
+    assert described(SweepProgress(0, 0, 9, 0.0)) == "0 of 9 done"

@@ -21,12 +21,12 @@ from turnout.core.json_files import sealed_json
 from turnout.errors import FileError
 from turnout.study.study import Study
 from turnout.sweep.batch import write_batch
-from turnout.sweep.export import table_of
+from turnout.sweep.export import sweep_table
 from turnout.sweep.folder import BATCHES, DAMAGED, IDENTITY
 from turnout.sweep.read import open_sweep, read_labels
 from turnout.sweep.run import run_sweep
-from turnout.sweep.stored_study import STUDY, kept_study
-from turnout.sweep.verify import SETTLED
+from turnout.sweep.stored_study import STUDY, load_stored_study
+from turnout.sweep.verify import STABLE_AGE
 
 COUNT, FLIPS = 12, 240
 
@@ -77,13 +77,13 @@ def test_every_flipped_bit_is_harmless_or_named(made: Path, study: Study, swept:
         path = paths[number % len(paths)]
         content = path.read_bytes()
         flip(path, int(rng.integers(8 * len(content))))
-        kept_study.cache_clear()
+        load_stored_study.cache_clear()
         said = ""
         try:
             xr.testing.assert_identical(open_sweep(swept).load(), known)
             xr.testing.assert_identical(read_labels(swept), known.drop_dims("time"))
-            assert kept_study(swept, study.digest).scenario(5) == study.scenario(5)
-            assert kept_study(swept, study.digest).panel.hash == study.panel.hash
+            assert load_stored_study(swept, study.digest).scenario(5) == study.scenario(5)
+            assert load_stored_study(swept, study.digest).panel.hash == study.panel.hash
         except FileError as error:
             said = str(error)
         if said:
@@ -92,7 +92,7 @@ def test_every_flipped_bit_is_harmless_or_named(made: Path, study: Study, swept:
             assert "sweep run" in said
         path.write_bytes(content)
     assert told > FLIPS * 0.9
-    kept_study.cache_clear()
+    load_stored_study.cache_clear()
 
 
 @pytest.mark.parametrize("lazily", [False, True])
@@ -121,7 +121,7 @@ def test_a_batch_is_digested_once_while_it_stays_as_it_is(
 
     changed = max(path.stat().st_ctime_ns for path in (swept / BATCHES).iterdir())
     monkeypatch.setattr(hashlib, "file_digest", digest)
-    monkeypatch.setattr(time, "time_ns", lambda: changed + (SETTLED + 1 if settled else 0))
+    monkeypatch.setattr(time, "time_ns", lambda: changed + (STABLE_AGE + 1 if settled else 0))
     read_labels(swept)
     assert (sorted(read) == batch_names(swept)) == settled
     before = len(read)
@@ -193,7 +193,7 @@ def test_a_batch_of_another_seed_is_refused(swept: Path, study: Study, tmp_path:
     mine = min((swept / BATCHES).glob("*.nc"))
     mine.unlink()
     copied = Path(shutil.copy(stranger, mine.parent))
-    for look in (open_sweep, read_labels, table_of):
+    for look in (open_sweep, read_labels, sweep_table):
         with pytest.raises(FileError, match=f"{copied.name}: comes from another study .*move it"):
             look(swept)
     with pytest.raises(FileError, match="comes from another study"):
@@ -281,9 +281,9 @@ TEXTS = {
 @pytest.mark.parametrize("file", [IDENTITY, STUDY])
 def test_files_that_are_none_are_told(file: str, name: str, swept: Path, study: Study) -> None:
     (swept / file).write_bytes(TEXTS[name])
-    kept_study.cache_clear()
+    load_stored_study.cache_clear()
     with pytest.raises(FileError, match=f"{file}: .*turnout sweep run"):
-        open_sweep(swept) if file == IDENTITY else kept_study(swept, study.digest)
+        open_sweep(swept) if file == IDENTITY else load_stored_study(swept, study.digest)
 
 
 @pytest.mark.parametrize(
@@ -302,9 +302,9 @@ def test_a_study_that_is_none_is_told(
     change: Callable[[dict[str, Any]], dict[str, Any]], swept: Path, study: Study
 ) -> None:
     (swept / STUDY).write_text(sealed_json(change(unsealed(swept, STUDY))))
-    kept_study.cache_clear()
+    load_stored_study.cache_clear()
     with pytest.raises(FileError, match=r"study.json: .*turnout sweep run"):
-        kept_study(swept, study.digest)
+        load_stored_study(swept, study.digest)
 
 
 def test_hidden_and_other_files_survive(swept: Path, study: Study) -> None:
@@ -368,7 +368,7 @@ def test_a_study_made_in_python_is_stored_exactly(study: Study, tmp_path: Path) 
         description='quote " and newline \n and 60E1 \u00e4',
     )
     run_sweep(own, tmp_path / "s", pool=here)
-    kept = kept_study((tmp_path / "s").absolute(), own.digest)
+    kept = load_stored_study((tmp_path / "s").absolute(), own.digest)
     assert kept.digest != study.digest
     assert kept.panel.hash == panel.hash
     assert dict(kept.panel.overrides) == dict(panel.overrides)

@@ -10,6 +10,7 @@ from typer.testing import CliRunner, Result
 from turnout.analysis.panel_check import concern_lines
 from turnout.cli.main import app
 from turnout.errors import FileError
+from turnout.panel.foreign_object import resolve_objects
 from turnout.panel.load import load_panel
 from turnout.response.store import open_response
 from turnout.scheme import Scheme
@@ -48,6 +49,19 @@ def test_summary_and_files_are_told(tmp_path: Path) -> None:
 def test_quiet_shows_nothing() -> None:
     result = run("--quiet")
     assert (result.exit_code, result.stdout, result.stderr) == (0, "", "")
+
+
+def test_objects_are_placed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[int] = []
+
+    def counted(*given: object) -> object:
+        calls.append(1)
+        return resolve_objects(*given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("turnout.panel.foreign_object.resolve_objects", counted)
+    monkeypatch.setattr("turnout.response.simulate.resolve_objects", counted)
+    assert run("--object", "13mm@sleeper6", "--quiet").exit_code == 0
+    assert len(calls) == 1
 
 
 def test_step_and_cutoff_reach_the_scheme(tmp_path: Path) -> None:

@@ -6,11 +6,11 @@ import xarray as xr
 from scipy.stats import t as student
 
 from turnout.metric.campaign import (
-    MISTAKEN,
+    FALSE_ALARM_RATE,
     Scatter,
     end_values,
+    object_places,
     place_sizes,
-    places_of,
     repeat_scatter,
 )
 
@@ -49,19 +49,20 @@ def test_one_more_throw_lies_within_reach_as_often_as_it_says() -> None:
     rng = np.random.default_rng(7)
     draws = rng.normal(3500.0, 20.0, size=(4000, 6))
     # Taken back to where one in twenty lies beyond, so that 4000 draws can tell.
-    usual = student.ppf(0.95, 4) / student.ppf(1 - MISTAKEN, 4)
+    usual = student.ppf(0.95, 4) / student.ppf(1 - FALSE_ALARM_RATE, 4)
     known = [Scatter("2", draw[:5].mean(), draw[:5].std(ddof=1), 5) for draw in draws]
     beyond = [
-        draw[5] > drive.mean + usual * drive.reach for draw, drive in zip(draws, known, strict=True)
+        draw[5] > drive.mean + usual * drive.threshold
+        for draw, drive in zip(draws, known, strict=True)
     ]
     assert np.mean(beyond) == pytest.approx(0.05, abs=0.012)
 
 
 def test_one_throw_without_an_object_tells_nothing() -> None:
     dataset = campaign(("sleeper 6", 0.031, 6000.0, True), free=(3500.0,))
-    assert np.isnan(repeat_scatter(dataset, direction="closing")[0].reach)
+    assert np.isnan(repeat_scatter(dataset, direction="closing")[0].threshold)
     (place,) = place_sizes(dataset, direction="closing")
-    assert np.isnan(place.told)
+    assert np.isnan(place.detectable)
     assert place.slipped == 0.031
 
 
@@ -75,13 +76,13 @@ def test_told_is_where_every_larger_object_is_told_too() -> None:
     )
     six, one = place_sizes(dataset, direction="closing")
     assert (six.place, six.smallest, six.largest) == ("sleeper 6", 0.005, 0.031)
-    assert (six.told, six.slipped) == (0.013, 0.031)
-    assert np.isnan(one.told)
+    assert (six.detectable, six.slipped) == (0.013, 0.031)
+    assert np.isnan(one.detectable)
     assert np.isnan(one.slipped)
     assert place_sizes(dataset, direction="opening") == []
 
 
 def test_places_come_in_the_order_of_the_campaign() -> None:
     dataset = campaign(("sleeper 6", 0.01, 1.0, False), ("drive 1", 0.01, 1.0, False))
-    assert places_of(dataset) == ["sleeper 6", "drive 1"]
+    assert object_places(dataset) == ["sleeper 6", "drive 1"]
     assert end_values(dataset["drive_force"].sel(drive="2")).tolist() == [*FREE, 1.0, 1.0]

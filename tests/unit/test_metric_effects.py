@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from turnout.errors import ResponseError
-from turnout.metric.effects import first_index, inputs_of, main_effect, outputs_of
+from turnout.metric.effects import first_order_index, main_effect, numeric_outputs, varying_inputs
 from turnout.study.design import Design, Drawn
 from turnout.study.distribution import Distribution
 from turnout.sweep.effects import sobol_indices
@@ -34,7 +34,7 @@ def design(method: str, count: int) -> Design:
 
 
 def drawn_by(made: Design) -> np.ndarray:
-    return np.array([list(made.in_state(state).values()) for state in range(made.states)])
+    return np.array([list(made.drawn_values(state).values()) for state in range(made.states)])
 
 
 def test_sobol_indices_are_those_of_the_known_function() -> None:
@@ -62,7 +62,8 @@ def test_first_indices_of_any_design_are_those_of_the_known_function() -> None:
     x = drawn_by(design("latin hypercube", 2000))
     y = ishigami(x)
     found = [
-        first_index(xr.DataArray(column, dims="scenario", name="x"), y).first for column in x.T
+        first_order_index(xr.DataArray(column, dims="scenario", name="x"), y).first
+        for column in x.T
     ]
     # 24 classes average the square of the sine a little: its index is 2 % too small.
     np.testing.assert_allclose(found, known_indices()[0], atol=0.04)
@@ -70,7 +71,7 @@ def test_first_indices_of_any_design_are_those_of_the_known_function() -> None:
 
 def test_an_output_that_nothing_changes_has_no_index() -> None:
     x = xr.DataArray(np.arange(20.0), dims="scenario", name="x")
-    assert first_index(x, np.full(20, 3.0)).first == 0.0
+    assert first_order_index(x, np.full(20, 3.0)).first == 0.0
 
 
 def test_main_effects_take_texts_in_their_order_and_leave_out_what_failed() -> None:
@@ -93,7 +94,7 @@ def test_too_few_blocks_are_told() -> None:
 def test_a_logical_output_of_a_throw_that_failed_is_not_known() -> None:
     labels = xr.Dataset({"slipped": ("scenario", np.array([1, 0, -1], dtype=np.int8))})
     assert np.array_equal(
-        outputs_of(labels, ("slipped",))[0].values, [1, 0, np.nan], equal_nan=True
+        numeric_outputs(labels, ("slipped",))[0].values, [1, 0, np.nan], equal_nan=True
     )
 
 
@@ -107,9 +108,9 @@ def test_outputs_are_told_apart_by_drive_and_unknown_ones_refused() -> None:
             "fixed": ("scenario", [0.1, 0.1], {"input": 1}),
         },
     )
-    found = outputs_of(labels)
+    found = numeric_outputs(labels)
     assert [item.name for item in found] == ["peak_force, drive 1", "peak_force, drive 2"]
     assert found[1].values.tolist() == [3.0, 7.0]
-    assert inputs_of(labels) == ["friction"]
+    assert varying_inputs(labels) == ["friction"]
     with pytest.raises(ResponseError, match="no output 'peak' in this sweep; there are peak_force"):
-        outputs_of(labels, ("peak",))
+        numeric_outputs(labels, ("peak",))

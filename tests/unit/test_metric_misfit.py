@@ -5,16 +5,16 @@ import pytest
 import xarray as xr
 
 from turnout.metric.agreement import (
-    band_cover,
+    band_coverage,
     channel_scale,
     force_channels,
     nrmse,
-    pooled,
+    repeat_groups,
     repeat_spread,
-    repeats,
     rms_difference,
+    rms_over_movements,
 )
-from turnout.metric.signal import build_up_slope, contact_time, features
+from turnout.metric.signal import build_up_slope, channel_features, contact_time
 
 DIMS = ("channel", "movement", "time")
 
@@ -44,7 +44,7 @@ def test_errors_count_where_there_is_a_measurement() -> None:
     assert np.isnan(rms.values[0, 1])
     assert channel_scale(measured).values.tolist() == [2.0, 20.0]
     assert nrmse(measured, predicted).values[1].tolist() == [0.0, 0.1]
-    assert pooled(rms).values == pytest.approx([np.sqrt(12.5), np.sqrt(2.0)])
+    assert rms_over_movements(rms).values == pytest.approx([np.sqrt(12.5), np.sqrt(2.0)])
 
 
 def test_only_what_the_sheet_calls_equal_is_a_repeat() -> None:
@@ -55,7 +55,7 @@ def test_only_what_the_sheet_calls_equal_is_a_repeat() -> None:
             "place": ("movement", ["none", "none", "none", "sleeper 6", "sleeper 7"]),
         }
     )
-    assert repeats(sheet) == [[0, 2]]
+    assert repeat_groups(sheet) == [[0, 2]]
 
 
 def test_the_spread_of_repeats_is_that_of_one_throw() -> None:
@@ -68,7 +68,7 @@ def test_the_spread_of_repeats_is_that_of_one_throw() -> None:
 
 def test_a_band_covers_what_lies_in_it() -> None:
     measured = channels([[[0.0, 1.0, 2.0, np.nan]], [[np.nan] * 4]])
-    cover = band_cover(measured, measured * 0 - 0.5, measured * 0 + 1.5)
+    cover = band_coverage(measured, measured * 0 - 0.5, measured * 0 + 1.5)
     assert cover.values[0, 0] == pytest.approx(2 / 3)
     assert np.isnan(cover.values[1, 0])
 
@@ -97,7 +97,7 @@ def test_a_build_up_has_the_slope_of_its_ramp() -> None:
 
 def test_features_are_of_each_channel_and_movement() -> None:
     forces = xr.concat([ramp(1.0, 22e3, 6e3), ramp(2.0, 5e3, 1e3)], "movement")
-    found = features(
+    found = channel_features(
         forces.expand_dims("channel"), contact=xr.DataArray([1.0, 2.0], dims="movement"), end=3.9
     )
     assert found["slope"].values[0] == pytest.approx([22e3, 5e3], rel=1e-6)

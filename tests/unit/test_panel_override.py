@@ -1,5 +1,6 @@
 """Overrides: broad and narrow keys, every family, new objects, what matches nothing."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,8 +11,9 @@ from turnout.errors import PanelError
 from turnout.panel import load
 from turnout.panel.check import check
 from turnout.panel.document import FAMILIES
-from turnout.panel.load import load_panel
-from turnout.panel.override import known_keys, parse_setting
+from turnout.panel.keys import known_keys
+from turnout.panel.load import library_text, load_panel
+from turnout.panel.override import parse_setting
 from turnout.panel.validate import UNASKED, validate
 
 PANEL = load_panel("uic60-760-1-15-symmetric")
@@ -189,6 +191,20 @@ def test_all_problems_of_overrides_come_at_once() -> None:
 def test_what_no_rail_measures_is_refused(key: str, value: str, message: str) -> None:
     with pytest.raises(PanelError, match=rf"{key.split('.')[-1]}.*{message}"):
         PANEL.with_overrides({key: value})
+
+
+def test_overrides_of_a_file_are_set_before_it_is_checked(tmp_path: Path) -> None:
+    path = tmp_path / "far.toml"
+    text = library_text("sb1")
+    path.write_text(text.replace("[drive.1]", '[drive.1]\nover_travel_open = "-9 m"', 1))
+    with pytest.raises(PanelError, match="over_travel_open"):
+        load_panel(path)
+    panel = load_panel(path, overrides={"drive.1.over_travel_open": 0.0})
+    assert panel.hash == load_panel("sb1", overrides={"drive.1.over_travel_open": 0.0}).hash
+    assert panel.overrides == {"drive.1.over_travel_open": 0.0}
+    with pytest.raises(PanelError, match="nonsense") as caught:
+        load_panel(path, overrides={"nonsense": 1})
+    assert len(caught.value.problems) == 2
 
 
 def test_members_that_are_left_alone_keep_their_records_and_their_checks() -> None:

@@ -7,8 +7,8 @@ from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.core.quantity import unit_of
+from turnout.panel.keys import field_at
 from turnout.panel.load import library_names, load_panel
-from turnout.panel.override import field_at
 from turnout.panel.unusual import USUAL, unusual_values
 
 FAR = [

@@ -7,7 +7,7 @@ from tests.unit.campaigns import made
 
 from turnout.errors import ResponseError
 from turnout.measurement.campaign.build import build_campaign
-from turnout.metric.campaign import end_values, places_of
+from turnout.metric.campaign import end_values, object_places
 from turnout.plot.campaign import plot_overview, plot_stacked
 from turnout.response.store import open_response
 
@@ -93,7 +93,7 @@ def test_nothing_to_draw_says_so(measured: xr.Dataset) -> None:
 
 
 def test_places_are_those_of_objects(measured: xr.Dataset) -> None:
-    assert places_of(measured) == ["sleeper 6"]
+    assert object_places(measured) == ["sleeper 6"]
 
 
 def test_a_slip_is_framed_only_where_something_was_measured(measured: xr.Dataset) -> None:

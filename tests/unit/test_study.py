@@ -8,8 +8,8 @@ import pytest
 from turnout.core.json_files import to_plain
 from turnout.core.toml import parse_toml
 from turnout.panel.foreign_object import ForeignObject
-from turnout.study.read import study_names
-from turnout.study.study import Study, load_study, study_from_file
+from turnout.study.load import load_study, study_from_file, study_names
+from turnout.study.study import Study
 
 HEAD = 'schema_version = 1\nname = "test"\npanel = "sb2"\nseed = 7\n'
 DRAWN = """
@@ -74,7 +74,7 @@ def test_every_library_study_loads() -> None:
 
 
 def test_a_design_says_what_an_analysis_must_know() -> None:
-    design = study(DRAWN + "[sampling]\ncount = 3\n").design.described()
+    design = study(DRAWN + "[sampling]\ncount = 3\n").design.summary()
     assert to_plain(design) == {
         "method": "random",
         "draws": 3,

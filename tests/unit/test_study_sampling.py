@@ -6,7 +6,7 @@ from scipy import stats
 
 from turnout.study.chance import RandomField, TemperatureLaw, correlation_root
 from turnout.study.distribution import Choice, Distribution, parameter_faults
-from turnout.study.sampling import copula_factor, correlated, point
+from turnout.study.sampling import copula_factor, correlate, sample_point
 
 SHARES = np.linspace(0.01, 0.99, 23)
 # Distribution, its parameters, and the same one of scipy.
@@ -63,7 +63,7 @@ def test_points_fill_the_cube(method: str, most: float) -> None:
     """The largest distance of the marginal from uniform: even designs are closer than chance."""
     count = 256
     points = np.array(
-        [point(method, count=count, dimensions=3, seed=4, state=n) for n in range(count)]
+        [sample_point(method, count=count, dimensions=3, seed=4, state=n) for n in range(count)]
     )
     for column in points.T:
         assert stats.kstest(column, "uniform").statistic < most
@@ -72,7 +72,7 @@ def test_points_fill_the_cube(method: str, most: float) -> None:
 
 def test_a_saltelli_block_changes_one_column_at_a_time() -> None:
     block = np.array(
-        [point("saltelli", count=8, dimensions=3, seed=4, state=5 * 2 + n) for n in range(5)]
+        [sample_point("saltelli", count=8, dimensions=3, seed=4, state=5 * 2 + n) for n in range(5)]
     )
     first, last = block[0], block[-1]
     assert (first != last).all()
@@ -87,7 +87,7 @@ def test_the_copula_gives_the_rank_correlation_and_leaves_the_marginals() -> Non
     assert factor is not None
     assert fault == ""
     rng = np.random.default_rng(5)
-    shares = np.array([correlated(row, factor=factor) for row in rng.random((4000, 3))])
+    shares = np.array([correlate(row, factor=factor) for row in rng.random((4000, 3))])
     ranks = stats.spearmanr(shares).statistic
     assert ranks[0, 2] == pytest.approx(0.7, abs=0.03)
     assert abs(ranks[0, 1]) < 0.05

@@ -21,14 +21,15 @@ from turnout.metric.features import FEATURES, features
 from turnout.metric.slip import Span
 from turnout.response.simulate import Solved, simulate, solve_placed
 from turnout.scheme import Scheme
-from turnout.study.study import Study, load_study
+from turnout.study.load import load_study
+from turnout.study.study import Study
 from turnout.sweep import folder as sweep_folder
 from turnout.sweep import row as sweep_row
-from turnout.sweep.batch import batch_variables, batches_of, file_bytes, throw_batch
-from turnout.sweep.folder import locked_folder
+from turnout.sweep.batch import batch_variables, file_bytes, plan_batches, throw_batch
+from turnout.sweep.folder import lock_folder
 from turnout.sweep.labels import object_labels
-from turnout.sweep.read import index_of, label_arrays, open_sweep, read_labels
-from turnout.sweep.run import State, run_sweep
+from turnout.sweep.read import label_arrays, open_sweep, read_index, read_labels
+from turnout.sweep.run import SweepProgress, run_sweep
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +115,7 @@ def test_labels_in_one_pass_are_those_of_the_dataset(whole: Path) -> None:
 def test_what_is_missing_is_thrown_and_comes_to_the_same_bits(
     study: Study, whole: Path, tmp_path: Path
 ) -> None:
-    told: list[State] = []
+    told: list[SweepProgress] = []
     run_sweep(study, tmp_path / "s", pool=here)
     names = batch_names(whole)
     assert batch_names(tmp_path / "s") == names
@@ -179,7 +180,7 @@ def test_a_folder_with_something_else_is_refused(study: Study, tmp_path: Path) -
 
 def test_two_runs_do_not_write_to_one_folder(study: Study, tmp_path: Path) -> None:
     folder = tmp_path / "s"
-    with locked_folder(folder), pytest.raises(FileError, match="another run writes to it now"):
+    with lock_folder(folder), pytest.raises(FileError, match="another run writes to it now"):
         run_sweep(study, folder, pool=here)
 
 
@@ -265,7 +266,7 @@ def test_the_rest_of_a_chain_is_left_out(study: Study) -> None:
 
 
 def test_labels_that_nobody_asked_for_are_not_read(whole: Path) -> None:
-    index = index_of(whole)
+    index = read_index(whole)
     every, some = label_arrays(index), label_arrays(index, names=("peak_force", "outcome"))
     assert set(some) == {"peak_force", "outcome", "chair.friction_coefficient"}
     assert set(some) < set(every)
@@ -285,16 +286,16 @@ def test_a_batch_is_read_as_its_format_says(whole: Path) -> None:
 
 
 def test_batches_depend_on_the_study_alone_and_split_no_chain(study: Study) -> None:
-    batches = batches_of(study)
+    batches = plan_batches(study)
     assert [index for batch in batches for chain in batch for index in chain] == list(range(20))
     campaign = load_study("paper-campaign")
-    chains = [chain for batch in batches_of(campaign) for chain in batch]
+    chains = [chain for batch in plan_batches(campaign) for chain in batch]
     assert chains == list(campaign.chains)
 
 
 def test_batches_grow_small_towards_the_end(study: Study) -> None:
     many = replace(study, design=replace(study.design, draws=1000))
-    sizes = [len(batch) for batch in batches_of(many)]
+    sizes = [len(batch) for batch in plan_batches(many)]
     assert sum(sizes) == many.count == 1000
     assert sizes == [64] * 8 + sorted(sizes[8:], reverse=True)
     assert sizes[-1] <= 8
@@ -355,10 +356,10 @@ def test_a_worker_loads_only_what_it_needs(study: Study, whole: Path) -> None:
 import sys
 from turnout.sweep.batch import file_bytes
 from turnout.sweep.batch import batch_variables, throw_batch
-from turnout.sweep.stored_study import kept_study
+from turnout.sweep.stored_study import load_stored_study
 from turnout.sweep.worker import make_batch
 from pathlib import Path
-study = kept_study(Path({str(whole)!r}), {study.digest!r})
+study = load_stored_study(Path({str(whole)!r}), {study.digest!r})
 print(len(file_bytes(batch_variables(study, throw_batch(study, [[0]])))) > 1000)
 unwanted = "xarray", "pandas", "dask", "scipy.stats", "scipy.special", "scipy.interpolate"
 print(*[name for name in unwanted if name in sys.modules])

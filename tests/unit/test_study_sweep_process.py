@@ -26,7 +26,7 @@ def test_the_collector_rests_until_all_is_loaded() -> None:
     with worker_processes(1) as pool:
         assert isinstance(pool, ProcessPoolExecutor)
         assert not pool.submit(gc.isenabled).result()
-        pool.submit(sweep_work.get_ready).result()
+        pool.submit(sweep_work.initialize_worker).result()
         assert pool.submit(gc.isenabled).result()
         assert pool.submit(gc.get_threshold).result()[0] == sweep_work.GC_THRESHOLD
         assert pool.submit(gc.get_freeze_count).result() > 10_000

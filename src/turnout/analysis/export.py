@@ -33,13 +33,13 @@ def export_matrices(panel: Panel) -> dict[str, bytes]:
     files: dict[str, bytes] = {}
     with one_blas_thread():
         for data in rail_data(panel):
-            stem = _stem(data.name, files)
-            files[f"{stem}.mat"] = _whole(data, panel.gravity)
-            files[f"{stem}_superelement.mat"] = _reduced(data, panel.gravity)
+            stem = _file_stem(data.name, files)
+            files[f"{stem}.mat"] = _full_matrices(data, panel.gravity)
+            files[f"{stem}_superelement.mat"] = _superelement_matrices(data, panel.gravity)
     return files
 
 
-def _whole(data: RailData, gravity: float) -> bytes:
+def _full_matrices(data: RailData, gravity: float) -> bytes:
     bare = bare_structure(data)
     if data.matrices is not None:
         given = data.matrices
@@ -59,7 +59,7 @@ def _whole(data: RailData, gravity: float) -> bytes:
     return matrices_bytes(given, extra={"rail": data.name})
 
 
-def _reduced(data: RailData, gravity: float) -> bytes:
+def _superelement_matrices(data: RailData, gravity: float) -> bytes:
     structure, element, damping = superelement_of(data)
     transformation = element.transformation
     rows = sp.csr_array(structure.motion @ transformation)
@@ -88,7 +88,7 @@ def _reduced(data: RailData, gravity: float) -> bytes:
     )
 
 
-def _stem(name: str, taken: dict[str, bytes]) -> str:
+def _file_stem(name: str, taken: dict[str, bytes]) -> str:
     """Return a file name for a rail, whatever its name holds."""
     plain = re.sub(r"[^A-Za-z0-9-]+", "_", name).strip("_") or "unnamed"
     stem = plain if plain.startswith("stock_rail") else f"rail_{plain}"

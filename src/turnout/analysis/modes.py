@@ -1,11 +1,8 @@
-"""Frequencies, damping and shapes of the rails of a panel, and what kind of motion they are.
+"""Frequencies, damping and shapes of the rails of a panel, alone and together.
 
-What kind of motion a shape is: on which rail, in which direction, and where it is largest.
-
-Shapes are complex displacements of the foot line. Kinetic energies are taken rail by rail from the
-sections alone: each direction at the centroid, torsion with the polar moment of inertia.
-
-Frequencies, damping and shapes of the rails of a panel, alone and together.
+The kind of motion of a shape is on which rail and in which direction it is, and where it is
+largest. Shapes are complex displacements of the foot line. Kinetic energies are taken rail by rail
+from the sections alone: each direction at the centroid, torsion with the polar moment of inertia.
 """
 
 import json
@@ -21,7 +18,7 @@ from turnout.analysis.sliding import (
     complex_modes,
     reduced_shapes,
     steady_sliding,
-    sticking,
+    stick_coupling,
 )
 from turnout.condense.condense import condense
 from turnout.condense.modal import ModalModel, free_model
@@ -96,7 +93,7 @@ def _energies(shape: BodyShape) -> Floats:
     return np.array([float(np.sum(length * square)) for square in squares])
 
 
-def largest(shapes: list[BodyShape]) -> tuple[int, int, complex]:
+def largest_component(shapes: list[BodyShape]) -> tuple[int, int, complex]:
     """Return body, node and displacement where foot or head move most, across the rail.
 
     Either the lateral or vertical displacement of the foot, or the lateral one of the head.
@@ -111,7 +108,7 @@ def largest(shapes: list[BodyShape]) -> tuple[int, int, complex]:
     return best
 
 
-def on_common_grid(shapes: list[BodyShape], x: Floats) -> Complexes:
+def shapes_on_grid(shapes: list[BodyShape], x: Floats) -> Complexes:
     """Interpolate shapes to common places, shape (n_bodies, 6, n); NaN beyond a rail."""
     found = np.full((len(shapes), 6, x.size), np.nan + 0j, dtype=np.complex128)
     for number, shape in enumerate(shapes):
@@ -126,7 +123,7 @@ def on_common_grid(shapes: list[BodyShape], x: Floats) -> Complexes:
 DIRECTIONS = ("ux", "uy", "uz", "rx", "ry", "rz")
 FEET_FREE, ON_CHAIRS = "feet free", "on its chairs"
 AT_REST, STICKING = "panel at rest, feet free to slide", "panel at rest, feet sticking"
-STILL = 1e-3
+RIGID_FREQUENCY_SHARE = 1e-3
 """Share of the lowest frequency below which an eigenvalue belongs to a rigid-body mode."""
 
 UNITS = {
@@ -191,7 +188,7 @@ def modes(panel: LoadedPanel, *, count: int = 10) -> xr.Dataset:
     with one_blas_thread():
         data = rail_data(panel)
         mechanism = build_mechanism(panel)
-        systems = [*_alone(mechanism, data, count), *_together(panel, mechanism, count)]
+        systems = [*_rail_systems(mechanism, data, count), *_panel_systems(panel, mechanism, count)]
     dataset = _dataset(data, mechanism.rails, systems)
     attributes = {
         "title": f"Modes of {panel.name}",
@@ -212,7 +209,7 @@ def reduction_texts(panel: Panel) -> dict[str, str]:
         return {data.name: str(reduction_of(data)) for data in rail_data(panel)}
 
 
-def _alone(mechanism: Mechanism, data: list[RailData], count: int) -> Iterator[_System]:
+def _rail_systems(mechanism: Mechanism, data: list[RailData], count: int) -> Iterator[_System]:
     """Yield each rail by itself: feet free, off the chairs' dashpots too, and on its chairs."""
     laws = mechanism.laws
     for number, body in enumerate(mechanism.rails):
@@ -241,7 +238,7 @@ def _alone(mechanism: Mechanism, data: list[RailData], count: int) -> Iterator[_
             yield _system(title, (number,), model, np.zeros((0, 0)), count)
 
 
-def _together(panel: Panel, mechanism: Mechanism, count: int) -> Iterator[_System]:
+def _panel_systems(panel: Panel, mechanism: Mechanism, count: int) -> Iterator[_System]:
     """Yield the panel at rest, with feet that slide and with feet that stick."""
     model = condense(mechanism, cutoff_frequency=float("inf"))
     start = marker_positions(panel, 0.0)[:, 0] + marker_offsets(panel)
@@ -252,7 +249,7 @@ def _together(panel: Panel, mechanism: Mechanism, count: int) -> Iterator[_Syste
     everything = tuple(range(len(mechanism.rails)))
     yield _system(AT_REST, everything, model, state.coupling, count)
     if mechanism.laws.friction_row.size:
-        yield _system(STICKING, everything, model, sticking(mechanism, state), count)
+        yield _system(STICKING, everything, model, stick_coupling(mechanism, state), count)
 
 
 def _system(
@@ -261,7 +258,7 @@ def _system(
     """Solve for the lowest modes that swing, after the rigid-body modes."""
     found = complex_modes(model, coupling)
     still = np.flatnonzero(model.eigenvalues == 0.0)
-    least = STILL * np.sqrt(
+    least = RIGID_FREQUENCY_SHARE * np.sqrt(
         np.min(model.eigenvalues, where=model.eigenvalues > 0.0, initial=np.inf)
     )
     swinging = np.flatnonzero(found.eigenvalues.imag > least)[: max(count - still.size, 0)]
@@ -332,10 +329,10 @@ def _row(
     n_rails: int,
 ) -> dict[str, object]:
     """Return one mode, scaled by its largest displacement."""
-    body, node, value = largest(shapes)
+    body, node, value = largest_component(shapes)
     shares = kinetic_shares(shapes)
     everywhere = np.full((n_rails, 6, x.size), np.nan + 0j, dtype=np.complex128)
-    everywhere[list(system.bodies)] = on_common_grid(shapes, x) / (value or 1.0)
+    everywhere[list(system.bodies)] = shapes_on_grid(shapes, x) / (value or 1.0)
     by_rail = np.zeros(n_rails)
     by_rail[list(system.bodies)] = shares.sum(axis=1)
     still = eigenvalue == 0.0

@@ -1,7 +1,7 @@
-"""What an engineer should know about a panel: small margins, idle chairs, flutter.
+"""Warnings about a panel: small margins, idle chairs, narrow flangeway, unusual values, flutter.
 
-All that a panel should be warned of: from its throw, and from its vibrations while it slides. What
-an engineer should know about a panel after it was thrown without an object.
+Margins, chairs and flangeway come from a throw without an object, flutter from the modes about
+steady sliding.
 """
 
 from dataclasses import dataclass
@@ -73,7 +73,7 @@ def concerns(dataset: xr.Dataset) -> list[Concern]:
         found.append(Concern(what, where, message, remedy))
     if not dataset.sizes.get("time", 0):
         return found
-    return [*found, *_near_slip(dataset), *_narrow(dataset), *_idle_chairs(dataset)]
+    return [*found, *_near_slip(dataset), *_narrow_flangeway(dataset), *_idle_chairs(dataset)]
 
 
 def _last_time(dataset: xr.Dataset) -> float:
@@ -102,7 +102,7 @@ def _near_slip(dataset: xr.Dataset) -> list[Concern]:
     return found
 
 
-def _narrow(dataset: xr.Dataset) -> list[Concern]:
+def _narrow_flangeway(dataset: xr.Dataset) -> list[Concern]:
     limit = float(dataset.attrs.get("flangeway_limit", float("nan")))
     if "least_flangeway" not in dataset or not float(dataset["least_flangeway"]) < limit:
         return []
@@ -210,11 +210,11 @@ def flutter_concerns(panel: Panel) -> list[Concern]:
     for factor in (1.0, FRICTION_RESERVE):
         found = friction_stability(panel, friction_factor=factor)
         if not found.stable:
-            return [_concern(found)]
+            return [_flutter_concern(found)]
     return []
 
 
-def _concern(found: FrictionStability) -> Concern:
+def _flutter_concern(found: FrictionStability) -> Concern:
     worst = found.worst
     at = "the panel's friction" if found.friction_factor == 1 else (
         f"{found.friction_factor:g} times the panel's friction"

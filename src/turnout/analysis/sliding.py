@@ -123,7 +123,7 @@ def steady_sliding(
     present = laws.waits == 0
     driven = laws.input_index >= 0
     zero = laws.offset + np.where(driven, inputs[laws.input_index] if inputs.size else 0.0, 0.0)
-    segment = np.where(laws.base_segment >= 0, laws.base_segment, _home(mechanism))
+    segment = np.where(laws.base_segment >= 0, laws.base_segment, _segments_at_zero(mechanism))
     weight = sense * friction_factor * laws.friction_coefficient
     settled = False
     for iteration in range(ITERATIONS):
@@ -156,6 +156,7 @@ def law_coupling(
     Parameters
     ----------
     mechanism : Mechanism
+        Whose laws couple the rows.
     slope : ndarray, shape (n_laws,)
         Of every law on its segment, 0 where it is absent [N/m].
     weight : ndarray, shape (n_frictions,)
@@ -178,12 +179,13 @@ def law_coupling(
     return coupling
 
 
-def sticking(mechanism: Mechanism, state: Sliding) -> Floats:
+def stick_coupling(mechanism: Mechanism, state: Sliding) -> Floats:
     """Return the coupling of a state whose carrying feet stick instead, shape (n_rows, n_rows).
 
     Parameters
     ----------
     mechanism : Mechanism
+        Whose laws couple the rows.
     state : Sliding
         At rest, found with ``sense=0.0``.
     """
@@ -248,7 +250,7 @@ def reduced_shapes(model: ModalModel, coupling: Floats, shapes: Complexes) -> Co
     return found
 
 
-def _home(mechanism: Mechanism) -> Ints:
+def _segments_at_zero(mechanism: Mechanism) -> Ints:
     """Return the segment of every law at zero argument."""
     return _segments(mechanism, np.zeros(mechanism.laws.row.size))
 

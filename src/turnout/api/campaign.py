@@ -14,7 +14,7 @@ from turnout.errors import FileError, MeasurementError, PanelError
 from turnout.measurement.campaign.build import build_campaign as read_folder
 from turnout.measurement.campaign.inside import kept_throws
 from turnout.measurement.campaign.sheet import normal_place
-from turnout.metric.campaign import places_of
+from turnout.metric.campaign import object_places
 from turnout.panel.load import LoadedPanel
 from turnout.response.store import open_response, save_response
 from turnout.scheme import Mode, chosen_scheme
@@ -102,7 +102,7 @@ class Campaign:
         }
         rows = [
             ("movements", ", ".join(f"{count} {way}" for way, count in counts.items())),
-            ("places", ", ".join(places_of(self.dataset)) or "none"),
+            ("places", ", ".join(object_places(self.dataset)) or "none"),
             ("object sizes", ", ".join(f"{1e3 * size:g} mm" for size in sizes) or "none"),
             ("channels", ", ".join(map(str, self.dataset.data_vars))),
             *((f"left out: {name}", "; ".join(why)) for name, why in self.excluded.items()),

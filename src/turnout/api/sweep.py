@@ -11,12 +11,13 @@ import xarray as xr
 from turnout.core.html_table import html_table
 from turnout.errors import StudyError
 from turnout.metric.sweep_map import STATES, end_state, sweep_map
-from turnout.study.study import Study, load_study
+from turnout.study.load import load_study
+from turnout.study.study import Study
 from turnout.sweep.effects import sweep_effects
-from turnout.sweep.export import table_of
+from turnout.sweep.export import sweep_table
 from turnout.sweep.read import open_sweep as open_batches
 from turnout.sweep.read import read_labels
-from turnout.sweep.run import State
+from turnout.sweep.run import SweepProgress
 from turnout.sweep.run import run_sweep as run_batches
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class Sweep:
     @property
     def table(self) -> "pd.DataFrame":
         """The same as a row a scenario; ``peak_force.2.closing`` is of Drive 2, closing."""
-        return table_of(self.folder)
+        return sweep_table(self.folder)
 
     @property
     def missing(self) -> int:
@@ -113,7 +114,7 @@ def run_sweep(
     *,
     out: Path | str,
     workers: int = 1,
-    report: Callable[[State], None] | None = None,
+    report: Callable[[SweepProgress], None] | None = None,
 ) -> Sweep:
     """Throw every scenario of a study into a folder.
 

@@ -12,8 +12,8 @@ from pydantic import BaseModel
 
 from turnout.errors import PanelError
 from turnout.panel.document import FAMILIES
+from turnout.panel.keys import records_in
 from turnout.panel.load import LoadedPanel
-from turnout.panel.override import records_in
 
 Floats = NDArray[np.float64]
 TRANSFORMS = ("log", "linear")

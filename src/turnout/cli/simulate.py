@@ -153,10 +153,10 @@ def _run(
         lambda: parse_objects(objects),
         lambda: collect_errors(scheme, lambda: Save(also=tuple(also)), lambda: None),
     )
-    resolve_objects(panel, foreign)
+    objects_placed = resolve_objects(panel, foreign)
 
     from turnout.response.placed import check_placed
-    from turnout.response.simulate import simulate
+    from turnout.response.simulate import simulate_placed
 
     rehearsal = threading.Thread(target=preload_writers, args=(plots,), daemon=True)
 
@@ -167,9 +167,9 @@ def _run(
                 rehearsal.start()
             watch.report(done, steps)
 
-        dataset = simulate(
+        dataset = simulate_placed(
             panel,
-            foreign_object=foreign,
+            objects_placed,
             scheme=chosen,
             save=save,
             throw=False,

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     import xarray as xr
     from rich.progress import Progress
 
-    from turnout.metric.effects import Decided, Index
+    from turnout.metric.effects import OutputEffects, SobolIndex
     from turnout.sweep.cluster import Cluster
-    from turnout.sweep.run import Finished, State
+    from turnout.sweep.run import SweepProgress, SweepResult
 
 
 StudyArgument = Annotated[
@@ -53,7 +53,7 @@ def plan_command(
 ) -> None:
     """Tell what a study varies and how many throws, how long and how large it comes to."""
     from turnout.report.study import duration_text, line, size_text, study_lines
-    from turnout.study.study import load_study
+    from turnout.study.load import load_study
 
     loaded = load_study(study, calibration=calibration)
     for text in loaded.remarks:
@@ -165,7 +165,7 @@ def _tell_missing(labels: "xr.Dataset") -> None:
         typer.echo(f"note: {missing} scenarios are not thrown yet; `turnout sweep run` goes on")
 
 
-def _print_effects(item: "Decided") -> None:
+def _print_effects(item: "OutputEffects") -> None:
     """List inputs from the one that decides most."""
     typer.echo(item.output.name)
     width = max(len(index.name) for index in item.indices) + 2
@@ -176,7 +176,7 @@ def _print_effects(item: "Decided") -> None:
         typer.echo(f"  {index.name:<{width}}{text}")
 
 
-def _weight(index: "Index") -> float:
+def _weight(index: "SobolIndex") -> float:
     return index.total if index.total == index.total else index.first
 
 
@@ -208,7 +208,7 @@ def run_command(
 ) -> None:
     """Throw every scenario of a study; the same command goes on where one was ended."""
     from turnout.errors import FileError
-    from turnout.study.study import load_study
+    from turnout.study.load import load_study
     from turnout.sweep.folder import check_folder
     from turnout.sweep.run import run_sweep
 
@@ -261,9 +261,9 @@ def export_command(
     if not any(paths.values()):
         message = "sweep export: name at least one of --parquet, --csv, --mat with a file"
         raise FileError(message)
-    from turnout.sweep.export import export_bytes, table_of
+    from turnout.sweep.export import export_bytes, sweep_table
 
-    table = table_of(folder)
+    table = sweep_table(folder)
     for path in paths.values():
         if path is None:
             continue
@@ -297,7 +297,7 @@ def _cores() -> int:
     return os.cpu_count() or 1
 
 
-def _print_finished(finished: "Finished", out: Path) -> None:
+def _print_finished(finished: "SweepResult", out: Path) -> None:
     outcomes: dict[str, int] = {}
     for batch in finished.batches:
         for name, count in batch.outcomes.items():
@@ -333,7 +333,7 @@ class SweepWatch:
         if self._bar is not None:
             self._bar.stop()
 
-    def report(self, state: "State") -> None:
+    def report(self, state: "SweepProgress") -> None:
         """Show how far a sweep is."""
         now = time.monotonic()
         if self._quiet or (self._bar is None and now < self._due):
@@ -344,7 +344,7 @@ class SweepWatch:
             self._due = now + SECONDS_BETWEEN_LINES
             print(f"{self._text}: {described(state)}", file=sys.stderr, flush=True)
 
-    def _show_bar(self, state: "State") -> None:
+    def _show_bar(self, state: "SweepProgress") -> None:
         if self._bar is None:
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn
@@ -360,7 +360,7 @@ class SweepWatch:
         self._bar.update(self._bar.task_ids[0], completed=state.done, s=described(state))
 
 
-def described(state: "State") -> str:
+def described(state: "SweepProgress") -> str:
     """Say how far a sweep is, in one line."""
     text = f"{state.done} of {state.total} done"
     if state.failed:
@@ -401,8 +401,7 @@ app.command("export")(export_command)
 @app.command("list")
 def list_command() -> None:
     """List the studies that come with the program."""
-    from turnout.study.read import study_names
-    from turnout.study.study import load_study
+    from turnout.study.load import load_study, study_names
 
     names = study_names()
     width = max(len(name) for name in names) + 2
@@ -415,7 +414,7 @@ def list_command() -> None:
 @app.command("show")
 def show_command(study: StudyArgument) -> None:
     """Show the text of a library study, to start an own one from."""
-    from turnout.study.read import study_text
+    from turnout.study.load import study_text
 
     typer.echo(study_text(study).rstrip())
 

@@ -101,9 +101,9 @@ def _check_place(dataset: "xr.Dataset", place: str) -> None:
     """Refuse a place without movements before anything is thrown."""
     from turnout.core.problems import choices
     from turnout.errors import FileError
-    from turnout.metric.campaign import places_of
+    from turnout.metric.campaign import object_places
 
-    known = places_of(dataset)
+    known = object_places(dataset)
     if place not in known:
         message = f"--place: no closing movement with an object at '{place}'; there are "
         raise FileError(message + choices(known))
@@ -168,7 +168,7 @@ def _interrupted() -> NoReturn:
 
 
 def _write(out: Path, found: "xr.Dataset", verdict: "Verdict", *, place: str | None) -> None:
-    from turnout.metric.campaign import places_of
+    from turnout.metric.campaign import object_places
     from turnout.plot.style import rendered
     from turnout.plot.validation import plot_comparison, plot_error_map
     from turnout.response.store import save_response
@@ -176,7 +176,7 @@ def _write(out: Path, found: "xr.Dataset", verdict: "Verdict", *, place: str | N
 
     figures = [MAP]
     write_and_report(out / MAP, rendered(plot_error_map(found), ".png"))
-    places = places_of(found)
+    places = object_places(found)
     if places:
         chosen = place if place is not None else _middle(places)
         write_and_report(out / COMPARISON, rendered(plot_comparison(found, place=chosen), ".png"))

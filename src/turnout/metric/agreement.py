@@ -37,8 +37,8 @@ def force_channels(dataset: xr.Dataset) -> xr.DataArray:
     names = [f"drive {name}" for name in dataset["drive"].values]
     parts = [drives.rename(drive="channel").assign_coords(channel=names)]
     if "object_force" in dataset:
-        squeezed = dataset["object_force"].transpose("movement", "time")
-        parts.append(squeezed.expand_dims(channel=[OBJECT]))
+        on_object = dataset["object_force"].transpose("movement", "time")
+        parts.append(on_object.expand_dims(channel=[OBJECT]))
     joined = xr.concat(parts, "channel", coords="minimal", compat="override", join="override")
     return joined.assign_attrs(units="N", long_name="forces").rename("force")
 
@@ -98,25 +98,25 @@ def nrmse(measured: xr.DataArray, predicted: xr.DataArray) -> xr.DataArray:
     return rms_difference(measured, predicted) / channel_scale(measured)
 
 
-def pooled(values: xr.DataArray) -> xr.DataArray:
+def rms_over_movements(values: xr.DataArray) -> xr.DataArray:
     """Return the root of the mean square over movements; those without a value do not count.
 
     Examples
     --------
     >>> values = xr.DataArray([[3.0, 4.0, np.nan]], dims=("channel", "movement"))
-    >>> round(float(pooled(values)[0]), 4)
+    >>> round(float(rms_over_movements(values)[0]), 4)
     3.5355
     """
     return cast("xr.DataArray", np.sqrt((values**2).mean("movement")))
 
 
-def repeats(dataset: xr.Dataset) -> list[list[int]]:
+def repeat_groups(dataset: xr.Dataset) -> list[list[int]]:
     """Return the numbers of movements that are equal by the sheet, two or more each.
 
     Examples
     --------
     >>> sheet = {"direction": ["closing"] * 3, "size": [0.0, 0.013, 0.0], "place": ["none"] * 3}
-    >>> repeats(xr.Dataset(coords={key: ("movement", value) for key, value in sheet.items()}))
+    >>> repeat_groups(xr.Dataset(coords={key: ("movement", value) for key, value in sheet.items()}))
     [[0, 2]]
     """
     columns = (dataset[name].values.tolist() for name in ("direction", "size", "place"))
@@ -136,7 +136,7 @@ def repeat_spread(channels: xr.DataArray, groups: list[list[int]]) -> xr.DataArr
     channels : xarray.DataArray, dims (channel, movement, time)
         Measured [N].
     groups : list of list of int
-        Numbers of movements that are equal by the sheet, from `repeats`.
+        Numbers of movements that are equal by the sheet, from `repeat_groups`.
 
     Returns
     -------
@@ -165,7 +165,7 @@ def repeat_spread(channels: xr.DataArray, groups: list[list[int]]) -> xr.DataArr
     return channels.isel(movement=0, time=0, drop=True).copy(data=np.sqrt(spread))
 
 
-def band_cover(measured: xr.DataArray, low: xr.DataArray, high: xr.DataArray) -> xr.DataArray:
+def band_coverage(measured: xr.DataArray, low: xr.DataArray, high: xr.DataArray) -> xr.DataArray:
     """Return the share of measured instants inside a band, of each channel and movement.
 
     Parameters
@@ -182,7 +182,7 @@ def band_cover(measured: xr.DataArray, low: xr.DataArray, high: xr.DataArray) ->
     --------
     >>> values = xr.DataArray([[[0.0, 2.0, np.nan]]], dims=("channel", "movement", "time"))
     >>> one = xr.ones_like(values)
-    >>> float(band_cover(values, -one, one)[0, 0])
+    >>> float(band_coverage(values, -one, one)[0, 0])
     0.5
     """
     known = measured.notnull()

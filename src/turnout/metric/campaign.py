@@ -8,10 +8,10 @@ import xarray as xr
 from scipy.stats import t as student
 
 # Time over which an end value is averaged [s].
-END = 0.3
+END_WINDOW = 0.3
 # Share of throws without an object that may be taken for one with: three standard deviations of a
 # distribution that is known, more of one that is known from a few throws.
-MISTAKEN = 0.00135
+FALSE_ALARM_RATE = 0.00135
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,11 +24,11 @@ class Scatter:
     count: int
 
     @property
-    def reach(self) -> float:
+    def threshold(self) -> float:
         """How far above the mean one more throw without an object may lie [N]; NaN if unknown."""
         if self.count < 2:
             return math.nan
-        quantile = float(student.ppf(1 - MISTAKEN, self.count - 1))
+        quantile = float(student.ppf(1 - FALSE_ALARM_RATE, self.count - 1))
         return quantile * self.deviation * math.sqrt(1 + 1 / self.count)
 
 
@@ -42,7 +42,7 @@ class PlaceSizes:
         Such as "sleeper 6".
     smallest, largest : float
         That were thrown on.
-    told : float
+    detectable : float
         Smallest from which on every object's end force at some drive is larger, in the direction of
         the movement, than the scatter of throws without one explains.
     slipped : float
@@ -52,11 +52,11 @@ class PlaceSizes:
     place: str
     smallest: float
     largest: float
-    told: float
+    detectable: float
     slipped: float
 
 
-def places_of(dataset: xr.Dataset) -> list[str]:
+def object_places(dataset: xr.Dataset) -> list[str]:
     """Return the places of objects in a campaign, in the order of the dataset."""
     objects = dataset["place"].values[dataset["size"].values > 0]
     return list(dict.fromkeys(str(place) for place in objects))
@@ -87,7 +87,7 @@ def end_values(channel: xr.DataArray) -> np.ndarray:
         known = np.flatnonzero(np.isfinite(row))
         if known.size:
             last = time[known[-1]]
-            part = row[(time > last - END + 1e-9) & (time <= last)]
+            part = row[(time > last - END_WINDOW + 1e-9) & (time <= last)]
             ends[number] = np.nanmean(part)
     return ends
 
@@ -120,7 +120,7 @@ def repeat_scatter(dataset: xr.Dataset, *, direction: str) -> list[Scatter]:
 
 
 def place_sizes(dataset: xr.Dataset, *, direction: str) -> list[PlaceSizes]:
-    """Return at each place the sizes from which on objects are told, and make a drive slip.
+    """Return at each place the sizes from which on objects are detectable, and make a drive slip.
 
     Parameters
     ----------
@@ -139,25 +139,25 @@ def place_sizes(dataset: xr.Dataset, *, direction: str) -> list[PlaceSizes]:
     outside = np.zeros(dataset.sizes["movement"], dtype=bool)
     for drive in scatter:
         ends = end_values(dataset["drive_force"].sel(drive=drive.drive))
-        # A comparison with an unknown reach is false: nothing is told from nothing.
-        outside |= sign * (ends - drive.mean) > drive.reach
+        # A comparison with an unknown threshold is false: no size is detectable then.
+        outside |= sign * (ends - drive.mean) > drive.threshold
     slipped = dataset["slipped"].values.astype(bool) if "slipped" in dataset.coords else None
     found = []
-    for place in places_of(dataset):
+    for place in object_places(dataset):
         here = (dataset["place"].values == place) & (dataset["size"].values > 0)
         here &= dataset["direction"].values == direction
         if not here.any():
             continue
         size = dataset["size"].values[here]
         hidden = size[~outside[here]].max(initial=0.0)
-        told = size[size > hidden].min(initial=np.inf)
+        detectable = size[size > hidden].min(initial=np.inf)
         slips = size[slipped[here]] if slipped is not None else size[:0]
         found.append(
             PlaceSizes(
                 place,
                 float(size.min()),
                 float(size.max()),
-                float(told) if np.isfinite(told) else float("nan"),
+                float(detectable) if np.isfinite(detectable) else float("nan"),
                 float(slips.min()) if slips.size else float("nan"),
             )
         )

@@ -16,7 +16,7 @@ MOST_LEVELS = 16
 PER_CLASS, FEWEST_CLASSES, MOST_CLASSES = 25, 4, 24
 RESAMPLES = 200
 # Standard deviations to either side that hold 95 % of a normal distribution [-].
-NINETY_FIVE = 1.959964
+NORMAL_QUANTILE = 1.959964
 OUTPUTS = ("peak_force", "object_force_peak", "end_gap")
 
 
@@ -30,7 +30,7 @@ class Output:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Index:
+class SobolIndex:
     """The share of the variance of an output that an input has.
 
     Attributes
@@ -72,7 +72,7 @@ class Effect:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Decided:
+class OutputEffects:
     """What decides over one output.
 
     Attributes
@@ -86,11 +86,11 @@ class Decided:
     """
 
     output: Output
-    indices: tuple[Index, ...]
+    indices: tuple[SobolIndex, ...]
     effects: tuple[Effect, ...]
 
 
-def inputs_of(labels: xr.Dataset) -> list[str]:
+def varying_inputs(labels: xr.Dataset) -> list[str]:
     """List the inputs of a sweep that differ between its throws.
 
     Parameters
@@ -106,7 +106,7 @@ def inputs_of(labels: xr.Dataset) -> list[str]:
     return [name for name in names if len({str(item) for item in labels[name].values}) > 1]
 
 
-def outputs_of(
+def numeric_outputs(
     labels: xr.Dataset, names: tuple[str, ...] = OUTPUTS, *, direction: str = "closing"
 ) -> list[Output]:
     """Return outputs one by one, each with its drive or sensor.
@@ -155,7 +155,7 @@ def _numbers(values: xr.DataArray) -> Floats:
     return np.where(numbers < 0, np.nan, numbers) if values.dtype.kind == "i" else numbers
 
 
-def first_index(inputs: xr.DataArray, output: Floats, *, seed: int = 0) -> Index:
+def first_order_index(inputs: xr.DataArray, output: Floats, *, seed: int = 0) -> SobolIndex:
     r"""Estimate the first-order index of an input from throws of any design.
 
     The output is averaged over classes of the input; what the averages scatter more than chance
@@ -178,18 +178,19 @@ def first_index(inputs: xr.DataArray, output: Floats, *, seed: int = 0) -> Index
     Examples
     --------
     >>> x = xr.DataArray(np.linspace(0.0, 1.0, 200), dims="scenario", name="x")
-    >>> first_index(x, 2.0 * x.values).first > 0.98
+    >>> first_order_index(x, 2.0 * x.values).first > 0.98
     True
     """
     known = ~np.isnan(output)
     classes, y = _classes(inputs.to_numpy())[0][known], output[known]
     rng = np.random.default_rng(seed)
     draws = rng.integers(0, y.size, (RESAMPLES, y.size)) if y.size else np.empty((0, 0), dtype=int)
-    spread = np.array([_share(classes[draw], y[draw]) for draw in draws])
-    return Index(
+    resampled = np.array([_share(classes[draw], y[draw]) for draw in draws])
+    deviation = float(np.nanstd(resampled)) if resampled.size else float("nan")
+    return SobolIndex(
         name=str(inputs.name),
         first=_share(classes, y),
-        first_confidence=NINETY_FIVE * float(np.nanstd(spread)) if spread.size else float("nan"),
+        first_confidence=NORMAL_QUANTILE * deviation,
     )
 
 
@@ -231,7 +232,7 @@ def main_effect(inputs: xr.DataArray, output: Floats) -> Effect:
         if inside.size:
             mean[number] = inside.mean()
         if inside.size > 1:
-            half[number] = NINETY_FIVE * inside.std(ddof=1) / np.sqrt(inside.size)
+            half[number] = NORMAL_QUANTILE * inside.std(ddof=1) / np.sqrt(inside.size)
     units = str(inputs.attrs.get("units", ""))
     return Effect(name=str(inputs.name), units=units, levels=levels, mean=mean, confidence=half)
 

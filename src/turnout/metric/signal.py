@@ -1,7 +1,7 @@
-"""Features of single channels, and of a movement: contact, build-up, peak, plateau.
+"""Features of single channels, and of the movements in them.
 
-Features of single channels. Features of a movement: contact, build-up, peak and plateau of each
-force.
+Filtered value, first and last times, value at the end; contact, build-up slope, peak and plateau of
+the force of each channel in a movement.
 """
 
 from typing import TYPE_CHECKING
@@ -92,12 +92,12 @@ RISE = (0.2, 0.8)
 PLATEAU = 0.3
 
 
-def contact_time(squeezed: xr.DataArray, *, threshold: float = CONTACT_FORCE) -> xr.DataArray:
+def contact_time(object_force: xr.DataArray, *, threshold: float = CONTACT_FORCE) -> xr.DataArray:
     """Return when the force on the object exceeds a threshold for good.
 
     Parameters
     ----------
-    squeezed : xarray.DataArray, dims (..., time)
+    object_force : xarray.DataArray, dims (..., time)
         Force on the object [N].
     threshold : float
         [N]
@@ -114,7 +114,7 @@ def contact_time(squeezed: xr.DataArray, *, threshold: float = CONTACT_FORCE) ->
     >>> float(contact_time(force))
     2.25
     """
-    ordered = squeezed.transpose(..., "time")
+    ordered = object_force.transpose(..., "time")
     time = ordered["time"].values
     rows = ordered.values.reshape(-1, time.size)
     found = np.array([_last_crossing(row, time, threshold) for row in rows])
@@ -175,7 +175,7 @@ def build_up_slope(force: xr.DataArray, *, contact: float, end: float) -> float:
     return float(line[0])
 
 
-def features(channels: xr.DataArray, *, contact: xr.DataArray, end: float) -> xr.Dataset:
+def channel_features(channels: xr.DataArray, *, contact: xr.DataArray, end: float) -> xr.Dataset:
     """Return slope of the build-up, peak and plateau of each channel and movement.
 
     Parameters
@@ -198,7 +198,7 @@ def features(channels: xr.DataArray, *, contact: xr.DataArray, end: float) -> xr
     >>> time = np.linspace(0.0, 2.0, 201)
     >>> one = xr.DataArray(np.clip(1e3 * time, 0, 1e3)[None, None], {"time": time},
     ...                    ("channel", "movement", "time"))
-    >>> found = features(one, contact=xr.DataArray([0.0], dims="movement"), end=2.0)
+    >>> found = channel_features(one, contact=xr.DataArray([0.0], dims="movement"), end=2.0)
     >>> round(float(found["peak"][0, 0])), round(float(found["plateau"][0, 0]))
     (1000, 1000)
     """

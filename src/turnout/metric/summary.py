@@ -1,7 +1,6 @@
-"""What a run has to say in engineers' units, with its energy residual.
+"""Summary lines of a run in kilonewtons and millimetres, with its energy residual.
 
-Forces and lengths as words of a sentence. How well the books of energy close, relative to the scale
-of the run. What a run has to say, in plain words and engineers' units.
+Residual and numerical dissipation are shares of the run's energy scale.
 """
 
 import json
@@ -39,13 +38,13 @@ def milli(length: xr.DataArray | float) -> str:
     return f"{round(float(length) * 1e3, 2) + 0.0:.2f} mm"
 
 
-def changed(changes: Mapping[str, object]) -> str:
+def format_overrides(changes: Mapping[str, object]) -> str:
     """Return what a panel was changed in; calibrated numbers with five digits.
 
     Examples
     --------
-    >>> changed({"chair.friction_coefficient": 0.27001253045, "drive.1.stiffness": 640163.2})
-    'chair.friction_coefficient = 0.27001, drive.1.stiffness = 640160'
+    >>> format_overrides({"chair.friction_coefficient": 0.27001253, "lock.gap_limit": 0.004})
+    'chair.friction_coefficient = 0.27001, lock.gap_limit = 0.004'
     """
 
     def text(value: object) -> str:
@@ -54,7 +53,7 @@ def changed(changes: Mapping[str, object]) -> str:
     return ", ".join(f"{key} = {text(value)}" for key, value in changes.items())
 
 
-MOST_NUMERICAL = 0.02
+LARGEST_NUMERICAL_SHARE = 0.02
 """Share of the energy scale that a scheme may lose or make before a reader should know [-]."""
 
 # Where less than this has moved, shares of the scale would be rounding over rounding [J].
@@ -88,13 +87,14 @@ def numerical_warning(dataset: xr.Dataset) -> str | None:
     Where less than `LEAST_SCALE` has moved there is nothing to say.
     """
     share = numerical_share(dataset)
-    if share <= MOST_NUMERICAL or float(dataset.attrs["energy_scale"]) <= LEAST_SCALE:
+    if share <= LARGEST_NUMERICAL_SHARE or float(dataset.attrs["energy_scale"]) <= LEAST_SCALE:
         return None
     values = dataset["energy_numerical"].to_numpy()
     lost = "lost" if values[np.abs(values).argmax()] > 0 else "MADE"
     return (
         f"the time stepping itself {lost} {100 * share:.3g} % of the energy, more than "
-        f"{100 * MOST_NUMERICAL:g} %; take a smaller step, or a spectral radius below 1 if it is 1"
+        f"{100 * LARGEST_NUMERICAL_SHARE:g} %; take a smaller step, or a spectral radius below 1 "
+        "if it is 1"
     )
 
 
@@ -126,10 +126,10 @@ def summary(dataset: xr.Dataset) -> list[tuple[str, str]]:
     lines += _flangeway(dataset)
     lines += _energy(dataset)
     lines.append(("scheme", str(dataset.attrs.get("scheme", "not stated"))))
-    return _once(lines)
+    return _blank_repeated_headings(lines)
 
 
-def _once(lines: list[tuple[str, str]]) -> list[tuple[str, str]]:
+def _blank_repeated_headings(lines: list[tuple[str, str]]) -> list[tuple[str, str]]:
     """Blank headings that repeat the one before."""
     before = ""
     cleaned = []
@@ -143,7 +143,7 @@ def _panel(dataset: xr.Dataset) -> str:
     changes = json.loads(dataset.attrs.get("overrides", "{}"))
     text = str(dataset.attrs.get("panel", "?"))
     if changes:
-        text += f" with {changed(changes)}"
+        text += f" with {format_overrides(changes)}"
     return text
 
 

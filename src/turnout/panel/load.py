@@ -1,7 +1,9 @@
-"""Load a panel from the library or a file, and make changed ones from it."""
+"""Load a panel from the library or a file, and make changed ones from it.
+
+One direction: file, document, overrides, records, checks, panel.
+"""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
@@ -15,11 +17,8 @@ from turnout.core.provenance import content_hash
 from turnout.core.regular import user_path
 from turnout.core.toml import Origin, TomlFile, parse_toml, read_toml
 from turnout.errors import FileError, PanelError
-from turnout.panel.check import check
 from turnout.panel.document import Document, expand
-from turnout.panel.library_outlines import add_library_outlines
-from turnout.panel.markers import read_schedule_files
-from turnout.panel.matrices import check_matrices, read_matrices
+from turnout.panel.document_check import CheckedDocument, check_document
 from turnout.panel.model import Panel
 from turnout.panel.override import (
     apply_overrides,
@@ -29,7 +28,7 @@ from turnout.panel.override import (
     supersede,
 )
 from turnout.panel.records import RailMatrices
-from turnout.panel.validate import Known, validate
+from turnout.panel.validate import Known
 
 # Neither changes what the panel is: the text about it, and where a schedule's numbers were read.
 _NOT_HASHED: dict[str, Any] = {
@@ -151,63 +150,33 @@ class LoadedPanel(Panel):
 
     def _changed(self, overrides: Mapping[str, object], problems: list[Problem]) -> Self:
         document, found, applied = apply_overrides(self._document, overrides)
-        return type(self)._build(
+        checked = check_document(
             document,
+            folder=self._folder,
+            known=Known(self._document.tree, self, self._asked),
+        )
+        refuse([*problems, *found, *checked.problems], heading="overrides")
+        return self.from_checked(
+            checked,
             source=self._source,
             folder=self._folder,
             overrides=supersede(self._overrides, applied),
-            problems=[*problems, *found],
-            heading="overrides",
-            known=Known(self._document.tree, self, self._asked),
         )
 
     @classmethod
-    def from_document(
+    def from_checked(
         cls,
-        document: Document,
+        checked: CheckedDocument,
         *,
         source: str,
         folder: Path | None,
         overrides: Mapping[str, object],
     ) -> Self:
-        """Make a panel of its tables, completely checked; `PanelError` tells all problems."""
-        return cls._build(
-            document,
-            source=source,
-            folder=folder,
-            overrides=dict(overrides),
-            problems=[],
-            heading=source,
-        )
-
-    @classmethod
-    def _build(
-        cls,
-        document: Document,
-        *,
-        source: str,
-        folder: Path | None,
-        overrides: dict[str, object],
-        problems: list[Problem],
-        heading: str,
-        known: Known | None = None,
-    ) -> Self:
-        document = add_library_outlines(document)
-        filled, file_problems = read_schedule_files(document, folder=folder)
-        matrices, faults = read_matrices(
-            document.tree.get("rail"), folder=folder, known=document.matrices
-        )
-        draft = validate(filled, known=known)
-        found = [*draft.problems, *file_problems, *faults, *check(draft, known=known)]
-        if not found:
-            found += check_matrices(draft.records, matrices)
-        if problems or found:
-            lines = [str(item) for item in (*problems, *sorted(found, key=_order))]
-            raise PanelError(list(dict.fromkeys(lines)), source=heading)
-        panel = cls.model_construct(**draft.records)
-        panel._document = replace(document, tables=filled.tables, matrices=matrices)
-        panel._overrides = overrides
-        panel._asked = draft.asked
+        """Make a panel of a checked document without problems."""
+        panel = cls.model_construct(**checked.records)
+        panel._document = checked.document
+        panel._overrides = dict(overrides)
+        panel._asked = checked.asked
         panel._source = source
         panel._folder = folder
         return panel
@@ -238,10 +207,11 @@ class LoadedPanel(Panel):
         return [*Panel.model_fields, *_OWN]
 
 
-def _order(problem: Problem) -> int:
-    """Give the place of a problem in the order of the panel's keys; unknown keys come first."""
-    known = list(Panel.model_fields)
-    return known.index(problem.path[0]) if problem.path and problem.path[0] in known else -1
+def refuse(problems: Iterable[Problem], *, heading: str) -> None:
+    """Raise `PanelError` with all problems, each once, where there are any."""
+    lines = [str(item) for item in problems]
+    if lines:
+        raise PanelError(list(dict.fromkeys(lines)), source=heading)
 
 
 def library_names() -> tuple[str, ...]:
@@ -276,7 +246,8 @@ def load_panel(
     name_or_path : str or Path
         A library name, or a path; a text with ".toml" or a path separator is a path.
     overrides : mapping, optional
-        Changes, as for `LoadedPanel.with_overrides`.
+        Changes, as for `LoadedPanel.with_overrides`. They are set before anything is checked, so
+        they may replace what is wrong in the file.
 
     Returns
     -------
@@ -295,15 +266,51 @@ def load_panel(
     >>> load_panel("sb1").drive["1"].stiffness
     750000.0
     """
-    panel = panel_from_file(_open(name_or_path))
-    return panel.with_overrides(overrides) if overrides else panel
+    return panel_from_file(_open(name_or_path), overrides=overrides)
 
 
-def panel_from_file(file: TomlFile) -> LoadedPanel:
-    """Make a panel from a TOML document that was already read."""
-    return LoadedPanel.from_document(
-        expand(file), source=file.source, folder=file.folder, overrides={}
+def panel_from_file(
+    file: TomlFile, *, overrides: Mapping[str, object] | None = None
+) -> LoadedPanel:
+    """Make a panel from a TOML document that was already read, with overrides as in Python."""
+    given = {key: mark_si(value) for key, value in (overrides or {}).items()}
+    document, problems, applied = apply_overrides(expand(file), given)
+    return panel_from_document(
+        document, source=file.source, folder=file.folder, overrides=applied, problems=problems
     )
+
+
+def panel_from_document(
+    document: Document,
+    *,
+    source: str,
+    folder: Path | None,
+    overrides: Mapping[str, object],
+    problems: Iterable[Problem] = (),
+) -> LoadedPanel:
+    """Make a panel of its tables.
+
+    Parameters
+    ----------
+    document : Document
+        With its overrides applied.
+    source : str
+        Library name or file, the heading of what is wrong.
+    folder : Path or None
+        Where relative paths in its tables start.
+    overrides : mapping of str to object
+        What was applied, by key.
+    problems : iterable of Problem
+        Found before, such as overrides that match nothing.
+
+    Raises
+    ------
+    PanelError
+        With all problems at once.
+    """
+    checked = check_document(document, folder=folder)
+    refuse([*problems, *checked.problems], heading=source)
+    return LoadedPanel.from_checked(checked, source=source, folder=folder, overrides=overrides)
 
 
 def _open(name_or_path: str | Path) -> TomlFile:
@@ -326,5 +333,6 @@ __all__ = [
     "library_names",
     "library_text",
     "load_panel",
+    "panel_from_document",
     "panel_from_file",
 ]

@@ -5,18 +5,15 @@ key that names a member sets it for that one. Within one set of overrides the br
 """
 
 import math
-import typing
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
-
-from pydantic import BaseModel
-from pydantic.fields import FieldInfo
 
 from turnout.core.problems import Problem, nearest, show_value
 from turnout.core.toml import Origin, load_toml
 from turnout.core.units import SI, is_finite
 from turnout.panel.document import FAMILIES, Document, Path
+from turnout.panel.keys import is_field, known_keys, records_in, takes_text
 from turnout.panel.model import Panel
 
 GROWING = ("object",)
@@ -50,7 +47,7 @@ def parse_setting(text: str) -> tuple[str, object]:
     except ValueError:
         return key, value
     # A name such as 60E1 would read as a number.
-    bare = isinstance(read, int | float) and _takes_text(tuple(key.split(".")))
+    bare = isinstance(read, int | float) and takes_text(tuple(key.split(".")))
     return key, value if bare else read
 
 
@@ -65,72 +62,6 @@ def mark_si(value: object) -> object:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return SI(value if is_finite(value) else math.nan)
     return value
-
-
-def records_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Find the records that an annotation allows, through unions and Annotated."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    elif typing.get_origin(annotation) is not dict:
-        for part in typing.get_args(annotation):
-            yield from records_in(part)
-
-
-def _is_mapping(annotation: Any) -> bool:
-    return typing.get_origin(annotation) is dict
-
-
-def fields_at(path: Path) -> list[str]:
-    """List the field names that may follow a key path; a family's own fields for a family.
-
-    Examples
-    --------
-    >>> fields_at(("lock",))
-    ['rule', 'gap_limit']
-    """
-    record = _record_at(path)
-    return list(record.model_fields) if record else []
-
-
-def _record_at(path: Path) -> type[BaseModel] | None:
-    """Find the record whose fields may follow a key path."""
-    record: type[BaseModel] = Panel
-    parts = list(path)
-    if parts and parts[0] in FAMILIES:
-        record = FAMILIES[parts[0]]
-        parts = parts[1:]
-        if parts and parts[0] not in record.model_fields:
-            parts = parts[1:]
-    for part in parts:
-        info = record.model_fields.get(part)
-        inner = list(records_in(info.annotation)) if info else []
-        if not inner:
-            return None
-        record = inner[0]
-    return record
-
-
-def field_at(path: Path) -> FieldInfo | None:
-    """Find the field that a key path leads to; None where there is none.
-
-    Examples
-    --------
-    >>> field_at(("drive", "2", "stiffness")).description
-    'bushing below saturation [N/m]'
-    """
-    record = _record_at(path[:-1])
-    if record is not None:
-        return record.model_fields.get(path[-1])
-    outer = _record_at(path[:-2])
-    info = outer.model_fields.get(path[-2]) if outer and len(path) > 1 else None
-    return info if info is not None and _is_mapping(info.annotation) else None
-
-
-def _takes_text(path: Path) -> bool:
-    """Tell whether a key takes plain text, such as a name."""
-    record = _record_at(path[:-1])
-    info = record.model_fields.get(path[-1]) if record else None
-    return info is not None and (info.annotation is str or str in typing.get_args(info.annotation))
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,31 +172,18 @@ def _targets(tree: dict[str, Any], key: str, value: object) -> list[_Target]:
     path = tuple(key.split("."))
     family = FAMILIES.get(path[0])
     if family is None:
-        known = _is_field(Panel, path) and path[0] != "schema_version"
+        known = is_field(Panel, path) and path[0] != "schema_version"
         return [_Target(key, path, value)] if known else []
     members = tree.get(path[0], {})
     if len(path) < 2 or not isinstance(members, dict):
         return []
     if path[1] in family.model_fields:
-        if not _is_field(family, path[1:]):
+        if not is_field(family, path[1:]):
             return []
         return [_Target(key, (path[0], name, *path[1:]), value) for name in members]
     if path[1] not in members and path[0] not in GROWING:
         return []
-    return [_Target(key, path, value)] if _is_field(family, path[2:]) else []
-
-
-def _is_field(record: type[BaseModel], path: Path) -> bool:
-    if not path:
-        return False
-    info = record.model_fields.get(path[0])
-    if info is None:
-        return False
-    if len(path) == 1:
-        return True
-    if _is_mapping(info.annotation):
-        return len(path) == 2
-    return any(_is_field(inner, path[1:]) for inner in records_in(info.annotation))
+    return [_Target(key, path, value)] if is_field(family, path[2:]) else []
 
 
 def _set(tree: dict[str, Any], target: _Target) -> None:
@@ -293,28 +211,6 @@ def _given(name: str, given: Mapping[str, object]) -> bool:
             return True
         name = name.rpartition(".")[0]
     return False
-
-
-def known_keys(tree: Mapping[str, Any]) -> Iterable[str]:
-    """List the keys that an override of this panel may use, families first, then members."""
-    for name, info in Panel.model_fields.items():
-        if name in FAMILIES:
-            members = tree.get(name, {})
-            fields = list(_field_keys(FAMILIES[name]))
-            yield from (f"{name}.{key}" for key in fields if members)
-            yield from (f"{name}.{member}.{key}" for member in members for key in fields)
-        elif name != "schema_version":
-            inner = list(records_in(info.annotation))
-            yield from (f"{name}.{key}" for record in inner for key in _field_keys(record))
-            if not inner:
-                yield name
-
-
-def _field_keys(record: type[BaseModel]) -> Iterator[str]:
-    for name, info in record.model_fields.items():
-        yield name
-        for inner in records_in(info.annotation):
-            yield from (f"{name}.{key}" for key in _field_keys(inner))
 
 
 def _nearest_key(tree: Mapping[str, Any], key: str) -> str:

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from turnout.core.toml import Origin
 from turnout.core.units import SI
 from turnout.panel.document import Document
-from turnout.panel.load import LoadedPanel
+from turnout.panel.load import LoadedPanel, panel_from_document
 from turnout.panel.records import RailMatrices
 
 SI_MARK = "$si"
@@ -74,7 +74,7 @@ def panel_from_data(data: Mapping[str, Any]) -> LoadedPanel:
         matrices={name: _to_matrices(given) for name, given in data["matrices"].items()},
     )
     folder = data["folder"]
-    return LoadedPanel.from_document(
+    return panel_from_document(
         document,
         source=str(data["source"]),
         folder=None if folder is None else Path(folder),

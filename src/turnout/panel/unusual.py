@@ -12,8 +12,8 @@ from typing import Any
 
 from turnout.core.quantity import unit_of
 from turnout.panel.document import FAMILIES
+from turnout.panel.keys import field_at
 from turnout.panel.model import Panel
-from turnout.panel.override import field_at
 
 _SPRING, _DASHPOT, _TURNING = (1e3, 1e11), (0.0, 1e6), (0.0, 1e9)
 _HEIGHT = (-0.3, 0.3)

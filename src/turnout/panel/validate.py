@@ -11,8 +11,8 @@ from pydantic import BaseModel, TypeAdapter, ValidationError, create_model
 
 from turnout.core.problems import Problem, choices, describe_error, nearest, show_value
 from turnout.panel.document import FAMILIES, Document, Path
+from turnout.panel.keys import fields_at, records_in
 from turnout.panel.model import Panel
-from turnout.panel.override import fields_at, records_in
 
 MOST_PROBLEMS = 50
 """Problems that are told of one table; what they are near to takes long to find."""

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.errors import ResponseError
-from turnout.metric.campaign import end_values, places_of
+from turnout.metric.campaign import end_values, object_places
 from turnout.plot.rail_sheet import shade_of
 from turnout.plot.sheet import Line, Row, Sheet
 from turnout.plot.style import GREY, new_figure, styled
@@ -115,7 +115,8 @@ def plot_overview(dataset: xr.Dataset, *, direction: str = "closing") -> "Figure
     if not kept.sizes["movement"] or not tables:
         message = f"nothing to draw: no {direction} movement with forces"
         raise ResponseError(message)
-    places = ["none", *places_of(kept)] if (kept["size"].values == 0).any() else places_of(kept)
+    without = ["none"] if (kept["size"].values == 0).any() else []
+    places = [*without, *object_places(kept)]
     sizes = np.unique(kept["size"].values)
     figure, axes = _table_figure(len(tables), rows=len(places), columns=sizes.size)
     for number, (ax, (label, channel)) in enumerate(zip(axes, tables, strict=True)):
@@ -138,7 +139,7 @@ def chosen_movements(dataset: xr.Dataset, *, place: str, direction: str) -> xr.D
     going = dataset["direction"].values == direction
     here = going & (dataset["place"].values == place) & (dataset["size"].values > 0)
     if not here.any():
-        places = ", ".join(places_of(dataset)) or "no place at all"
+        places = ", ".join(object_places(dataset)) or "no place at all"
         message = f"no {direction} movement with an object at '{place}'; there are {places}"
         raise ResponseError(message)
     free = going & (dataset["size"].values == 0)

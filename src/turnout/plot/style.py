@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from turnout.errors import FileError
-from turnout.metric.summary import changed
+from turnout.metric.summary import format_overrides
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,7 +93,7 @@ def _described(dataset: xr.Dataset) -> str:
     text = str(attributes.get("panel", attributes.get("title", "measurement")))
     changes = json.loads(attributes.get("overrides", "{}"))
     if changes:
-        text += f" ({changed(changes)})"
+        text += f" ({format_overrides(changes)})"
     if "foreign_objects" not in attributes:
         return text
     items = json.loads(attributes["foreign_objects"])

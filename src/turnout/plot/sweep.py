@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.metric.effects import Decided, Effect
+from turnout.metric.effects import Effect, OutputEffects
 from turnout.metric.sweep_map import NOT_THROWN, STATES
 from turnout.plot.style import COLOURS, GREY
 
@@ -203,12 +203,12 @@ MOST_EFFECTS = 4
 SCREEN = {"N": ("kN", KILO), "m": ("mm", MILLI), "N/m": ("kN/mm", 1e-6), "K": ("K", 1.0)}
 
 
-def plot_sweep_effects(outputs: Sequence[Decided], *, title: str = "") -> "Figure":
+def plot_sweep_effects(outputs: Sequence[OutputEffects], *, title: str = "") -> "Figure":
     """Draw a row for each output: its indices, then the main effects of the strongest inputs.
 
     Parameters
     ----------
-    outputs : sequence of Decided
+    outputs : sequence of OutputEffects
         At least one.
     title : str
         Of the figure.
@@ -241,14 +241,14 @@ def plot_sweep_effects(outputs: Sequence[Decided], *, title: str = "") -> "Figur
     return figure
 
 
-def strongest(item: Decided, count: int) -> list[Effect]:
+def strongest(item: OutputEffects, count: int) -> list[Effect]:
     """Return the main effects of the inputs that decide most over an output.
 
     Examples
     --------
     >>> from turnout.metric.effects import Output
     >>> output = Output(name="y", units="N", values=np.zeros(2))
-    >>> strongest(Decided(output=output, indices=(), effects=()), 3)
+    >>> strongest(OutputEffects(output=output, indices=(), effects=()), 3)
     []
     """
     weight = {
@@ -258,7 +258,7 @@ def strongest(item: Decided, count: int) -> list[Effect]:
     return ranked[:count]
 
 
-def plot_indices(item: Decided, *, ax: "Axes") -> "Axes":
+def plot_indices(item: OutputEffects, *, ax: "Axes") -> "Axes":
     """Draw first and, where they are known, total indices of an output with their intervals."""
     place = np.arange(len(item.indices))
     total = not all(np.isnan(index.total) for index in item.indices)
@@ -283,7 +283,7 @@ def plot_indices(item: Decided, *, ax: "Axes") -> "Axes":
     return ax
 
 
-def plot_effect(item: Decided, effect: Effect, *, ax: "Axes") -> "Axes":
+def plot_effect(item: OutputEffects, effect: Effect, *, ax: "Axes") -> "Axes":
     """Draw the mean of an output over one input, with its 95 % interval."""
     unit, factor = SCREEN.get(item.output.units, (item.output.units, 1.0))
     mean, half = factor * effect.mean, factor * np.nan_to_num(effect.confidence)

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.errors import ResponseError
-from turnout.metric.campaign import places_of
+from turnout.metric.campaign import object_places
 from turnout.plot.sheet import Line, Row, Sheet
 from turnout.plot.style import COLOURS, GREY, new_figure, styled
 
@@ -104,7 +104,7 @@ def plot_error_map(validation: xr.Dataset) -> "Figure":
     channels = [str(name) for name in validation["channel"].values]
     closing = validation.isel(movement=np.flatnonzero(validation["direction"].values == "closing"))
     sizes = np.unique(closing["size"].values)
-    places = (["none"] if (sizes == 0).any() else []) + places_of(closing)
+    places = (["none"] if (sizes == 0).any() else []) + object_places(closing)
     if not places:
         message = "nothing to draw: no closing movement"
         raise ResponseError(message)
@@ -136,7 +136,7 @@ def compared_movements(
     closing = validation["direction"].values == "closing"
     here = np.flatnonzero(closing & (validation["place"].values == place))
     if not here.size:
-        known = ", ".join(places_of(validation)) or "no place at all"
+        known = ", ".join(object_places(validation)) or "no place at all"
         message = f"no closing movement with an object at '{place}'; there are {known}"
         raise ResponseError(message)
     thrown = validation["size"].values[here]

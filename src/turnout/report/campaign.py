@@ -9,8 +9,8 @@ import xarray as xr
 from turnout.metric.campaign import (
     PlaceSizes,
     end_values,
+    object_places,
     place_sizes,
-    places_of,
     repeat_scatter,
 )
 from turnout.metric.finding import Finding
@@ -124,26 +124,26 @@ def campaign_figures(dataset: xr.Dataset, *, suffixes: Sequence[str]) -> dict[st
 
 
 def _places(dataset: xr.Dataset, direction: str) -> list[str]:
-    return places_of(dataset.isel(movement=dataset["direction"].values == direction))
+    return object_places(dataset.isel(movement=dataset["direction"].values == direction))
 
 
 def _told(dataset: xr.Dataset, direction: str) -> Finding:
     """Return from which size on objects are told at every place, and where they are not."""
     results = place_sizes(dataset, direction=direction)
     question = f"Objects told by the drives, {direction}"
-    blind = [item.place for item in results if math.isnan(item.told)]
+    blind = [item.place for item in results if math.isnan(item.detectable)]
     rule = "told is an end force that one in 700 throws without an object would show"
     if all(math.isnan(item.deviation) for item in repeat_scatter(dataset, direction=direction)):
         detail = "fewer than two throws without an object to compare with"
         return Finding("look", question, "Not known", detail)
-    known = [item for item in results if not math.isnan(item.told)]
+    known = [item for item in results if not math.isnan(item.detectable)]
     if not known:
         return Finding("bad", question, "None", f"at no place; {rule}")
-    worst = max(known, key=lambda item: item.told)
+    worst = max(known, key=lambda item: item.detectable)
     detail = f"at {len(known)} of {len(results)} places, latest at {worst.place}; {rule}"
     if blind:
         detail += f"; never at {', '.join(blind)}"
-    answer = f"From {MILLI * worst.told:g} mm on"
+    answer = f"From {MILLI * worst.detectable:g} mm on"
     return Finding("look" if blind else "good", question, answer, detail)
 
 
@@ -167,7 +167,7 @@ def _sizes_table(results: Sequence[PlaceSizes]) -> Table:
         return "none" if math.isnan(value) else f"{MILLI * value:g} mm"
 
     rows = [
-        (item.place, f"{size(item.smallest)} to {size(item.largest)}", size(item.told),
+        (item.place, f"{size(item.smallest)} to {size(item.largest)}", size(item.detectable),
          size(item.slipped))
         for item in results
     ]  # fmt: skip
@@ -179,7 +179,7 @@ def _heats(dataset: xr.Dataset, *, direction: str) -> list[Heat]:
     """Return the end force of each drive and of the object, by place and size."""
     kept = dataset.isel(movement=np.flatnonzero(dataset["direction"].values == direction))
     none = ["none"] if (kept["size"].values == 0).any() else []
-    places = [*none, *places_of(kept)]
+    places = [*none, *object_places(kept)]
     sizes = np.unique(kept["size"].values)
     slipped = kept["slipped"].values.astype(bool) if "slipped" in kept.coords else None
     heats = []

@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 
 from turnout.core.units import TEMPERATURE
-from turnout.metric.summary import changed
+from turnout.metric.summary import format_overrides
 from turnout.report.values import shown
-from turnout.study.chance import celsius
+from turnout.study.chance import format_celsius
 from turnout.study.design import Drawn
 from turnout.study.distribution import Choice, Distribution
-from turnout.study.limits import reach_of
+from turnout.study.limits import value_ranges
 from turnout.study.scenario import Value
 from turnout.study.study import Study
 from turnout.study.variable import Variable
@@ -27,21 +27,21 @@ def study_lines(study: Study) -> Iterator[str]:
 
     Examples
     --------
-    >>> from turnout.study.study import load_study
+    >>> from turnout.study.load import load_study
     >>> next(study_lines(load_study("sleeper-6")))
     'study       sleeper-6 (seed 0)'
     """
     yield line("study", f"{study.name} (seed {study.seed})")
     yield line("panel", f"{study.panel.name}, {study.panel.hash[:12]}")
     for number, (key, value) in enumerate(study.panel.overrides.items()):
-        yield line("set" if number == 0 else "", changed({key: value}))
+        yield line("set" if number == 0 else "", format_overrides({key: value}))
     yield line("scenarios", _count(study))
     drawn = {item.name: item for item in study.design.drawn}
-    reach = reach_of(study.design.axes, study.design.drawn)
+    ranges = value_ranges(study.design.axes, study.design.drawn)
     names = [*study.variables, *(field.name for field in study.fields)]
     width = max(len(name) for name in names) + 2
     for number, (name, variable) in enumerate(study.variables.items()):
-        text = _reach(variable, reach[name], drawn.get(name))
+        text = _range_text(variable, ranges[name], drawn.get(name))
         yield line("varies" if number == 0 else "", f"{name:<{width}}{text}")
     for number, field in enumerate(study.fields):
         low, high, share = ends_of(field.distribution)
@@ -118,7 +118,7 @@ def _count(study: Study) -> str:
     return text
 
 
-def _reach(variable: Variable, values: tuple[Value, ...], drawn: Drawn | None) -> str:
+def _range_text(variable: Variable, values: tuple[Value, ...], drawn: Drawn | None) -> str:
     ends = [values[0], values[-1]]
     if drawn is not None and not isinstance(drawn.law, Choice):
         low, high, share = ends_of(drawn.law)
@@ -140,5 +140,5 @@ def _shown(variable: Variable, value: Value) -> str:
     if isinstance(value, str):
         return value
     if variable.kind is TEMPERATURE and not variable.factor:
-        return celsius(value)
+        return format_celsius(value)
     return shown(float(f"{value:.4g}"), variable.units or None, variable.key.split(".")[-1])

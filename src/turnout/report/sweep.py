@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.errors import ResponseError
-from turnout.metric.effects import Decided, Effect
+from turnout.metric.effects import Effect, OutputEffects
 from turnout.metric.finding import Finding, Level
 from turnout.metric.sweep_map import FAILED, LOCKED, NOT_THROWN, SLIPS, STATES, end_state, sweep_map
 from turnout.plot.draw import draw_sheet
@@ -24,7 +24,10 @@ DRAWN = 2
 
 
 def sweep_page(
-    labels: xr.Dataset, *, decided: Sequence[Decided] = (), suffixes: Sequence[str] = (".pdf",)
+    labels: xr.Dataset,
+    *,
+    decided: Sequence[OutputEffects] = (),
+    suffixes: Sequence[str] = (".pdf",),
 ) -> Page:
     """Return the page about a sweep.
 
@@ -32,7 +35,7 @@ def sweep_page(
     ----------
     labels : xarray.Dataset
         Dimension scenario: inputs, outcomes, labels and features.
-    decided : sequence of Decided
+    decided : sequence of OutputEffects
         What decides over its outputs.
     suffixes : sequence of str
         In which forms the page holds each figure on paper.
@@ -169,7 +172,7 @@ def _level(axis: xr.DataArray, at: int) -> str:
     return f"{1e3 * float(value):.4g}"
 
 
-def _indices(item: Decided) -> Table:
+def _indices(item: OutputEffects) -> Table:
     def share(value: float, doubt: float) -> str:
         return "" if math.isnan(value) else f"{100 * value:.1f} ± {100 * doubt:.1f} %"
 
@@ -181,7 +184,7 @@ def _indices(item: Decided) -> Table:
     return Table(item.output.name.replace("_", " "), ("Input", "First", "Total"), rows)
 
 
-def _effect_sheet(item: Decided, effect: Effect) -> Sheet:
+def _effect_sheet(item: OutputEffects, effect: Effect) -> Sheet:
     """Return the mean of an output over an input, with its 95 % interval."""
     label, factor, offset = effect_axis(effect)
     x = factor * np.array(effect.levels, dtype=float) + offset

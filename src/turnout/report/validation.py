@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from turnout.metric.campaign import places_of
+from turnout.metric.campaign import object_places
 from turnout.metric.finding import Finding, Level
 from turnout.plot.style import rendered
 from turnout.plot.validation import comparison_sheet, plot_comparison, plot_error_map
@@ -134,13 +134,13 @@ def _features(verdict: Verdict) -> Table:
 
 def _places(validation: xr.Dataset) -> list[str]:
     closing = validation["direction"].values == "closing"
-    return places_of(validation.isel(movement=np.flatnonzero(closing)))
+    return object_places(validation.isel(movement=np.flatnonzero(closing)))
 
 
 def _heats(validation: xr.Dataset) -> list[Heat]:
     closing = validation.isel(movement=np.flatnonzero(validation["direction"].values == "closing"))
     none = ["none"] if (closing["size"].values == 0).any() else []
-    places, sizes = [*none, *places_of(closing)], np.unique(closing["size"].values)
+    places, sizes = [*none, *object_places(closing)], np.unique(closing["size"].values)
     heats = []
     for name in closing["channel"].values:
         one = closing.sel(channel=name)

@@ -1,4 +1,4 @@
-"""The one chain from a panel to its response."""
+"""Simulate a throw: panel, objects in their places, mechanism, history, dataset."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -88,11 +88,30 @@ def simulate(
         if given is not None and not isinstance(given, kind):
             message = f"simulate(): {name} = {given!r} must be a {kind.__name__}"
             raise ResponseError(message)
-    scheme, save = chosen_scheme(mode, scheme, caller="simulate()"), save or Save()
+    return simulate_placed(
+        panel,
+        resolve_objects(panel, _as_objects(foreign_object)),
+        scheme=chosen_scheme(mode, scheme, caller="simulate()"),
+        save=save or Save(),
+        throw=throw,
+        report=report,
+    )
+
+
+def simulate_placed(
+    panel: LoadedPanel,
+    objects: tuple[PlacedObject, ...],
+    *,
+    scheme: Scheme,
+    save: Save,
+    throw: bool = True,
+    report: Callable[[int, int], None] | None = None,
+) -> "xr.Dataset":
+    """Do what `simulate` does with all objects in their places, those of the panel among them."""
     if save.interval is not None:
         scheme = replace(scheme, output_interval=save.interval)
     began = time.perf_counter()
-    solved = solve(panel, foreign_object=foreign_object, scheme=scheme, report=report)
+    solved = solve_placed(panel, objects, scheme=scheme, report=report)
     with one_blas_thread():
         dataset = response_dataset(panel, solved.mechanism, solved.history, save=save)
     attributes = describe_run(
@@ -196,7 +215,7 @@ def solve(
     PanelError
         When a foreign object does not fit the panel.
     """
-    objects = tuple(resolve_objects(panel, _as_objects(foreign_object)))
+    objects = resolve_objects(panel, _as_objects(foreign_object))
     return solve_placed(panel, objects, scheme=scheme, report=report)
 
 

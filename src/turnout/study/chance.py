@@ -1,8 +1,7 @@
-"""What a study leaves to chance: random fields, correlations, draws, temperature.
+"""Random part of a study: fields along the switch, correlations, draws; friction by temperature.
 
-Values that scatter from place to place along the switch, alike where places are near. What
-temperature does to friction: a stated law that multiplies the friction of a study. What a study
-leaves to chance: fields, correlations, draws, and what temperature does.
+A random field gives each member of a family a value, alike where members stand near each other. A
+temperature law multiplies values of the panel, as a rule the friction of the chairs.
 """
 
 import math
@@ -19,10 +18,10 @@ from turnout.core.units import (
     Dimension,
     parse_quantity,
 )
-from turnout.study.distribution import EDGE, Distribution, normal_share
-from turnout.study.records import StudyRecord
-from turnout.study.variable import TEMPERATURE_KEY, kind_of, values_at
-from turnout.study.variables import Found, read_field_law
+from turnout.study.distribution import PROBABILITY_MARGIN, Distribution, normal_share
+from turnout.study.study_file import StudyRecord
+from turnout.study.variable import TEMPERATURE_KEY, value_kind, values_at
+from turnout.study.variables import ParsedStudy, read_field_law
 
 FloatArray = npt.NDArray[np.float64]
 CORRELATIONS = ("exponential", "gaussian")
@@ -80,7 +79,9 @@ class RandomField:
             np.array(self.x), length=self.correlation_length, kind=self.correlation
         )
         shares = normal_share(root @ rng.standard_normal(len(self.x)))
-        drawn = self.distribution.quantile(np.clip(shares, EDGE, 1.0 - EDGE))
+        drawn = self.distribution.quantile(
+            np.clip(shares, PROBABILITY_MARGIN, 1.0 - PROBABILITY_MARGIN)
+        )
         return dict(zip(self.members, drawn.tolist(), strict=True))
 
 
@@ -113,7 +114,7 @@ def correlation_root(x: FloatArray, *, length: float, kind: str) -> FloatArray:
     return np.linalg.cholesky(jittered).astype(np.float64)
 
 
-KEY = "chair.friction_coefficient"
+FRICTION_KEY = "chair.friction_coefficient"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,7 +139,7 @@ class TemperatureLaw:
         The table [K], [-]; empty for the linear law.
     """
 
-    key: str = KEY
+    key: str = FRICTION_KEY
     reference: float = 293.15
     coefficient: float = 0.0
     temperatures: tuple[float, ...] = ()
@@ -164,25 +165,26 @@ class TemperatureLaw:
         if self.temperatures:
             ends = self.temperatures[0], self.temperatures[-1]
             if least < ends[0] or largest > ends[1]:
+                low, high = map(format_celsius, ends)
                 problems.append(
-                    f"the law is given from {celsius(ends[0])} to {celsius(ends[1])}, "
-                    f"the study goes from {celsius(least)} to {celsius(largest)}"
+                    f"the law is given from {low} to {high}, "
+                    f"the study goes from {format_celsius(least)} to {format_celsius(largest)}"
                 )
         lowest = min(self.factor(least), self.factor(largest), *self.factors)
         if not lowest > 0:
             problems.append(
                 f"friction would be {lowest:.2g} times that of the panel between "
-                f"{celsius(least)} and {celsius(largest)}; must stay more than 0"
+                f"{format_celsius(least)} and {format_celsius(largest)}; must stay more than 0"
             )
         return problems
 
 
-def celsius(temperature: float) -> str:
+def format_celsius(temperature: float) -> str:
     """Show a temperature in degrees Celsius.
 
     Examples
     --------
-    >>> celsius(253.15)
+    >>> format_celsius(253.15)
     '-20 °C'
     """
     return f"{temperature - 273.15:.4g} °C"
@@ -191,41 +193,45 @@ def celsius(temperature: float) -> str:
 MOST_SCENARIOS = 10_000_000
 
 
-def read_quantity(found: Found, where: str, value: object, dimension: Dimension) -> float | None:
+def read_quantity(
+    parsed: ParsedStudy, where: str, value: object, dimension: Dimension
+) -> float | None:
     """Read a quantity; None where it is none, which is noted."""
     try:
         return parse_quantity(value, dimension)
     except ValueError as error:
-        found.note(where, f" = {show_value(value)}: {error}")
+        parsed.add_problem(where, f" = {show_value(value)}: {error}")
         return None
 
 
-def read_fields(found: Found, record: StudyRecord) -> list[RandomField]:
+def read_fields(parsed: ParsedStudy, record: StudyRecord) -> list[RandomField]:
     """Read the random fields of a study."""
     fields_read: list[RandomField] = []
     for number, item in enumerate(record.field, 1):
         where = f"field {number} ({item.key})"
-        read = read_field_law(found, item, where=where)
+        read = read_field_law(parsed, item, where=where)
         length = read_quantity(
-            found, f"{where}.correlation_length", item.correlation_length, LENGTH
+            parsed, f"{where}.correlation_length", item.correlation_length, LENGTH
         )
         if length is not None and not length > 0:
-            found.note(f"{where}.correlation_length", ": must be more than 0")
+            parsed.add_problem(f"{where}.correlation_length", ": must be more than 0")
         if read is None or length is None or not length > 0:
             continue
         variable, law = read
-        if variable.name in {*found.variables, *(known.name for known in fields_read)}:
+        if variable.name in {*parsed.variables, *(known.name for known in fields_read)}:
             text = f': something named "{variable.name}" is there already; give it another `name`'
-            found.note(where, text)
+            parsed.add_problem(where, text)
             continue
         family, _, below = item.key.partition(".")
-        members = getattr(found.panel, family, {})
+        members = getattr(parsed.panel, family, {})
         if not isinstance(members, dict) or below.split(".")[0] in members or not members:
-            found.note(where, ": a field goes over a family, such as chair.friction_coefficient")
+            parsed.add_problem(
+                where, ": a field goes over a family, such as chair.friction_coefficient"
+            )
             continue
         placed = {name: getattr(member, "x", None) for name, member in members.items()}
         if not all(isinstance(x, float) for x in placed.values()):
-            found.note(where, f": the members of {family} have no places along the switch")
+            parsed.add_problem(where, f": the members of {family} have no places along the switch")
             continue
         fields_read.append(
             RandomField(
@@ -242,46 +248,50 @@ def read_fields(found: Found, record: StudyRecord) -> list[RandomField]:
     return fields_read
 
 
-def read_law_of_temperature(found: Found, record: StudyRecord) -> TemperatureLaw | None:
+def read_law_of_temperature(parsed: ParsedStudy, record: StudyRecord) -> TemperatureLaw | None:
     """Read what temperature does; needed where it varies."""
     given = record.temperature_law
-    varies = any(item.key == TEMPERATURE_KEY for item in found.variables.values())
+    varies = any(item.key == TEMPERATURE_KEY for item in parsed.variables.values())
     if given is None:
         if varies:
             text = ": temperature varies, so say what it does in a table [temperature_law]"
-            found.note("temperature_law", text)
+            parsed.add_problem("temperature_law", text)
         return None
     where = "temperature_law"
     if not varies:
-        found.note(where, ': needs a variable with key = "temperature"')
+        parsed.add_problem(where, ': needs a variable with key = "temperature"')
     try:
-        if not values_at(found.panel, given.key) or kind_of(found.panel, given.key) is str:
-            found.note(where, f'.key = "{given.key}": has nothing that could be multiplied')
+        if not values_at(parsed.panel, given.key) or value_kind(parsed.panel, given.key) is str:
+            parsed.add_problem(where, f'.key = "{given.key}": has nothing that could be multiplied')
     except (ValueError, KeyError, AttributeError, TypeError):
-        found.note(where, f'.key = "{given.key}": matches nothing in this panel')
+        parsed.add_problem(where, f'.key = "{given.key}": matches nothing in this panel')
     linear = given.reference is not None and given.coefficient is not None
     table = given.temperature is not None and given.factor is not None
     if linear == table:
-        found.note(where, ": needs either reference and coefficient, or temperature and factor")
+        parsed.add_problem(
+            where, ": needs either reference and coefficient, or temperature and factor"
+        )
         return None
     if linear:
-        reference = read_quantity(found, f"{where}.reference", given.reference, TEMPERATURE)
+        reference = read_quantity(parsed, f"{where}.reference", given.reference, TEMPERATURE)
         slope = read_quantity(
-            found, f"{where}.coefficient", given.coefficient, TEMPERATURE_COEFFICIENT
+            parsed, f"{where}.coefficient", given.coefficient, TEMPERATURE_COEFFICIENT
         )
         if reference is None or slope is None:
             return None
         return TemperatureLaw(key=given.key, reference=reference, coefficient=slope)
     read = [
-        read_quantity(found, f"{where}.temperature", t, TEMPERATURE)
+        read_quantity(parsed, f"{where}.temperature", t, TEMPERATURE)
         for t in given.temperature or []
     ]
     temperatures = [item for item in read if item is not None]
     factors = [float(item) for item in given.factor or []]
     if any(a >= b for a, b in zip(temperatures, temperatures[1:], strict=False)):
-        found.note(f"{where}.temperature", ": must rise")
+        parsed.add_problem(f"{where}.temperature", ": must rise")
     if len(read) != len(factors):
-        found.note(f"{where}.factor", f": has {len(factors)} values for {len(read)} temperatures")
+        parsed.add_problem(
+            f"{where}.factor", f": has {len(factors)} values for {len(read)} temperatures"
+        )
     return TemperatureLaw(key=given.key, temperatures=tuple(temperatures), factors=tuple(factors))
 
 
@@ -304,7 +314,9 @@ def sampling_faults(method: str, count: int, drawn: int, with_fields: bool) -> l
     return faults
 
 
-def read_pairs(found: Found, record: StudyRecord, names: list[str]) -> list[tuple[str, str, float]]:
+def read_pairs(
+    parsed: ParsedStudy, record: StudyRecord, names: list[str]
+) -> list[tuple[str, str, float]]:
     """Read which drawn variables go together: two names and their rank correlation."""
     pairs: list[tuple[str, str, float]] = []
     for number, item in enumerate(record.correlation, 1):
@@ -312,12 +324,12 @@ def read_pairs(found: Found, record: StudyRecord, names: list[str]) -> list[tupl
         unknown = [name for name in item.between if name not in names]
         for name in unknown:
             text = f": is no drawn variable{nearest(name, names)}; there are {choices(names)}"
-            found.note(where, f' = "{name}"{text}')
+            parsed.add_problem(where, f' = "{name}"{text}')
         first, second = item.between
         if first == second:
-            found.note(where, f' = "{first}": twice the same')
+            parsed.add_problem(where, f' = "{first}": twice the same')
         elif any({first, second} == {a, b} for a, b, _ in pairs):
-            found.note(where, f': "{first}" and "{second}" are there already')
+            parsed.add_problem(where, f': "{first}" and "{second}" are there already')
         elif not unknown:
             pairs.append((first, second, item.rank_correlation))
     return pairs

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnout.study.distribution import Choice, Distribution
-from turnout.study.sampling import correlated, point, states_of
+from turnout.study.sampling import correlate, count_states, sample_point
 from turnout.study.scenario import Value
 
 FloatArray = npt.NDArray[np.float64]
@@ -31,7 +31,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawn:
-    """A variable that is drawn, and from what."""
+    """A variable that is drawn from a distribution, in SI or as a factor [-]."""
 
     name: str
     law: Distribution | Choice
@@ -39,12 +39,14 @@ class Drawn:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignSummary:
-    """What an analysis of the results must know of a design; see `Design` for each.
+    """What an analysis of the results must know of a design.
 
     Attributes
     ----------
     method : str
+        One of `turnout.study.sampling.METHODS`.
     draws, states, cells : int
+        Count of the study file; drawn states of the switch; combinations on the axes.
     drawn : tuple of str
         Names of the variables that are drawn.
     axes : tuple of tuple of str
@@ -97,7 +99,7 @@ class Design:
     @property
     def states(self) -> int:
         """States of the switch that are drawn."""
-        return states_of(self.method, count=self.draws, dimensions=len(self.drawn))
+        return count_states(self.method, count=self.draws, dimensions=len(self.drawn))
 
     @property
     def count(self) -> int:
@@ -111,7 +113,7 @@ class Design:
             item.name for item in self.drawn
         )
 
-    def described(self) -> DesignSummary:
+    def summary(self) -> DesignSummary:
         """Return what an analysis of the results must know."""
         return DesignSummary(
             method=self.method,
@@ -122,18 +124,18 @@ class Design:
             axes=tuple(axis.names for axis in self.axes),
         )
 
-    def state_of(self, index: int) -> int:
+    def state_index(self, index: int) -> int:
         """Return the state that a scenario is thrown in."""
         return index // self.cells
 
-    def on_axes(self, index: int) -> dict[str, Value]:
+    def axis_values(self, index: int) -> dict[str, Value]:
         """Return the values on the axes of a scenario, by variable.
 
         Examples
         --------
         >>> axis = Axis(names=("object.size",), rows=((0.01,), (0.013,)))
         >>> one = Design(axes=(axis,), drawn=(), method="random", draws=1, copula=None, seed=0)
-        >>> one.count, one.on_axes(1)
+        >>> one.count, one.axis_values(1)
         (2, {'object.size': 0.013})
         """
         rest = index % self.cells
@@ -143,11 +145,11 @@ class Design:
             found.update(zip(axis.names, axis.rows[place], strict=True))
         return {name: found[name] for axis in self.axes for name in axis.names}
 
-    def in_state(self, state: int) -> dict[str, Value]:
+    def drawn_values(self, state: int) -> dict[str, Value]:
         """Return the values that are drawn for a state, by variable."""
         if not self.drawn:
             return {}
-        shares = point(
+        shares = sample_point(
             self.method,
             count=self.draws,
             dimensions=len(self.drawn),
@@ -155,7 +157,7 @@ class Design:
             state=state,
         )
         if self.copula is not None:
-            shares = correlated(shares, factor=self.copula)
+            shares = correlate(shares, factor=self.copula)
         return {
             item.name: item.law.value(float(share))
             for item, share in zip(self.drawn, shares, strict=True)

@@ -22,11 +22,11 @@ PARAMETERS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "beta": (("minimum", "maximum", "alpha", "beta"), ()),
 }
 # Plain numbers whatever the variable is; all other parameters have its dimension.
-PLAIN = frozenset({"log_deviation", "alpha", "beta"})
+DIMENSIONLESS_PARAMETERS = frozenset({"log_deviation", "alpha", "beta"})
 # Draws keep to the open interval: the quantiles of 0 and 1 may be infinite.
-EDGE = 1e-12
+PROBABILITY_MARGIN = 1e-12
 # A difference of values, not a value: 5 K of scatter are not 5 K above absolute zero.
-SPREAD = frozenset({"standard_deviation"})
+DIFFERENCE_PARAMETERS = frozenset({"standard_deviation"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +76,7 @@ class Distribution:
         >>> [round(value, 9) for value in law.bounds]
         [1.0, 3.0]
         """
-        low, high = self.quantile([EDGE, 1.0 - EDGE]).tolist()
+        low, high = self.quantile([PROBABILITY_MARGIN, 1.0 - PROBABILITY_MARGIN]).tolist()
         return low, high
 
 
@@ -159,13 +159,13 @@ def parameter_faults(kind: str, parameters: Parameters) -> list[tuple[str, str]]
         faults.append(("mode", ": must lie between `minimum` and `maximum`"))
     if faults or kind not in ("truncated normal", "lognormal"):
         return faults
-    share = np.diff(_limits(kind, parameters))[0]
+    share = np.diff(_truncation_shares(kind, parameters))[0]
     if not share > 1e-6:
         faults.append(("minimum", " and `maximum`: next to nothing of the distribution is between"))
     return faults
 
 
-def _limits(kind: str, p: Parameters) -> FloatArray:
+def _truncation_shares(kind: str, p: Parameters) -> FloatArray:
     """Return the shares of the untruncated distribution at its bounds."""
     low, high = p.get("minimum", -np.inf), p.get("maximum", np.inf)
     if kind == "lognormal":
@@ -178,13 +178,13 @@ def _limits(kind: str, p: Parameters) -> FloatArray:
     return normal_share(np.array(scores))
 
 
-def _within(u: FloatArray, kind: str, p: Parameters) -> FloatArray:
+def _truncated_score(u: FloatArray, kind: str, p: Parameters) -> FloatArray:
     """Return normal scores of shares of what is left between the bounds."""
-    below, above = _limits(kind, p)
+    below, above = _truncation_shares(kind, p)
     return normal_score(below + u * (above - below))
 
 
-def _truncated(values: FloatArray, p: Parameters) -> FloatArray:
+def _clip(values: FloatArray, p: Parameters) -> FloatArray:
     """Take rounding beyond a bound back to it."""
     return np.clip(values, p.get("minimum", -np.inf), p.get("maximum", np.inf))
 
@@ -194,7 +194,7 @@ def _uniform(u: FloatArray, p: Parameters) -> FloatArray:
 
 
 def _log_uniform(u: FloatArray, p: Parameters) -> FloatArray:
-    return _truncated(p["minimum"] * (p["maximum"] / p["minimum"]) ** u, p)
+    return _clip(p["minimum"] * (p["maximum"] / p["minimum"]) ** u, p)
 
 
 def _normal(u: FloatArray, p: Parameters) -> FloatArray:
@@ -202,13 +202,13 @@ def _normal(u: FloatArray, p: Parameters) -> FloatArray:
 
 
 def _truncated_normal(u: FloatArray, p: Parameters) -> FloatArray:
-    scores = _within(u, "truncated normal", p)
-    return _truncated(p["mean"] + p["standard_deviation"] * scores, p)
+    scores = _truncated_score(u, "truncated normal", p)
+    return _clip(p["mean"] + p["standard_deviation"] * scores, p)
 
 
 def _lognormal(u: FloatArray, p: Parameters) -> FloatArray:
-    scores = _within(u, "lognormal", p)
-    return _truncated(p["median"] * np.exp(p["log_deviation"] * scores), p)
+    scores = _truncated_score(u, "lognormal", p)
+    return _clip(p["median"] * np.exp(p["log_deviation"] * scores), p)
 
 
 def _triangular(u: FloatArray, p: Parameters) -> FloatArray:

@@ -14,15 +14,15 @@ from turnout.study.variable import (
     OBJECT_KEYS,
     TEMPERATURE_KEY,
     Variable,
+    apply_factors,
     foreign_objects,
-    multiplied,
 )
 
 # An axis with more values than this is checked at its ends and some between.
 MOST_CHECKED = 200
 
 
-def reach_of(axes: Iterable[Axis], drawn: Iterable[Drawn]) -> dict[str, tuple[Value, ...]]:
+def value_ranges(axes: Iterable[Axis], drawn: Iterable[Drawn]) -> dict[str, tuple[Value, ...]]:
     """Return what each variable can be: all values, or the ends of a distribution.
 
     Parameters
@@ -50,7 +50,7 @@ def reach_of(axes: Iterable[Axis], drawn: Iterable[Drawn]) -> dict[str, tuple[Va
 def limit_faults(
     panel: LoadedPanel,
     *,
-    reach: Mapping[str, tuple[Value, ...]],
+    ranges: Mapping[str, tuple[Value, ...]],
     variables: Mapping[str, Variable],
     fields: Iterable[RandomField],
     law: TemperatureLaw | None,
@@ -64,8 +64,8 @@ def limit_faults(
     ----------
     panel : LoadedPanel
         What has the limits.
-    reach : mapping
-        From `reach_of`.
+    ranges : mapping
+        From `value_ranges`.
     variables : mapping of str to Variable
         By name.
     fields : iterable of RandomField
@@ -76,37 +76,37 @@ def limit_faults(
         Whether nothing is missing, so that what an object lacks may be told.
     """
     problems = []
-    for name, values in reach.items():
+    for name, values in ranges.items():
         variable = variables[name]
         if variable.key == TEMPERATURE_KEY:
             numbers = [float(item) for item in values]
             faults = law.faults(min(numbers), max(numbers)) if law else []
             problems += [f"temperature_law: {text}" for text in faults]
         elif variable.key not in OBJECT_KEYS:
-            for value in _some(values):
+            for value in _checked_values(values):
                 changes = (
-                    multiplied(panel, {}, [(variable.key, float(value))])
+                    apply_factors(panel, {}, [(variable.key, float(value))])
                     if variable.factor
                     else {variable.key: value}
                 )
-                problems += _refused(panel, changes, f"variable {name}")
+                problems += _panel_faults(panel, changes, f"variable {name}")
     for field in fields:
         for end in field.distribution.bounds:
             changes = (
-                multiplied(panel, {}, [(field.key, end)]) if field.factor else {field.key: end}
+                apply_factors(panel, {}, [(field.key, end)]) if field.factor else {field.key: end}
             )
-            problems += _refused(panel, changes, f"field {field.name}")
-    by_key = {variables[name].key: values for name, values in reach.items()}
+            problems += _panel_faults(panel, changes, f"field {field.name}")
+    by_key = {variables[name].key: values for name, values in ranges.items()}
     return [*problems, *_object_faults(panel, by_key, whole=whole)]
 
 
-def _some(values: tuple[Value, ...]) -> tuple[Value, ...]:
+def _checked_values(values: tuple[Value, ...]) -> tuple[Value, ...]:
     """Take all values, or of very many some with both ends."""
     stride = -(-len(values) // MOST_CHECKED)
     return (*values[::stride], values[-1]) if stride > 1 else values
 
 
-def _refused(panel: LoadedPanel, changes: Mapping[str, Value], where: str) -> list[str]:
+def _panel_faults(panel: LoadedPanel, changes: Mapping[str, Value], where: str) -> list[str]:
     try:
         panel.with_overrides(changes)
     except PanelError as error:
@@ -141,7 +141,7 @@ def _object_faults(
     usual = {key: by_key[key][0] for key in given} | {"object.size": max(sizes)}
     usual["object.present"] = True
     for key in given:
-        for value in () if key == "object.size" else _some(by_key[key]):
+        for value in () if key == "object.size" else _checked_values(by_key[key]):
             item = foreign_objects(usual | {key: value, "object.present": True})[0]
             problems += [
                 f"object of {1e3 * max(sizes):g} mm, {key} = {show_value(value)}: {fault}{text}"

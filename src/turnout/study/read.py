@@ -1,22 +1,15 @@
-"""From a study file to the parts of a study, and where study files are found.
-
-Studies that come with the program, and where the panel of a study is looked for. From a study file
-to the parts of a study, with all that is wrong in it at once.
-"""
+"""Read a study file against its panel: scheme, output, design and all problems at once."""
 
 import copy
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from turnout.core.library import names_in_library, text_in_library
 from turnout.core.problems import choices, describe_error, nearest, show_value
-from turnout.core.regular import user_path
-from turnout.core.toml import TomlFile, parse_toml, read_toml
+from turnout.core.toml import TomlFile
 from turnout.core.units import (
     FORCE,
     FREQUENCY,
@@ -24,9 +17,9 @@ from turnout.core.units import (
     TIME,
     Dimension,
 )
-from turnout.errors import PanelError, SolverError, StudyError
-from turnout.panel.load import LoadedPanel, load_panel
-from turnout.panel.override import records_in
+from turnout.errors import SolverError, StudyError
+from turnout.panel.keys import records_in
+from turnout.panel.load import LoadedPanel
 from turnout.schema.check import unknown_channels
 from turnout.scheme import MODES, Scheme
 from turnout.study.chance import (
@@ -40,54 +33,12 @@ from turnout.study.chance import (
     sampling_faults,
 )
 from turnout.study.design import Axis, Design
-from turnout.study.limits import limit_faults, reach_of
-from turnout.study.records import StudyRecord
+from turnout.study.limits import limit_faults, value_ranges
 from turnout.study.sampling import copula_factor
 from turnout.study.scenario import Output, Rule
+from turnout.study.study_file import StudyRecord
 from turnout.study.variable import Variable
-from turnout.study.variables import Found, read_together, read_variable
-
-
-def study_names() -> tuple[str, ...]:
-    """List the studies that come with the program.
-
-    Examples
-    --------
-    >>> "paper-campaign" in study_names()
-    True
-    """
-    return names_in_library("turnout.study")
-
-
-def study_text(name: str) -> str:
-    """Give the TOML text of a library study, to start an own study file from.
-
-    Raises
-    ------
-    FileError
-        When there is no such study; the text lists those there are.
-    """
-    return text_in_library("turnout.study", name, kind="study")
-
-
-def open_study(name_or_path: str | Path) -> TomlFile:
-    """Read a study of the library by its name, or a study file by its path."""
-    name = str(name_or_path).strip()
-    if isinstance(name_or_path, Path) or name.endswith(".toml") or "/" in name or "\\" in name:
-        return read_toml(user_path(name))
-    return parse_toml(study_text(name), source=name)
-
-
-def named_panel(name: str, file: TomlFile) -> LoadedPanel:
-    """Load the panel that a study names; a path starts at the folder of the study."""
-    return load_panel(path_from(name, file) if name.endswith(".toml") else name)
-
-
-def path_from(name: str, file: TomlFile) -> Path:
-    """Return a path that a study names; one that is not absolute starts at the study's folder."""
-    path = user_path(name)
-    return path if path.is_absolute() or file.folder is None else file.folder / path
-
+from turnout.study.variables import ParsedStudy, read_together, read_variable
 
 SCHEME_UNITS: dict[str, Dimension] = {
     "step": TIME,
@@ -95,14 +46,14 @@ SCHEME_UNITS: dict[str, Dimension] = {
     "gap_tolerance": LENGTH,
     "force_tolerance": FORCE,
 }
-RATE_FROM_OUTPUT = "output_interval"
+OUTPUT_INTERVAL_KEY = "output_interval"
 
-USUAL_INTERVAL = 0.01
+DEFAULT_INTERVAL = 0.01
 """Between kept instants, where a study does not say and steps fall on it [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Parts:
+class StudyParts:
     """What a study file says, held against the limits of its panel."""
 
     panel: LoadedPanel
@@ -128,7 +79,7 @@ def read_record(file: TomlFile) -> tuple[StudyRecord, list[str]]:
         return StudyRecord.model_validate(file.data), []
     except ValidationError as error:
         errors = error.errors(include_url=False)
-    problems = [_described(item, file.data) for item in errors]
+    problems = [_describe_error(item, file.data) for item in errors]
     known = copy.deepcopy(file.data)
     for item in errors:
         if item["type"] == "extra_forbidden":
@@ -142,7 +93,7 @@ def read_record(file: TomlFile) -> tuple[StudyRecord, list[str]]:
         raise StudyError(list(dict.fromkeys(problems)), source=file.source) from None
 
 
-def _described(error: Any, data: Any) -> str:
+def _describe_error(error: Any, data: Any) -> str:
     """Return key path and fault of what pydantic found; parts of a list have their number."""
     path, inside = "", data
     record: type[BaseModel] = StudyRecord
@@ -161,8 +112,8 @@ def _described(error: Any, data: Any) -> str:
 
 
 def read_parts(
-    record: StudyRecord, panel: LoadedPanel, *, source: str, unknown: Iterable[str] = ()
-) -> Parts:
+    record: StudyRecord, panel: LoadedPanel, *, source: str, problems: Iterable[str] = ()
+) -> StudyParts:
     """Read everything of a study and hold it against its panel.
 
     Parameters
@@ -170,51 +121,46 @@ def read_parts(
     record : StudyRecord
         What the file says.
     panel : LoadedPanel
-        What it is about.
+        With the calibration and the values that the study sets.
     source : str
-        What to call the file.
-    unknown : iterable of str
-        Problems that were found before.
+        Name of the file in messages.
+    problems : iterable of str
+        Found before: unknown keys, values that cannot be set.
 
     Raises
     ------
     StudyError
         With all problems at once.
     """
-    found = Found(panel, problems=list(unknown))
-    try:
-        panel = panel.with_overrides(record.set, si=False) if record.set else panel
-        found.panel = panel
-    except PanelError as error:
-        found.problems += [f"set.{text}" for text in error.problems]
+    parsed = ParsedStudy(panel, problems=list(problems))
     for number, variable in enumerate(record.variable, 1):
-        read_variable(found, variable, where=f"variable {number} ({variable.key})")
+        read_variable(parsed, variable, where=f"variable {number} ({variable.key})")
     for number, together in enumerate(record.together, 1):
-        read_together(found, together, where=f"together {number}")
-    random_fields = read_fields(found, record)
-    law = read_law_of_temperature(found, record)
-    scheme = _scheme(found, record)
-    output = _output(found, record, scheme)
+        read_together(parsed, together, where=f"together {number}")
+    random_fields = read_fields(parsed, record)
+    law = read_law_of_temperature(parsed, record)
+    scheme = _read_scheme(parsed, record)
+    output = _read_output(parsed, record, scheme)
     scheme = scheme_for(scheme, output)
-    rule = _rule(found, record)
-    design = _design(found, record, with_fields=bool(random_fields))
-    split = _split(found, record, design)
-    found.problems += limit_faults(
+    rule = _read_rule(parsed, record)
+    design = _read_design(parsed, record, with_fields=bool(random_fields))
+    split = _read_split(parsed, record, design)
+    parsed.problems += limit_faults(
         panel,
-        reach=reach_of(found.axes, found.drawn),
-        variables=found.variables,
+        ranges=value_ranges(parsed.axes, parsed.drawn),
+        variables=parsed.variables,
         fields=random_fields,
         law=law,
-        whole=not found.problems,
+        whole=not parsed.problems,
     )
-    if found.problems or design is None:
-        raise StudyError(list(dict.fromkeys(found.problems)), source=source)
-    return Parts(
+    if parsed.problems or design is None:
+        raise StudyError(list(dict.fromkeys(parsed.problems)), source=source)
+    return StudyParts(
         panel=panel,
         scheme=scheme,
         output=output,
         design=design,
-        variables={name: found.variables[name] for name in design.names},
+        variables={name: parsed.variables[name] for name in design.names},
         fields=tuple(random_fields),
         law=law,
         rule=rule,
@@ -248,18 +194,18 @@ def scheme_for(scheme: Scheme, output: Output) -> Scheme:
     return replace(scheme, output_interval=output.interval / count)
 
 
-def _scheme(found: Found, record: StudyRecord) -> Scheme:
-    known = {item.name for item in fields(Scheme)} - {RATE_FROM_OUTPUT} | {"mode"}
+def _read_scheme(parsed: ParsedStudy, record: StudyRecord) -> Scheme:
+    known = {item.name for item in fields(Scheme)} - {OUTPUT_INTERVAL_KEY} | {"mode"}
     chosen: dict[str, Any] = {}
     for name, value in record.scheme.items():
         if name not in known:
             text = f": unknown key{nearest(name, known)}; allowed are {choices(sorted(known))}"
-            found.note(f"scheme.{name}", text)
+            parsed.add_problem(f"scheme.{name}", text)
         elif name == "mode" and value not in MODES:
             allowed = f"{nearest(str(value), MODES)}; allowed are {choices(MODES)}"
-            found.note("scheme.mode", f" = {show_value(value)}: is no mode{allowed}")
+            parsed.add_problem("scheme.mode", f" = {show_value(value)}: is no mode{allowed}")
         elif name in SCHEME_UNITS:
-            number = read_quantity(found, f"scheme.{name}", value, SCHEME_UNITS[name])
+            number = read_quantity(parsed, f"scheme.{name}", value, SCHEME_UNITS[name])
             chosen |= {} if number is None else {name: number}
         elif name != "mode":
             chosen[name] = value
@@ -267,97 +213,107 @@ def _scheme(found: Found, record: StudyRecord) -> Scheme:
     try:
         return Scheme.of(mode, **chosen) if mode in MODES else Scheme(**chosen)
     except (SolverError, TypeError) as error:
-        found.note("", str(error))
+        parsed.add_problem("", str(error))
         return Scheme()
 
 
-def _output(found: Found, record: StudyRecord, scheme: Scheme) -> Output:
-    usual = 1.0 / scheme.output_interval / max(1, int(USUAL_INTERVAL / scheme.output_interval))
+def _read_output(parsed: ParsedStudy, record: StudyRecord, scheme: Scheme) -> Output:
+    usual = 1.0 / scheme.output_interval / max(1, int(DEFAULT_INTERVAL / scheme.output_interval))
     given, rate = record.output.rate, None
     if given is not None:
-        rate = read_quantity(found, "output.rate", given, FREQUENCY)
+        rate = read_quantity(parsed, "output.rate", given, FREQUENCY)
     if rate is not None and not 0 < rate <= 1000:
-        found.note("output.rate", f" = {rate:g} Hz: must be more than 0, at most 1000 Hz")
+        parsed.add_problem("output.rate", f" = {rate:g} Hz: must be more than 0, at most 1000 Hz")
         rate = None
     channels = record.output.channels
     if channels is None:
         return Output(rate=rate or usual)
-    found.problems += [f"output.channels: {text}" for text in unknown_channels(tuple(channels))]
+    parsed.problems += [f"output.channels: {text}" for text in unknown_channels(tuple(channels))]
     return Output(rate=rate or usual, channels=tuple(channels))
 
 
-def _rule(found: Found, record: StudyRecord) -> Rule | None:
+def _read_rule(parsed: ParsedStudy, record: StudyRecord) -> Rule | None:
     """Read the rule, and make its axis the one that runs fastest."""
     given = record.rule
     if given is None:
         return None
-    own = [axis for axis in found.axes if axis.names == (given.increase,)]
+    own = [axis for axis in parsed.axes if axis.names == (given.increase,)]
     if not own:
-        names = [axis.names[0] for axis in found.axes if len(axis.names) == 1]
+        names = [axis.names[0] for axis in parsed.axes if len(axis.names) == 1]
         text = f": is no variable with values{nearest(given.increase, names)}"
-        found.note("rule.increase", f' = "{given.increase}"{text}; there are {choices(names)}')
+        parsed.add_problem(
+            "rule.increase", f' = "{given.increase}"{text}; there are {choices(names)}'
+        )
         return None
-    variable, axis = found.variables[given.increase], own[0]
+    variable, axis = parsed.variables[given.increase], own[0]
     values = [row[0] for row in axis.rows]
     numbers = [item for item in values if isinstance(item, float)]
     if len(numbers) < len(values) or numbers != sorted(numbers):
-        found.note("rule.increase", f' = "{given.increase}": its values must rise')
-    found.axes.remove(axis)
-    found.axes.append(Axis(names=axis.names, rows=axis.rows))
+        parsed.add_problem("rule.increase", f' = "{given.increase}": its values must rise')
+    parsed.axes.remove(axis)
+    parsed.axes.append(Axis(names=axis.names, rows=axis.rows))
     if given.at_least is None:
         return Rule(variable=given.increase, at_least=-float("inf"))
     try:
         return Rule(variable=given.increase, at_least=float(variable.read(given.at_least)))
     except ValueError as error:
-        found.note("rule.at_least", f" = {show_value(given.at_least)}: {error}")
+        parsed.add_problem("rule.at_least", f" = {show_value(given.at_least)}: {error}")
         return None
 
 
-def _design(found: Found, record: StudyRecord, *, with_fields: bool) -> Design | None:
-    given, names = record.sampling, [item.name for item in found.drawn]
+def _read_design(parsed: ParsedStudy, record: StudyRecord, *, with_fields: bool) -> Design | None:
+    given, names = record.sampling, [item.name for item in parsed.drawn]
     if given is None:
-        if found.drawn or with_fields:
+        if parsed.drawn or with_fields:
             what = choices(names) if names else "the field"
-            found.note("sampling", f": {what} is drawn, so say how often in a table [sampling]")
-        if not found.axes and not found.problems:
-            found.note("variable", ": nothing varies, so there is no scenario; give one variable")
-    elif not found.drawn and not with_fields and not found.problems:
-        found.note("sampling", ": nothing is drawn; give a variable with a `distribution`")
+            parsed.add_problem(
+                "sampling", f": {what} is drawn, so say how often in a table [sampling]"
+            )
+        if not parsed.axes and not parsed.problems:
+            parsed.add_problem(
+                "variable", ": nothing varies, so there is no scenario; give one variable"
+            )
+    elif not parsed.drawn and not with_fields and not parsed.problems:
+        parsed.add_problem("sampling", ": nothing is drawn; give a variable with a `distribution`")
     if given is not None:
-        found.problems += sampling_faults(given.method, given.count, len(names), with_fields)
-    pairs = read_pairs(found, record, names)
+        parsed.problems += sampling_faults(given.method, given.count, len(names), with_fields)
+    pairs = read_pairs(parsed, record, names)
     factor, fault = copula_factor(names, pairs)
     if fault:
-        found.note("correlation", f": the rank correlations {fault}")
+        parsed.add_problem("correlation", f": the rank correlations {fault}")
     if pairs and given is not None and given.method == "saltelli":
-        found.note("correlation", ": Sobol indices need independent variables; leave it out")
-    if found.problems:
+        parsed.add_problem(
+            "correlation", ": Sobol indices need independent variables; leave it out"
+        )
+    if parsed.problems:
         return None
     design = Design(
-        axes=tuple(found.axes),
-        drawn=tuple(found.drawn),
+        axes=tuple(parsed.axes),
+        drawn=tuple(parsed.drawn),
         method=given.method if given else "random",
         draws=given.count if given else 1,
         copula=factor if pairs else None,
         seed=record.seed,
     )
     if design.count > MOST_SCENARIOS:
-        found.note("", f"{design.count} scenarios: at most {MOST_SCENARIOS}; take fewer values")
+        parsed.add_problem(
+            "", f"{design.count} scenarios: at most {MOST_SCENARIOS}; take fewer values"
+        )
     return design
 
 
-def _split(found: Found, record: StudyRecord, design: Design | None) -> tuple[str, ...]:
+def _read_split(parsed: ParsedStudy, record: StudyRecord, design: Design | None) -> tuple[str, ...]:
     if design is None:
         return ()
     if record.split is not None:
         for name in record.split:
             if name not in design.names:
                 text = f"{nearest(name, design.names)}; there are {choices(design.names)}"
-                found.note("split", f' = "{name}": is no variable{text}')
+                parsed.add_problem("split", f' = "{name}": is no variable{text}')
         return tuple(record.split)
     if design.states > 1:
         return ()
-    keys = {name: found.variables[name].key for name in design.names}
+    keys = {name: parsed.variables[name].key for name in design.names}
     return tuple(
         name for name in design.names if keys[name] not in ("object.size", "object.present")
     )

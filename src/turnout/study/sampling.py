@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from turnout.study.distribution import EDGE, normal_score, normal_share
+from turnout.study.distribution import PROBABILITY_MARGIN, normal_score, normal_share
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -20,7 +20,7 @@ METHODS = ("random", "latin hypercube", "sobol", "saltelli")
 POINTS, FIELDS, SCENARIOS = 1, 2, 3
 
 
-def states_of(method: str, *, count: int, dimensions: int) -> int:
+def count_states(method: str, *, count: int, dimensions: int) -> int:
     """Return how many states of the switch a design has.
 
     Parameters
@@ -34,13 +34,15 @@ def states_of(method: str, *, count: int, dimensions: int) -> int:
 
     Examples
     --------
-    >>> states_of("sobol", count=64, dimensions=3), states_of("saltelli", count=64, dimensions=3)
-    (64, 320)
+    >>> count_states("sobol", count=64, dimensions=3)
+    64
+    >>> count_states("saltelli", count=64, dimensions=3)
+    320
     """
     return count * (dimensions + 2) if method == "saltelli" else count
 
 
-def point(method: str, *, count: int, dimensions: int, seed: int, state: int) -> FloatArray:
+def sample_point(method: str, *, count: int, dimensions: int, seed: int, state: int) -> FloatArray:
     """Return the coordinates of one state.
 
     Parameters
@@ -59,12 +61,12 @@ def point(method: str, *, count: int, dimensions: int, seed: int, state: int) ->
 
     Examples
     --------
-    >>> point("random", count=1, dimensions=2, seed=1, state=5).shape
+    >>> sample_point("random", count=1, dimensions=2, seed=1, state=5).shape
     (2,)
     """
     if method == "random":
         drawn = np.random.default_rng([seed, POINTS, state]).random(dimensions)
-        return np.clip(drawn, EDGE, 1.0 - EDGE)
+        return np.clip(drawn, PROBABILITY_MARGIN, 1.0 - PROBABILITY_MARGIN)
     found: FloatArray = _points(method, count, dimensions, seed)[state]
     return found
 
@@ -81,7 +83,7 @@ def _points(method: str, count: int, dimensions: int, seed: int) -> FloatArray:
         points = qmc.Sobol(dimensions, rng=rng).random(count)
     else:
         points = _saltelli(qmc.Sobol(2 * dimensions, rng=rng).random(count))
-    points = np.clip(points, EDGE, 1.0 - EDGE)
+    points = np.clip(points, PROBABILITY_MARGIN, 1.0 - PROBABILITY_MARGIN)
     points.flags.writeable = False
     return points
 
@@ -100,7 +102,7 @@ def _saltelli(pairs: FloatArray) -> FloatArray:
     return blocks.reshape(-1, dimensions)
 
 
-def correlated(shares: FloatArray, *, factor: FloatArray) -> FloatArray:
+def correlate(shares: FloatArray, *, factor: FloatArray) -> FloatArray:
     """Join independent coordinates by a Gaussian copula.
 
     Parameters
@@ -117,11 +119,11 @@ def correlated(shares: FloatArray, *, factor: FloatArray) -> FloatArray:
 
     Examples
     --------
-    >>> correlated(np.array([0.3, 0.9]), factor=np.eye(2)).round(12).tolist()
+    >>> correlate(np.array([0.3, 0.9]), factor=np.eye(2)).round(12).tolist()
     [0.3, 0.9]
     """
     joined = normal_share(factor @ normal_score(shares))
-    return np.clip(joined, EDGE, 1.0 - EDGE)
+    return np.clip(joined, PROBABILITY_MARGIN, 1.0 - PROBABILITY_MARGIN)
 
 
 def normal_score_correlation(rank: float) -> float:

@@ -102,7 +102,7 @@ class Output:
         return 1.0 / self.rate
 
 
-def chains_of(count: int, *, length: int) -> Sequence[range]:
+def split_into_chains(count: int, *, length: int) -> Sequence[range]:
     """Return the scenarios of each chain, in the order in which they are thrown.
 
     Parameters
@@ -114,7 +114,7 @@ def chains_of(count: int, *, length: int) -> Sequence[range]:
 
     Examples
     --------
-    >>> chains_of(4, length=2)
+    >>> split_into_chains(4, length=2)
     (range(0, 2), range(2, 4))
     """
     return tuple(range(first, first + length) for first in range(0, count, length))

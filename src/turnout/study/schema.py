@@ -4,7 +4,7 @@ from typing import Any
 
 from turnout.panel.schema import DRAFT, tidy
 from turnout.study.distribution import PARAMETERS
-from turnout.study.records import StudyRecord
+from turnout.study.study_file import StudyRecord
 from turnout.study.variables import CHOICE
 
 

@@ -2,8 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,20 +12,17 @@ from turnout.scheme import Scheme
 from turnout.study.chance import RandomField, TemperatureLaw
 from turnout.study.design import Design
 from turnout.study.sampling import FIELDS, SCENARIOS
-from turnout.study.scenario import Output, Rule, Scenario, Value, chains_of
+from turnout.study.scenario import Output, Rule, Scenario, Value, split_into_chains
 from turnout.study.variable import (
     OBJECT_KEYS,
     TEMPERATURE_KEY,
     Variable,
+    apply_factors,
     foreign_objects,
-    multiplied,
-    shown,
+    format_value,
 )
 
-if TYPE_CHECKING:
-    from turnout.core.toml import TomlFile
-
-PARTS = ("scheme", "output", "design", "variables", "fields", "law", "rule", "split")
+DIGEST_FIELDS = ("scheme", "output", "design", "variables", "fields", "law", "rule", "split")
 """What besides panel and seed determines the results of a study."""
 
 
@@ -81,7 +76,7 @@ class Study:
     @property
     def digest(self) -> str:
         """Content hash of all that determines the results but the version of the program."""
-        content = {name: getattr(self, name) for name in PARTS}
+        content = {name: getattr(self, name) for name in DIGEST_FIELDS}
         content |= {"panel": self.panel.hash, "seed": self.seed}
         return content_hash(to_plain(content))
 
@@ -94,7 +89,7 @@ class Study:
     def chains(self) -> Sequence[range]:
         """Numbers of scenarios that are thrown one after the other, until the rule stops them."""
         length = len(self.design.axes[-1].rows) if self.rule else 1
-        return chains_of(self.count, length=length)
+        return split_into_chains(self.count, length=length)
 
     @property
     def units(self) -> dict[str, str]:
@@ -120,9 +115,9 @@ class Study:
         if not 0 <= index < self.count:
             message = f"scenario {index}: the study has {self.count}, counted from 0"
             raise IndexError(message)
-        state = self.design.state_of(index)
-        on_axes = self.design.on_axes(index)
-        inputs: dict[str, Value] = on_axes | self.design.in_state(state)
+        state = self.design.state_index(index)
+        axis_values = self.design.axis_values(index)
+        inputs: dict[str, Value] = axis_values | self.design.drawn_values(state)
         drawn = {field.name: self._field_values(field, state) for field in self.fields}
         by_key = {self.variables[name].key: value for name, value in inputs.items()}
         objects = foreign_objects(by_key)
@@ -138,12 +133,12 @@ class Study:
             }
         return Scenario(
             index=index,
-            name=self._name(index, state=state, on_axes=on_axes),
+            name=self._name(index, state=state, axis_values=axis_values),
             overrides=self._overrides(inputs, drawn),
             foreign_objects=objects,
             inputs=inputs,
             condition=self._condition(inputs, state),
-            seed=_seed(self.seed, index),
+            seed=_scenario_seed(self.seed, index),
         )
 
     def scenarios(self) -> Iterator[Scenario]:
@@ -154,15 +149,15 @@ class Study:
         number = self.fields.index(field)
         return field.values(np.random.default_rng([self.seed, FIELDS, number, state]))
 
-    def _name(self, index: int, *, state: int, on_axes: Mapping[str, Value]) -> str:
+    def _name(self, index: int, *, state: int, axis_values: Mapping[str, Value]) -> str:
         parts = [f"state {state}"] if self.design.states > 1 else []
-        parts += [shown(self.variables[name], value) for name, value in on_axes.items()]
+        parts += [format_value(self.variables[name], value) for name, value in axis_values.items()]
         return ", ".join(parts) or f"throw {index}"
 
     def _condition(self, inputs: Mapping[str, Value], state: int) -> str:
         if not self.split:
             return f"state {state}"
-        return ", ".join(shown(self.variables[name], inputs[name]) for name in self.split)
+        return ", ".join(format_value(self.variables[name], inputs[name]) for name in self.split)
 
     def _overrides(
         self, inputs: Mapping[str, Value], drawn: Mapping[str, Mapping[str, float]]
@@ -189,77 +184,10 @@ class Study:
                 factors += members.items()
             else:
                 values |= members
-        return multiplied(self.panel, values, factors)
+        return apply_factors(self.panel, values, factors)
 
 
-def load_study(name_or_path: str | Path, *, calibration: Path | None = None) -> Study:
-    """Load a study of the library by its name, or a study file by its path.
-
-    Parameters
-    ----------
-    name_or_path : str or Path
-        A library name, or a path; a text with ".toml" or a path separator is a path.
-    calibration : Path, optional
-        Whose values are put in the panel, in place of the calibration that the study names. What
-        the study sets goes on top.
-
-    Returns
-    -------
-    Study
-        Completely checked against its panel.
-
-    Raises
-    ------
-    FileError
-        When the file cannot be read or is not TOML.
-    StudyError, PanelError
-        With all problems at once.
-
-    Examples
-    --------
-    >>> load_study("sleeper-6").count
-    11
-    """
-    from turnout.study.read import open_study
-
-    return study_from_file(open_study(name_or_path), calibration=calibration)
-
-
-def study_from_file(file: "TomlFile", *, calibration: Path | None = None) -> Study:
-    """Make a study from a TOML document that was already read."""
-    # Workers of a sweep get their study ready, and need not wait for what reads files.
-    from turnout.calibration.movements import check_provenance
-    from turnout.calibration.result import load_calibration
-    from turnout.study.read import named_panel, path_from, read_parts, read_record
-
-    record, unknown = read_record(file)
-    if calibration is None and record.calibration is not None:
-        calibration = path_from(record.calibration, file)
-    panel = named_panel(record.panel, file)
-    remarks: tuple[str, ...] = ()
-    if calibration is not None:
-        known = load_calibration(calibration)
-        remarks = tuple(f"{calibration}: {text}" for text in check_provenance(known, panel))
-        panel = known.apply(panel)
-    parts = read_parts(record, panel, source=file.source, unknown=unknown)
-    return Study(
-        name=record.name,
-        description=record.description,
-        panel=parts.panel,
-        scheme=parts.scheme,
-        output=parts.output,
-        seed=record.seed,
-        design=parts.design,
-        variables=parts.variables,
-        fields=parts.fields,
-        law=parts.law,
-        rule=parts.rule,
-        split=parts.split,
-        remarks=remarks,
-    )
-
-
-def _seed(seed: int, index: int) -> int:
+def _scenario_seed(seed: int, index: int) -> int:
     """Return the seed of one scenario: 63 bits, so that it fits a signed integer."""
     state = np.random.SeedSequence([seed, SCENARIOS, index]).generate_state(1, np.uint64)
     return int(state[0] >> np.uint64(1))

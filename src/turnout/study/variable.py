@@ -1,7 +1,6 @@
-"""What may vary in a study, and what its values change and trap.
+"""Variables of a study, and the overrides and foreign objects that their values stand for.
 
-What may vary in a study: keys of the panel, of the foreign object, and the temperature. From values
-of variables to what a throw changes and traps.
+A variable is a key of the panel, of the foreign object (`OBJECT_KEYS`), or the temperature.
 """
 
 import types
@@ -23,8 +22,8 @@ from turnout.core.units import (
 )
 from turnout.panel.document import FAMILIES
 from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.keys import field_at, known_keys
 from turnout.panel.load import LoadedPanel
-from turnout.panel.override import field_at, known_keys
 from turnout.study.scenario import Value
 
 TEMPERATURE_KEY = "temperature"
@@ -74,27 +73,27 @@ class Variable:
         if isinstance(kind, Dimension):
             return parse_quantity(value, kind)
         if kind is float:
-            return _plain_number(value)
+            return _read_number(value)
         if not isinstance(value, kind):
             message = "must be text in quotes" if kind is str else "must be true or false"
             raise ValueError(message)
         return bool(value) if kind is bool else str(value).strip()
 
 
-def _plain_number(value: object) -> float:
+def _read_number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not is_finite(value):
         message = "must be a finite plain number, without quotes or unit"
         raise ValueError(message)
     return float(value)
 
 
-def kind_of(panel: LoadedPanel, key: str) -> Dimension | type:
+def value_kind(panel: LoadedPanel, key: str) -> Dimension | type:
     """Tell what the values of a key are; ValueError where nothing of that name can vary.
 
     Examples
     --------
     >>> from turnout.panel.load import load_panel
-    >>> kind_of(load_panel("sb1"), "drive.1.stiffness").name
+    >>> value_kind(load_panel("sb1"), "drive.1.stiffness").name
     'stiffness'
     """
     if key in OBJECT_KEYS:
@@ -105,7 +104,7 @@ def kind_of(panel: LoadedPanel, key: str) -> Dimension | type:
     info = field_at(path) if path[0] != "schema_version" else None
     kind = _kind_of_field(info) if info is not None else None
     if kind is None:
-        names = [*OBJECT_KEYS, TEMPERATURE_KEY, *keys_of(panel)]
+        names = [*OBJECT_KEYS, TEMPERATURE_KEY, *variable_keys(panel)]
         message = f"no value of this name can vary in panel {panel.name}{nearest(key, names)}"
         raise ValueError(message)
     return kind
@@ -113,7 +112,7 @@ def kind_of(panel: LoadedPanel, key: str) -> Dimension | type:
 
 def _kind_of_field(info: Any) -> Dimension | type | None:
     """Tell what a field takes; None where that is no single value."""
-    forms = {typing.get_origin(form) or form for form in _forms(info.annotation)}
+    forms = {typing.get_origin(form) or form for form in _alternatives(info.annotation)}
     if forms & {list, tuple}:
         return None
     dimension = dimension_of(info)
@@ -124,18 +123,18 @@ def _kind_of_field(info: Any) -> Dimension | type | None:
     return next((kind for kind in (bool, float) if kind in forms), None)
 
 
-def _forms(annotation: Any) -> Iterator[Any]:
+def _alternatives(annotation: Any) -> Iterator[Any]:
     """Find the alternatives of an annotation."""
     origin = typing.get_origin(annotation)
     if origin in (typing.Union, types.UnionType, typing.Annotated):
         parts = typing.get_args(annotation)
         for part in parts[:1] if origin is typing.Annotated else parts:
-            yield from _forms(part)
+            yield from _alternatives(part)
     else:
         yield annotation
 
 
-def keys_of(panel: LoadedPanel) -> Iterable[str]:
+def variable_keys(panel: LoadedPanel) -> Iterable[str]:
     """List the keys of a panel that a study may vary, families first, then members."""
     return known_keys({name: getattr(panel, name) for name in FAMILIES})
 
@@ -154,13 +153,13 @@ def values_at(panel: LoadedPanel, key: str) -> dict[str, Any]:
     if record is not None and rest[0] in record.model_fields:
         members = getattr(panel, family)
         return {
-            f"{family}.{name}.{'.'.join(rest)}": _reached(member, rest)
+            f"{family}.{name}.{'.'.join(rest)}": _nested_value(member, rest)
             for name, member in members.items()
         }
-    return {key: _reached(getattr(panel, family), rest)}
+    return {key: _nested_value(getattr(panel, family), rest)}
 
 
-def _reached(record: Any, parts: list[str]) -> Any:
+def _nested_value(record: Any, parts: list[str]) -> Any:
     for part in parts:
         record = record[part] if isinstance(record, Mapping) else getattr(record, part)
     return record
@@ -169,7 +168,7 @@ def _reached(record: Any, parts: list[str]) -> Any:
 _OBJECT_FIELDS = ("rail", "height", "stiffness", "appears", "disappears")
 
 
-def multiplied(
+def apply_factors(
     panel: LoadedPanel, values: Mapping[str, Value], factors: Sequence[tuple[str, float]]
 ) -> dict[str, Value]:
     """Multiply values of a panel that may have been set before.
@@ -192,9 +191,10 @@ def multiplied(
     --------
     >>> from turnout.panel.load import load_panel
     >>> panel = load_panel("sb1")
-    >>> multiplied(panel, {"drive.1.stiffness": 8e5}, [("drive.1.stiffness", 0.5)])
+    >>> apply_factors(panel, {"drive.1.stiffness": 8e5}, [("drive.1.stiffness", 0.5)])
     {'drive.1.stiffness': 400000.0}
-    >>> multiplied(panel, {"chair.friction_coefficient": 0.2}, [("chair.friction_coefficient", 2)])
+    >>> key = "chair.friction_coefficient"
+    >>> apply_factors(panel, {key: 0.2}, [(key, 2)])
     {'chair.friction_coefficient': 0.4}
     """
     result = dict(values)
@@ -240,7 +240,7 @@ def foreign_objects(by_key: Mapping[str, Value]) -> tuple[ForeignObject, ...]:
     return (replace(item, **chosen),)  # type: ignore[arg-type]
 
 
-def shown(variable: Variable, value: Value) -> str:
+def format_value(variable: Variable, value: Value) -> str:
     """Show a value as it is read: lengths in millimetres, other quantities in SI."""
     if isinstance(value, str):
         return value

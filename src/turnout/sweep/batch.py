@@ -1,16 +1,10 @@
-"""A batch of scenarios: which ones it holds, what is stored of them, and its file.
-
-The file of a batch: netCDF-4, written whole or not at all.
-
-It carries a digest of its content in its name, which every reader verifies, and in an attribute
-which study, which sources and which batch of the study it comes from. It is written with the
-functions of the HDF5 library themselves, since for fifty small variables any layer above them takes
-far more time than they do.
-
-A batch of scenarios: which ones it holds, and what is stored of them.
+"""Batches of scenarios: which ones each holds, their stacked variables, and the file of each.
 
 Which scenarios are in which batch depends on the study alone, so that it does not matter who
-throws them, when, and after which interruptions.
+throws them, when, and after which interruptions. The file is netCDF-4, written whole or not at all.
+Its name carries a digest of its content, which every reader verifies; an attribute says which
+study, which sources and which batch it comes from. It is written with the functions of the HDF5
+library themselves: for fifty small variables any layer above them takes far more time than they do.
 """
 
 import hashlib
@@ -37,17 +31,17 @@ from turnout.study.study import Study
 from turnout.sweep.labels import LABELS
 from turnout.sweep.row import (
     COMPLETE,
-    MOST_TOGETHER,
+    THROWS_PER_PASS,
     Row,
-    labels_of,
-    skipped,
+    rule_inputs,
+    skipped_row,
     throw_scenarios,
 )
 
 LARGEST_CHUNK = 1_000_000
 """Of a variable in a file, before compression [bytes]."""
 
-SMALL = 2048
+LARGEST_CONTIGUOUS = 2048
 """A variable up to this size is stored as it is: chunks and compression would take more [bytes]."""
 
 DIGITS = 32
@@ -62,7 +56,7 @@ _TEXT_KIND, _SINGLE = h5t.py_create(_TEXT, logical=True), h5s.create(h5s.SCALAR)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stored:
+class StoredVariable:
     """A variable of a file.
 
     Attributes
@@ -107,7 +101,9 @@ class BatchOrigin:
         return " ".join(astuple(self))
 
 
-def file_bytes(variables: Mapping[str, Stored], *, origin: BatchOrigin | None = None) -> bytes:
+def file_bytes(
+    variables: Mapping[str, StoredVariable], *, origin: BatchOrigin | None = None
+) -> bytes:
     """Return the netCDF-4 file of some variables; the same ones always give the same bytes.
 
     Parameters
@@ -119,20 +115,20 @@ def file_bytes(variables: Mapping[str, Stored], *, origin: BatchOrigin | None = 
     """
     content = io.BytesIO()
     with h5py.File(content, "w", libver="latest") as file:
-        _attach(file.id, "Conventions", CONVENTIONS)
+        _write_attribute(file.id, "Conventions", CONVENTIONS)
         if origin is not None:
-            _attach(file.id, ORIGIN.decode(), str(origin))
+            _write_attribute(file.id, ORIGIN.decode(), str(origin))
         stored: dict[str, h5d.DatasetID] = {}
         for name in sorted(variables, key=lambda name: variables[name].dims != (name,)):
             variable = variables[name]
-            stored[name] = _stored(file, name, variable)
+            stored[name] = _write_variable(file, name, variable)
             if variable.dims == (name,):
                 h5ds.set_scale(stored[name], name.encode())
             else:
                 for axis, dim in enumerate(variable.dims):
                     h5ds.attach_scale(stored[name], stored[dim], axis)
             for key, value in variable.attributes.items():
-                _attach(stored[name], key, value)
+                _write_attribute(stored[name], key, value)
         named = {
             name: set(variable.dims)
             for name, variable in variables.items()
@@ -141,18 +137,18 @@ def file_bytes(variables: Mapping[str, Stored], *, origin: BatchOrigin | None = 
         for name, variable in variables.items():
             if not variable.coordinate:
                 mine = [at for at, dims in named.items() if dims <= set(variable.dims)]
-                _attach(stored[name], "coordinates", " ".join(mine))
+                _write_attribute(stored[name], "coordinates", " ".join(mine))
     return content.getvalue()
 
 
-def _stored(file: h5py.File, name: str, variable: Stored) -> h5d.DatasetID:
+def _write_variable(file: h5py.File, name: str, variable: StoredVariable) -> h5d.DatasetID:
     """Store the values of a variable."""
     values = np.ascontiguousarray(variable.values)
     properties = h5p.create(h5p.DATASET_CREATE)
     properties.set_obj_track_times(False)
     if values.dtype.kind not in "fib":
         values = values.astype(_TEXT)
-    elif values.nbytes > SMALL:
+    elif values.nbytes > LARGEST_CONTIGUOUS:
         rows = max(1, LARGEST_CHUNK * values.shape[0] // values.nbytes)
         properties.set_chunk((min(values.shape[0], rows), *values.shape[1:]))
         properties.set_shuffle()
@@ -164,7 +160,7 @@ def _stored(file: h5py.File, name: str, variable: Stored) -> h5d.DatasetID:
     return made
 
 
-def _attach(stored: h5d.DatasetID | h5f.FileID, key: str, value: str) -> None:
+def _write_attribute(stored: h5d.DatasetID | h5f.FileID, key: str, value: str) -> None:
     """Give a variable, or the file, an attribute."""
     attribute = h5a.create(stored, key.encode(), _TEXT_KIND, _SINGLE)
     attribute.write(np.array(value, dtype=_TEXT))
@@ -184,7 +180,7 @@ def write_batch(folder: Path, number: int, content: bytes) -> Path:
     return path
 
 
-def written_batches(folder: Path) -> list[tuple[int, Path]]:
+def list_batches(folder: Path) -> list[tuple[int, Path]]:
     """Return number and file of the batches of a folder, by their names alone."""
     found = ((BATCH_NAME.fullmatch(path.name), path) for path in folder.glob("[0-9]*.nc"))
     return sorted((int(match[1]), path) for match, path in found if match is not None)
@@ -194,14 +190,14 @@ SMALLEST_BATCH, LARGEST_BATCH, SHARE_OF_REST = 8, 64, 0.125
 """Scenarios in a batch, which is otherwise a share of those that are left: towards the end of a
 sweep batches are small, so that no worker waits long for the last one."""
 
-UNKNOWN = -1
+UNKNOWN_LOGICAL = -1
 """Stands for a logical value of a scenario that is not complete."""
 
 SPLITS = {"train": 0.7, "validation": 0.85, "test": 1.0}
 """Parts of the data, with the share of conditions up to which each reaches [-]."""
 
 
-def batches_of(study: Study) -> list[tuple[Sequence[int], ...]]:
+def plan_batches(study: Study) -> list[tuple[Sequence[int], ...]]:
     """Return the chains of scenarios that each batch holds.
 
     Parameters
@@ -233,33 +229,33 @@ def throw_batch(study: Study, chains: Sequence[Sequence[int]]) -> list[Row]:
     rows: list[Row] = []
     if study.rule is not None:
         for chain in chains:
-            rows += _thrown_chain(study, study.rule, chain)
+            rows += _throw_chain(study, study.rule, chain)
     else:
         indices = [index for chain in chains for index in chain]
-        for first in range(0, len(indices), MOST_TOGETHER):
-            few = [study.scenario(index) for index in indices[first : first + MOST_TOGETHER]]
+        for first in range(0, len(indices), THROWS_PER_PASS):
+            few = [study.scenario(index) for index in indices[first : first + THROWS_PER_PASS]]
             rows += throw_scenarios(study, few)
     return sorted(rows, key=lambda row: row.scenario.index)
 
 
-def _thrown_chain(study: Study, rule: Rule, chain: Sequence[int]) -> list[Row]:
+def _throw_chain(study: Study, rule: Rule, chain: Sequence[int]) -> list[Row]:
     """Throw scenarios one by one until the rule leaves out the rest."""
     rows: list[Row] = []
     reason = ""
     for index in chain:
         scenario = study.scenario(index)
         if reason:
-            rows.append(skipped(scenario, reason=reason))
+            rows.append(skipped_row(scenario, reason=reason))
             continue
         rows += throw_scenarios(study, [scenario])
-        if rows[-1].outcome == COMPLETE and rule.stops(labels_of(rows[-1])):
+        if rows[-1].outcome == COMPLETE and rule.stops(rule_inputs(rows[-1])):
             reason = f"a drive slipped in scenario {index}"
     return rows
 
 
-def batch_variables(study: Study, rows: Sequence[Row]) -> dict[str, Stored]:
+def batch_variables(study: Study, rows: Sequence[Row]) -> dict[str, StoredVariable]:
     """Return the rows of a batch stacked; NaN, or -1, where a scenario is not complete."""
-    variables = _described(study, rows)
+    variables = _scenario_variables(study, rows)
     known = [row for row in rows if row.outcome == COMPLETE]
     varying: dict[str, Variable] = {}
     coordinates: set[str] = set()
@@ -268,28 +264,30 @@ def batch_variables(study: Study, rows: Sequence[Row]) -> dict[str, Stored]:
             coordinates.add(name)
             if dims == (name,):
                 variables.setdefault(
-                    name, Stored(dims, values, attributes_of(name), coordinate=True)
+                    name, StoredVariable(dims, values, variable_attributes(name), coordinate=True)
                 )
             else:
                 varying.setdefault(name, (dims, values))
         varying |= {name: v for name, v in row.variables.items() if name not in varying}
     for name, like in varying.items():
         found = [(row.variables | row.coordinates).get(name) for row in rows]
-        variables[name] = _together(name, found, like, coordinate=name in coordinates)
+        variables[name] = _stack(name, found, like, coordinate=name in coordinates)
     over_time = [v.values.shape[-1] for v in variables.values() if v.dims[-1] == "time"]
     if over_time:
         time = np.arange(max(over_time)) * study.output.interval
-        variables["time"] = Stored(("time",), time, attributes_of("time"), coordinate=True)
+        variables["time"] = StoredVariable(
+            ("time",), time, variable_attributes("time"), coordinate=True
+        )
     return variables
 
 
 @cache
-def attributes_of(name: str) -> dict[str, str]:
+def variable_attributes(name: str) -> dict[str, str]:
     """Return unit, meaning and sign of a stored variable.
 
     Examples
     --------
-    >>> attributes_of("slipped")["long_name"]
+    >>> variable_attributes("slipped")["long_name"]
     'whether a drive slipped in the last movement'
     """
     if name in FEATURES:
@@ -305,22 +303,22 @@ def attributes_of(name: str) -> dict[str, str]:
     return found | ({"axis": AXES[name]} if name in AXES else {})
 
 
-def _described(study: Study, rows: Sequence[Row]) -> dict[str, Stored]:
+def _scenario_variables(study: Study, rows: Sequence[Row]) -> dict[str, StoredVariable]:
     """Return number, name, inputs and outcome of each scenario."""
     scenarios = [row.scenario for row in rows]
 
-    def of(values: Sequence[object], text: str, **attributes: str) -> Stored:
+    def of(values: Sequence[object], text: str, **attributes: str) -> StoredVariable:
         array = np.array(values)
         if array.dtype.kind == "b":
             array = array.astype(np.int8)
         about = {"units": "1", "long_name": text, **attributes}
-        return Stored(("scenario",), array, about, coordinate=True)
+        return StoredVariable(("scenario",), array, about, coordinate=True)
 
     found = {
         "scenario": of([item.index for item in scenarios], "number in the study"),
         "name": of([item.name for item in scenarios], "name of the scenario"),
         "condition": of([item.condition for item in scenarios], "group for splits"),
-        "split": of([split_of(item.condition, study.seed) for item in scenarios], "part of data"),
+        "split": of([data_split(item.condition, study.seed) for item in scenarios], "part of data"),
         "seed": of([item.seed for item in scenarios], "seed of the scenario"),
         "outcome": of([row.outcome for row in rows], "how the scenario ended"),
         "reason": of([row.reason for row in rows], "why it is not complete"),
@@ -333,7 +331,7 @@ def _described(study: Study, rows: Sequence[Row]) -> dict[str, Stored]:
     return found
 
 
-def split_of(condition: str, seed: int) -> str:
+def data_split(condition: str, seed: int) -> str:
     """Return the part of the data that a condition belongs to, by a hash of it.
 
     All scenarios of a condition are in the same part, so that no test looks at a switch that was
@@ -341,7 +339,7 @@ def split_of(condition: str, seed: int) -> str:
 
     Examples
     --------
-    >>> split_of("state 3", 1)
+    >>> data_split("state 3", 1)
     'train'
     """
     hashed = hashlib.blake2b(f"{seed} {condition}".encode(), digest_size=8).digest()
@@ -349,9 +347,9 @@ def split_of(condition: str, seed: int) -> str:
     return next(name for name, bound in SPLITS.items() if share < bound)
 
 
-def _together(
+def _stack(
     name: str, found: Sequence[Variable | None], like: Variable, *, coordinate: bool
-) -> Stored:
+) -> StoredVariable:
     """Return the variables of scenarios stacked, the shorter ones filled up along time."""
     shape = [0] * len(like[0])
     for variable in found:
@@ -359,15 +357,15 @@ def _together(
             shape = [max(n, m) for n, m in zip(shape, variable[1].shape, strict=True)]
     kind = like[1].dtype
     logical = kind.kind == "b"
-    dtype, empty = (np.dtype(np.int8), UNKNOWN) if logical else (kind, np.nan)
+    dtype, empty = (np.dtype(np.int8), UNKNOWN_LOGICAL) if logical else (kind, np.nan)
     values = np.full((len(found), *shape), empty, dtype=dtype)
     for number, variable in enumerate(found):
         if variable is not None:
             place: tuple[int | slice, ...] = (number, *(slice(n) for n in variable[1].shape))
             values[place] = variable[1]
-    attributes = attributes_of(name)
+    attributes = variable_attributes(name)
     if logical:
         attributes = attributes | {
             "values": "1 true, 0 false, -1 not known as the scenario is not complete"
         }
-    return Stored(("scenario", *like[0]), values, attributes, coordinate=coordinate)
+    return StoredVariable(("scenario", *like[0]), values, attributes, coordinate=coordinate)

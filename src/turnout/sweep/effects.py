@@ -1,7 +1,7 @@
-"""Sensitivities of a sweep: main effects and Sobol indices.
+"""Sensitivities of a sweep, one table for each output.
 
-What decides over the outputs of a sweep: one table for each output. First and total Sobol indices
-of a sweep that was made for them.
+Main effects and first-order Sobol indices need no special design; total indices with confidence
+intervals need the design "saltelli".
 """
 
 import json
@@ -15,13 +15,13 @@ import xarray as xr
 
 from turnout.errors import FileError, ResponseError
 from turnout.metric.effects import (
-    Decided,
-    Index,
     Output,
-    first_index,
-    inputs_of,
+    OutputEffects,
+    SobolIndex,
+    first_order_index,
     main_effect,
-    outputs_of,
+    numeric_outputs,
+    varying_inputs,
 )
 
 FloatArray = npt.NDArray[np.float64]
@@ -31,7 +31,7 @@ RESAMPLES = 200
 
 def sobol_indices(
     output: FloatArray, *, names: Sequence[str], draws: int, seed: int = 0
-) -> list[Index]:
+) -> list[SobolIndex]:
     """Estimate first and total indices from a sweep with the method "saltelli".
 
     A block of throws counts if all of them came to an end; throws with the same draws on other
@@ -71,10 +71,10 @@ def sobol_indices(
         raise ResponseError(message)
     if np.ptp(whole) == 0.0:
         none = {"first": 0.0, "first_confidence": 0.0, "total": 0.0, "total_confidence": 0.0}
-        return [Index(name=name, **none) for name in names]
-    found = _analysed(names, whole.ravel(), seed)
+        return [SobolIndex(name=name, **none) for name in names]
+    found = _analyse(names, whole.ravel(), seed)
     return [
-        Index(
+        SobolIndex(
             name=name,
             first=float(found["S1"][number]),
             first_confidence=float(found["S1_conf"][number]),
@@ -85,7 +85,7 @@ def sobol_indices(
     ]
 
 
-def _analysed(names: Sequence[str], output: FloatArray, seed: int) -> Any:
+def _analyse(names: Sequence[str], output: FloatArray, seed: int) -> Any:
     """Hand throws in the order of Saltelli's design to SALib."""
     try:
         # SALib makes its own use of names that newer versions of its dependencies dislike.
@@ -101,7 +101,9 @@ def _analysed(names: Sequence[str], output: FloatArray, seed: int) -> Any:
     )
 
 
-def sweep_effects(labels: xr.Dataset, *, names: tuple[str, ...] | None = None) -> list[Decided]:
+def sweep_effects(
+    labels: xr.Dataset, *, names: tuple[str, ...] | None = None
+) -> list[OutputEffects]:
     """Find what decides over the outputs of a sweep.
 
     Parameters
@@ -117,21 +119,21 @@ def sweep_effects(labels: xr.Dataset, *, names: tuple[str, ...] | None = None) -
     ResponseError
         When there is no such output, or nothing varies.
     """
-    outputs = outputs_of(labels) if names is None else outputs_of(labels, names)
-    inputs = inputs_of(labels)
+    outputs = numeric_outputs(labels) if names is None else numeric_outputs(labels, names)
+    inputs = varying_inputs(labels)
     if not inputs or not outputs:
         message = "nothing to compare: no input differs between the throws of this sweep"
         raise ResponseError(message)
-    return [_decided(labels, output, inputs) for output in outputs]
+    return [_output_effects(labels, output, inputs) for output in outputs]
 
 
-def _decided(labels: xr.Dataset, output: Output, inputs: list[str]) -> Decided:
+def _output_effects(labels: xr.Dataset, output: Output, inputs: list[str]) -> OutputEffects:
     design = json.loads(labels.attrs["design"])
     effects = tuple(main_effect(labels[name], output.values) for name in inputs)
     if design["method"] != "saltelli":
-        indices = tuple(first_index(labels[name], output.values) for name in inputs)
-        return Decided(output=output, indices=indices, effects=effects)
+        indices = tuple(first_order_index(labels[name], output.values) for name in inputs)
+        return OutputEffects(output=output, indices=indices, effects=effects)
     whole = np.full(design["states"] * design["cells"], np.nan)
     whole[labels["scenario"].to_numpy()] = output.values
     found = sobol_indices(whole, names=design["drawn"], draws=design["draws"])
-    return Decided(output=output, indices=tuple(found), effects=effects)
+    return OutputEffects(output=output, indices=tuple(found), effects=effects)

@@ -1,7 +1,7 @@
-"""A sweep as a table for other programs, and the data card beside it.
+"""Export a sweep as a table for other programs, and describe it on a data card.
 
-The card of a dataset: what it is, how it was made, its ranges, versions and splits. Inputs,
-outcomes, labels and features of a sweep as a table, a row a scenario.
+The table has a row for each scenario: inputs, outcome, labels and features. The card (README.md)
+states how the sweep was made, its ranges, versions and splits.
 """
 
 import io
@@ -17,18 +17,18 @@ from turnout.core.provenance import provenance
 from turnout.errors import FileError
 from turnout.metric.features import FEATURES
 from turnout.study.study import Study
-from turnout.sweep.batch import SPLITS, Stored
+from turnout.sweep.batch import SPLITS, StoredVariable
 from turnout.sweep.folder import CARD
-from turnout.sweep.read import Index, index_of, label_arrays, read_labels
+from turnout.sweep.read import BatchIndex, label_arrays, read_index, read_labels
 from turnout.sweep.row import OUTCOMES, UNUSABLE
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-Labels = Mapping[str, Stored]
+Labels = Mapping[str, StoredVariable]
 
-_TOLD = frozenset(("outcome", "reason", "attempts", "condition", "split", *FEATURES))
+_STANDARD_COLUMNS = frozenset(("outcome", "reason", "attempts", "condition", "split", *FEATURES))
 MOST_REASONS = 10
 MOST_TEXTS = 16
 
@@ -43,11 +43,13 @@ def write_card(folder: Path, study: Study) -> None:
     study : Study
         What was thrown.
     """
-    index = index_of(folder)
-    write_atomic(folder / CARD, card(index, label_arrays(index, names=_TOLD), study))
+    index = read_index(folder)
+    write_atomic(
+        folder / CARD, card_text(index, label_arrays(index, names=_STANDARD_COLUMNS), study)
+    )
 
 
-def card(index: Index, labels: Labels, study: Study) -> str:
+def card_text(index: BatchIndex, labels: Labels, study: Study) -> str:
     """Return the card as Markdown.
 
     Parameters
@@ -159,7 +161,7 @@ LONGEST_NAME = 63
 """Of a variable that MATLAB takes."""
 
 
-def table_of(folder: Path | str) -> "pd.DataFrame":
+def sweep_table(folder: Path | str) -> "pd.DataFrame":
     """Return all that has no time as columns; drive and direction are in their names.
 
     Parameters
@@ -202,7 +204,7 @@ def export_bytes(table: "pd.DataFrame", suffix: str) -> bytes:
     Parameters
     ----------
     table : pandas.DataFrame
-        From `table_of`.
+        From `sweep_table`.
     suffix : str
         ".parquet", ".csv" or ".mat"; MATLAB gets a structure `sweep` of columns, in whose names
         all but letters and digits is "_", and `units` beside it.
@@ -226,12 +228,12 @@ def export_bytes(table: "pd.DataFrame", suffix: str) -> bytes:
             raise FileError(message) from None
         return bytes(table.to_parquet(index=False, engine="pyarrow"))
     if suffix == ".mat":
-        return _matlab(table)
+        return _matlab_bytes(table)
     message = f"'{suffix}': there are {', '.join(SUFFIXES)}"
     raise FileError(message)
 
 
-def _matlab(table: "pd.DataFrame") -> bytes:
+def _matlab_bytes(table: "pd.DataFrame") -> bytes:
     from scipy.io import savemat
 
     columns: dict[str, np.ndarray] = {}

@@ -17,9 +17,9 @@ from turnout.core.toml import read_bytes
 from turnout.errors import FileError
 from turnout.study.design import DesignSummary
 from turnout.study.study import Study
-from turnout.sweep.batch import BATCH_NAME, BatchOrigin, batches_of, written_batches
+from turnout.sweep.batch import BATCH_NAME, BatchOrigin, list_batches, plan_batches
 from turnout.sweep.stored_study import STUDY
-from turnout.sweep.verify import content_fault, opened
+from turnout.sweep.verify import content_fault, open_verified
 
 STORE_VERSION = 2
 """Of the form of the folder; form 1 kept the study as a pickle, and batches did not say whose they
@@ -32,7 +32,7 @@ DAMAGED = "damaged"
 LARGEST_IDENTITY = 50_000_000
 """So much of `sweep.json` is read [bytes]."""
 
-_OWN = re.compile("|".join(map(re.escape, (IDENTITY, STUDY, CARD))))
+_OWN_FILES = re.compile("|".join(map(re.escape, (IDENTITY, STUDY, CARD))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class Identity:
         return BatchOrigin(study=self.study, version=self.version, code=self.code, batch="")
 
 
-def identity_of(study: Study) -> Identity:
+def study_identity(study: Study) -> Identity:
     """Return what the folder of a study must say."""
     return Identity(
         store_version=STORE_VERSION,
@@ -91,10 +91,10 @@ def identity_of(study: Study) -> Identity:
         code=digest_of_sources(THROWS),
         seed=study.seed,
         count=study.count,
-        batches=len(batches_of(study)),
+        batches=len(plan_batches(study)),
         interval=study.output.interval,
         scheme=study.scheme.describe(),
-        design=json.dumps(to_plain(study.design.described())),
+        design=json.dumps(to_plain(study.design.summary())),
     )
 
 
@@ -108,14 +108,14 @@ def claim_folder(folder: Path, study: Study, *, text: str) -> None:
     study : Study
         What is thrown.
     text : str
-        The study as `stored_study` gives it.
+        The study as `serialize_study` gives it.
 
     Raises
     ------
     FileError
         When it is that of another study or version, or holds something else; it is not touched.
     """
-    wanted = identity_of(study)
+    wanted = study_identity(study)
     check_folder(folder, study)
     try:
         (folder / BATCHES).mkdir(exist_ok=True)
@@ -123,9 +123,9 @@ def claim_folder(folder: Path, study: Study, *, text: str) -> None:
         message = f"{folder / BATCHES}: cannot be made ({error.strerror}); name another folder"
         raise FileError(message) from None
     path = folder / IDENTITY
-    damaged = path.exists() and _identity(path)[0] is None
+    damaged = path.exists() and _load_identity(path)[0] is None
     if damaged:
-        write_atomic(_free_place(folder, IDENTITY), read_bytes(path, largest=LARGEST_IDENTITY))
+        write_atomic(_free_path(folder, IDENTITY), read_bytes(path, largest=LARGEST_IDENTITY))
     if damaged or not path.exists():
         write_atomic(path, sealed_json(asdict(wanted)))
     write_atomic(folder / STUDY, text)
@@ -145,18 +145,18 @@ def check_folder(folder: Path, study: Study) -> None:
     if folder.exists() and not folder.is_dir():
         message = f"{folder}: is a file; name a folder"
         raise FileError(message)
-    path, wanted = folder / IDENTITY, identity_of(study)
+    path, wanted = folder / IDENTITY, study_identity(study)
     if path.exists():
-        found, fault = _identity(path)
+        found, fault = _load_identity(path)
         if found is not None:
             _refuse_other(folder, found, wanted)
-        elif not _proved(folder, wanted):
+        elif not _has_own_batches(folder, wanted):
             message = (
                 f"{path}: {fault}, and no batch shows that the folder is of this study; "
                 "run the study in another folder"
             )
             raise FileError(message)
-    elif folder.is_dir() and (strangers := _strangers(folder)):
+    elif folder.is_dir() and (strangers := _foreign_files(folder)):
         message = (
             f"{folder}: is not empty and holds no sweep ({strangers[0].name} is there); "
             "name another folder"
@@ -164,19 +164,19 @@ def check_folder(folder: Path, study: Study) -> None:
         raise FileError(message)
 
 
-def _proved(folder: Path, wanted: Identity) -> bool:
+def _has_own_batches(folder: Path, wanted: Identity) -> bool:
     """Tell whether at least one intact batch is of a sweep, and none of another."""
-    intact = [path for _, path in written_batches(folder / BATCHES) if not content_fault(path)]
+    intact = [path for _, path in list_batches(folder / BATCHES) if not content_fault(path)]
     try:
         for path in intact:
-            with opened(path, wanted.origin):
+            with open_verified(path, wanted.origin):
                 pass
     except FileError:
         return False
     return bool(intact)
 
 
-def _strangers(folder: Path) -> list[Path]:
+def _foreign_files(folder: Path) -> list[Path]:
     """Return what does not come from a sweep that was ended while it made its folder."""
     batches = folder / BATCHES
     inside = sorted(batches.iterdir()) if batches.is_dir() and not batches.is_symlink() else []
@@ -185,7 +185,7 @@ def _strangers(folder: Path) -> list[Path]:
         for path in sorted(folder.iterdir())
         if not (path.name == LOCK and path.is_file())
         and not (path == batches and path.is_dir())
-        and not is_leftover(path, of=_OWN)
+        and not is_leftover(path, of=_OWN_FILES)
     ]
     return found + [path for path in inside if not is_leftover(path, of=BATCH_NAME)]
 
@@ -202,7 +202,7 @@ def read_identity(folder: Path) -> Identity:
     if not path.exists():
         message = f"{folder}: holds no sweep; `turnout sweep run STUDY -o {folder}` makes one"
         raise FileError(message)
-    found, fault = _identity(path)
+    found, fault = _load_identity(path)
     if found is None:
         message = (
             f"{path}: {fault}; run `turnout sweep run STUDY -o {folder}` again with the study of "
@@ -212,7 +212,7 @@ def read_identity(folder: Path) -> Identity:
     return found
 
 
-def _identity(path: Path) -> tuple[Identity | None, str]:
+def _load_identity(path: Path) -> tuple[Identity | None, str]:
     """Return what a folder says of itself, or what keeps that from being used.
 
     Raises
@@ -256,7 +256,7 @@ def _refuse_other(folder: Path, found: Identity, wanted: Identity) -> None:
 
 
 @contextmanager
-def locked_folder(folder: Path) -> Iterator[None]:
+def lock_folder(folder: Path) -> Iterator[None]:
     """Keep others from writing to a folder; the lock ends with the process, however it ends.
 
     Raises
@@ -272,14 +272,14 @@ def locked_folder(folder: Path) -> Iterator[None]:
         raise FileError(message) from None
     with file:
         try:
-            _take(file.fileno())
+            _acquire_lock(file.fileno())
         except OSError:
             message = f"{folder}: another run writes to it now; wait for it, or end it"
             raise FileError(message) from None
         yield
 
 
-def _take(descriptor: int) -> None:
+def _acquire_lock(descriptor: int) -> None:
     try:
         import fcntl
     except ImportError:  # another system, with locks of its own
@@ -290,7 +290,7 @@ def _take(descriptor: int) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
-def set_aside(path: Path, folder: Path) -> Path:
+def move_damaged(path: Path, folder: Path) -> Path:
     """Move a damaged file to a folder of its own in that of the sweep; return where it is now.
 
     Raises
@@ -298,7 +298,7 @@ def set_aside(path: Path, folder: Path) -> Path:
     FileError
         When it cannot be moved.
     """
-    place = _free_place(folder, path.name)
+    place = _free_path(folder, path.name)
     try:
         os.replace(path, place)
     except OSError as error:
@@ -306,7 +306,7 @@ def set_aside(path: Path, folder: Path) -> Path:
     return place
 
 
-def _free_place(folder: Path, name: str) -> Path:
+def _free_path(folder: Path, name: str) -> Path:
     """Return a path for a damaged file where no other one is."""
     place = folder / DAMAGED
     try:
@@ -322,7 +322,7 @@ def clear_leftovers(folder: Path) -> None:
 
     Nothing else goes: only names that an unfinished file of this folder has are looked at.
     """
-    for place, own in ((folder, _OWN), (folder / BATCHES, BATCH_NAME)):
+    for place, own in ((folder, _OWN_FILES), (folder / BATCHES, BATCH_NAME)):
         for path in place.glob(".*"):
             if is_leftover(path, of=own):
                 with suppress(OSError):

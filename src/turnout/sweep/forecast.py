@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from turnout.study.study import Study
-from turnout.sweep.batch import batch_variables, batches_of, file_bytes
+from turnout.sweep.batch import batch_variables, file_bytes, plan_batches
 from turnout.sweep.row import COMPLETE, throw_scenarios
 
 TRIALS = 3
@@ -50,7 +50,7 @@ class Forecast:
 
     def disk(self, study: Study) -> float:
         """Return what a whole study takes, with the heads of its files [bytes]."""
-        return study.count * self.size + len(batches_of(study)) * self.head
+        return study.count * self.size + len(plan_batches(study)) * self.head
 
 
 def trial_scenarios(study: Study, count: int) -> list[int]:
@@ -58,7 +58,7 @@ def trial_scenarios(study: Study, count: int) -> list[int]:
 
     Examples
     --------
-    >>> from turnout.study.study import load_study
+    >>> from turnout.study.load import load_study
     >>> trial_scenarios(load_study("sleeper-6"), 3)
     [0, 5, 10]
     """

@@ -32,7 +32,7 @@ LABELS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class ThrowSignals:
     """What is taken from a run while its history is there.
 
     Attributes
@@ -59,7 +59,7 @@ class Taken:
     end_gaps: tuple[Floats, Floats]
 
 
-def labels_of_many(taken: Sequence[Taken]) -> list[Variables]:
+def compute_labels(runs: Sequence[ThrowSignals]) -> list[Variables]:
     """Return labels and features of some throws.
 
     Those with the same instants, movements and number of drives, which most studies have, are
@@ -67,7 +67,7 @@ def labels_of_many(taken: Sequence[Taken]) -> list[Variables]:
 
     Parameters
     ----------
-    taken : sequence of Taken
+    runs : sequence of ThrowSignals
         Of any throws of one panel, of changed ones too.
 
     Returns
@@ -75,47 +75,49 @@ def labels_of_many(taken: Sequence[Taken]) -> list[Variables]:
     list of dict
         In the same order.
     """
-    spans = [_spans(item.panel) for item in taken]
+    spans = [_movement_spans(item.panel) for item in runs]
     alike: dict[tuple[object, ...], list[int]] = {}
-    for number, item in enumerate(taken):
+    for number, item in enumerate(runs):
         key = (spans[number], item.time.size, float(item.time[-1]), len(item.panel.drive))
         alike.setdefault(key, []).append(number)
-    found: list[Variables] = [{}] * len(taken)
+    found: list[Variables] = [{}] * len(runs)
     for numbers in alike.values():
-        together = [taken[number] for number in numbers]
-        features = _features(together, spans[numbers[0]])
+        together = [runs[number] for number in numbers]
+        features = _drive_features(together, spans[numbers[0]])
         for number, item, values in zip(numbers, together, features, strict=True):
             labels = values | object_labels(item.time, item.signals, spans=spans[number])
-            found[number] = labels | _states(item)
+            found[number] = labels | _state_labels(item)
     return found
 
 
-def _spans(panel: LoadedPanel) -> tuple[Span, ...]:
+def _movement_spans(panel: LoadedPanel) -> tuple[Span, ...]:
     return tuple(Span(item.name, item.to, item.start, item.end) for item in throws(panel))
 
 
-def _features(taken: Sequence[Taken], spans: tuple[Span, ...]) -> list[Variables]:
+def _drive_features(runs: Sequence[ThrowSignals], spans: tuple[Span, ...]) -> list[Variables]:
     """Return the features of each drive and movement, the drives of all throws at once."""
     found = run_features(
-        taken[0].time,
-        np.concatenate([item.signals["drive_force"][1] for item in taken]).astype(np.float64),
+        runs[0].time,
+        np.concatenate([item.signals["drive_force"][1] for item in runs]).astype(np.float64),
         spans=spans,
         limits=np.array(
-            [drive.saturation_force for item in taken for drive in item.panel.drive.values()]
+            [drive.saturation_force for item in runs for drive in item.panel.drive.values()]
         ),
-        travel=np.concatenate([item.signals["drive_displacement"][1] for item in taken]).astype(
+        travel=np.concatenate([item.signals["drive_displacement"][1] for item in runs]).astype(
             np.float64
         ),
     )
     dims = ("drive", "direction")
-    parts = np.split(found, len(taken), axis=1)
+    parts = np.split(found, len(runs), axis=1)
     return [{name: (dims, row) for name, row in zip(FEATURES, part, strict=True)} for part in parts]
 
 
-def _states(item: Taken) -> Variables:
+def _state_labels(item: ThrowSignals) -> Variables:
     """Return margins, and gaps and states at the end."""
     panel, (drive_gap, sensor_gap) = item.panel, item.end_gaps
-    margins = force_margins(panel, time=item.time, drive_force=floats(item.signals["drive_force"]))
+    margins = force_margins(
+        panel, time=item.time, drive_force=float_values(item.signals["drive_force"])
+    )
     states = control_states(
         panel,
         time=item.time[-1:],
@@ -145,15 +147,15 @@ def object_labels(time: Floats, every: Variables, *, spans: Sequence[Span]) -> V
     spans : sequence of Span
         The movements.
     """
-    force = floats(every["object_force"])
+    force = float_values(every["object_force"])
     sense, onset = np.zeros(time.size), 0
     for span in spans:
         onset = int(np.searchsorted(time, span.start - 1e-9))
         sense[onset:] = 1.0 if span.to == "closed" else -1.0
     # At the onset of a movement a drive may still hold with the force of the one before.
-    working = sense * floats(every["drive_force"]) > 0
+    working = sense * float_values(every["drive_force"]) > 0
     slipping = np.any(every["drive_slipping"][1].astype(np.bool_) & working, axis=0)
-    contact = float(floats(every["contact_time"]))
+    contact = float(float_values(every["contact_time"]))
     alone = np.searchsorted(time, contact if np.isfinite(contact) else np.inf)
     return {
         "object_force_peak": ((), np.asarray(np.max(force, initial=0.0))),
@@ -163,6 +165,6 @@ def object_labels(time: Floats, every: Variables, *, spans: Sequence[Span]) -> V
     }
 
 
-def floats(variable: Variable) -> Floats:
+def float_values(variable: Variable) -> Floats:
     """Return the values of a channel in double precision."""
     return np.asarray(variable[1], dtype=np.float64)

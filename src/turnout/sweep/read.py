@@ -1,11 +1,7 @@
-"""The batches of a sweep as one dataset, read from its files only where it is looked at.
+"""Open the batches of a sweep as one dataset whose values are read where they are used.
 
-Where the rows of a sweep are in the files of its batches, and what the variables are like.
-
-It reads files as they were written, without the layers above HDF5, which take longer to load than a
-small sweep takes.
-
-The batches of a sweep as ONE dataset, read from its files only where it is looked at.
+An index says in which file and row each scenario is. Files are read without the layers above HDF5,
+which take longer to load than a small sweep takes.
 """
 
 from collections.abc import Collection, Mapping
@@ -22,20 +18,20 @@ from xarray.backends import BackendArray
 from xarray.core import indexing
 
 from turnout.errors import FileError
-from turnout.sweep.batch import UNKNOWN, BatchOrigin, Stored, written_batches
+from turnout.sweep.batch import UNKNOWN_LOGICAL, BatchOrigin, StoredVariable, list_batches
 from turnout.sweep.folder import BATCHES, read_identity
-from turnout.sweep.verify import opened
+from turnout.sweep.verify import open_verified
 
 Ints = NDArray[np.int64]
 
-_OF_THE_FORMAT = frozenset(
+_FORMAT_ATTRIBUTES = frozenset(
     ("CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "_Netcdf4Dimid", "coordinates")
 )
 """Attributes of a stored variable that are no part of what it means."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Index:
+class BatchIndex:
     """Where the row of each scenario is.
 
     Attributes
@@ -58,11 +54,11 @@ class Index:
     scenario: Ints
     file: Ints
     row: Ints
-    like: Mapping[str, Stored]
+    like: Mapping[str, StoredVariable]
     attributes: Mapping[str, Any]
 
 
-def index_of(folder: Path) -> Index:
+def read_index(folder: Path) -> BatchIndex:
     """Look into each file for its scenarios, and for variables that none before had.
 
     Raises
@@ -72,49 +68,53 @@ def index_of(folder: Path) -> Index:
     """
     identity = read_identity(folder)
     found: dict[int, Path] = {}
-    for number, path in written_batches(folder / BATCHES):
+    for number, path in list_batches(folder / BATCHES):
         found.setdefault(number, path)
     if not found:
         message = f"{folder}: no batch is written yet; `turnout sweep run` goes on with it"
         raise FileError(message)
     paths = tuple(found.values())
     numbers: list[Ints] = []
-    like: dict[str, Stored] = {}
+    like: dict[str, StoredVariable] = {}
     for path in paths:
-        with opened(path, identity.origin) as file:
+        with open_verified(path, identity.origin) as file:
             numbers.append(_read_whole(file, "scenario").astype(np.int64))
             longest = like["time"].values.size if "time" in like else 0
             longer = "time" in file and file["time"].size > longest
             if longer or not like.keys() >= set(file):
-                _learn(file, like)
+                _merge_variables(file, like)
     scenario = np.concatenate(numbers)
     file_of = np.repeat(np.arange(len(paths)), [n.size for n in numbers])
     row = np.concatenate([np.arange(n.size) for n in numbers])
     order = np.argsort(scenario, kind="stable")
     missing = identity.count - scenario.size
     attributes = {**asdict(identity), "missing": missing, "complete": missing == 0}
-    return Index(
+    return BatchIndex(
         paths, identity.origin, scenario[order], file_of[order], row[order], like, attributes
     )
 
 
-def _learn(file: "h5py.File", like: dict[str, Stored]) -> None:
+def _merge_variables(file: "h5py.File", like: dict[str, StoredVariable]) -> None:
     """Take up the variables of a file that are new, and longer times."""
     named = {name for v in file.values() for name in str(v.attrs.get("coordinates", "")).split()}
     for name, stored in file.items():
         dims = tuple(axis[0].name.lstrip("/") for axis in stored.dims if len(axis)) or (name,)
         if name in like and not ("time" in dims and stored.shape[-1] > like[name].values.shape[-1]):
             continue
-        about = {k: v for k, v in stored.attrs.items() if k not in _OF_THE_FORMAT}
+        about = {k: v for k, v in stored.attrs.items() if k not in _FORMAT_ATTRIBUTES}
         if dims[0] == "scenario":
             values = np.broadcast_to(np.zeros((), dtype=stored.dtype), (1, *stored.shape[1:]))
         else:
             values = _read_whole(file, name)
         coordinate = name in named or dims == (name,)
-        like[name] = Stored(dims if stored.shape else (), values, about, coordinate=coordinate)
+        like[name] = StoredVariable(
+            dims if stored.shape else (), values, about, coordinate=coordinate
+        )
 
 
-def label_arrays(index: Index, *, names: Collection[str] | None = None) -> dict[str, Stored]:
+def label_arrays(
+    index: BatchIndex, *, names: Collection[str] | None = None
+) -> dict[str, StoredVariable]:
     """Read all that has no time, in one pass.
 
     Parameters
@@ -133,12 +133,12 @@ def label_arrays(index: Index, *, names: Collection[str] | None = None) -> dict[
     values = {name: column.empty(index.scenario.size) for name, column in columns.items()}
     for number, path in enumerate(index.paths):
         at = np.flatnonzero(index.file == number)
-        with opened(path, index.origin) as file:
+        with open_verified(path, index.origin) as file:
             for name, column in columns.items():
                 column.fill(values[name], at, file, index.row[at])
     like = index.like
     return {
-        name: Stored(like[name].dims, found, like[name].attributes, like[name].coordinate)
+        name: StoredVariable(like[name].dims, found, like[name].attributes, like[name].coordinate)
         for name, found in values.items()
     }
 
@@ -146,7 +146,7 @@ def label_arrays(index: Index, *, names: Collection[str] | None = None) -> dict[
 class Column:
     """A variable over all batches."""
 
-    def __init__(self, index: Index, name: str) -> None:
+    def __init__(self, index: BatchIndex, name: str) -> None:
         like = index.like[name]
         self._name, self._short = name, "time" not in like.dims
         longest = 0 if self._short else index.like["time"].values.size
@@ -162,7 +162,7 @@ class Column:
         """Return an array for so many scenarios, filled with what stands for nothing."""
         if self.dtype.kind == "O":
             return np.full((count, *self.shape[1:]), "", dtype=object)
-        nothing = np.nan if self.dtype.kind == "f" else UNKNOWN
+        nothing = np.nan if self.dtype.kind == "f" else UNKNOWN_LOGICAL
         return np.full((count, *self.shape[1:]), nothing, dtype=self.dtype)
 
     def fill(self, values: NDArray[Any], at: Ints, file: "h5py.File", rows: Ints) -> None:
@@ -210,15 +210,15 @@ def open_sweep(folder: Path | str) -> xr.Dataset:
     FileError
         When the folder holds no sweep, none of its batches, or a damaged one.
     """
-    index = index_of(Path(folder))
+    index = read_index(Path(folder))
     variables: dict[str, xr.Variable] = {}
     for name, like in index.like.items():
         if like.dims[:1] != ("scenario",):
             variables[name] = xr.Variable(like.dims, like.values, like.attributes)
         elif name != "scenario":
-            data = indexing.LazilyIndexedArray(_Stacked(index, name))
+            data = indexing.LazilyIndexedArray(_LazyVariable(index, name))
             variables[name] = xr.Variable(like.dims, data, like.attributes)
-    return _as_dataset(index, variables)
+    return _to_dataset(index, variables)
 
 
 def read_labels(folder: Path | str) -> xr.Dataset:
@@ -239,7 +239,7 @@ def read_labels(folder: Path | str) -> xr.Dataset:
     FileError
         As `open_sweep`.
     """
-    index = index_of(Path(folder))
+    index = read_index(Path(folder))
     same = {
         name: like
         for name, like in index.like.items()
@@ -250,19 +250,19 @@ def read_labels(folder: Path | str) -> xr.Dataset:
         name: xr.Variable(array.dims, array.values, array.attributes)
         for name, array in arrays.items()
     }
-    return _as_dataset(index, variables)
+    return _to_dataset(index, variables)
 
 
-def _as_dataset(index: Index, variables: Mapping[str, xr.Variable]) -> xr.Dataset:
+def _to_dataset(index: BatchIndex, variables: Mapping[str, xr.Variable]) -> xr.Dataset:
     scenario = xr.Variable("scenario", index.scenario, index.like["scenario"].attributes)
     dataset = xr.Dataset({**variables, "scenario": scenario}, attrs=dict(index.attributes))
     return dataset.set_coords([name for name in dataset if index.like[str(name)].coordinate])
 
 
-class _Stacked(BackendArray):
+class _LazyVariable(BackendArray):
     """One variable over all batches, as xarray's lazy indexing wants it."""
 
-    def __init__(self, index: Index, name: str) -> None:
+    def __init__(self, index: BatchIndex, name: str) -> None:
         self._index, self._column = index, Column(index, name)
         self.shape, self.dtype = self._column.shape, self._column.dtype
 
@@ -277,7 +277,7 @@ class _Stacked(BackendArray):
         files = self._index.file[wanted]
         for number in np.unique(files):
             at = np.flatnonzero(files == number)
-            with opened(self._index.paths[number], self._index.origin) as file:
+            with open_verified(self._index.paths[number], self._index.origin) as file:
                 self._column.fill(values, at, file, self._index.row[wanted[at]])
         for axis, part in enumerate(key[1:], start=1):
             whole = (slice(None),) * axis

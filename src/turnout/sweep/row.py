@@ -1,4 +1,4 @@
-"""Scenarios of a sweep thrown and boiled down to what is stored of them.
+"""Throw the scenarios of a sweep and reduce each to the row that is stored of it.
 
 Labels and features are taken from every instant that the solver kept, histories at the rate of the
 study. What is not asked for is never computed. A throw ends with little more than its history in
@@ -29,7 +29,7 @@ from turnout.response.simulate import Solved, solve_placed
 from turnout.scheme import Scheme
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
-from turnout.sweep.labels import Taken, floats, labels_of_many
+from turnout.sweep.labels import ThrowSignals, compute_labels, float_values
 
 Floats = NDArray[np.float64]
 Variables = dict[str, Variable]
@@ -42,15 +42,21 @@ COMPLETE, FAILED, INVALID, SKIPPED, INACCURATE = OUTCOMES
 UNUSABLE = (FAILED, INVALID, INACCURATE)
 """Outcomes of scenarios that were to be thrown and gave no numbers."""
 
-MOST_TOGETHER = 16
+THROWS_PER_PASS = 16
 """So many throws are looked at together; more would not fit the processor's caches."""
 
-SINGLE = ("object_placed", "object_touched", "contact_time", "least_flangeway", "least_flangeway_x")
+UNCHANGED_LABELS = (
+    "object_placed",
+    "object_touched",
+    "contact_time",
+    "least_flangeway",
+    "least_flangeway_x",
+)
 """Stored of each throw as they are."""
 
 
 @dataclass(frozen=True, slots=True)
-class Spent:
+class SolverTime:
     """Time that a solver took.
 
     Attributes
@@ -84,7 +90,7 @@ class Row:
         Histories, labels and features; empty unless complete.
     coordinates : dict of str to (dims, ndarray)
         Of these.
-    solver : Spent
+    solver : SolverTime
         In building and integrating the throw that counted.
     """
 
@@ -94,7 +100,7 @@ class Row:
     attempts: int
     variables: Variables
     coordinates: Variables
-    solver: Spent
+    solver: SolverTime
 
     @property
     def slipped(self) -> bool:
@@ -103,7 +109,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Ready:
+class PreparedScenario:
     """A scenario that can be thrown, or why it cannot.
 
     Attributes
@@ -125,15 +131,15 @@ class Ready:
 
 
 @dataclass(frozen=True, slots=True)
-class Thrown:
-    """A scenario after its throw; `taken` is None unless it is complete."""
+class ThrowResult:
+    """A scenario after its throws; `extracted` is None unless `outcome` is "complete"."""
 
     scenario: Scenario
     outcome: str
     reason: str
     attempts: int
-    taken: Taken | None
-    solver: Spent
+    extracted: ThrowSignals | None
+    solver: SolverTime
 
 
 def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Row]:
@@ -156,25 +162,27 @@ def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Row]:
     KeyboardInterrupt
         On Ctrl-C.
     """
-    ready = [made_ready(study, scenario) for scenario in scenarios]
+    ready = [prepare_scenario(study, scenario) for scenario in scenarios]
     with one_blas_thread():
-        return rows_of([thrown(study, item) for item in ready])
+        return make_rows([throw_scenario(study, item) for item in ready])
 
 
-def made_ready(study: Study, scenario: Scenario) -> Ready:
+def prepare_scenario(study: Study, scenario: Scenario) -> PreparedScenario:
     """Make the panel of a scenario and place its objects."""
     panel = study.panel
     try:
         if scenario.overrides:
             panel = panel.with_overrides(dict(scenario.overrides))
-        return Ready(scenario, panel, resolve_objects(panel, scenario.foreign_objects), "")
+        return PreparedScenario(
+            scenario, panel, resolve_objects(panel, scenario.foreign_objects), ""
+        )
     except PanelError as error:
-        return Ready(scenario, panel, (), "; ".join(error.problems))
+        return PreparedScenario(scenario, panel, (), "; ".join(error.problems))
     except TurnoutError as error:
-        return Ready(scenario, panel, (), str(error))
+        return PreparedScenario(scenario, panel, (), str(error))
 
 
-def thrown(study: Study, ready: Ready) -> Thrown:
+def throw_scenario(study: Study, ready: PreparedScenario) -> ThrowResult:
     """Throw a scenario, if need be twice, and take from its history what is needed later.
 
     Raises
@@ -184,29 +192,31 @@ def thrown(study: Study, ready: Ready) -> Thrown:
     """
     scenario, reason, attempts = ready.scenario, ready.fault, 0
     if reason:
-        return Thrown(scenario, INVALID, reason, attempts, None, Spent())
+        return ThrowResult(scenario, INVALID, reason, attempts, None, SolverTime())
     try:
         for again in (False, True):
             attempts += 1
-            scheme = tighter(study.scheme) if again else study.scheme
+            scheme = refine_scheme(study.scheme) if again else study.scheme
             solved = solve_placed(ready.panel, ready.objects, scheme=scheme)
             outcome = solved.history.outcome
             if outcome.code is Code.INTERRUPTED:
                 raise KeyboardInterrupt
             if outcome.complete:
-                spent = Spent(solved.solver_time, solved.processor_time, solved.build_time)
-                taken = taken_from(study, ready.panel, solved)
-                return Thrown(scenario, COMPLETE, "", attempts, taken, spent)
+                spent = SolverTime(solved.solver_time, solved.processor_time, solved.build_time)
+                extracted = extract_signals(study, ready.panel, solved)
+                return ThrowResult(scenario, COMPLETE, "", attempts, extracted, spent)
             reason = outcome.message()
             ending = INACCURATE if outcome.code is Code.INACCURATE else FAILED
     except PanelError as error:
-        return Thrown(scenario, INVALID, "; ".join(error.problems), attempts, None, Spent())
+        return ThrowResult(
+            scenario, INVALID, "; ".join(error.problems), attempts, None, SolverTime()
+        )
     except TurnoutError as error:
-        return Thrown(scenario, FAILED, str(error), attempts, None, Spent())
-    return Thrown(scenario, ending, reason, attempts, None, Spent())
+        return ThrowResult(scenario, FAILED, str(error), attempts, None, SolverTime())
+    return ThrowResult(scenario, ending, reason, attempts, None, SolverTime())
 
 
-def taken_from(study: Study, panel: LoadedPanel, solved: Solved) -> Taken:
+def extract_signals(study: Study, panel: LoadedPanel, solved: Solved) -> ThrowSignals:
     """Return what is stored of a complete throw and what its labels are made of.
 
     Parameters
@@ -218,11 +228,11 @@ def taken_from(study: Study, panel: LoadedPanel, solved: Solved) -> Taken:
     solved : Solved
         The throw.
     """
-    given, every, stride = (panel, solved.mechanism), solved.history, stride_of(study)
+    given, every, stride = (panel, solved.mechanism), solved.history, output_stride(study)
     signals = drive_signals(*given, every) | object_signals(solved.mechanism, every)
     signals |= contact_labels(solved.mechanism, every)
     wanted = study.output.channels
-    sparse = at_instants(every, slice(None, None, stride))
+    sparse = select_instants(every, slice(None, None, stride))
     kept = {
         name: (dims, values[..., ::stride])
         for name, (dims, values) in signals.items()
@@ -231,21 +241,21 @@ def taken_from(study: Study, panel: LoadedPanel, solved: Solved) -> Taken:
     motion = recover_motion(solved.mechanism, every)
     signals |= flangeway_labels(panel, motion, every.time)
     gaps = [name for name in ("drive_gap", "sensor_gap") if name in wanted]
-    found = _gaps(panel, replace(motion, history=sparse)) if gaps else None
+    found = _gap_signals(panel, replace(motion, history=sparse)) if gaps else None
     if found is not None:
         kept |= {name: found[name] for name in gaps if found[name][1].size}
     further = tuple(name for name in wanted if name not in {*signals, *gaps})
     if further:
         kept |= response_channels(*given, sparse, save=Save(fields=further))
     if found is None or (every.time.size - 1) % stride:
-        last = at_instants(every, slice(-1, None))
-        found = _gaps(panel, replace(motion, history=last))
-    ends = floats(found["drive_gap"])[:, -1:], floats(found["sensor_gap"])[:, -1:]
-    small = {name: (dims, _small(values)) for name, (dims, values) in kept.items()}
-    return Taken(panel, solved.mechanism, every.time, signals, small, ends)
+        last = select_instants(every, slice(-1, None))
+        found = _gap_signals(panel, replace(motion, history=last))
+    ends = float_values(found["drive_gap"])[:, -1:], float_values(found["sensor_gap"])[:, -1:]
+    small = {name: (dims, _to_single_precision(values)) for name, (dims, values) in kept.items()}
+    return ThrowSignals(panel, solved.mechanism, every.time, signals, small, ends)
 
 
-def _gaps(panel: LoadedPanel, motion: Motion) -> Variables:
+def _gap_signals(panel: LoadedPanel, motion: Motion) -> Variables:
     """Return gaps at drives and sensors at all instants of a history."""
     at_drives, at_sensors = drive_and_sensor_gaps(panel, motion, motion.history.time)
     return {
@@ -254,34 +264,38 @@ def _gaps(panel: LoadedPanel, motion: Motion) -> Variables:
     }
 
 
-def rows_of(throws: Sequence[Thrown]) -> list[Row]:
+def make_rows(throws: Sequence[ThrowResult]) -> list[Row]:
     """Return what is stored of some throws."""
-    complete = [item.taken for item in throws if item.taken is not None]
+    complete = [item.extracted for item in throws if item.extracted is not None]
     labels: list[Variables] = []
-    for first in range(0, len(complete), MOST_TOGETHER):
-        labels += labels_of_many(complete[first : first + MOST_TOGETHER])
+    for first in range(0, len(complete), THROWS_PER_PASS):
+        labels += compute_labels(complete[first : first + THROWS_PER_PASS])
     rows, made = [], iter(labels)
     for item in throws:
         about = (item.scenario, item.outcome, item.reason, item.attempts)
-        if item.taken is None:
+        if item.extracted is None:
             rows.append(Row(*about, {}, {}, item.solver))
             continue
-        taken = item.taken
-        variables = {**taken.kept, **{name: taken.signals[name] for name in SINGLE}, **next(made)}
+        extracted = item.extracted
+        variables = {
+            **extracted.kept,
+            **{name: extracted.signals[name] for name in UNCHANGED_LABELS},
+            **next(made),
+        }
         coordinates = coordinates_of(
-            variables, taken.panel, taken.mechanism, time=taken.time, save=Save()
+            variables, extracted.panel, extracted.mechanism, time=extracted.time, save=Save()
         )
         del coordinates["time"]  # of the solver, not of what is kept
         rows.append(Row(*about, variables, coordinates, item.solver))
     return rows
 
 
-def skipped(scenario: Scenario, *, reason: str) -> Row:
+def skipped_row(scenario: Scenario, *, reason: str) -> Row:
     """Return a scenario that the rule of its chain leaves out."""
-    return Row(scenario, SKIPPED, reason, 0, {}, {}, Spent())
+    return Row(scenario, SKIPPED, reason, 0, {}, {}, SolverTime())
 
 
-def tighter(scheme: Scheme) -> Scheme:
+def refine_scheme(scheme: Scheme) -> Scheme:
     """Return a scheme with half the step and more patience, for a second attempt."""
     return replace(
         scheme,
@@ -292,7 +306,7 @@ def tighter(scheme: Scheme) -> Scheme:
     )
 
 
-def at_instants(history: History, index: NDArray[np.int64] | slice) -> History:
+def select_instants(history: History, index: NDArray[np.int64] | slice) -> History:
     """Return a history at some of its instants; what was gathered from every step stays.
 
     A slice copies nothing.
@@ -301,7 +315,7 @@ def at_instants(history: History, index: NDArray[np.int64] | slice) -> History:
     return replace(history, **{name: getattr(history, name)[index] for name in names})
 
 
-def stride_of(study: Study) -> int:
+def output_stride(study: Study) -> int:
     """Return how many instants of the solver there are to one that is kept.
 
     Raises
@@ -320,11 +334,11 @@ def stride_of(study: Study) -> int:
     return stride
 
 
-def _small(values: NDArray[np.generic]) -> NDArray[np.generic]:
+def _to_single_precision(values: NDArray[np.generic]) -> NDArray[np.generic]:
     """Return numbers in single precision; logical values stay."""
     return values.astype(np.float32) if values.dtype.kind == "f" else values
 
 
-def labels_of(row: Row) -> Mapping[str, object]:
+def rule_inputs(row: Row) -> Mapping[str, object]:
     """Return what the rule of a chain looks at."""
     return {"slipped": row.slipped, **row.scenario.inputs}

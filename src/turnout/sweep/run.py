@@ -28,7 +28,7 @@ from turnout.errors import FileError
 from turnout.response.compilation import must_compile
 from turnout.response.simulate import compile_kernels
 from turnout.study.study import Study
-from turnout.sweep.batch import batches_of
+from turnout.sweep.batch import plan_batches
 from turnout.sweep.export import write_card
 from turnout.sweep.folder import (
     BATCHES,
@@ -36,19 +36,19 @@ from turnout.sweep.folder import (
     check_folder,
     claim_folder,
     clear_leftovers,
-    identity_of,
-    locked_folder,
-    set_aside,
+    lock_folder,
+    move_damaged,
+    study_identity,
 )
-from turnout.sweep.row import COMPLETE, SKIPPED, stride_of
-from turnout.sweep.stored_study import stored_study
-from turnout.sweep.verify import sound_batches
+from turnout.sweep.row import COMPLETE, SKIPPED, output_stride
+from turnout.sweep.stored_study import serialize_study
+from turnout.sweep.verify import verified_batches
 from turnout.sweep.worker import BatchDone, make_batch, worker_processes
 
 # Batches handed out beyond one a worker, so that none waits for the next.
 PREFETCH = 2
 # Breaks of the pool in a row without a batch in between after which a run gives up.
-MOST_BREAKS = 3
+MAX_POOL_FAILURES = 3
 # Progress is told so often at least [s].
 REPORT_INTERVAL = 0.5
 
@@ -56,7 +56,7 @@ MakePool = Callable[[], Executor]
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class SweepProgress:
     """How far a run is, for whoever watches it.
 
     Attributes
@@ -79,7 +79,7 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
-class Finished:
+class SweepResult:
     """What a run came to.
 
     Attributes
@@ -103,8 +103,8 @@ def run_sweep(
     *,
     workers: int = 1,
     pool: MakePool | None = None,
-    report: Callable[[State], None] | None = None,
-) -> Finished:
+    report: Callable[[SweepProgress], None] | None = None,
+) -> SweepResult:
     """Throw what is missing of a study into a folder.
 
     Parameters
@@ -122,7 +122,8 @@ def run_sweep(
 
     Returns
     -------
-    Finished
+    SweepResult
+        Scenarios and batches of this run, and files that were damaged.
 
     Raises
     ------
@@ -133,27 +134,27 @@ def run_sweep(
 
     Examples
     --------
-    >>> from turnout.study.read import load_study  # doctest: +SKIP
+    >>> from turnout.study.load import load_study  # doctest: +SKIP
     >>> run_sweep(load_study("study.toml"), "results", workers=2).thrown  # doctest: +SKIP
     143
     """
     folder = Path(folder).absolute()
-    stride_of(study)
-    text = stored_study(study)
+    output_stride(study)
+    text = serialize_study(study)
     check_folder(folder, study)
-    with locked_folder(folder):
+    with lock_folder(folder):
         claim_folder(folder, study, text=text)
         clear_leftovers(folder)
-        chains = batches_of(study)
+        chains = plan_batches(study)
         sizes = [sum(len(chain) for chain in batch) for batch in chains]
-        there, torn = sound_batches(folder / BATCHES, identity_of(study).origin)
+        there, torn = verified_batches(folder / BATCHES, study_identity(study).origin)
         if strangers := [path.name for number, path in there.items() if number >= len(chains)]:
             message = (
                 f"{folder / BATCHES}: {', '.join(strangers)} cannot come from this study of "
                 f"{len(chains)} batches; move away what is not of it"
             )
             raise FileError(message)
-        damaged = tuple(set_aside(path, folder) for path in torn)
+        damaged = tuple(move_damaged(path, folder) for path in torn)
         todo = [number for number in range(len(chains)) if number not in there]
         make = (
             pool if pool is not None else partial(worker_processes, min(workers, max(1, len(todo))))
@@ -167,21 +168,28 @@ def run_sweep(
             report=report,
         )
         log.emit()
-        made = _made(folder, study.digest, todo, make=make, ahead=workers + PREFETCH, log=log)
+        made = _run_batches(
+            folder, study.digest, todo, make=make, ahead=workers + PREFETCH, log=log
+        )
         with closing(made):
             for done in made:
                 log.record(done)
         clear_leftovers(folder)
         write_card(folder, study)
     thrown = sum(sum(done.outcomes.values()) for done in log.batches)
-    return Finished(thrown, tuple(log.batches), damaged)
+    return SweepResult(thrown, tuple(log.batches), damaged)
 
 
 class ProgressLog:
     """Counts what is done, writes the journal, and tells the watcher."""
 
     def __init__(
-        self, *, total: int, before: int, journal: Path, report: Callable[[State], None] | None
+        self,
+        *,
+        total: int,
+        before: int,
+        journal: Path,
+        report: Callable[[SweepProgress], None] | None,
     ) -> None:
         self.batches: list[BatchDone] = []
         self._total, self._done, self._failed, self._before = total, before, 0, before
@@ -208,10 +216,10 @@ class ProgressLog:
             return
         passed = max(time.monotonic() - self._began, 1e-9)
         rate = (self._done - self._before) / passed
-        self._report(State(self._done, self._failed, self._total, rate))
+        self._report(SweepProgress(self._done, self._failed, self._total, rate))
 
 
-def _made(
+def _run_batches(
     folder: Path,
     digest: str,
     todo: Sequence[int],
@@ -223,7 +231,7 @@ def _made(
     """Yield batches as they are written; a pool that breaks is replaced."""
     left, breaks = list(todo), 0
     while left:
-        with _stopped_at_once(make()) as pool:
+        with _closing_pool(make()) as pool:
             try:
                 for done in submit_batches(pool, folder, digest, left, ahead=ahead, log=log):
                     left.remove(done.number)
@@ -231,7 +239,7 @@ def _made(
                     yield done
             except BrokenExecutor as error:
                 breaks += 1
-                if breaks >= MOST_BREAKS:
+                if breaks >= MAX_POOL_FAILURES:
                     message = (
                         f"worker processes were ended {breaks} times in a row ({error}); what is "
                         "written stays; look for memory running out, then run the same again"
@@ -278,7 +286,7 @@ def submit_batches(
 
 
 @contextmanager
-def _stopped_at_once(pool: Executor) -> Iterator[Executor]:
+def _closing_pool(pool: Executor) -> Iterator[Executor]:
     """Close a pool; on an error or Ctrl-C do not wait for the batches under way."""
     try:
         yield pool

@@ -41,7 +41,7 @@ def study_from_data(data: dict[str, Any]) -> Study:
 
     Examples
     --------
-    >>> from turnout.study.study import load_study
+    >>> from turnout.study.load import load_study
     >>> study = load_study("sleeper-6")
     >>> study_from_data(study_data(study)).digest == study.digest
     True
@@ -49,7 +49,7 @@ def study_from_data(data: dict[str, Any]) -> Study:
     return from_plain(Study, {**data, "panel": panel_from_data(data["panel"])})
 
 
-def stored_study(study: Study) -> str:
+def serialize_study(study: Study) -> str:
     """Return the text of the file of a study, after a check that the same study is made of it.
 
     Raises
@@ -71,7 +71,7 @@ def stored_study(study: Study) -> str:
 
 
 @lru_cache(maxsize=2)
-def kept_study(folder: Path, digest: str) -> Study:
+def load_stored_study(folder: Path, digest: str) -> Study:
     """Return the study of a folder as its run has left it for the processes that throw it.
 
     Raises

@@ -13,9 +13,9 @@ from h5py import h5a
 
 from turnout.core.lru_cache import LRUCache
 from turnout.errors import FileError
-from turnout.sweep.batch import BATCH_NAME, DIGITS, ORIGIN, BatchOrigin, written_batches
+from turnout.sweep.batch import BATCH_NAME, DIGITS, ORIGIN, BatchOrigin, list_batches
 
-SETTLED = 2_000_000_000
+STABLE_AGE = 2_000_000_000
 """A file that was changed within this time may change again with the same time stamp [ns]."""
 
 Key = tuple[Path, int, int, int, int]
@@ -43,17 +43,17 @@ def content_fault(path: Path) -> str:
     return "" if digest == match[2] else "is damaged: its content is not that of its digest"
 
 
-def _key_of(path: Path) -> tuple[Key | None, bool]:
+def _cache_key(path: Path) -> tuple[Key | None, bool]:
     """Return what a file is remembered by, and whether it has been as it is for long enough."""
     try:
         status = path.stat()
     except OSError:
         return None, False
     stamps = status.st_mtime_ns, status.st_ctime_ns
-    return (path, status.st_size, *stamps, status.st_ino), time.time_ns() - max(stamps) > SETTLED
+    return (path, status.st_size, *stamps, status.st_ino), time.time_ns() - max(stamps) > STABLE_AGE
 
 
-def origin_of(file: "h5py.File") -> BatchOrigin | None:
+def read_origin(file: "h5py.File") -> BatchOrigin | None:
     """Return where an open batch comes from; None where it does not say."""
     if not h5a.exists(file.id, ORIGIN):
         return None
@@ -80,13 +80,13 @@ def origin_fault(found: BatchOrigin | None, wanted: BatchOrigin) -> str:
     return ""
 
 
-def wanted_origin(path: Path, of_sweep: BatchOrigin) -> BatchOrigin:
+def expected_origin(path: Path, of_sweep: BatchOrigin) -> BatchOrigin:
     """Return what a file of a sweep must say, by the number in its name."""
     return replace(of_sweep, batch=str(int(path.name.split("-")[0])))
 
 
 @contextmanager
-def opened(path: Path, of_sweep: BatchOrigin) -> Iterator["h5py.File"]:
+def open_verified(path: Path, of_sweep: BatchOrigin) -> Iterator["h5py.File"]:
     """Open the file of a batch after checking it, and close it in any case.
 
     All of a file is read to check it once in a process, and again when its time stamps, its size or
@@ -104,7 +104,7 @@ def opened(path: Path, of_sweep: BatchOrigin) -> Iterator["h5py.File"]:
     FileError
         When it is damaged or none of this sweep; it names the file and how to mend it.
     """
-    key, settled = _key_of(path)
+    key, settled = _cache_key(path)
     origin = _origins.get(key)
     fault = "" if origin is not None else content_fault(path)
     if not fault:
@@ -121,10 +121,10 @@ def opened(path: Path, of_sweep: BatchOrigin) -> Iterator["h5py.File"]:
         raise FileError(message)
     with file:
         if origin is None:
-            origin = origin_of(file)
+            origin = read_origin(file)
             if origin is not None and key is not None and settled:
                 _origins.put(key, origin)
-        fault = origin_fault(origin, wanted_origin(path, of_sweep))
+        fault = origin_fault(origin, expected_origin(path, of_sweep))
         if fault:
             message = (
                 f"{path}: {fault}; move it out of the folder, then `turnout sweep run` with the "
@@ -134,7 +134,7 @@ def opened(path: Path, of_sweep: BatchOrigin) -> Iterator["h5py.File"]:
         yield file
 
 
-def sound_batches(folder: Path, of_sweep: BatchOrigin) -> tuple[dict[int, Path], list[Path]]:
+def verified_batches(folder: Path, of_sweep: BatchOrigin) -> tuple[dict[int, Path], list[Path]]:
     """Return the batches of a sweep by their number, and files whose content is damaged.
 
     Parameters
@@ -151,10 +151,10 @@ def sound_batches(folder: Path, of_sweep: BatchOrigin) -> tuple[dict[int, Path],
     """
     found: dict[int, Path] = {}
     damaged = []
-    for number, path in written_batches(folder):
+    for number, path in list_batches(folder):
         if content_fault(path):
             damaged.append(path)
             continue
-        with opened(path, of_sweep):
+        with open_verified(path, of_sweep):
             found.setdefault(number, path)
     return found, damaged

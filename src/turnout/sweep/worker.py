@@ -1,10 +1,6 @@
-"""Workers of a sweep: their processes, and what they do.
-
-Processes for the workers of a sweep: fresh, and quick to start.
+"""Worker processes of a sweep: start them, throw a batch, write it, report times and outcomes.
 
 A new process loads this module before anything else, so it loads nothing of the rest by itself.
-
-What a worker of a sweep does: throw a batch, write it, and tell how it went.
 """
 
 import ctypes
@@ -33,14 +29,14 @@ from turnout.response.simulate import compile_kernels
 from turnout.sweep.batch import (
     BatchOrigin,
     batch_variables,
-    batches_of,
     file_bytes,
+    plan_batches,
     throw_batch,
     write_batch,
 )
 from turnout.sweep.folder import BATCHES
 from turnout.sweep.row import OUTCOMES
-from turnout.sweep.stored_study import kept_study
+from turnout.sweep.stored_study import load_stored_study
 
 
 class _Process(SpawnProcess):
@@ -67,23 +63,23 @@ class _Context(SpawnContext):
 
 def worker_processes(workers: int) -> ProcessPoolExecutor:
     """Return an executor of fresh processes on this machine, which end when this one does."""
-    return ProcessPoolExecutor(workers, mp_context=_Context(), initializer=_begin_worker)
+    return ProcessPoolExecutor(workers, mp_context=_Context(), initializer=_start_worker)
 
 
-def _begin_worker() -> None:
-    """Be deaf to Ctrl-C, which is for the run, and end when the run does, however it ends.
+def _start_worker() -> None:
+    """Ignore Ctrl-C, which is for the run, and end when the run does, however it ends.
 
-    The collector begins its work once all is loaded, `turnout.sweep.worker.get_ready`: to look
-    through what is being loaded takes a tenth of the start.
+    `initialize_worker` starts the garbage collector once all is loaded: to look through what is
+    being loaded takes a tenth of the start.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     gc.disable()
     parent = multiprocessing.parent_process()
     if parent is not None:
-        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+        threading.Thread(target=_exit_with_parent, args=(parent.sentinel,), daemon=True).start()
 
 
-def _end_with(sentinel: int) -> None:
+def _exit_with_parent(sentinel: int) -> None:
     from multiprocessing.connection import wait as wait_for
 
     wait_for([sentinel])
@@ -93,13 +89,13 @@ def _end_with(sentinel: int) -> None:
 # Of malloc.h in the GNU C library: the size from which on an array gets memory of its own from the
 # system (32 MiB is the most that it allows), and how much may lie unused before it is given back.
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
-LARGEST_KEPT, MOST_KEPT = 32 << 20, 1 << 30
+MMAP_THRESHOLD, TRIM_THRESHOLD = 32 << 20, 1 << 30
 
 # So many more objects made than let go before the collector looks at them.
 GC_THRESHOLD = 50_000
 
 # A worker of a cluster may have several threads; the caches and HDF5 want one.
-_one_at_a_time = threading.Lock()
+_batch_lock = threading.Lock()
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,12 +151,12 @@ def make_batch(folder: str, digest: str, code: str, number: int) -> BatchDone:
     if code != digest_of_sources(THROWS):
         message = "a worker has other sources of turnout than the run; install the same on both"
         raise FileError(message)
-    with _one_at_a_time:
-        get_ready()
+    with _batch_lock:
+        initialize_worker()
         began, used = time.perf_counter(), time.process_time()
         place = Path(folder)
-        study = kept_study(place, digest)
-        rows = throw_batch(study, kept_batches(place, digest)[number])
+        study = load_stored_study(place, digest)
+        rows = throw_batch(study, cached_batches(place, digest)[number])
         origin = BatchOrigin(study=digest, version=version(), code=code, batch=str(number))
         content = file_bytes(batch_variables(study, rows), origin=origin)
         write_batch(place / BATCHES, number, content)
@@ -180,20 +176,20 @@ def make_batch(folder: str, digest: str, code: str, number: int) -> BatchDone:
 
 
 @cache
-def get_ready() -> None:
+def initialize_worker() -> None:
     """Load the kernels, so that no throw waits for them, and keep memory from now on.
 
     What is there by then stays. The collector need not look through it again, which takes as long
     as ten throws, nor soon at anything else: a throw leaves no cycles behind.
     """
-    keep_memory()
+    retain_freed_memory()
     compile_kernels()
     gc.freeze()
     gc.set_threshold(GC_THRESHOLD, *gc.get_threshold()[1:])
     gc.enable()
 
 
-def keep_memory() -> None:
+def retain_freed_memory() -> None:
     """Let this process keep the memory of a throw for the next one, where the C library can.
 
     Otherwise arrays of megabytes go back to the system with each throw, and their pages come again
@@ -202,11 +198,11 @@ def keep_memory() -> None:
     """
     with suppress(OSError, AttributeError):
         adjust = ctypes.CDLL(None).mallopt
-        adjust(M_MMAP_THRESHOLD, LARGEST_KEPT)
-        adjust(M_TRIM_THRESHOLD, MOST_KEPT)
+        adjust(M_MMAP_THRESHOLD, MMAP_THRESHOLD)
+        adjust(M_TRIM_THRESHOLD, TRIM_THRESHOLD)
 
 
 @lru_cache(maxsize=2)
-def kept_batches(folder: Path, digest: str) -> list[tuple[Sequence[int], ...]]:
+def cached_batches(folder: Path, digest: str) -> list[tuple[Sequence[int], ...]]:
     """Return the chains of each batch of the study of a folder."""
-    return batches_of(kept_study(folder, digest))
+    return plan_batches(load_stored_study(folder, digest))

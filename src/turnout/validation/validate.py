@@ -19,14 +19,14 @@ from turnout.calibration.result import Calibration, Fitted
 from turnout.core.provenance import provenance
 from turnout.errors import MeasurementError
 from turnout.metric.agreement import (
-    band_cover,
+    band_coverage,
     channel_scale,
     nrmse,
+    repeat_groups,
     repeat_spread,
-    repeats,
     rms_difference,
 )
-from turnout.metric.signal import contact_time, features
+from turnout.metric.signal import channel_features, contact_time
 from turnout.panel.load import LoadedPanel
 from turnout.schema.channels import SCHEMA_VERSION
 from turnout.validation.grid import DRIVE, OBJECT, Grid
@@ -96,7 +96,7 @@ def validate(
     grid = Grid.of(movements)
     model = _model(movements, grid, calibration, evaluator)
     sheet = dataset.sel(movement=[item.name for item in movements])
-    groups = repeats(sheet)
+    groups = repeat_groups(sheet)
     measured = _array(grid, grid.measured(movements), sheet)
     scatter = scatter_of(
         measured.values,
@@ -115,7 +115,7 @@ def validate(
             "high": high,
             "rms": rms_difference(measured, forecast),
             "nrmse": nrmse(measured, forecast),
-            "cover": band_cover(measured, low, high),
+            "cover": band_coverage(measured, low, high),
             "scale": channel_scale(measured),
             "repeat_spread": _spread(measured, groups, scatter),
             "used": ("movement", np.isin(sheet["movement"].values, _used(calibration))),
@@ -254,6 +254,6 @@ def _features(measured: xr.DataArray, forecast: xr.DataArray) -> dict[str, xr.Da
         if OBJECT in forces["channel"]:
             contact = contact_time(forces.sel(channel=OBJECT, drop=True))
         end = float(forces["time"][-1])
-        for name, values in features(forces, contact=contact, end=end).data_vars.items():
+        for name, values in channel_features(forces, contact=contact, end=end).data_vars.items():
             found[f"{name}_{label}"] = values
     return found
