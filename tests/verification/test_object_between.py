@@ -43,7 +43,7 @@ def test_forces_are_those_with_nodes_at_the_object(
     objects = stone(panel, f"x = {x} m")
     between, found = thrown(panel, objects)
     with monkeypatch.context() as patch:
-        patch.setattr(build, "stands_between", lambda *_: False)
+        patch.setattr(build, "is_off_node", lambda *_: False)
         at_nodes, wanted = thrown(panel, objects)
     assert min(abs(between.rails[0].x - x)) > 0.01
     assert at_nodes.stiffness.shape != between.stiffness.shape

@@ -17,7 +17,7 @@ import pytest
 from turnout.response.store import open_response
 
 # Minutes of steps, of which few are kept, so that there is not much to be written.
-LONG = ("--set=schedule.end=200 s", "--step=0.05 ms", "--every=20 ms")
+LONG = ("--set=schedule.end=90 s", "--step=0.05 ms", "--every=20 ms")
 PROGRAM = "from turnout.cli.main import main; main()"
 
 

@@ -16,7 +16,7 @@ from turnout.errors import MechanicsError
 
 FloatArray = npt.NDArray[np.float64]
 
-MOST_MODES = 1000
+MOST_MODES = 2000
 """Modes that are sought below a frequency; matrices of as many as four times that are dense."""
 
 _SINGULAR_PIVOT = 1e-13  # of a matrix scaled to unit diagonal
