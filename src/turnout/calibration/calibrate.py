@@ -164,26 +164,11 @@ def calibrate(
                 sampled = posterior_of(final, spread).record()
             except SolverError as error:
                 warnings.append(str(error))
-    calibration = Calibration(
-        parameters=fitted_parameters(plan, final, spread),
-        covariance=spread.covariance,
-        panel=panel.name,
-        panel_hash=panel.hash,
-        data=str(dataset.attrs.get("title", "campaign")),
-        data_hash=data_hash(movements),
-        movements=tuple(item.name for item in final.misfit.movements),
+    calibration = replace(
+        _result(final, spread, of=(plan, panel, dataset, movements), scheme=scheme or Scheme()),
         stages=tuple(logs),
         warnings=tuple(dict.fromkeys(warnings)),
         findings=tuple(findings),
-        distrust=tuple(distrust_reasons(final, spread)),
-        noise=noise_entries(final),
-        scatter=final.misfit.comparison.scatter,
-        about={
-            **provenance(),
-            "written": datetime.now(UTC).isoformat(timespec="seconds"),
-            "scheme": f"{(scheme or Scheme()).describe()}; compared at last with half the step",
-            "synthetic": str(dataset.attrs.get("synthetic", "")),
-        },
         posterior=sampled,
     )
     return Outcome(
@@ -192,6 +177,36 @@ def calibrate(
         spread=spread,
         sweeps=tuple(sweeps),
         movements=movements,
+    )
+
+
+def _result(
+    final: Fit,
+    spread: Spread,
+    *,
+    of: tuple[Plan, LoadedPanel, xr.Dataset, Sequence[Movement]],
+    scheme: Scheme,
+) -> Calibration:
+    """Return the values and their uncertainty, without the history of the stages."""
+    plan, panel, dataset, movements = of
+    return Calibration(
+        parameters=fitted_parameters(plan, final, spread),
+        covariance=spread.covariance,
+        panel=panel.name,
+        panel_hash=panel.hash,
+        data=str(dataset.attrs.get("title", "campaign")),
+        data_hash=data_hash(movements),
+        movements=tuple(item.name for item in final.misfit.movements),
+        stages=(),
+        distrust=tuple(distrust_reasons(final, spread)),
+        noise=noise_entries(final),
+        scatter=final.misfit.comparison.scatter,
+        about={
+            **provenance(),
+            "written": datetime.now(UTC).isoformat(timespec="seconds"),
+            "scheme": f"{scheme.describe()}; compared at last with half the step",
+            "synthetic": str(dataset.attrs.get("synthetic", "")),
+        },
     )
 
 

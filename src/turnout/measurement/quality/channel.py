@@ -127,7 +127,7 @@ class Limits:
     most_spike: tuple[tuple[str, float], ...] = (
         ("drive_force", 500.0),
         ("drive_current", 2.0),
-        ("object_force", 500.0),
+        ("object_force", 5000.0),
     )
     most_drift: float = 200.0
     most_offset: tuple[tuple[str, float], ...] = (
@@ -179,7 +179,7 @@ def channel_faults(dataset: xr.Dataset, throw: Throw, *, limits: Limits) -> list
         faults += quantisation_fault(name, filled, key=key, limits=limits)
         teeth = spike_fault(name, filled, key=key, rate=rate, limits=limits)
         faults += teeth
-        if teeth:
+        if any(fault.excludes for fault in teeth):
             continue
         unit = unit_fault(name, filled, key=key)
         if unit:
@@ -230,7 +230,11 @@ def hole_fault(name: str, values: Floats, *, rate: float, limits: Limits) -> lis
 
 
 def spike_fault(name: str, values: Floats, *, key: str, rate: float, limits: Limits) -> list[Fault]:
-    """Find samples that stand alone, as a bad contact or a radio makes them."""
+    """Find samples that stand alone, as a bad contact or a radio makes them.
+
+    A rail that strikes an object makes a peak of a sample or two as well, so on a load cell a
+    spike is remarked and excludes nothing.
+    """
     most, unit = dict(limits.most_spike)[key], "A" if key == "drive_current" else "N"
     found = spikes(values, rate=rate, least=most)
     count = int(found.sum())
@@ -239,7 +243,7 @@ def spike_fault(name: str, values: Floats, *, key: str, rate: float, limits: Lim
     height = float(np.max(np.abs(values - without_spikes(values, rate=rate, least=most))))
     what = "1 sample stands" if count == 1 else f"{count} samples stand"
     text = f"{what} up to {height:.3g} {unit} above or below the ones around, at most {most:g} "
-    return [Fault("spikes", name, f"{text}{unit}")]
+    return [Fault("spikes", name, f"{text}{unit}", excludes=key != "object_force")]
 
 
 def quantisation_fault(name: str, values: Floats, *, key: str, limits: Limits) -> list[Fault]:
