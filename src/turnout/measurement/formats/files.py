@@ -144,7 +144,7 @@ def _read(path: Path, kind: FileFormat, *, allow_outside: bool) -> Recording:
     options = {"allow_outside": allow_outside} if kind.refers else {}
     return read_isolated(
         path,
-        reader=f"turnout.measurement.{kind.reader}",
+        reader=f"turnout.measurement.formats.{kind.reader}",
         kind=kind.name.removesuffix(" 7.3"),
         packages=kind.packages,
         **options,
