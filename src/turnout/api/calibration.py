@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import xarray as xr
 
-from turnout.api.campaign import Campaign, checked_panel, dataset_of, kept_throws
+from turnout.api.campaign import Campaign, cached_throws, checked_panel, dataset_of
 from turnout.calibration.calibrate import calibrate as fit_stages
 from turnout.calibration.movements import check_provenance
 from turnout.calibration.progress import State
@@ -35,7 +35,7 @@ class CalibrationResult:
     record : Calibration
         Everything that `save` writes.
     before : LoadedPanel
-        The panel as it was, whose other values the calibration keeps.
+        The panel before calibration; its other values are unchanged.
     sweeps : tuple of xarray.Dataset
         The grid searches over the measurement, one a stage, for `turnout.plot.plot_grid_search`;
         a calibration that was read from its file has none.
@@ -84,7 +84,7 @@ class CalibrationResult:
 
     @property
     def trusted(self) -> bool:
-        """Whether nothing speaks against the result; `reasons` says what does."""
+        """Whether the result is trustworthy; `reasons` lists why not."""
         return not self.record.distrust
 
     @property
@@ -94,13 +94,13 @@ class CalibrationResult:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to look at, such as a panel that is not the one that was calibrated."""
+        """Warnings, such as a panel that is not the calibrated one."""
         strange = check_provenance(self.record, self.before)[len(self.record.distrust) :]
         return (*self.record.warnings, *strange)
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """What the data can and cannot tell, in words."""
+        """Which parameters the data identify, and which not, as sentences."""
         return self.record.findings
 
     def plot(self, *, ax: "Axes | None" = None) -> "Axes":
@@ -138,7 +138,7 @@ class CalibrationResult:
         self.record.save(path)
 
     def __repr__(self) -> str:
-        """Name what was calibrated, and say whether it is to be trusted."""
+        """Return the calibrated values and whether they are trustworthy."""
         return f"<CalibrationResult {self._title()}>"
 
     def _repr_html_(self) -> str:
@@ -182,7 +182,7 @@ def calibrate(
     """Fit friction, drive stiffness and slip levels of a panel to a campaign.
 
     First friction from movements without an object, then each drive from an object at it, then all
-    of it together. Throws are kept beside the campaign, so that the same call goes on after a stop.
+    of it together. Throws are cached beside the campaign, so the same call continues after a stop.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def calibrate(
     posterior : bool
         Whether to sample what the data leave possible.
     advise : bool
-        Whether to say which parameters are confounded, and what to measure next.
+        Whether to list strongly correlated parameters and the tests that separate them.
     workers : int
         Processes.
     report : callable, optional
@@ -234,7 +234,7 @@ def calibrate(
         before,
         plan=default_plan(before, free=free, fixed=fix, most=most),
         exclude=exclude,
-        folder=kept_throws(campaign),
+        folder=cached_throws(campaign),
         workers=workers,
         scheme=chosen_scheme(mode, None, caller="calibrate()"),
         posterior=posterior,

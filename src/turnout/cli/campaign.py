@@ -41,7 +41,7 @@ ChannelsOption = Annotated[
     ),
 ]
 StrictOption = Annotated[
-    bool, typer.Option("--strict", help="A movement that must be excluded is an error.")
+    bool, typer.Option("--strict", help="Exit code 2 if a movement must be excluded.")
 ]
 OutsideOption = Annotated[
     bool,
@@ -65,7 +65,7 @@ def check_command(
         folder, channels, strict=strict, allow_outside=allow_outside, quiet=quiet
     )
     if not quiet:
-        _tell(campaign, remarks=True)
+        _print_campaign(campaign, remarks=True)
 
 
 @app.command("build")
@@ -80,7 +80,7 @@ def build_command(
     allow_outside: OutsideOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Build one dataset of all usable movements; what was built before is taken up."""
+    """Build one dataset of all usable movements; unchanged recordings are not read again."""
     if out is not None:
         check_outputs({"--out": out}, {"--out": (".nc",)})
     from turnout.measurement.campaign.inside import refuse_to_leave
@@ -91,7 +91,7 @@ def build_command(
         folder, channels, strict=strict, allow_outside=allow_outside, quiet=quiet
     )
     if not quiet:
-        _tell(campaign, remarks=False)
+        _print_campaign(campaign, remarks=False)
     from turnout.response.store import save_response
 
     save_response(usable_dataset(campaign, folder), target)
@@ -148,7 +148,7 @@ def virtual_command(
     panel: PanelOption = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of all that is left to chance.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random numbers.")] = 0,
     places: Annotated[
         list[str],
         typer.Option("--place", metavar="PLACE", help="Default all sleepers and drives. Repeat."),
@@ -170,15 +170,19 @@ def virtual_command(
         bool, typer.Option("--soft-build-up", help="Drive 2 builds up softly after contact.")
     ] = False,
     finer: Annotated[
-        bool, typer.Option("--finer", help="Solve the truth more finely and otherwise.")
+        bool,
+        typer.Option(
+            "--finer", help="Compute the true responses with a finer, different discretisation."
+        ),
     ] = False,
     mistype: Annotated[
-        int, typer.Option("--mistype", min=0, help="Mistakes to make in the run sheet.")
+        int,
+        typer.Option("--mistype", min=0, help="Number of typing errors to put into the run sheet."),
     ] = 0,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
     quiet: QuietOption = False,
 ) -> None:
-    """Make a campaign of simulated throws as a data acquisition system would have recorded it."""
+    """Make a campaign of simulated throws in the formats of a data acquisition system."""
     from turnout.virtual.plan import virtual_plan
     from turnout.virtual.throw import finer_panel, finer_scheme
 
@@ -224,8 +228,7 @@ def _make(panel: "LoadedPanel", out: Path, plan: "Plan", *, workers: int, quiet:
             )
     except KeyboardInterrupt:
         typer.echo(
-            f"turnout: interrupted; what was thrown is kept in {out}, "
-            "the same command goes on from there",
+            f"turnout: interrupted; throws so far are in {out}, run the same command to continue",
             err=True,
         )
         raise typer.Exit(INTERRUPTED) from None
@@ -233,10 +236,12 @@ def _make(panel: "LoadedPanel", out: Path, plan: "Plan", *, workers: int, quiet:
         typer.echo(f"turnout: {failure}; its series ends there", err=True)
     if not quiet:
         slips = sum(item.slipped for item in made.thrown)
-        typer.echo(f"{'thrown':<12}{len(made.thrown)} movements, {slips} of them to slip")
+        typer.echo(f"{'thrown':<12}{len(made.thrown)} movements, {slips} of them with slip")
         for mistake in made.mistakes:
             typer.echo(f"{'mistyped':<12}{mistake}")
-        typer.echo(f"{'written':<12}{out} (run sheet runs.csv, truth truth.nc; all synthetic)")
+        typer.echo(
+            f"{'written':<12}{out} (run sheet runs.csv, true values truth.nc; all synthetic)"
+        )
 
 
 def built_campaign(
@@ -262,7 +267,8 @@ def built_campaign(
             )
     except KeyboardInterrupt:
         typer.echo(
-            "turnout: interrupted; the movements read so far are kept, the same command goes on",
+            "turnout: interrupted; movements read so far are cached, "
+            "run the same command to continue",
             err=True,
         )
         raise typer.Exit(INTERRUPTED) from None
@@ -302,7 +308,7 @@ def dataset_of(
     )
     dataset = usable_dataset(campaign, source)
     for who, reasons in [] if quiet else excluded_movements(campaign):
-        typer.echo(f"turnout: left out {who}: {'; '.join(reasons)}", err=True)
+        typer.echo(f"turnout: excluded {who}: {'; '.join(reasons)}", err=True)
     return dataset
 
 
@@ -316,14 +322,14 @@ def usable_dataset(campaign: "Campaign", source: Path) -> "xr.Dataset":
     return campaign.dataset
 
 
-def _tell(campaign: "Campaign", *, remarks: bool) -> None:
-    """Say what is in a campaign, what is not and why, and what should be looked at."""
+def _print_campaign(campaign: "Campaign", *, remarks: bool) -> None:
+    """Print the movements, the excluded ones with reasons, and the remarks."""
     sheet = campaign.sheet
     usable = len(sheet.runs) - len(campaign.excluded)
     typer.echo(f"{'campaign':<12}{sheet.title}{' (synthetic)' if sheet.synthetic else ''}")
     typer.echo(f"{'movements':<12}{len(sheet.runs)} in the sheet, {usable} usable")
     if campaign.reused:
-        typer.echo(f"{'':<12}{campaign.reused} had been cut before")
+        typer.echo(f"{'':<12}{campaign.reused} taken from the cache")
     for who, reasons in excluded_movements(campaign):
         for number, reason in enumerate(reasons):
             typer.echo(f"{'excluded' if number == 0 else '':<12}{who}: {reason}")

@@ -50,10 +50,10 @@ def show_command(
     machine: MachineArgument,
     settings: MachineSetOption = [],  # noqa: B006 - typer copies it
     toml: Annotated[
-        bool, typer.Option("--toml", help="The text of a library machine, to start a file from.")
+        bool, typer.Option("--toml", help="Print the file of a library machine, as a template.")
     ] = False,
 ) -> None:
-    """Show every value of a machine with where it comes from, and its steady points."""
+    """Show every value of a machine with its origin, and its steady operating points."""
     from turnout.machine.load import load_machines, machine_text
 
     if toml:
@@ -75,7 +75,7 @@ def run_command(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
-    """Throw a one-mass rail by a machine: current, force, events, energy."""
+    """Simulate a machine throwing a one-mass rail: current, force, events, energy."""
     check_outputs({"--out": out}, {"--out": (".nc",)})
     from turnout.machine.compute.throw import throw as kernel
     from turnout.machine.load import load_machines

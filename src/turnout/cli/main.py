@@ -1,4 +1,4 @@
-"""The program `turnout`: commands, and what becomes of errors."""
+"""The program `turnout`: its commands and its exit codes."""
 
 import sys
 from typing import Annotated

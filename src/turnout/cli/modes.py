@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 
     from turnout.panel.load import LoadedPanel
 
-HEADING = f"{'':>4}{'Hz':>9}{'damping':>10}{'lateral':>9}{'vertical':>9}{'torsion':>9}   moves most"
+HEADING = (
+    f"{'':>4}{'Hz':>9}{'damping':>10}{'lateral':>9}{'vertical':>9}{'torsion':>9}   largest motion"
+)
 FACTORS = (1.0, 1.25)
 
 
@@ -51,13 +53,13 @@ def modes_command(
     ] = None,
     reduction: Annotated[
         bool,
-        typer.Option("--reduction", help="Also show what the reduction of each rail costs."),
+        typer.Option("--reduction", help="Also show the error of the reduction of each rail."),
     ] = False,
 ) -> None:
-    """Show frequencies and shapes of rails and panel, and whether friction makes them flutter."""
+    """Show natural frequencies and modes of rails and panel, and their flutter stability."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     if system is not None and plot is None:
-        message = f"--system {system}: says what the figure shows; name one with --plot"
+        message = f"--system {system}: selects the modes of the figure; name its file with --plot"
         raise FileError(message)
     loaded = opened_panel(panel, settings, calibration)
 
@@ -112,7 +114,7 @@ def mode_lines(dataset: "xr.Dataset") -> Iterator[str]:
 
 
 def stability_lines(panel: "LoadedPanel") -> Iterator[str]:
-    """Yield what friction does while the rails slide, at its value and a quarter above."""
+    """Yield the stability of steady sliding, at the panel's friction and at 1.25 times it."""
     from turnout.analysis.stability import friction_stability
 
     if not panel.movement or not panel.chair:
@@ -121,4 +123,4 @@ def stability_lines(panel: "LoadedPanel") -> Iterator[str]:
         found = friction_stability(panel, friction_factor=factor)
         yield f"{'stable' if found.stable else 'warning'}: {found}"
     cutoff = panel.discretisation.superelement_cutoff
-    yield f"flutter near or above the cut-off of {cutoff:g} Hz would not be seen"
+    yield f"flutter near or above the cut-off of {cutoff:g} Hz cannot be seen"

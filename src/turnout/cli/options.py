@@ -1,6 +1,6 @@
 """Options that several commands share, and output paths checked before a long run.
 
-Output paths, looked at before a long run so that nothing is lost after it. The exit code that a
+Output paths are checked before a long run, so that no result is lost. The exit code that a
 throw ends a command with. Options that several commands share, and numbers with units from the
 command line.
 """
@@ -62,7 +62,7 @@ def _problem(path: Path, suffixes: Sequence[str]) -> str | None:
     if path.suffix.lower() not in suffixes:
         allowed = " or ".join(suffixes)
         return f"the name must end in {allowed}"
-    # A link is written through, so it is the folder of its target that counts.
+    # A link is written through, so check the folder of its target.
     folder = Path(os.path.realpath(path)).parent if path.is_symlink() else path.parent
     if not folder.exists():
         return f"there is no folder {folder}; create it first"
@@ -85,7 +85,7 @@ def _refused(folder: Path) -> str | None:
 
 
 def write_and_report(path: Path, content: str | bytes) -> None:
-    """Write a file, completely or not at all, and say so."""
+    """Write a file, completely or not at all, and print its name."""
     import typer
 
     from turnout.core.atomic import write_atomic
@@ -171,7 +171,7 @@ CalibrationOption = Annotated[
     typer.Option(
         "--calibration",
         metavar="FILE",
-        help="Values from `turnout calibrate`; what is set besides goes on top of them.",
+        help="Values from `turnout calibrate`; --set overrides them.",
     ),
 ]
 DatasetOption = Annotated[
@@ -195,8 +195,8 @@ def opened_panel(
     settings : list of str
         As KEY=VALUE.
     calibration : Path, optional
-        From `turnout calibrate`. That it is of another panel is said on stderr; that the panel
-        lacks what was calibrated is an error.
+        From `turnout calibrate`. If it is of another panel, a note goes to stderr; if the panel
+        lacks a calibrated key, that is an error.
     """
     from turnout.panel.load import load_panel
 
@@ -216,7 +216,7 @@ def opened_panel(
 
 
 def calibrated_panel(calibration: "Calibration", source: Path) -> "LoadedPanel":
-    """Load the panel that was calibrated, which is at hand only where it is of the library."""
+    """Load the calibrated panel, which must be a library panel."""
     from turnout.panel.load import library_names, load_panel
 
     if calibration.panel not in library_names():

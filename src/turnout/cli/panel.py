@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 BAD_INPUT = 2
 
 app = typer.Typer(
-    help="Look at switch panels: list, show, check, sections, modes, export, schema.",
+    help="Switch panels: list, show, check, sections, modes, export, schema.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -54,13 +54,13 @@ def show_command(
     ] = None,
     throw: Annotated[
         bool,
-        typer.Option("--throw", help="Throw it, for gaps, force margins and the test piece."),
+        typer.Option("--throw", help="Simulate throws for gaps, force margins and the test piece."),
     ] = False,
     values: Annotated[
-        bool, typer.Option("--values", help="List every value with where it comes from.")
+        bool, typer.Option("--values", help="List every value with its origin.")
     ] = False,
 ) -> None:
-    """Show a panel: plan, closed gap, force margins, test piece, and what is assumed."""
+    """Show a panel: plan, closed gap, force margins, test piece, assumptions."""
     check_outputs({"--plot": plot}, {"--plot": FIGURES})
     from turnout.cli.show import panel_lines, thrown
 
@@ -85,15 +85,15 @@ def check_command(
     calibration: CalibrationOption = None,
     throw: Annotated[
         bool,
-        typer.Option(help="Throw it as well, and warn of what a switch should not do."),
+        typer.Option(help="Also simulate a throw and warn about small margins."),
     ] = True,
     strict: Annotated[
-        bool, typer.Option("--strict", help="End with exit code 2 where there are warnings.")
+        bool, typer.Option("--strict", help="Exit code 1 if there are warnings.")
     ] = False,
 ) -> None:
-    """Check a panel file: all that is wrong with it; then throw it, and warn of what comes near.
+    """Check a panel file, report all errors, then simulate a throw and warn about small margins.
 
-    Ends with exit code 3 where its throw does not converge or is inaccurate.
+    Exit code 3 if the throw does not converge or is inaccurate.
     """
     panel = opened_panel(file, settings, calibration)
     typer.echo(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
@@ -141,12 +141,13 @@ def export_command(
         str, typer.Argument(metavar="PANEL", help="Library panel, or path of a panel file (.toml).")
     ],
     out: Annotated[
-        Path, typer.Option("--out", metavar="FOLDER", help="Where the files go; made if need be.")
+        Path,
+        typer.Option("--out", metavar="FOLDER", help="Folder for the files; created if missing."),
     ],
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
 ) -> None:
-    """Write the matrices of every rail, whole and reduced, for other programs (.mat)."""
+    """Write the full and reduced matrices of every rail for other programs (.mat)."""
     from turnout.analysis.export import export_matrices
     from turnout.cli.options import made_folder
 

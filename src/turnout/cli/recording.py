@@ -1,4 +1,4 @@
-"""The command `turnout import`: what is in a recording, and forces and currents made of it."""
+"""The command `turnout import`: list the channels of a recording, or convert them."""
 
 import math
 from collections.abc import Iterator
@@ -50,12 +50,12 @@ def import_command(
         typer.Option(
             "--smooth",
             metavar="TIME",
-            help="Centred moving average, such as 0.1s; the unfiltered channels stay beside.",
+            help="Centred moving average, such as 0.1s; unfiltered channels are kept as well.",
         ),
     ] = None,
     allow_outside: Annotated[
         bool,
-        typer.Option("--allow-outside", help="Read other files that FILE takes its samples from."),
+        typer.Option("--allow-outside", help="Also read other files that FILE refers to."),
     ] = False,
 ) -> None:
     """Read a measurement: list and preview it, or turn it into forces and currents."""
@@ -83,7 +83,7 @@ def import_command(
 def _checked(
     channels: str | None, *, out: Path | None, suggest: Path | None, smooth: str | None
 ) -> float | None:
-    """Refuse options that do not go together, all at once; return the window [s]."""
+    """Refuse conflicting options, all at once; return the filter window [s]."""
     from turnout.core.units import TIME, parse_quantity
     from turnout.errors import FileError
 
@@ -91,7 +91,7 @@ def _checked(
     if channels is None:
         given = {"--out": out, "--smooth": smooth}
         problems += [
-            f"{option}: needs --channels MAP, which says what the columns are"
+            f"{option}: needs --channels MAP, which assigns the columns"
             for option, value in given.items()
             if value is not None
         ]
@@ -136,7 +136,7 @@ def _list(recording: "Recording", kind: str, *, plot: Path | None, suggest: Path
 
 
 def listing(recording: "Recording", kind: str) -> Iterator[str]:
-    """Yield what is in a recording: a row a channel, its course, and what could not be read."""
+    """Yield a row for each channel with its course, then what could not be read."""
     from turnout.measurement.recording import overview
 
     started = f", started {recording.start_time}" if recording.start_time else ""
@@ -192,7 +192,7 @@ def _convert(
 
 
 def summary(dataset: "xr.Dataset", channel_map: "ChannelMap") -> Iterator[str]:
-    """Yield what was made of a recording: a row a quantity with its sensor, and what was mended."""
+    """Yield a row for each quantity with its sensor, then the repairs made."""
     from turnout.measurement.chain.apply import channel_rows
 
     rate = 1.0 / float(dataset["time"][1] - dataset["time"][0])

@@ -52,7 +52,7 @@ def _outlines(panel: "LoadedPanel", rail: str) -> Any:
     figure = plot_section_outlines(
         [outline for outline, _ in pairs],
         titles=_titles(panel, rail),
-        # Outlines count y away from the stock rail, columns towards it.
+        # In outlines y is positive away from the stock rail, in columns towards it.
         properties=in_panel_axes(station_columns(panel, section), side=-1.0),
         behind=beside if len(beside) == len(pairs) else (),
     )

@@ -1,10 +1,4 @@
-"""The commands `turnout sweep ...`.
-
-The command `turnout sweep plan`: what a study comes to before anything is kept. The commands
-`turnout sweep map` and `turnout sweep effects`, which look at results. The commands `turnout sweep
-run` and `turnout sweep export`. The commands `turnout sweep ...`; those that look at studies before
-anything is thrown.
-"""
+"""The commands `turnout sweep ...`: studies, their runs, and maps and sensitivities of results."""
 
 import os
 import shutil
@@ -46,12 +40,10 @@ def plan_command(
     workers: Annotated[
         int, typer.Option("--workers", min=0, help="Processes; default one a core.")
     ] = 0,
-    trials: Annotated[
-        int, typer.Option("--trials", min=0, help="Throws to take the time of; 0 for none.")
-    ] = 3,
+    trials: Annotated[int, typer.Option("--trials", min=0, help="Throws to time; 0 for none.")] = 3,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
 ) -> None:
-    """Tell what a study varies and how many throws, how long and how large it comes to."""
+    """Show the inputs of a study, its number of throws, run time and disk space."""
     from turnout.report.study import duration_text, line, size_text, study_lines
     from turnout.study.study import load_study
 
@@ -79,9 +71,11 @@ def plan_command(
     text = f"{bound}{size_text(whole)}, {size_text(whole / loaded.count)} a throw"
     typer.echo(line("disk", f"{text}; {size_text(free)} are free in this folder"))
     if whole > free:
-        typer.echo(line("", "NOT ENOUGH: keep fewer channels, a lower rate, or take another disk"))
+        typer.echo(
+            line("", "NOT ENOUGH SPACE: store fewer channels, a lower rate, or use another disk")
+        )
     for fault in found.faults:
-        typer.echo(line("trial", f"did not come to an end, {fault}"))
+        typer.echo(line("trial", f"failed: {fault}"))
 
 
 def cores() -> int:
@@ -106,13 +100,13 @@ def map_command(
         str | None, typer.Option("--y", help="Input along; default object.at, or object.x.")
     ] = None,
 ) -> None:
-    """Tell how the throws of a sweep ended, and draw forces, gaps and ends over two inputs."""
+    """Count the end states of a sweep, and draw forces, gaps and end states over two inputs."""
     check_outputs({"--out": out}, {"--out": FIGURES})
     from turnout.metric.sweep_map import STATES, end_state, sweep_map
     from turnout.sweep.read import read_labels
 
     labels = read_labels(folder)
-    _tell_missing(labels)
+    _print_missing(labels)
     along = y or ("object.at" if "object.at" in labels.coords else "object.x")
     cells = sweep_map(labels, x=x, y=along)
     state = end_state(labels).to_numpy()
@@ -135,21 +129,21 @@ def effects_command(
         typer.Option("--feature", metavar="NAME", help="Label or feature; repeatable."),
     ] = [],  # noqa: B006 - typer copies it
 ) -> None:
-    """Tell what share of each output its inputs decide over, and draw main effects."""
+    """Show the sensitivity of each output (Sobol indices), and draw main effects."""
     check_outputs({"--out": out}, {"--out": FIGURES})
     from turnout.sweep.effects import sweep_effects
     from turnout.sweep.read import read_labels
 
     labels = read_labels(folder)
-    _tell_missing(labels)
+    _print_missing(labels)
     found = sweep_effects(labels, names=tuple(feature) or None)
     for item in found:
         _print_effects(item)
     skipped = int((labels["outcome"].astype(str) == "skipped").sum())
     if skipped:
         typer.echo(
-            f"note: {skipped} throws were left out once a drive had slipped, so means over large "
-            "values are those of places where none slips; drop the rule to compare fairly"
+            f"note: {skipped} throws were skipped after a drive slipped, so means at large values "
+            "cover only places without slip; remove the skip rule for a fair comparison"
         )
     if out is not None:
         from turnout.plot.style import rendered
@@ -159,14 +153,14 @@ def effects_command(
         write_and_report(out, rendered(figure, out.suffix))
 
 
-def _tell_missing(labels: "xr.Dataset") -> None:
+def _print_missing(labels: "xr.Dataset") -> None:
     missing = int(labels.attrs["missing"])
     if missing:
-        typer.echo(f"note: {missing} scenarios are not thrown yet; `turnout sweep run` goes on")
+        typer.echo(f"note: {missing} scenarios are missing; `turnout sweep run` continues")
 
 
 def _print_effects(item: "Decided") -> None:
-    """List inputs from the one that decides most."""
+    """List inputs by sensitivity, the strongest first."""
     typer.echo(item.output.name)
     width = max(len(index.name) for index in item.indices) + 2
     for index in sorted(item.indices, key=_weight, reverse=True):
@@ -190,7 +184,13 @@ def run_command(
         str, typer.Argument(metavar="STUDY", help="Library study, or study file (.toml).")
     ],
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to fill, or to go on with.")
+        Path,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="DIR",
+            help="Folder for the results; an interrupted run continues there.",
+        ),
     ],
     calibration: CalibrationOption = None,
     workers: Annotated[
@@ -206,14 +206,14 @@ def run_command(
     ] = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Throw every scenario of a study; the same command goes on where one was ended."""
+    """Run every scenario of a study; the same command continues an interrupted run."""
     from turnout.errors import FileError
     from turnout.study.study import load_study
     from turnout.sweep.folder import check_folder
     from turnout.sweep.run import run_sweep
 
     if scheduler is not None and slurm is not None:
-        message = "--scheduler and --slurm: take one of them"
+        message = "--scheduler and --slurm: use only one"
         raise FileError(message)
     loaded = load_study(study, calibration=calibration)
     for text in loaded.remarks:
@@ -225,18 +225,19 @@ def run_command(
             finished = run_sweep(
                 loaded,
                 out,
-                workers=cluster.workers if cluster else workers or _cores(),
+                workers=cluster.workers if cluster else workers or cores(),
                 pool=cluster.pool if cluster else None,
                 report=watch.report,
             )
     except KeyboardInterrupt:
         typer.echo(
-            f"turnout: interrupted; the batches written to {out} stay, the same command goes on",
+            f"turnout: interrupted; the batches in {out} are complete, "
+            "run the same command to continue",
             err=True,
         )
         raise typer.Exit(INTERRUPTED) from None
     for path in finished.damaged:
-        typer.echo(f"turnout: {path}: was a damaged batch, which was thrown again", err=True)
+        typer.echo(f"turnout: {path}: damaged batch, computed again", err=True)
     if not quiet:
         _print_finished(finished, out)
 
@@ -252,7 +253,7 @@ def export_command(
     ] = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Write inputs, outcomes, labels and features, a row a scenario."""
+    """Write inputs, outcomes, labels and features, one row per scenario."""
     from turnout.cli.options import check_outputs
     from turnout.errors import FileError
 
@@ -277,7 +278,7 @@ def export_command(
 
 @contextmanager
 def _cluster(scheduler: str | None, slurm: Path | None) -> Iterator["Cluster | None"]:
-    """Give the cluster that was asked for, None for processes of this machine."""
+    """Return the requested cluster, None for local processes."""
     if scheduler is None and slurm is None:
         yield None
         return
@@ -291,23 +292,17 @@ def _cluster(scheduler: str | None, slurm: Path | None) -> Iterator["Cluster | N
             yield cluster
 
 
-def _cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def _print_finished(finished: "Finished", out: Path) -> None:
     outcomes: dict[str, int] = {}
     for batch in finished.batches:
         for name, count in batch.outcomes.items():
             outcomes[name] = outcomes.get(name, 0) + count
-    said = ", ".join(f"{count} {name}" for name, count in outcomes.items()) or "nothing was missing"
-    typer.echo(f"{'scenarios':<12}{said}")
+    text = ", ".join(f"{count} {name}" for name, count in outcomes.items()) or "all were present"
+    typer.echo(f"{'scenarios':<12}{text}")
     retried = sum(batch.retried for batch in finished.batches)
     if retried:
-        typer.echo(f"{'':<12}{retried} took a second attempt with half the step")
-    typer.echo(f"{'written':<12}{out} (what it is: README.md)")
+        typer.echo(f"{'':<12}{retried} needed a second attempt with half the step")
+    typer.echo(f"{'written':<12}{out} (description: README.md)")
 
 
 class SweepWatch:
@@ -319,7 +314,7 @@ class SweepWatch:
         self._due = 0.0
 
     def __enter__(self) -> "SweepWatch":
-        """Be silent for what takes two seconds; say at once when kernels must be compiled."""
+        """Stay silent for two seconds, but announce compilation at once."""
         from turnout.cli.watch import COMPILING
         from turnout.response.compilation import must_compile
 
@@ -361,7 +356,7 @@ class SweepWatch:
 
 
 def described(state: "State") -> str:
-    """Say how far a sweep is, in one line."""
+    """Return the progress of a sweep in one line."""
     text = f"{state.done} of {state.total} done"
     if state.failed:
         text += f", {state.failed} failed"
@@ -371,7 +366,7 @@ def described(state: "State") -> str:
 
 
 def duration(seconds: float) -> str:
-    """Write a time as people say it.
+    """Return a duration in readable units.
 
     Examples
     --------
@@ -414,7 +409,7 @@ def list_command() -> None:
 
 @app.command("show")
 def show_command(study: StudyArgument) -> None:
-    """Show the text of a library study, to start an own one from."""
+    """Print the file of a library study, as a template."""
     from turnout.study.read import study_text
 
     typer.echo(study_text(study).rstrip())
@@ -426,7 +421,7 @@ def schema_command(
         Path | None, typer.Option("--out", metavar="FILE.json", help="Write it to a file.")
     ] = None,
 ) -> None:
-    """Give the JSON schema of study files, for editors."""
+    """Print the JSON schema of study files, for editors."""
     check_outputs({"--out": out}, {"--out": (".json",)})
 
     from turnout.study.schema import study_schema

@@ -1,4 +1,4 @@
-"""The command `turnout validate`: predictions of measured movements, and whether they hold."""
+"""The command `turnout validate`: predict measured movements and judge the errors."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -39,24 +39,24 @@ def validate_command(
     ] = None,
     panel: Annotated[
         str | None,
-        typer.Option("--panel", metavar="PANEL", help="Default the one that was calibrated."),
+        typer.Option("--panel", metavar="PANEL", help="Default: the calibrated panel."),
     ] = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     place: Annotated[
         str | None,
-        typer.Option("--place", help="Whose movements are drawn; default the middle one."),
+        typer.Option("--place", help="Place whose movements are drawn; default the middle one."),
     ] = None,
     laws: Annotated[
         str | None,
         typer.Option(
-            "--drive-laws", metavar="DRIVE", help="Also ask which law this drive follows."
+            "--drive-laws", metavar="DRIVE", help="Also compare drive laws for this drive."
         ),
     ] = None,
     allow_outside: OutsideOption = False,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show only the verdict.")] = False,
 ) -> None:
-    """Predict every movement of a campaign and judge those that the fit has not seen.
+    """Predict every movement of a campaign and judge those not used in the fit.
 
     Exit code 1 where the calibration is not valid for the campaign.
     """
@@ -108,8 +108,8 @@ def _check_place(dataset: "xr.Dataset", place: str) -> None:
         raise FileError(message + choices(known))
 
 
-def kept_throws(source: Path) -> Path:
-    """Return the folder in which the throws for a campaign are kept."""
+def cached_throws(source: Path) -> Path:
+    """Return the folder with the cached throws of a campaign."""
     folder = source if source.is_dir() else source.parent
     return folder / ".turnout" / "throws"
 
@@ -131,7 +131,7 @@ def _validated(
     try:
         with (
             watched(f"throwing {panel.name}", quiet=quiet) as watch,
-            Evaluator(panel, folder=kept_throws(source), workers=workers) as evaluator,
+            Evaluator(panel, folder=cached_throws(source), workers=workers) as evaluator,
         ):
             evaluator.told = lambda: watch.report(min(evaluator.made, total), total)
             return validate(dataset, panel, known, evaluator=evaluator)
@@ -156,7 +156,7 @@ def _compare_laws(
     try:
         with (
             watched(f"fitting laws of drive {drive}", quiet=quiet) as watch,
-            Evaluator(panel, folder=kept_throws(source), workers=workers) as evaluator,
+            Evaluator(panel, folder=cached_throws(source), workers=workers) as evaluator,
         ):
             found = compare_laws(
                 dataset, panel, known, drive=drive, evaluator=evaluator, report=watch.report
@@ -168,7 +168,9 @@ def _compare_laws(
 
 
 def _interrupted() -> NoReturn:
-    typer.echo("turnout: interrupted; the throws are kept, the same command goes on", err=True)
+    typer.echo(
+        "turnout: interrupted; throws so far are cached, run the same command to continue", err=True
+    )
     raise typer.Exit(INTERRUPTED) from None
 
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KILO = 1e-3
-# More values than this cannot be told apart; the best and those evenly spread are drawn.
+# More lines than this are unreadable; the best and evenly spread ones are drawn.
 MOST_VALUES = 5
 
 

@@ -315,7 +315,7 @@ def stacked_sheet(dataset: xr.Dataset, *, place: str, direction: str) -> Sheet:
     return Sheet(
         name=f"{place.replace(' ', '-')}-{direction}",
         title=f"Object at {place}, {direction}",
-        caption="A line for each object size; black without an object. Time counts from the onset "
+        caption="A line for each object size; black without an object. Time from the onset "
         "of motion.",
         x_label="Time since onset of motion [s]",
         one_legend=True,

@@ -21,7 +21,7 @@ SYMBOLS = {
 }
 
 # Height of a figure of one row [inches].
-ALONE = 4.0
+SINGLE_ROW_HEIGHT = 4.0
 
 
 def draw_sheet(sheet: Sheet) -> "Figure":
@@ -55,7 +55,7 @@ def draw_sheet(sheet: Sheet) -> "Figure":
         raise ResponseError(message)
     figure, axes = new_figure(len(sheet.rows))
     if len(sheet.rows) == 1:
-        figure.set_figheight(ALONE)
+        figure.set_figheight(SINGLE_ROW_HEIGHT)
     span = _span(sheet)
     for ax, row in zip(axes, sheet.rows, strict=True):
         _draw_row(ax, sheet, row, span=span)
@@ -67,12 +67,12 @@ def draw_sheet(sheet: Sheet) -> "Figure":
 
 
 def draw_row(sheet: Sheet, row: Row, *, ax: "Axes | None" = None) -> "Axes":
-    """Draw one row of a sheet by itself.
+    """Draw one row of a sheet as a figure of its own.
 
     Parameters
     ----------
     sheet : Sheet
-        That it belongs to.
+        The sheet of the row.
     row : Row
         One of its rows.
     ax : matplotlib.axes.Axes, optional
@@ -92,7 +92,7 @@ def draw_row(sheet: Sheet, row: Row, *, ax: "Axes | None" = None) -> "Axes":
         raise ResponseError(message)
     if ax is None:
         figure, (ax,) = new_figure(1)
-        figure.set_figheight(ALONE)
+        figure.set_figheight(SINGLE_ROW_HEIGHT)
         figure.suptitle(sheet.title, x=0.01, ha="left", fontsize=11)
     _draw_row(ax, sheet, row, span=_span(sheet))
     _name_places(ax, sheet)

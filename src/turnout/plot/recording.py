@@ -38,7 +38,7 @@ def plot_columns(traces: Sequence[Trace], *, title: str = "") -> "Figure":
     Parameters
     ----------
     traces : sequence of Trace
-        In the order of the file; those after the sixteenth are left out, and the title says so.
+        In the order of the file; those after the sixteenth are omitted, as the title states.
     title : str
         Of the figure.
 
@@ -92,8 +92,8 @@ def plot_measured(dataset: xr.Dataset, *, title: str = "") -> "Figure":
     for ax, (label, traces) in zip(axes, rows, strict=True):
         for number, (trace, before) in enumerate(traces):
             if before is not None:
-                told = "unfiltered" if number == len(traces) - 1 else None
-                _line(ax, before, colour=COMPARED, width=0.6, label=told)
+                before_label = "unfiltered" if number == len(traces) - 1 else None
+                _line(ax, before, colour=COMPARED, width=0.6, label=before_label)
             place = -1 if label.startswith("Object") else number % (len(COLOURS) - 1)
             _line(ax, trace, colour=COLOURS[place], dash=DASHES[place], label=trace.label)
         styled(ax, label, span=_span([trace for trace, _ in traces]))

@@ -49,7 +49,7 @@ def plot_section_outlines(
     Returns
     -------
     matplotlib.figure.Figure
-        It belongs to no window.
+        It is not shown in a window.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -173,7 +173,7 @@ def plot_section_values(
     Returns
     -------
     matplotlib.figure.Figure
-        It belongs to no window.
+        It is not shown in a window.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito, told apart with any colour vision; the dashes tell them apart in grey print.
+# Okabe and Ito, safe for all colour vision; dashes distinguish lines in grey print.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = (
     "-",
@@ -31,7 +31,7 @@ RESOLUTION = 150
 
 
 def new_figure(rows: int) -> "tuple[Figure, list[Axes]]":
-    """Return a figure of stacked axes that share time; it belongs to no window."""
+    """Return a figure of stacked axes that share time; it is not shown in a window."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -1,8 +1,4 @@
-"""Figures of a validation: measured against predicted movements with their bands, errors by place.
-
-Measured and predicted forces of a place over time, with the band of 95 %, as a sheet. A validation:
-measured against predicted movements with their bands, and errors by place.
-"""
+"""Figures of a validation: measured and predicted forces with 95 % bands, errors by place."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -22,7 +18,7 @@ if TYPE_CHECKING:
 
 KILO, MILLI = 1e-3, 1e3
 MEASURED = "0.25"
-# Errors are told as multiples of the repeat spread; colours end where a validation fails.
+# Errors are multiples of the repeat spread; the colour scale ends at the failure limit.
 WORST = 3.0
 
 
@@ -131,7 +127,7 @@ def compared_movements(
     """Return the closing movements at a place that are drawn, one for each size.
 
     Without sizes 13 mm and 29 mm, as in the published figure; where one of them was not thrown,
-    the largest, or the smallest, in its stead.
+    the largest or the smallest instead.
     """
     closing = validation["direction"].values == "closing"
     here = np.flatnonzero(closing & (validation["place"].values == place))
