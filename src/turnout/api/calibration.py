@@ -1,4 +1,4 @@
-"""A panel fitted to a campaign, and how sure its values are."""
+"""A panel fitted to a campaign, and the uncertainty of its values."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -89,7 +89,7 @@ class CalibrationResult:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the result is not to be trusted, and what to check."""
+        """Why the result is not trustworthy, and what to check."""
         return self.record.distrust
 
     @property

@@ -120,7 +120,7 @@ def preload_writers(plots: bool) -> None:
     """Write a small dataset to nowhere, so that all that loads for it does while kernels work.
 
     It begins with the steps and not before: what loads at the same time only waits for each other.
-    What fails here fails again, and is told, when the file is written.
+    A failure here occurs again, with its message, when the file is written.
     """
     with contextlib.suppress(Exception):
         import xarray as xr
@@ -222,7 +222,7 @@ def _scheme(mode: str, *, step: str, cutoff: str, every: str) -> "Scheme":
 def _write(
     dataset: "xr.Dataset", *, out: Path | None, plot: Path | None, overlay: "xr.Dataset | None"
 ) -> list[Path]:
-    """Write what was asked for, once all of it is ready; return the files."""
+    """Write the requested files once all of them are ready; return their paths."""
     written = []
     figure = b""
     if plot is not None and dataset.sizes["time"] > 1:

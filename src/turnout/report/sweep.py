@@ -124,7 +124,7 @@ def sweep_findings(labels: xr.Dataset) -> list[Finding]:
 
 
 def has_map(labels: xr.Dataset) -> bool:
-    """Tell whether a sweep has thrown objects of sizes at places."""
+    """Return whether a sweep varies size and place of the object."""
     return all(name in labels.coords for name in MAP_INPUTS)
 
 
