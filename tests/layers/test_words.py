@@ -1,8 +1,8 @@
 """Texts use the field's terms: words that readers stumbled over stay out.
 
 Read are string literals, docstrings and comments of the packages in `PACKAGES`, the studio's page,
-and documentation. A package enters `PACKAGES` once its texts have been reworded; pages that have not
-been are in `PAGES_REMAINING`.
+and documentation. A package enters `PACKAGES` once its texts have been reworded; pages whose texts
+have not been are in `PAGES_REMAINING`.
 """
 
 import ast

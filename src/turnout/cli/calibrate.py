@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from turnout.cli.campaign import INTERRUPTED, OutsideOption, dataset_of
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     DEFAULT_PANEL,
+    FINDINGS,
+    QuietOption,
     SetOption,
     check_outputs,
     made_folder,
@@ -24,7 +27,6 @@ if TYPE_CHECKING:
     from turnout.calibration.result import Calibration
 
 SECONDS_BETWEEN_LINES = 2.0
-NOT_TRUSTED = 1
 
 
 def calibrate_command(
@@ -73,8 +75,9 @@ def calibrate_command(
         typer.Option("--strict", help="Exit code 1 if the result is not trustworthy."),
     ] = False,
     allow_outside: OutsideOption = False,
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")] = False,
+    workers: Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Processes.")] = 2,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Fit friction, drive stiffness and slip levels to a measured campaign.
 
@@ -111,18 +114,27 @@ def calibrate_command(
         )
         raise typer.Exit(INTERRUPTED) from None
     outcome.calibration.save(out)
-    if not quiet:
+    if not quiet and not as_json:
         for line in result_lines(outcome.calibration):
             typer.echo(line)
-    if figures is not None:
-        _draw(outcome, figures)
+    drawn = _draw(outcome, figures, quiet=as_json) if figures is not None else []
+    if as_json:
+        from turnout.cli.json_records import calibration_record
+
+        record, units = calibration_record(outcome.calibration)
+        print_json("calibrate", record, units=units, written=[out, *drawn])
+    else:
+        _print_verdict(outcome.calibration, out, quiet=quiet)
+    if strict and outcome.calibration.distrust:
+        raise typer.Exit(FINDINGS)
+
+
+def _print_verdict(calibration: "Calibration", out: Path, *, quiet: bool) -> None:
     if not quiet:
         typer.echo(f"{'written':<12}{out}")
-    for line in verdict_lines(outcome.calibration):
-        if not quiet or outcome.calibration.distrust:
+    for line in verdict_lines(calibration):
+        if not quiet or calibration.distrust:
             typer.echo(line)
-    if strict and outcome.calibration.distrust:
-        raise typer.Exit(NOT_TRUSTED)
 
 
 class _ProgressLog:
@@ -195,11 +207,15 @@ def _posterior_lines(calibration: "Calibration") -> list[str]:
     return lines
 
 
-def _draw(outcome: "Outcome", folder: Path) -> None:
+def _draw(outcome: "Outcome", folder: Path, *, quiet: bool) -> list[Path]:
     from turnout.plot.calibration import plot_sweep
     from turnout.plot.style import rendered
 
+    written = []
     for number, item in enumerate(outcome.sweeps, 1):
         name = item.parameter.name.replace(".", "-")
         figure = plot_sweep(item.curves)
-        write_and_report(folder / f"sweep-{number}-{name}.png", rendered(figure, ".png"))
+        path = folder / f"sweep-{number}-{name}.png"
+        write_and_report(path, rendered(figure, ".png"), quiet=quiet)
+        written.append(path)
+    return written

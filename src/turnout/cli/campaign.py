@@ -5,9 +5,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     CalibrationOption,
     PanelOption,
+    QuietOption,
     SetOption,
     check_outputs,
     opened_panel,
@@ -49,7 +51,6 @@ OutsideOption = Annotated[
         "--allow-outside", help="Read files that lie outside DIR, or that a recording refers to."
     ),
 ]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")]
 
 
 @app.command("check")
@@ -58,13 +59,18 @@ def check_command(
     channels: ChannelsOption = None,
     strict: StrictOption = False,
     allow_outside: OutsideOption = False,
+    as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Check a run sheet against its files, and the quality of every movement."""
     campaign = built_campaign(
         folder, channels, strict=strict, allow_outside=allow_outside, quiet=quiet
     )
-    if not quiet:
+    if as_json:
+        from turnout.cli.json_records import campaign_record
+
+        print_json("campaign check", campaign_record(campaign))
+    elif not quiet:
         _print_campaign(campaign, remarks=True)
 
 
@@ -73,11 +79,12 @@ def build_command(
     folder: FolderArgument,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE.nc", help="Default campaign.nc in DIR."),
+        typer.Option("--out", "-o", metavar="FILE.nc", help="Default campaign.nc in DIR."),
     ] = None,
     channels: ChannelsOption = None,
     strict: StrictOption = False,
     allow_outside: OutsideOption = False,
+    as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Build one dataset of all usable movements; unchanged recordings are not read again."""
@@ -90,12 +97,16 @@ def build_command(
     campaign = built_campaign(
         folder, channels, strict=strict, allow_outside=allow_outside, quiet=quiet
     )
-    if not quiet:
+    if not quiet and not as_json:
         _print_campaign(campaign, remarks=False)
     from turnout.response.store import save_response
 
     save_response(usable_dataset(campaign, folder), target)
-    if not quiet:
+    if as_json:
+        from turnout.cli.json_records import campaign_record
+
+        print_json("campaign build", campaign_record(campaign), written=[target])
+    elif not quiet:
         typer.echo(f"{'written':<12}{target} ({round(target.stat().st_size / 1e6)} MB)")
 
 
@@ -106,13 +117,19 @@ def plot_command(
     ],
     place: Annotated[
         str | None,
-        typer.Option("--place", help="Channels by size at a place; without it, the overview."),
+        typer.Option(
+            "--place",
+            metavar="PLACE",
+            help="Channels by size at a place; without it, the overview.",
+        ),
     ] = None,
-    direction: Annotated[str, typer.Option("--direction", help="closing or opening.")] = "closing",
+    direction: Annotated[
+        str, typer.Option("--direction", metavar="WAY", help="closing or opening.")
+    ] = "closing",
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="FILE", help="Figure (.png, .pdf, .svg); default campaign.png."
+            "--out", "-o", metavar="FILE", help="Figure (.png, .pdf, .svg); default campaign.png."
         ),
     ] = None,
     channels: ChannelsOption = None,
@@ -144,11 +161,13 @@ def plot_command(
 
 @app.command("virtual")
 def virtual_command(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to fill.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to fill.")],
     panel: PanelOption = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random numbers.")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", metavar="N", min=0, help="Seed of the random numbers.")
+    ] = 0,
     places: Annotated[
         list[str],
         typer.Option("--place", metavar="PLACE", help="Default all sleepers and drives. Repeat."),
@@ -158,10 +177,16 @@ def virtual_command(
         typer.Option("--size", metavar="SIZE", help="Default 5 ... 31 mm, until slip. Repeat."),
     ] = [],  # noqa: B006 - typer copies it
     repeats: Annotated[
-        int, typer.Option("--repeats", min=0, help="Throws without an object, each direction.")
+        int,
+        typer.Option(
+            "--repeats", metavar="N", min=0, help="Throws without an object, each direction."
+        ),
     ] = 5,
     formats: Annotated[
-        list[str], typer.Option("--format", help="csv, mat or h5, in turn by place. Repeat.")
+        list[str],
+        typer.Option(
+            "--format", metavar="FORMAT", help="csv, mat or h5, in turn by place. Repeat."
+        ),
     ] = ["csv", "mat"],  # noqa: B006 - typer copies it
     worn_clutch: Annotated[
         bool, typer.Option("--worn-clutch", help="Drive 2 slips above its level, and scatters.")
@@ -177,9 +202,15 @@ def virtual_command(
     ] = False,
     mistype: Annotated[
         int,
-        typer.Option("--mistype", min=0, help="Number of typing errors to put into the run sheet."),
+        typer.Option(
+            "--mistype",
+            metavar="N",
+            min=0,
+            help="Number of typing errors to put into the run sheet.",
+        ),
     ] = 0,
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
+    workers: Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Processes.")] = 2,
+    as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Make a campaign of simulated throws in the formats of a data acquisition system."""
@@ -201,7 +232,7 @@ def virtual_command(
         soft_build_up=soft_build_up,
         scheme=finer_scheme() if finer else None,
     )
-    _make(loaded, out, plan, workers=workers, quiet=quiet)
+    _make(loaded, out, plan, workers=workers, as_json=as_json, quiet=quiet)
 
 
 def _place(text: str) -> str:
@@ -215,7 +246,9 @@ def _place(text: str) -> str:
         raise FileError(message) from None
 
 
-def _make(panel: "LoadedPanel", out: Path, plan: "Plan", *, workers: int, quiet: bool) -> None:
+def _make(
+    panel: "LoadedPanel", out: Path, plan: "Plan", *, workers: int, as_json: bool, quiet: bool
+) -> None:
     from turnout.cli.watch import Watch
     from turnout.response.compilation import must_compile
     from turnout.virtual.campaign import make_virtual_campaign
@@ -234,8 +267,18 @@ def _make(panel: "LoadedPanel", out: Path, plan: "Plan", *, workers: int, quiet:
         raise typer.Exit(INTERRUPTED) from None
     for failure in made.failures:
         typer.echo(f"turnout: {failure}; its series ends there", err=True)
-    if not quiet:
-        slips = sum(item.slipped for item in made.thrown)
+    slips = sum(item.slipped for item in made.thrown)
+    if as_json:
+        record = {
+            "panel": panel.name,
+            "panel_hash": panel.hash,
+            "movements": len(made.thrown),
+            "slips": slips,
+            "mistakes": made.mistakes,
+            "failures": made.failures,
+        }
+        print_json("campaign virtual", record, written=[out])
+    elif not quiet:
         typer.echo(f"{'thrown':<12}{len(made.thrown)} movements, {slips} of them with slip")
         for mistake in made.mistakes:
             typer.echo(f"{'mistyped':<12}{mistake}")

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     FIGURES,
     CalibrationOption,
@@ -32,10 +33,14 @@ def modes_command(
     panel: PanelArgument = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
-    count: Annotated[int, typer.Option("--count", min=1, help="Modes of each system.")] = 6,
+    count: Annotated[
+        int, typer.Option("--count", metavar="N", min=1, help="Modes of each system.")
+    ] = 6,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE.nc", help="Write frequencies and shapes (netCDF)."),
+        typer.Option(
+            "--out", "-o", metavar="FILE.nc", help="Write frequencies and shapes (netCDF)."
+        ),
     ] = None,
     plot: Annotated[
         Path | None,
@@ -55,6 +60,7 @@ def modes_command(
         bool,
         typer.Option("--reduction", help="Also show the error of the reduction of each rail."),
     ] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Show natural frequencies and modes of rails and panel, and their flutter stability."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
@@ -72,22 +78,32 @@ def modes_command(
         from turnout.plot.style import rendered
 
         figure = rendered(plot_modes(dataset, system=system), plot.suffix)
-    for line in mode_lines(dataset):
-        typer.echo(line)
-    for line in stability_lines(loaded):
-        typer.echo(line)
-    if reduction:
-        from turnout.analysis.modes import reduction_texts
-
-        for name, text in reduction_texts(loaded).items():
-            typer.echo(f"\nreduction of rail {name}\n{text}")
+    if not as_json:
+        _print_modes(loaded, dataset, reduction=reduction)
     if out is not None:
         from turnout.response.store import save_response
 
         save_response(dataset, out)
-        typer.echo(f"{out}: written")
+        if not as_json:
+            typer.echo(f"{out}: written")
     if plot is not None:
-        write_and_report(plot, figure)
+        write_and_report(plot, figure, quiet=as_json)
+    if as_json:
+        from turnout.cli.json_records import MODE_UNITS, mode_record
+
+        record = mode_record(dataset, loaded, FACTORS)
+        written = [path for path in (out, plot) if path is not None]
+        print_json("panel modes", record, units=MODE_UNITS, written=written)
+
+
+def _print_modes(panel: "LoadedPanel", dataset: "xr.Dataset", *, reduction: bool) -> None:
+    for line in (*mode_lines(dataset), *stability_lines(panel)):
+        typer.echo(line)
+    if reduction:
+        from turnout.analysis.modes import reduction_texts
+
+        for name, text in reduction_texts(panel).items():
+            typer.echo(f"\nreduction of rail {name}\n{text}")
 
 
 def mode_lines(dataset: "xr.Dataset") -> Iterator[str]:

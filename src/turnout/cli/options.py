@@ -84,14 +84,15 @@ def _refused(folder: Path) -> str | None:
         return f"no file can be made in {folder} ({error.strerror}); choose another folder"
 
 
-def write_and_report(path: Path, content: str | bytes) -> None:
-    """Write a file, completely or not at all, and print its name."""
+def write_and_report(path: Path, content: str | bytes, *, quiet: bool = False) -> None:
+    """Write a file, completely or not at all, and print its name unless quiet."""
     import typer
 
     from turnout.core.atomic import write_atomic
 
     write_atomic(path, content)
-    typer.echo(f"{path}: written")
+    if not quiet:
+        typer.echo(f"{path}: written")
 
 
 def print_schema(schema: dict[str, Any], out: Path | None) -> None:
@@ -123,8 +124,8 @@ def made_folder(option: str, folder: Path) -> Path:
     return folder
 
 
-INCOMPLETE, INTERRUPTED = 3, 130
-"""Exit codes where a throw did not converge or is inaccurate, and where it was interrupted."""
+FINDINGS, INCOMPLETE, INTERRUPTED = 1, 3, 130
+"""Exit codes: findings with --strict, no convergence or an inaccurate throw, interrupted."""
 
 
 def end_code(dataset: "xr.Dataset") -> int:
@@ -174,13 +175,25 @@ CalibrationOption = Annotated[
         help="Values from `turnout calibrate`; --set overrides them.",
     ),
 ]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")]
 DatasetOption = Annotated[
-    Path | None, typer.Option("--out", metavar="FILE.nc", help="Write the dataset (netCDF).")
+    Path | None, typer.Option("--out", "-o", metavar="FILE.nc", help="Write the dataset (netCDF).")
 ]
 FigureOption = Annotated[
     Path | None,
     typer.Option("--plot", metavar="FILE", help="Write a figure (.png, .pdf or .svg)."),
 ]
+
+
+def first_sentence(text: str) -> str:
+    """Return the first sentence of a description, without its full stop.
+
+    Examples
+    --------
+    >>> first_sentence("A switch. From a paper.")
+    'A switch'
+    """
+    return " ".join(text.split()).split(". ")[0].rstrip(".")
 
 
 def opened_panel(

@@ -1,27 +1,25 @@
 """The commands `turnout panel ...`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.modes import modes_command
 from turnout.cli.options import (
     FIGURES,
+    FINDINGS,
     CalibrationOption,
     PanelArgument,
     SetOption,
     check_outputs,
     end_code,
+    first_sentence,
     opened_panel,
     print_schema,
     write_and_report,
 )
-
-if TYPE_CHECKING:
-    pass
-
-BAD_INPUT = 2
 
 app = typer.Typer(
     help="Switch panels: list, show, check, sections, modes, export, schema.",
@@ -32,15 +30,18 @@ app.command("modes")(modes_command)
 
 
 @app.command("list")
-def list_command() -> None:
-    """List the panels that come with the program."""
+def list_command(as_json: JsonOption = False) -> None:
+    """List the library panels."""
     from turnout.panel.load import library_names, load_panel
 
-    names = library_names()
-    width = max(len(name) for name in names) + 2
-    for name in names:
-        first = " ".join(load_panel(name).description.split()).split(". ")[0].rstrip(".")
-        typer.echo(f"{name:<{width}}{first}")
+    found = {name: first_sentence(load_panel(name).description) for name in library_names()}
+    if as_json:
+        rows = [{"name": name, "description": text} for name, text in found.items()]
+        print_json("panel list", {"panels": rows})
+        return
+    width = max(map(len, found)) + 2
+    for name, text in found.items():
+        typer.echo(f"{name:<{width}}{text}")
 
 
 @app.command("show")
@@ -59,6 +60,7 @@ def show_command(
     values: Annotated[
         bool, typer.Option("--values", help="List every value with its origin.")
     ] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Show a panel: plan, closed gap, force margins, test piece, assumptions."""
     check_outputs({"--plot": plot}, {"--plot": FIGURES})
@@ -66,14 +68,21 @@ def show_command(
 
     opened = opened_panel(panel, settings, calibration)
     found = thrown(opened) if throw else None
-    for line in panel_lines(opened, thrown=found, values=values):
-        typer.echo(line)
+    if not as_json:
+        for line in panel_lines(opened, thrown=found, values=values):
+            typer.echo(line)
     if plot is not None:
         from turnout.plot.plan import plot_plan
         from turnout.plot.style import rendered
 
         figure = plot_plan(opened, dataset=found.dataset if found else None)
-        write_and_report(plot, rendered(figure, plot.suffix))
+        write_and_report(plot, rendered(figure, plot.suffix), quiet=as_json)
+    if as_json:
+        from turnout.cli.json_records import PANEL_UNITS, panel_record
+
+        written = [plot] if plot is not None else []
+        record = panel_record(opened, found)
+        print_json("panel show", record, units=PANEL_UNITS, written=written)
     if found and (code := end_code(found.dataset)):
         raise typer.Exit(code)
 
@@ -90,24 +99,31 @@ def check_command(
     strict: Annotated[
         bool, typer.Option("--strict", help="Exit code 1 if there are warnings.")
     ] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Check a panel file, report all errors, then simulate a throw and warn about small margins.
 
     Exit code 3 if the throw does not converge or is inaccurate.
     """
     panel = opened_panel(file, settings, calibration)
-    typer.echo(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
+    if not as_json:
+        typer.echo(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
     from turnout.analysis.panel_check import concern_lines, panel_concerns, unusual_concerns
     from turnout.cli.show import thrown_alone
 
     dataset = thrown_alone(panel) if throw else None
     found = unusual_concerns(panel) if dataset is None else panel_concerns(panel, dataset)
-    for line in concern_lines(panel, found) if throw or found else ():
-        typer.echo(line)
+    if as_json:
+        from turnout.cli.json_records import check_record
+
+        print_json("panel check", check_record(file, panel, found, dataset))
+    else:
+        for line in concern_lines(panel, found) if throw or found else ():
+            typer.echo(line)
     if dataset is not None and (code := end_code(dataset)):
         raise typer.Exit(code)
     if found and strict:
-        raise typer.Exit(BAD_INPUT)
+        raise typer.Exit(FINDINGS)
 
 
 @app.command("sections")
@@ -119,20 +135,26 @@ def sections_command(
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Draw them (.png, .pdf or .svg)."),
     ] = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Show the cross-sections along each rail."""
     check_outputs({"--plot": plot}, {"--plot": FIGURES})
-    from turnout.cli.sections import section_lines
+    from turnout.cli.sections import section_lines, section_record
 
     opened = opened_panel(panel, settings, calibration)
-    for line in section_lines(opened):
-        typer.echo(line)
+    if not as_json:
+        for line in section_lines(opened):
+            typer.echo(line)
     if plot is not None:
         from turnout.cli.sections import section_figure
         from turnout.plot.style import rendered
 
         figure = section_figure(opened, opened.instrumented_rail)
-        write_and_report(plot, rendered(figure, plot.suffix))
+        write_and_report(plot, rendered(figure, plot.suffix), quiet=as_json)
+    if as_json:
+        record, units = section_record(opened)
+        written = [plot] if plot is not None else []
+        print_json("panel sections", record, units=units, written=written)
 
 
 @app.command("export")
@@ -142,7 +164,9 @@ def export_command(
     ],
     out: Annotated[
         Path,
-        typer.Option("--out", metavar="FOLDER", help="Folder for the files; created if missing."),
+        typer.Option(
+            "--out", "-o", metavar="FOLDER", help="Folder for the files; created if missing."
+        ),
     ],
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
@@ -160,10 +184,10 @@ def export_command(
 @app.command("schema")
 def schema_command(
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE.json", help="Write it to a file.")
+        Path | None, typer.Option("--out", "-o", metavar="FILE.json", help="Write it to a file.")
     ] = None,
 ) -> None:
-    """Give the JSON schema of panel files, for editors."""
+    """Print the JSON schema of panel files, for editors."""
     check_outputs({"--out": out}, {"--out": (".json",)})
 
     from turnout.panel.schema import panel_schema

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import DatasetOption, FigureOption, check_outputs
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ def import_command(
         bool,
         typer.Option("--allow-outside", help="Also read other files that FILE refers to."),
     ] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Read a measurement: list and preview it, or turn it into forces and currents."""
     check_outputs(
@@ -75,9 +77,9 @@ def import_command(
     kind = format_of(file).name
     recording = read_recording(file, allow_outside=allow_outside)
     if channel_map is None:
-        _list(recording, kind, plot=plot, suggest=suggest)
+        _list(recording, kind, plot=plot, suggest=suggest, as_json=as_json)
     else:
-        _convert(recording, channel_map, window, out=out, plot=plot)
+        _convert(recording, channel_map, window, out=out, plot=plot, as_json=as_json)
 
 
 def _checked(
@@ -110,10 +112,17 @@ def _checked(
     return window
 
 
-def _list(recording: "Recording", kind: str, *, plot: Path | None, suggest: Path | None) -> None:
+def _list(
+    recording: "Recording",
+    kind: str,
+    *,
+    plot: Path | None,
+    suggest: Path | None,
+    as_json: bool,
+) -> None:
     from turnout.measurement.chain.skeleton import skeleton
 
-    for line in listing(recording, kind):
+    for line in () if as_json else listing(recording, kind):
         typer.echo(line)
     if plot is not None:
         from turnout.core.atomic import write_atomic
@@ -123,12 +132,19 @@ def _list(recording: "Recording", kind: str, *, plot: Path | None, suggest: Path
         traces = [Trace(c.name, c.unit, c.time, c.values) for c in recording.channels.values()]
         title = Path(recording.source).name
         write_atomic(plot, rendered(plot_columns(traces, title=title), plot.suffix))
-        _written(plot)
+        _written(plot, as_json=as_json)
     if suggest is not None:
         from turnout.core.atomic import write_atomic
 
         write_atomic(suggest, skeleton(recording))
-        _written(suggest)
+        _written(suggest, as_json=as_json)
+    if as_json:
+        from turnout.cli.json_records import CHANNEL_UNITS, recording_record
+
+        record = recording_record(recording, kind, steps=STEPS)
+        written = [path for path in (plot, suggest) if path is not None]
+        print_json("import", record, units=CHANNEL_UNITS, written=written)
+    elif suggest is not None:
         typer.echo(f"next: edit it, then: turnout import FILE --channels {suggest} --out FILE.nc")
     else:
         typer.echo("\nA channel map to start from (--suggest FILE.toml writes it):\n")
@@ -167,20 +183,21 @@ def _convert(
     *,
     out: Path | None,
     plot: Path | None,
+    as_json: bool,
 ) -> None:
-    from turnout.measurement.chain.apply import apply_chain
+    from turnout.measurement.chain.apply import apply_chain, channel_rows
     from turnout.measurement.chain.condition import condition
 
     dataset = apply_chain(recording, channel_map)
     if window is not None:
         dataset = condition(dataset, window=window)
-    for line in summary(dataset, channel_map):
+    for line in () if as_json else summary(dataset, channel_map):
         typer.echo(line)
     if out is not None:
         from turnout.response.store import save_response
 
         save_response(dataset, out)
-        _written(out)
+        _written(out, as_json=as_json)
     if plot is not None:
         from turnout.core.atomic import write_atomic
         from turnout.plot.recording import plot_measured
@@ -188,7 +205,13 @@ def _convert(
 
         title = Path(recording.source).name
         write_atomic(plot, rendered(plot_measured(dataset, title=title), plot.suffix))
-        _written(plot)
+        _written(plot, as_json=as_json)
+    if as_json:
+        from turnout.cli.json_records import CHANNEL_UNITS, quantity_record
+
+        record = quantity_record(dataset, list(channel_rows(dataset, channel_map)))
+        written = [path for path in (out, plot) if path is not None]
+        print_json("import", record, units={**CHANNEL_UNITS, "end": "s"}, written=written)
 
 
 def summary(dataset: "xr.Dataset", channel_map: "ChannelMap") -> Iterator[str]:
@@ -216,7 +239,9 @@ def _problems(problems: tuple[str, ...]) -> Iterator[str]:
             yield _plain(f"  - {problem}")
 
 
-def _written(path: Path) -> None:
+def _written(path: Path, *, as_json: bool) -> None:
+    if as_json:
+        return
     typer.echo(f"written {path} ({math.ceil(path.stat().st_size / 1000)} kB)")
 
 

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from turnout.cli.campaign import ChannelsOption, built_campaign, excluded_movements, usable_dataset
-from turnout.cli.options import check_outputs, made_folder, opened_panel, write_and_report
+from turnout.cli.options import (
+    QuietOption,
+    check_outputs,
+    made_folder,
+    opened_panel,
+    write_and_report,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,7 +51,7 @@ def report_command(
         ),
     ] = None,
     channels: ChannelsOption = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Write a self-contained HTML report about a result; it opens offline in any browser."""
     check_outputs({"--out": out}, {"--out": (".html",)})

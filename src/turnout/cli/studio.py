@@ -25,7 +25,7 @@ def studio_command(
         ),
     ] = None,
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Default: a free port.")
+        int, typer.Option("--port", metavar="N", min=0, max=65535, help="Default: a free port.")
     ] = 0,
     browser: Annotated[
         bool, typer.Option(help="Open the page in the browser; the address is printed in any case.")

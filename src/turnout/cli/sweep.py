@@ -1,4 +1,4 @@
-"""The commands `turnout sweep ...`: studies, their runs, and maps and sensitivities of results."""
+"""The commands `turnout sweep ...`: studies and their runs."""
 
 import os
 import shutil
@@ -11,21 +11,23 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
-    FIGURES,
     CalibrationOption,
+    QuietOption,
     check_outputs,
+    first_sentence,
     print_schema,
-    write_and_report,
 )
+from turnout.cli.sweep_results import FolderArgument, effects_command, map_command
 from turnout.cli.watch import FIRST_LINE_AFTER, SECONDS_BETWEEN_LINES
 
 if TYPE_CHECKING:
-    import xarray as xr
     from rich.progress import Progress
 
-    from turnout.metric.effects import Decided, Index
+    from turnout.study.study import Study
     from turnout.sweep.cluster import Cluster
+    from turnout.sweep.forecast import Forecast
     from turnout.sweep.run import Finished, State
 
 
@@ -38,29 +40,47 @@ def plan_command(
     study: StudyArgument,
     calibration: CalibrationOption = None,
     workers: Annotated[
-        int, typer.Option("--workers", min=0, help="Processes; default one a core.")
+        int, typer.Option("--workers", metavar="N", min=0, help="Processes; default one a core.")
     ] = 0,
-    trials: Annotated[int, typer.Option("--trials", min=0, help="Throws to time; 0 for none.")] = 3,
+    trials: Annotated[
+        int, typer.Option("--trials", metavar="N", min=0, help="Throws to time; 0 for none.")
+    ] = 3,
+    as_json: JsonOption = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
 ) -> None:
     """Show the inputs of a study, its number of throws, run time and disk space."""
-    from turnout.report.study import duration_text, line, size_text, study_lines
+    from turnout.report.study import study_lines
     from turnout.study.study import load_study
 
     loaded = load_study(study, calibration=calibration)
     for text in loaded.remarks:
         typer.echo(f"turnout: {text}", err=True)
-    for text in study_lines(loaded):
+    for text in () if as_json else study_lines(loaded):
         typer.echo(text)
-    if not trials:
-        return
+    used = workers or cores()
+    busy = min(used, cores())
+    found = _forecast(loaded, trials, quiet=quiet) if trials else None
+    if as_json:
+        from turnout.cli.json_records import PLAN_UNITS, study_record
+
+        record = study_record(loaded, found, workers=busy)
+        free = shutil.disk_usage(Path.cwd()).free
+        print_json("sweep plan", {**record, "disk_free": free}, units=PLAN_UNITS)
+    elif found is not None:
+        _print_forecast(loaded, found, used=used, busy=busy)
+
+
+def _forecast(loaded: "Study", trials: int, *, quiet: bool) -> "Forecast":
     from turnout.cli.watch import watched
     from turnout.sweep.forecast import forecast
 
     with watched("throwing trials", quiet=quiet) as watch:
-        found = forecast(loaded, trials=trials, report=watch.report)
-    used = workers or cores()
-    busy = min(used, cores())
+        return forecast(loaded, trials=trials, report=watch.report)
+
+
+def _print_forecast(loaded: "Study", found: "Forecast", *, used: int, busy: int) -> None:
+    from turnout.report.study import duration_text, line, size_text
+
     bound = "at most " if loaded.rule is not None else ""
     total = duration_text(found.duration(loaded.count, workers=busy))
     each = duration_text(found.throw_time)
@@ -85,98 +105,7 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a sweep.")]
-OutOption = Annotated[
-    Path | None,
-    typer.Option("--out", "-o", metavar="FILE", help="Write a figure (.png, .pdf or .svg)."),
-]
-
-
-def map_command(
-    folder: FolderArgument,
-    out: OutOption = None,
-    x: Annotated[str, typer.Option("--x", help="Input across.")] = "object.size",
-    y: Annotated[
-        str | None, typer.Option("--y", help="Input along; default object.at, or object.x.")
-    ] = None,
-) -> None:
-    """Count the end states of a sweep, and draw forces, gaps and end states over two inputs."""
-    check_outputs({"--out": out}, {"--out": FIGURES})
-    from turnout.metric.sweep_map import STATES, end_state, sweep_map
-    from turnout.sweep.read import read_labels
-
-    labels = read_labels(folder)
-    _print_missing(labels)
-    along = y or ("object.at" if "object.at" in labels.coords else "object.x")
-    cells = sweep_map(labels, x=x, y=along)
-    state = end_state(labels).to_numpy()
-    for number, name in enumerate(STATES):
-        count = int((state == number).sum())
-        if count:
-            typer.echo(f"{count:>8}  {name}")
-    if out is not None:
-        from turnout.plot.style import rendered
-        from turnout.plot.sweep import plot_sweep_map
-
-        write_and_report(out, rendered(plot_sweep_map(cells), out.suffix))
-
-
-def effects_command(
-    folder: FolderArgument,
-    out: OutOption = None,
-    feature: Annotated[
-        list[str],
-        typer.Option("--feature", metavar="NAME", help="Label or feature; repeatable."),
-    ] = [],  # noqa: B006 - typer copies it
-) -> None:
-    """Show the sensitivity of each output (Sobol indices), and draw main effects."""
-    check_outputs({"--out": out}, {"--out": FIGURES})
-    from turnout.sweep.effects import sweep_effects
-    from turnout.sweep.read import read_labels
-
-    labels = read_labels(folder)
-    _print_missing(labels)
-    found = sweep_effects(labels, names=tuple(feature) or None)
-    for item in found:
-        _print_effects(item)
-    skipped = int((labels["outcome"].astype(str) == "skipped").sum())
-    if skipped:
-        typer.echo(
-            f"note: {skipped} throws were skipped after a drive slipped, so means at large values "
-            "cover only places without slip; remove the skip rule for a fair comparison"
-        )
-    if out is not None:
-        from turnout.plot.style import rendered
-        from turnout.plot.sweep import plot_sweep_effects
-
-        figure = plot_sweep_effects(found, title=str(labels.attrs["name"]))
-        write_and_report(out, rendered(figure, out.suffix))
-
-
-def _print_missing(labels: "xr.Dataset") -> None:
-    missing = int(labels.attrs["missing"])
-    if missing:
-        typer.echo(f"note: {missing} scenarios are missing; `turnout sweep run` continues")
-
-
-def _print_effects(item: "Decided") -> None:
-    """List inputs by sensitivity, the strongest first."""
-    typer.echo(item.output.name)
-    width = max(len(index.name) for index in item.indices) + 2
-    for index in sorted(item.indices, key=_weight, reverse=True):
-        text = f"{index.first:6.3f} ± {index.first_confidence:.3f} first"
-        if index.total == index.total:
-            text += f"   {index.total:6.3f} ± {index.total_confidence:.3f} total"
-        typer.echo(f"  {index.name:<{width}}{text}")
-
-
-def _weight(index: "Index") -> float:
-    return index.total if index.total == index.total else index.first
-
-
 INTERRUPTED = 130
-
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")]
 
 
 def run_command(
@@ -194,7 +123,7 @@ def run_command(
     ],
     calibration: CalibrationOption = None,
     workers: Annotated[
-        int, typer.Option("--workers", min=0, help="Processes; default one a core.")
+        int, typer.Option("--workers", metavar="N", min=0, help="Processes; default one a core.")
     ] = 0,
     scheduler: Annotated[
         str | None,
@@ -204,6 +133,7 @@ def run_command(
         Path | None,
         typer.Option("--slurm", metavar="PROFILE.toml", help="Start workers as jobs of Slurm."),
     ] = None,
+    as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Run every scenario of a study; the same command continues an interrupted run."""
@@ -238,7 +168,16 @@ def run_command(
         raise typer.Exit(INTERRUPTED) from None
     for path in finished.damaged:
         typer.echo(f"turnout: {path}: damaged batch, computed again", err=True)
-    if not quiet:
+    if as_json:
+        record = {
+            "study": loaded.name,
+            "scenarios": loaded.count,
+            "computed": _outcomes(finished),
+            "retried": sum(batch.retried for batch in finished.batches),
+            "damaged": [str(path) for path in finished.damaged],
+        }
+        print_json("sweep run", record, written=[out])
+    elif not quiet:
         _print_finished(finished, out)
 
 
@@ -292,11 +231,17 @@ def _cluster(scheduler: str | None, slurm: Path | None) -> Iterator["Cluster | N
             yield cluster
 
 
-def _print_finished(finished: "Finished", out: Path) -> None:
+def _outcomes(finished: "Finished") -> dict[str, int]:
+    """Return the number of computed scenarios by outcome."""
     outcomes: dict[str, int] = {}
     for batch in finished.batches:
         for name, count in batch.outcomes.items():
             outcomes[name] = outcomes.get(name, 0) + count
+    return outcomes
+
+
+def _print_finished(finished: "Finished", out: Path) -> None:
+    outcomes = _outcomes(finished)
     text = ", ".join(f"{count} {name}" for name, count in outcomes.items()) or "all were present"
     typer.echo(f"{'scenarios':<12}{text}")
     retried = sum(batch.retried for batch in finished.batches)
@@ -394,17 +339,21 @@ app.command("export")(export_command)
 
 
 @app.command("list")
-def list_command() -> None:
-    """List the studies that come with the program."""
+def list_command(as_json: JsonOption = False) -> None:
+    """List the library studies."""
     from turnout.study.read import study_names
     from turnout.study.study import load_study
 
-    names = study_names()
-    width = max(len(name) for name in names) + 2
-    for name in names:
-        study = load_study(name)
-        first = " ".join(study.description.split()).split(". ")[0].rstrip(".")
-        typer.echo(f"{name:<{width}}{study.count:>7} throws  {first}")
+    rows = [
+        {"name": name, "throws": item.count, "description": first_sentence(item.description)}
+        for name, item in ((name, load_study(name)) for name in study_names())
+    ]
+    if as_json:
+        print_json("sweep list", {"studies": rows})
+        return
+    width = max(len(str(row["name"])) for row in rows) + 2
+    for row in rows:
+        typer.echo(f"{row['name']:<{width}}{row['throws']:>7} throws  {row['description']}")
 
 
 @app.command("show")
@@ -418,7 +367,7 @@ def show_command(study: StudyArgument) -> None:
 @app.command("schema")
 def schema_command(
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE.json", help="Write it to a file.")
+        Path | None, typer.Option("--out", "-o", metavar="FILE.json", help="Write it to a file.")
     ] = None,
 ) -> None:
     """Print the JSON schema of study files, for editors."""
