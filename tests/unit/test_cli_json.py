@@ -92,7 +92,7 @@ def test_a_figure_beside_the_result(tmp_path: Path) -> None:
 
 
 def test_warnings_of_a_check() -> None:
-    weak = ("panel", "check", "sb1", "--no-throw", "--set", "chair.friction_coefficient=0.95")
+    weak = ("panel", "check", "sb1", "--no-throw", "--set", "gravity=100 m/s^2")
     found = printed(*weak, "--strict", code=1)
     assert set(found["warnings"][0]) == {"what", "where", "number", "remedy"}
 

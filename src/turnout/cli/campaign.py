@@ -53,7 +53,7 @@ OutsideOption = Annotated[
 ]
 
 
-@app.command("check")
+@app.command("check", short_help="Check a run sheet and the quality of every movement.")
 def check_command(
     folder: FolderArgument,
     channels: ChannelsOption = None,
@@ -74,7 +74,7 @@ def check_command(
         _print_campaign(campaign, remarks=True)
 
 
-@app.command("build")
+@app.command("build", short_help="Build one dataset of all usable movements.")
 def build_command(
     folder: FolderArgument,
     out: Annotated[
@@ -110,7 +110,7 @@ def build_command(
         typer.echo(f"{'written':<12}{target} ({round(target.stat().st_size / 1e6)} MB)")
 
 
-@app.command("plot")
+@app.command("plot", short_help="Draw channels by object size, or places against sizes.")
 def plot_command(
     source: Annotated[
         Path, typer.Argument(metavar="DIR", help="Folder of a campaign, or its dataset (.nc).")
@@ -159,7 +159,7 @@ def plot_command(
         typer.echo(f"{'written':<12}{target}")
 
 
-@app.command("virtual")
+@app.command("virtual", short_help="Make a campaign of simulated throws.")
 def virtual_command(
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to fill.")],
     panel: PanelOption = None,

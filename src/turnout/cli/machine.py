@@ -54,7 +54,7 @@ def list_command(as_json: JsonOption = False) -> None:
         typer.echo(f"{name:<{width}}{text}")
 
 
-@app.command("show")
+@app.command("show", short_help="Show every value with its origin, and operating points.")
 def show_command(
     machine: MachineArgument,
     settings: MachineSetOption = [],  # noqa: B006 - typer copies it
@@ -79,7 +79,7 @@ def show_command(
         typer.echo(line)
 
 
-@app.command("run")
+@app.command("run", short_help="Simulate a machine throwing a one-mass rail.")
 def run_command(
     machine: MachineArgument,
     settings: MachineSetOption = [],  # noqa: B006 - typer copies it

@@ -32,16 +32,32 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-app.command("simulate")(simulate.simulate_command)
-app.command("import")(recording.import_command)
-app.command("report")(report.report_command)
-app.command("calibrate")(calibrate.calibrate_command)
-app.command("validate")(validate.validate_command)
-app.command("studio")(studio.studio_command)
-app.add_typer(panel.app, name="panel")
-app.add_typer(machine.app, name="machine")
-app.add_typer(campaign.app, name="campaign")
-app.add_typer(sweep.app, name="sweep")
+app.command("simulate", short_help="Simulate a throw, with or without trapped objects.")(
+    simulate.simulate_command
+)
+app.command("import", short_help="Read a measurement, or convert it to forces and currents.")(
+    recording.import_command
+)
+app.command("report", short_help="Write an HTML report about a result.")(report.report_command)
+app.command("calibrate", short_help="Fit friction and drives to a measured campaign.")(
+    calibrate.calibrate_command
+)
+app.command("validate", short_help="Predict a campaign and judge the errors.")(
+    validate.validate_command
+)
+app.command("studio", short_help="Open an interactive page that runs locally.")(
+    studio.studio_command
+)
+app.add_typer(
+    panel.app, name="panel", short_help="Switch panels: list, show, check, sections, modes, export."
+)
+app.add_typer(machine.app, name="machine", short_help="Point machines: list, show, run.")
+app.add_typer(
+    campaign.app, name="campaign", short_help="Measured movements: check, build, plot, virtual."
+)
+app.add_typer(
+    sweep.app, name="sweep", short_help="Studies of many throws: plan, run, map, effects, export."
+)
 # The type that typer writes behind the name of an argument.
 _ARGUMENT_TYPE = re.compile(r"(?<=[A-Z]) <[a-z\[\] ]+>")
 

@@ -26,7 +26,9 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-app.command("modes")(modes_command)
+app.command("modes", short_help="Show natural frequencies, modes and flutter stability.")(
+    modes_command
+)
 
 
 @app.command("list")
@@ -44,7 +46,7 @@ def list_command(as_json: JsonOption = False) -> None:
         typer.echo(f"{name:<{width}}{text}")
 
 
-@app.command("show")
+@app.command("show", short_help="Show plan, gaps, margins, test piece and assumptions.")
 def show_command(
     panel: PanelArgument = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
@@ -87,7 +89,7 @@ def show_command(
         raise typer.Exit(code)
 
 
-@app.command("check")
+@app.command("check", short_help="Check a panel file, and warn about small margins.")
 def check_command(
     file: Annotated[str, typer.Argument(metavar="FILE", help="Panel file (.toml).")],
     settings: SetOption = [],  # noqa: B006 - typer copies it
@@ -157,7 +159,7 @@ def sections_command(
         print_json("panel sections", record, units=units, written=written)
 
 
-@app.command("export")
+@app.command("export", short_help="Write the matrices of every rail (.mat).")
 def export_command(
     panel: Annotated[
         str, typer.Argument(metavar="PANEL", help="Library panel, or path of a panel file (.toml).")

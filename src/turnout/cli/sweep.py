@@ -331,11 +331,13 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-app.command("plan")(plan_command)
-app.command("run")(run_command)
-app.command("map")(map_command)
-app.command("effects")(effects_command)
-app.command("export")(export_command)
+app.command("plan", short_help="Show inputs, number of throws, run time and disk space.")(
+    plan_command
+)
+app.command("run", short_help="Run every scenario, or continue an interrupted run.")(run_command)
+app.command("map", short_help="Count end states, and draw maps over two inputs.")(map_command)
+app.command("effects", short_help="Show Sobol indices, and draw main effects.")(effects_command)
+app.command("export", short_help="Write a table with one row per scenario.")(export_command)
 
 
 @app.command("list")
