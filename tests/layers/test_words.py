@@ -118,3 +118,12 @@ def test_listed_packages_exist(pytestconfig: pytest.Config) -> None:
 @pytest.mark.parametrize("text", ["Told by the data", "books close to 2e-11", "what decides"])
 def test_the_list_finds_what_it_should(text: str) -> None:
     assert found_words(iter([(1, text)]))
+
+
+def test_the_glossary_holds_each_term_once(pytestconfig: pytest.Config) -> None:
+    text = (pytestconfig.rootpath / "docs" / "glossary.md").read_text(encoding="utf-8")
+    terms, _, translated = text.partition("## In Swedish and German")
+    for part in (terms, translated):
+        rows = re.findall(r"^\| ([^|]+?) \|", part, flags=re.MULTILINE)
+        names = [name for name in rows if name not in ("name", "English") and "---" not in name]
+        assert sorted(names) == sorted(set(names))
