@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from turnout.plot.style import COLOURS, DASHES, new_figure, styled
+from turnout.plot.style import COLOURS, DASHES, new_figure, put_title, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,7 +56,7 @@ def plot_sweep(curves: xr.Dataset) -> "Figure":
     axes[-1].set_xlabel("Time from the onset [s]")
     figure.align_ylabels(axes)
     title = f"{curves.attrs['parameter']} against {curves.attrs['movement']}"
-    figure.suptitle(title, x=0.01, ha="left")
+    put_title(figure, title)
     return figure
 
 

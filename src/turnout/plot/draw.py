@@ -6,7 +6,7 @@ import numpy as np
 
 from turnout.errors import ResponseError
 from turnout.plot.sheet import Line, Row, Sheet
-from turnout.plot.style import COLOURS, DASHES, GREY, SHADE, new_figure, styled
+from turnout.plot.style import COLOURS, DASHES, GREY, SHADE, new_figure, put_title, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,7 +62,7 @@ def draw_sheet(sheet: Sheet) -> "Figure":
     _name_places(axes[0], sheet)
     axes[-1].set_xlabel(sheet.x_label)
     figure.align_ylabels(axes)
-    figure.suptitle(sheet.title, x=0.01, ha="left", fontsize=11)
+    put_title(figure, sheet.title)
     return figure
 
 
@@ -93,7 +93,7 @@ def draw_row(sheet: Sheet, row: Row, *, ax: "Axes | None" = None) -> "Axes":
     if ax is None:
         figure, (ax,) = new_figure(1)
         figure.set_figheight(SINGLE_ROW_HEIGHT)
-        figure.suptitle(sheet.title, x=0.01, ha="left", fontsize=11)
+        put_title(figure, sheet.title)
     _draw_row(ax, sheet, row, span=_span(sheet))
     _name_places(ax, sheet)
     ax.set_xlabel(sheet.x_label)

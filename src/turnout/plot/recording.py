@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from turnout.errors import ResponseError
 from turnout.plot.sheet import thinned
-from turnout.plot.style import COLOURS, COMPARED, DASHES, new_figure, styled
+from turnout.plot.style import COLOURS, COMPARED, DASHES, new_figure, put_title, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,7 +60,7 @@ def plot_columns(traces: Sequence[Trace], *, title: str = "") -> "Figure":
     axes[-1].set_xlabel("Time [s]")
     figure.align_ylabels(axes)
     left = len(traces) - len(shown)
-    figure.suptitle(f"{title}{f' (and {left} more channels)' if left else ''}", x=0.01, ha="left")
+    put_title(figure, f"{title}{f' (and {left} more channels)' if left else ''}")
     return figure
 
 
@@ -100,7 +100,7 @@ def plot_measured(dataset: xr.Dataset, *, title: str = "") -> "Figure":
         ax.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False)
     axes[-1].set_xlabel("Time [s]")
     figure.align_ylabels(axes)
-    figure.suptitle(title or str(dataset.attrs.get("title", "")), x=0.01, ha="left")
+    put_title(figure, title or str(dataset.attrs.get("title", "")))
     return figure
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from turnout.metric.effects import Decided, Effect
 from turnout.metric.sweep_map import NOT_THROWN, STATES
-from turnout.plot.style import COLOURS, GREY
+from turnout.plot.style import COLOURS, GREY, put_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,7 +60,7 @@ def plot_sweep_map(cells: xr.Dataset) -> "Figure":
         if name in cells:
             plot_cells(cells, name, ax=ax)
     plot_states(cells, ax=axes.flat[3])
-    figure.suptitle(_title(cells), fontsize=11)
+    put_title(figure, _title(cells), left=False)
     figure.legend(
         handles=_legend(cells), loc="outside lower center", ncols=4, frameon=False, fontsize=8
     )
@@ -233,7 +233,7 @@ def plot_sweep_effects(outputs: Sequence[Decided], *, title: str = "") -> "Figur
                 ax.tick_params(labelleft=False)
                 ax.set_ylabel("")
     if title:
-        figure.suptitle(title, fontsize=11)
+        put_title(figure, title, left=False)
     return figure
 
 
@@ -267,6 +267,9 @@ def plot_indices(item: Decided, *, ax: "Axes") -> "Axes":
             place - shift, values, wide, xerr=halves, color=COLOURS[colour], label=kind,
             error_kw={"elinewidth": 0.8, "ecolor": "black", "capsize": 2},
         )  # fmt: skip
+    if all(np.isnan(index.first) for index in item.indices):
+        text = "no sensitivity:\none throw per value"
+        ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color=GREY)
     ax.set_yticks(place, [index.name for index in item.indices], fontsize=7)
     ax.invert_yaxis()
     ax.axvline(0.0, color=GREY, linewidth=0.6)

@@ -19,6 +19,7 @@ from turnout.plot.style import (
     GREY,
     SHADE,
     new_figure,
+    put_title,
     styled,
     title_of,
 )
@@ -96,7 +97,7 @@ def plot_throw(
     _name_movements(axes[0], dataset)
     axes[-1].set_xlabel("Time [s]")
     figure.align_ylabels(axes)
-    figure.suptitle(title_of(dataset, compare), x=0.01, ha="left")
+    put_title(figure, title_of(dataset, compare))
     return figure
 
 

@@ -9,7 +9,7 @@ import xarray as xr
 from turnout.errors import ResponseError
 from turnout.metric.campaign import places_of
 from turnout.plot.sheet import Line, Row, Sheet
-from turnout.plot.style import COLOURS, GREY, new_figure, styled
+from turnout.plot.style import COLOURS, GREY, new_figure, put_title, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,7 +79,7 @@ def plot_comparison(validation: xr.Dataset, *, place: str, sizes: Sequence[float
     axes[-1].set_xlabel("Time since onset of motion [s]")
     figure.align_ylabels(axes)
     text = f"object at {place}; shaded: where 95 % of measurements should lie"
-    figure.suptitle(_title(validation, text), x=0.01, ha="left", fontsize=11)
+    put_title(figure, _title(validation, text))
     return figure
 
 
@@ -117,7 +117,7 @@ def plot_error_map(validation: xr.Dataset) -> "Figure":
         "RMS difference of prediction and measurement [N]; red: three repeat spreads or more;"
         "\nin brackets: used for the fit; framed: a drive slipped"
     )
-    figure.suptitle(_title(validation, text), x=0.01, ha="left", fontsize=11)
+    put_title(figure, _title(validation, text))
     return figure
 
 
