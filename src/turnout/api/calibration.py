@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import xarray as xr
 
-from turnout.api.campaign import Campaign, cached_throws, checked_panel, dataset_of
+from turnout.api.campaign import Campaign, kept_throws, checked_panel, dataset_of
 from turnout.calibration.calibrate import calibrate as fit_stages
 from turnout.calibration.movements import check_provenance
 from turnout.calibration.progress import State
@@ -234,7 +234,7 @@ def calibrate(
         before,
         plan=default_plan(before, free=free, fixed=fix, most=most),
         exclude=exclude,
-        folder=cached_throws(campaign),
+        folder=kept_throws(campaign),
         workers=workers,
         scheme=chosen_scheme(mode, None, caller="calibrate()"),
         posterior=posterior,

@@ -256,7 +256,7 @@ def checked_panel(panel: object, *, caller: str) -> LoadedPanel:
     raise PanelError([problem], source=caller)
 
 
-def cached_throws(campaign: Campaign | xr.Dataset) -> Path | None:
+def kept_throws(campaign: Campaign | xr.Dataset) -> Path | None:
     """Return the folder with cached throws of a campaign; None for a bare dataset."""
     if not isinstance(campaign, Campaign):
         return None

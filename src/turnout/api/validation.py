@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from turnout.api.calibration import CalibrationResult
-from turnout.api.campaign import Campaign, cached_throws, dataset_of
+from turnout.api.campaign import Campaign, kept_throws, dataset_of
 from turnout.calibration.evaluate import Evaluator
 from turnout.core.html_table import html_table
 from turnout.errors import MeasurementError
@@ -146,7 +146,7 @@ def validate(
         raise MeasurementError([problem], source="validate()")
     record, panel = calibration.record, calibration.before
     total = dataset.sizes["movement"] * (1 + len(record.fitted))
-    with Evaluator(panel, folder=cached_throws(campaign), workers=workers) as evaluator:
+    with Evaluator(panel, folder=kept_throws(campaign), workers=workers) as evaluator:
         if report is not None:
             evaluator.told = lambda: report(min(evaluator.made, total), total)
         found = predict(dataset, panel, record, evaluator=evaluator)

@@ -19,7 +19,7 @@ from turnout.cli.options import (
     opened_panel,
     write_and_report,
 )
-from turnout.cli.validate import cached_throws
+from turnout.cli.validate import kept_throws
 
 if TYPE_CHECKING:
     from turnout.calibration.calibrate import Outcome
@@ -101,7 +101,7 @@ def calibrate_command(
             loaded,
             plan=plan,
             exclude=exclude,
-            folder=cached_throws(source),
+            folder=kept_throws(source),
             workers=workers,
             posterior=posterior,
             advise=advise,

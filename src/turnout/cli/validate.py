@@ -130,7 +130,7 @@ def _check_place(dataset: "xr.Dataset", place: str) -> None:
         raise FileError(message + choices(known))
 
 
-def cached_throws(source: Path) -> Path:
+def kept_throws(source: Path) -> Path:
     """Return the folder with the cached throws of a campaign."""
     folder = source if source.is_dir() else source.parent
     return folder / ".turnout" / "throws"
@@ -153,7 +153,7 @@ def _validated(
     try:
         with (
             watched(f"throwing {panel.name}", quiet=quiet) as watch,
-            Evaluator(panel, folder=cached_throws(source), workers=workers) as evaluator,
+            Evaluator(panel, folder=kept_throws(source), workers=workers) as evaluator,
         ):
             evaluator.told = lambda: watch.report(min(evaluator.made, total), total)
             return validate(dataset, panel, known, evaluator=evaluator)
@@ -178,7 +178,7 @@ def _compared_laws(
     try:
         with (
             watched(f"fitting laws of drive {drive}", quiet=quiet) as watch,
-            Evaluator(panel, folder=cached_throws(source), workers=workers) as evaluator,
+            Evaluator(panel, folder=kept_throws(source), workers=workers) as evaluator,
         ):
             return compare_laws(
                 dataset, panel, known, drive=drive, evaluator=evaluator, report=watch.report
