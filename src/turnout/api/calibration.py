@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import xarray as xr
 
-from turnout.api.campaign import Campaign, kept_throws, checked_panel, dataset_of
+from turnout.api.campaign import Campaign, checked_panel, dataset_of, kept_throws
 from turnout.calibration.calibrate import calibrate as fit_stages
 from turnout.calibration.movements import check_provenance
 from turnout.calibration.progress import State

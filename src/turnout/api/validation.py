@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from turnout.api.calibration import CalibrationResult
-from turnout.api.campaign import Campaign, kept_throws, dataset_of
+from turnout.api.campaign import Campaign, dataset_of, kept_throws
 from turnout.calibration.evaluate import Evaluator
 from turnout.core.html_table import html_table
 from turnout.errors import MeasurementError
