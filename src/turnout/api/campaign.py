@@ -257,7 +257,7 @@ def checked_panel(panel: object, *, caller: str) -> LoadedPanel:
 
 
 def kept_throws(campaign: Campaign | xr.Dataset) -> Path | None:
-    """Return the folder with cached throws of a campaign; None for a bare dataset."""
+    """Return the folder in which throws for a campaign are kept; None for a bare dataset."""
     if not isinstance(campaign, Campaign):
         return None
     folder = campaign.source if campaign.source.is_dir() else campaign.source.parent
