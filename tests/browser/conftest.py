@@ -57,7 +57,7 @@ class Screen:
 
     def settled(self) -> None:
         """Wait until the throw is computed as by the command."""
-        self.wait("document.getElementById('state').textContent.startsWith('as turnout simulate')")
+        self.wait("document.getElementById('state').textContent.startsWith('final result')")
 
     def set(self, key: str, value: float) -> None:
         """Type a number beside a slider."""

@@ -173,7 +173,7 @@ def test_measured_throws_are_laid_over(screen: Screen, shots: Path) -> None:
     page.get_by_label("Overlay").select_option(label=chosen)
     screen.wait(f"document.getElementById('curves').data.length > {lines}")
     screen.set("object.size", 5)
-    page.get_by_role("button", name="Take its object").click()
+    page.get_by_role("button", name="Use the object from the run sheet").click()
     screen.wait("document.getElementById('control-object-size-number').value === '13'")
     screen.settled()
     page.screenshot(path=shots / "measured.png")

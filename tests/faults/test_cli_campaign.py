@@ -48,7 +48,7 @@ def test_a_virtual_campaign_goes_through(tmp_path: Path) -> None:
         "--mistype", "2", "--workers", "1", "--format", "h5", "--out", folder,
     )  # fmt: skip
     assert result.exit_code == 0, result.output
-    assert "3 movements, 1 of them to slip" in result.output
+    assert "3 movements, 1 of them with slip" in result.output
     assert result.output.count("mistyped") == 2
     assert run("build", folder).exit_code == 0
 
@@ -86,7 +86,7 @@ def test_a_missing_file_is_refused_and_the_last_build_stays(tmp_path: Path) -> N
     assert "there is no file sleeper-6-13mm-1.mat; nearest is 'sleeper-6_13mm_1.mat'" in message
     assert (folder / "campaign.nc").read_bytes() == before
     edited(folder, "sleeper-6-13mm-1.mat", "sleeper-6_13mm_1.mat")
-    assert "9 had been cut before" in run("build", folder).output
+    assert "9 taken from the cache" in run("build", folder).output
 
 
 def test_a_bad_file_costs_its_own_movement_only(tmp_path: Path) -> None:

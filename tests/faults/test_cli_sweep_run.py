@@ -41,7 +41,7 @@ def test_a_folder_of_another_study_and_a_file_in_the_place_of_one(
 def test_options_that_do_not_go_together(swept: Path, tmp_path: Path) -> None:
     study = study_file(tmp_path, count=3)
     both = ("--scheduler", "tcp://127.0.0.1:9", "--slurm", "a.toml")
-    assert "take one of them" in refused("run", study, "-o", tmp_path / "s", *both)
+    assert "use only one" in refused("run", study, "-o", tmp_path / "s", *both)
     assert not (tmp_path / "s").exists()
     assert "name at least one of" in refused("export", swept)
     assert "must end in .csv" in refused("export", swept, "--csv", tmp_path / "a.txt")
@@ -51,7 +51,7 @@ def test_nothing_to_do_is_told(swept: Path, tmp_path: Path) -> None:
     study = study_file(tmp_path, count=3)
     result = CLI.invoke(app, ["sweep", "run", str(study), "-o", str(swept)])
     assert result.exit_code == 0, result.output
-    assert "nothing was missing" in result.stdout
+    assert "all were present" in result.stdout
 
 
 def test_tables_hold_what_the_dataset_holds(swept: Path, tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ def test_the_cookie_is_kept_from_scripts_and_other_sites(outside: Client) -> Non
 def test_a_foreign_host_is_refused(inside: Client, host: str) -> None:
     reply = inside.ask("/api/start", headers={"Host": host})
     assert reply.status == 421
-    assert "answers to 127.0.0.1" in reply.text
+    assert "accepts only 127.0.0.1" in reply.text
 
 
 def test_a_foreign_page_is_refused(inside: Client) -> None:

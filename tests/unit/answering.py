@@ -30,7 +30,7 @@ def wait(task: Task, question: Question) -> Reply:
     try:
         while time.monotonic() < until:
             time.sleep(0.01)
-            question.hear()
+            question.check()
     except KeyboardInterrupt:
         raise Superseded from None
     return echo(task, question)

@@ -69,8 +69,8 @@ def test_a_calibration_that_is_not_to_be_trusted_is_written_and_says_so(
     done = run("calibrate", tmp_path, "--panel", "sb1", "-o", out, *quiet, *strict)
     assert done.exit_code == (1 if strict else 0), (done.output, done.exception)
     verdict, because = done.output.strip().splitlines()[-2:]
-    assert verdict.split(maxsplit=1) == ["verdict", "NOT TO BE TRUSTED"]
-    assert because.split(maxsplit=1) == ["because", known.distrust[0]]
+    assert verdict.split(maxsplit=1) == ["verdict", "NOT TRUSTWORTHY"]
+    assert because.split(maxsplit=1) == ["reason", known.distrust[0]]
     assert load_calibration(out).distrust == known.distrust
     assert "trusted = false" in out.read_text(encoding="utf-8")
     shown = run("panel", "show", "sb1", "--calibration", out)
@@ -114,7 +114,9 @@ def test_a_virtual_campaign_is_of_the_calibrated_panel(file: Path, tmp_path: Pat
 
 def test_the_studio_opens_the_calibrated_panel(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     served = []
-    monkeypatch.setattr("turnout.web.serve.serve", lambda studio, **_: served.append(studio._first))
+    monkeypatch.setattr(
+        "turnout.web.serve.serve", lambda studio, **_: served.append(studio.opening.panel)
+    )
     done = run("studio", "--calibration", file, "--no-browser")
     assert done.exit_code == 0, (done.output, done.exception)
     assert served[0].hash.startswith(calibrated_hash())

@@ -46,7 +46,7 @@ def test_the_folder_of_a_sweep_is_told_from_that_of_a_campaign(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        (["report", "nowhere.nc"], "there is no such file"),
+        (["report", "nowhere.nc"], "no such file"),
         (["report", "nowhere.nc", "-o", "report.pdf"], "must end in .html"),
         (["report", "RUN", "--panel", "uic60-760-1-15"], "--panel uic60-760-1-15"),
     ],

@@ -71,7 +71,7 @@ def thrown() -> Thrown:
 
 
 def test_the_screen_has_the_order_of_an_engineer(thrown: Thrown) -> None:
-    order = ("PLAN", "CLOSED GAP", "FORCE MARGINS", "LEAST FLANGEWAY", "TEST PIECE", "ASSUMED")
+    order = ("PLAN", "CLOSED GAP", "FORCE MARGINS", "LEAST FLANGEWAY", "TEST PIECE", "ASSUMPTIONS")
     for lines in (screen(), screen(thrown)):
         heads = [
             next(word for word in order if line.startswith(word))
@@ -130,7 +130,7 @@ def test_test_pieces_are_told(thrown: Thrown) -> None:
 def test_only_assumptions_unless_all_values_are_asked_for() -> None:
     short = list(panel_lines(load_panel("uic60-760-1-15")))
     assumed = short[
-        short.index("ASSUMED, where the file says so (all values with their origins: --values)")
+        short.index("ASSUMPTIONS stated in the file (all values with their origins: --values)")
         + 1 :
     ]
     values = [line for line in assumed if line.startswith("  ")]

@@ -168,7 +168,7 @@ def test_a_panel_is_thrown_to_warn() -> None:
 
 
 def test_strict_turns_warnings_into_a_refusal() -> None:
-    assert checked("sb2", "--strict").exit_code == 2
+    assert checked("sb2", "--strict").exit_code == 1
     assert checked("sb2", "--strict", "--no-throw").exit_code == 0
 
 

@@ -1,11 +1,15 @@
 """The user's face: quick to import, and complete."""
 
+import re
 import subprocess
 import sys
 
 import pytest
+import typer
+from typer.testing import CliRunner
 
 import turnout
+from turnout.cli.main import app, main
 
 HEAVY = ("numba", "numpy", "xarray", "pandas", "pydantic", "matplotlib", "pint", "scipy")
 
@@ -40,3 +44,68 @@ def test_every_public_name_is_there(name: str) -> None:
 def test_an_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="no attribute 'simulat'"):
         turnout.simulat  # noqa: B018
+
+
+GROUPS = ([], ["panel"], ["machine"], ["campaign"], ["sweep"])
+
+
+def commands() -> list[list[str]]:
+    """Return every command as the words that name it."""
+    root = typer.main.get_command(app)
+    found = []
+    for name, item in root.commands.items():  # type: ignore[attr-defined]
+        inner = getattr(item, "commands", None)
+        found += [[name]] if inner is None else [[name, below] for below in inner]
+    return found
+
+
+@pytest.mark.parametrize("group", GROUPS, ids=" ".join)
+def test_short_help_is_whole(group: list[str]) -> None:
+    lines = CliRunner().invoke(app, [*group, "--help"]).output.splitlines()
+    assert not [line for line in lines[1:] if line.endswith("...")]
+
+
+@pytest.mark.parametrize("command", commands(), ids=" ".join)
+def test_help_names_values_by_words(command: list[str]) -> None:
+    text = CliRunner().invoke(app, [*command, "--help"]).output
+    assert re.findall(r"<[a-z\[\] ]+>", text) == []
+
+
+@pytest.mark.parametrize("command", commands(), ids=" ".join)
+def test_short_options_mean_the_same_everywhere(command: list[str]) -> None:
+    text = CliRunner().invoke(app, [*command, "--help"]).output
+    assert set(re.findall(r"-[a-z], --[a-z]+", text)) <= {"-o, --out", "-q, --quiet"}
+    assert "  --out " not in text
+    assert "  --quiet " not in text
+
+
+def test_completion_is_offered() -> None:
+    done = CliRunner().invoke(app, ["--show-completion", "bash"], prog_name="turnout")
+    assert "_TURNOUT_COMPLETE" in done.output
+
+
+@pytest.mark.parametrize(("variables", "coloured"), [({}, True), ({"NO_COLOR": "1"}, False)])
+def test_colour_unless_it_is_refused(
+    variables: dict[str, str],
+    coloured: bool,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    for key, value in variables.items():
+        monkeypatch.setenv(key, value)
+    monkeypatch.setattr("sys.argv", ["turnout", "simulate", "nowhere.toml"])
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert ("\x1b[" in capsys.readouterr().err) == coloured
+
+
+def test_no_colour_in_a_file(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["turnout", "simulate", "nowhere.toml"])
+    with pytest.raises(SystemExit):
+        main()
+    assert "\x1b" not in capsys.readouterr().err

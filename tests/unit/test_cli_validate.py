@@ -34,6 +34,7 @@ def test_a_true_calibration_is_valid_and_a_wrong_one_is_not(tmp_path: Path) -> N
     assert stored["cover"].mean() > 0.8
     assert "**VALID" in (report / "validation.md").read_text(encoding="utf-8")
 
-    result = validate(folder, "--calibration", bad, "--workers", 1, "-q")
-    assert result.exit_code == 1
-    assert "NOT VALID: drive 1" in result.stdout
+    for strict, code in (((), 0), (("--strict",), 1)):
+        result = validate(folder, "--calibration", bad, "--workers", 1, "-q", *strict)
+        assert result.exit_code == code
+        assert "NOT VALID: drive 1" in result.stdout

@@ -150,3 +150,16 @@ def test_the_sizes_of_the_field_campaign_fit_everywhere_between_the_drives() -> 
     places = ["drive 1", "drive 2", *(f"sleeper {number}" for number in range(1, 12))]
     items = [ForeignObject(0.031, place) for place in places]
     assert len(resolve_objects(PANEL, items)) == 13
+
+
+@pytest.mark.parametrize("text", ["TKK1", "tkk1", "sensor TKK1"])
+def test_a_sensor_is_a_place_by_its_name_alone(text: str) -> None:
+    panel = load_panel("uic60-760-1-15")
+    (placed,) = resolve_objects(panel, [parse_object(f"13mm@{text}")])
+    assert placed.x == panel.sensor["TKK1"].x
+
+
+def test_a_name_of_several_places_wants_its_family() -> None:
+    panel = load_panel("uic60-760-1-15")
+    with pytest.raises(PanelError, match=r"not the name of one place only; write 'sleeper 2' or"):
+        resolve_objects(panel, [parse_object("13mm@2")])

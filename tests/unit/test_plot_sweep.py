@@ -5,11 +5,18 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.figure import Figure
 
 from turnout.errors import ResponseError
+from turnout.metric.effects import Output, OutputEffects, SobolIndex
 from turnout.metric.sweep_map import STATES, end_state, sweep_map
 from turnout.plot.style import rendered
-from turnout.plot.sweep import STATE_LETTERS, plot_sweep_effects, plot_sweep_map
+from turnout.plot.sweep import (
+    STATE_LETTERS,
+    plot_indices,
+    plot_sweep_effects,
+    plot_sweep_map,
+)
 from turnout.sweep.effects import sweep_effects
 
 PLACES, SIZES = ("drive 1", "sleeper 6"), (0.0, 0.005, 0.013, 0.031)
@@ -119,3 +126,11 @@ def test_effects_draw_a_bar_for_each_input() -> None:
     widths = [bar.get_width() for bar in bars.patches]
     assert widths == pytest.approx([index.first for index in found[0].indices])
     assert first.lines
+
+
+def test_no_sensitivity_is_written_instead_of_empty_bars() -> None:
+    size = SobolIndex(name="object.size", first=float("nan"), first_confidence=0.0)
+    output = Output(name="end_gap", units="m", values=np.zeros(3))
+    ax = Figure().subplots()
+    plot_indices(OutputEffects(output=output, indices=(size,), effects=()), ax=ax)
+    assert "no sensitivity" in " ".join(text.get_text() for text in ax.texts)

@@ -1,5 +1,7 @@
 """The figure of a throw, tested by the data that it shows."""
 
+import json
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -166,3 +168,17 @@ def test_overlay_of_a_drive_that_the_run_has_not_is_refused() -> None:
     theirs = other_program(run).assign_coords(drive=["3"])
     with pytest.raises(ResponseError, match="overlay other.csv: drive '3' is not in the run.*1, 2"):
         plot_throw(run, overlay=theirs)
+
+
+def test_a_long_title_stays_inside_the_figure() -> None:
+    """A pinned throw with many changed values once ran over the right edge."""
+    pinned = sb1_dataset().copy()
+    changes = {f"chair.{number}.friction_coefficient": 0.25 for number in range(8)}
+    pinned.attrs = {**pinned.attrs, "overrides": json.dumps(changes)}
+    drawn = plot_throw(sb1_dataset(), compare=pinned)
+    drawn.draw_without_rendering()
+    (title,) = [text for text in drawn.texts if "grey: " in text.get_text()]
+    whole, edge = title.get_window_extent(), drawn.bbox
+    assert whole.x0 >= edge.x0
+    assert whole.x1 <= edge.x1
+    assert whole.y0 >= drawn.axes[0].get_window_extent().y1

@@ -42,12 +42,12 @@ def test_a_place_over_time_holds_every_size(dataset: xr.Dataset) -> None:
 
 def test_findings_name_sizes_repeats_and_what_was_left_out(dataset: xr.Dataset) -> None:
     told = {item.question: item for item in campaign_findings(dataset)}
-    assert told["Objects told by the drives, closing"].answer.startswith("From 1")
-    assert told["Objects that make a drive slip, closing"].answer == "From 31 mm on"
+    assert told["Smallest size detected by the drives, closing"].answer.startswith("1")
+    assert told["Smallest size that makes a drive slip, closing"].answer == "31 mm"
     assert "3 throws without an object" in told["End force of drive 2, closing"].detail
     assert told["Usable movements"].level == "good"
     (usable,) = campaign_findings(dataset, excluded=[("1", ["clipped"])])[-1:]
-    assert (usable.level, usable.detail) == ("look", "some left out; no remarks under Quality")
+    assert (usable.level, usable.detail) == ("look", "some excluded; no remarks under Quality")
 
 
 def test_the_page_says_that_it_is_synthetic_and_names_no_address(dataset: xr.Dataset) -> None:

@@ -56,7 +56,8 @@ def labels() -> xr.Dataset:
 def test_the_headline_counts_objects_that_nothing_notices() -> None:
     first, *others = sweep_findings(labels())
     # Of 24 throws one failed; 8 of the other 23 slipped on 31 mm.
-    assert first.detail == "15 of 23 throws that touch an object end locked and in control"
+    ended = "throws that touch an object end locked and in control, without slip"
+    assert first.detail == f"15 of 23 {ended}"
     assert (first.level, first.answer) == ("bad", "65.2 % of touched objects")
     told = {item.question: item.answer for item in others}
     assert told["Slips on the object"] == "34.8 %"
@@ -81,7 +82,7 @@ def test_places_against_sizes_hold_medians_and_frame_slips() -> None:
 
 def test_what_decides_is_drawn_with_its_interval() -> None:
     page = sweep_page(labels(), decided=sweep_effects(labels()), suffixes=())
-    section = next(s for s in page.sections if s.heading == "What decides")
+    section = next(s for s in page.sections if s.heading == "Sensitivity")
     assert section.tables[0].columns == ("Input", "First", "Total")
     sheet = next(p.sheet for p in section.pictures if p.sheet.name.endswith("object.size"))
     assert sheet.x_label == "Object size [mm]"
@@ -91,7 +92,7 @@ def test_what_decides_is_drawn_with_its_interval() -> None:
 
 
 def test_a_sweep_that_does_not_tell_how_throws_ended_is_refused() -> None:
-    with pytest.raises(ResponseError, match="has not kept slipped_free"):
+    with pytest.raises(ResponseError, match="has no slipped_free"):
         sweep_page(labels().drop_vars("slipped_free"))
 
 

@@ -31,7 +31,7 @@ def test_simulate_still_returns_a_dataset() -> None:
 
 def test_a_campaign_shows_its_findings() -> None:
     html = view(open_response(made() / "truth.nc"))._repr_html_()
-    assert "Objects that make a drive slip, closing" in html
+    assert "Smallest size that makes a drive slip, closing" in html
     assert "<img" not in html
 
 

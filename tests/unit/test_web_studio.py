@@ -101,7 +101,7 @@ def test_files_hold_the_same_run(studio: Client) -> None:
         ({"object": {"size": "300 mm", "at": "sleeper 6"}}, "larger than the opening"),
         ({"settings": {"drive.2.stifness": "1 kN/m"}}, "nearest is 'drive.2.stiffness'"),
         ({"settings": {"drive.2.stiffness": 81}}, "has no unit"),
-        ({"panel": "unknown"}, "no longer knows this panel"),
+        ({"panel": "unknown"}, "is no longer loaded"),
         ({"colour": "red"}, "unknown key"),
     ],
 )

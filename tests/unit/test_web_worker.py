@@ -113,10 +113,10 @@ def test_a_long_run_gives_way() -> None:
 def test_a_short_run_is_finished_although_something_newer_waits() -> None:
     question = Question(began=time.monotonic())
     question.overtaken.set()
-    question.hear(1, 2)
+    question.check(1, 2)
     question.began -= 2 * PATIENCE
     with pytest.raises(KeyboardInterrupt):
-        question.hear(1, 2)
+        question.check(1, 2)
 
 
 def test_a_hanging_task_is_stopped_and_others_are_answered_meanwhile() -> None:

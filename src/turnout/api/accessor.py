@@ -1,4 +1,4 @@
-"""The accessor ``dataset.turnout``, which xarray knows as soon as this module is loaded."""
+"""The accessor ``dataset.turnout``, registered with xarray when this module is imported."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @xr.register_dataset_accessor("turnout")  # type: ignore[no-untyped-call]
 class TurnoutAccessor:
-    """What turnout can say of a dataset: ``dataset.turnout.summary()`` and so on.
+    """Summary, findings and figures of a dataset: ``dataset.turnout.summary()`` and so on.
 
     Any result will do: a run, simulated or measured, the movements of a campaign, the scenarios of
     a sweep, a validation, modes.
@@ -21,7 +21,7 @@ class TurnoutAccessor:
     Parameters
     ----------
     dataset : xarray.Dataset
-        The one that it belongs to.
+        The dataset.
     """
 
     def __init__(self, dataset: xr.Dataset) -> None:

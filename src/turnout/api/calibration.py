@@ -1,4 +1,4 @@
-"""A panel fitted to a campaign, and how sure its values are."""
+"""A panel fitted to a campaign, and the uncertainty of its values."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class CalibrationResult:
     record : Calibration
         Everything that `save` writes.
     before : LoadedPanel
-        The panel as it was, whose other values the calibration keeps.
+        The panel before calibration; its other values are unchanged.
     sweeps : tuple of xarray.Dataset
         The grid searches over the measurement, one a stage, for `turnout.plot.plot_grid_search`;
         a calibration that was read from its file has none.
@@ -84,23 +84,23 @@ class CalibrationResult:
 
     @property
     def trusted(self) -> bool:
-        """Whether nothing speaks against the result; `reasons` says what does."""
+        """Whether the result is trustworthy; `reasons` lists why not."""
         return not self.record.distrust
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the result is not to be trusted, and what to check."""
+        """Why the result is not trustworthy, and what to check."""
         return self.record.distrust
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to look at, such as a panel that is not the one that was calibrated."""
+        """Warnings, such as a panel that is not the calibrated one."""
         strange = check_provenance(self.record, self.before)[len(self.record.distrust) :]
         return (*self.record.warnings, *strange)
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """What the data can and cannot tell, in words."""
+        """Which parameters the data identify, and which not, as sentences."""
         return self.record.findings
 
     def plot(self, *, ax: "Axes | None" = None) -> "Axes":
@@ -138,7 +138,7 @@ class CalibrationResult:
         self.record.save(path)
 
     def __repr__(self) -> str:
-        """Name what was calibrated, and say whether it is to be trusted."""
+        """Return the calibrated values and whether they are trustworthy."""
         return f"<CalibrationResult {self._title()}>"
 
     def _repr_html_(self) -> str:
@@ -182,7 +182,7 @@ def calibrate(
     """Fit friction, drive stiffness and slip levels of a panel to a campaign.
 
     First friction from movements without an object, then each drive from an object at it, then all
-    of it together. Throws are kept beside the campaign, so that the same call goes on after a stop.
+    of it together. Throws are cached beside the campaign, so the same call continues after a stop.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def calibrate(
     posterior : bool
         Whether to sample what the data leave possible.
     advise : bool
-        Whether to say which parameters are confounded, and what to measure next.
+        Whether to list strongly correlated parameters and the tests that separate them.
     workers : int
         Processes.
     report : callable, optional

@@ -43,7 +43,7 @@ class Campaign:
     excluded : mapping of str to tuple of str
         Movements that are not in the dataset, each with every reason.
     remarks : tuple of str
-        What does not exclude a movement but should be looked at.
+        Remarks on movements that are usable all the same.
     source : Path
         The folder or the file that it was loaded from.
     """
@@ -90,7 +90,7 @@ class Campaign:
         save_response(self.dataset, path)
 
     def __repr__(self) -> str:
-        """Say how many movements there are, and of what."""
+        """Return the number of movements by kind."""
         return f"<Campaign {self._title()}>"
 
     def _repr_html_(self) -> str:
@@ -126,7 +126,7 @@ def load_campaign(
 ) -> Campaign:
     """Load a campaign from its folder of recordings, or from the dataset of one.
 
-    A folder is read anew each time, so that what is put right in its run sheet counts; recordings
+    The run sheet is read at every call, so corrections take effect; recordings
     that were read before are taken up from the folder.
 
     Parameters
@@ -231,7 +231,7 @@ def build_campaign(
         make_virtual_campaign(panel, folder, plan=plan, workers=workers, report=report)
     elif places or sizes or mode is not None:
         message = (
-            "build_campaign(): places, sizes and mode say what a virtual campaign throws; "
+            "build_campaign(): places, sizes and mode apply to virtual campaigns; "
             "give its panel too, or leave them out"
         )
         raise FileError(message)
@@ -250,7 +250,7 @@ def dataset_of(campaign: Campaign | xr.Dataset) -> xr.Dataset:
 
 
 def checked_panel(panel: object, *, caller: str) -> LoadedPanel:
-    """Return a loaded panel, or say how to load what was given instead of one."""
+    """Return a loaded panel; raise with the remedy for anything else."""
     if isinstance(panel, LoadedPanel):
         return panel
     problem = f"panel = {panel!r}: takes a panel from load_panel(), such as load_panel('sb1')"

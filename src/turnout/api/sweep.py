@@ -1,4 +1,4 @@
-"""Studies of many throws: run, opened, looked at."""
+"""Run and open studies of many throws."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -87,7 +87,7 @@ class Sweep:
         )
 
     def __repr__(self) -> str:
-        """Name the study and say how far it is."""
+        """Return the study and its progress as text."""
         return f"<Sweep {self._title()}>"
 
     def _repr_html_(self) -> str:
@@ -118,7 +118,7 @@ def run_sweep(
 ) -> Sweep:
     """Throw every scenario of a study into a folder.
 
-    The same call goes on where one was ended, and makes anew what is damaged.
+    The same call continues an interrupted run and repeats damaged batches.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def cells_of(
 
 
 def _span(item: xr.DataArray) -> str:
-    """Say which values an input takes."""
+    """Return the range of an input as text."""
     values = item.to_numpy()
     if values.dtype.kind not in "fiu":
         return ", ".join(dict.fromkeys(map(str, values)))

@@ -91,7 +91,7 @@ class Validation:
         save_response(self.dataset, path)
 
     def __repr__(self) -> str:
-        """Say the verdict."""
+        """Return the verdict as text."""
         return f"<Validation {self.text}>"
 
     def _repr_html_(self) -> str:

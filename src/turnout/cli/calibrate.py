@@ -1,4 +1,4 @@
-"""The command `turnout calibrate`: a campaign's friction and drives, and how sure they are."""
+"""The command `turnout calibrate`: friction and drive values from a campaign, with uncertainty."""
 
 import sys
 import time
@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from turnout.cli.campaign import INTERRUPTED, OutsideOption, dataset_of
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     DEFAULT_PANEL,
+    FINDINGS,
+    QuietOption,
     SetOption,
     check_outputs,
     made_folder,
@@ -24,7 +27,6 @@ if TYPE_CHECKING:
     from turnout.calibration.result import Calibration
 
 SECONDS_BETWEEN_LINES = 2.0
-NOT_TRUSTED = 1
 
 
 def calibrate_command(
@@ -56,29 +58,32 @@ def calibrate_command(
     ] = 20,
     figures: Annotated[
         Path | None,
-        typer.Option("--figures", metavar="DIR", help="Draw what was swept, a figure a stage."),
+        typer.Option("--figures", metavar="DIR", help="Draw the misfit sweep of each stage."),
     ] = None,
     posterior: Annotated[
         bool,
-        typer.Option("--posterior", help="Sample what the data leave possible, with profiles."),
+        typer.Option("--posterior", help="Sample the posterior, with profile likelihoods."),
     ] = False,
     advise: Annotated[
         bool,
-        typer.Option("--advise", help="Say what is mistaken for what, and what to measure next."),
+        typer.Option(
+            "--advise", help="Print parameter correlations and the test that would separate them."
+        ),
     ] = False,
     strict: Annotated[
         bool,
-        typer.Option("--strict", help="Exit code 1 where the result is not to be trusted."),
+        typer.Option("--strict", help="Exit code 1 if the result is not trustworthy."),
     ] = False,
     allow_outside: OutsideOption = False,
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")] = False,
+    workers: Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Processes.")] = 2,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Fit friction, drive stiffness and slip levels to a measured campaign.
 
     First friction from movements without an object, then each drive from an object at it, then all
-    from at most 20 movements of every kind; the others are left for `turnout validate`. Throws are
-    kept beside the campaign: after Ctrl-C the same command goes on.
+    from at most 20 movements of every kind; `turnout validate` uses the others. Throws are
+    cached beside the campaign: after Ctrl-C run the same command to continue.
     """
     check_outputs({"--out": out}, {"--out": (".toml",)})
     if figures is not None:
@@ -100,33 +105,45 @@ def calibrate_command(
             workers=workers,
             posterior=posterior,
             advise=advise,
-            report=None if quiet else _Teller().tell,
+            report=None if quiet else _ProgressLog().report,
         )
     except KeyboardInterrupt:
-        typer.echo("turnout: interrupted; the throws are kept, the same command goes on", err=True)
+        typer.echo(
+            "turnout: interrupted; throws so far are cached, run the same command to continue",
+            err=True,
+        )
         raise typer.Exit(INTERRUPTED) from None
     outcome.calibration.save(out)
-    if not quiet:
+    if not quiet and not as_json:
         for line in result_lines(outcome.calibration):
             typer.echo(line)
-    if figures is not None:
-        _draw(outcome, figures)
+    drawn = _draw(outcome, figures, quiet=as_json) if figures is not None else []
+    if as_json:
+        from turnout.cli.json_records import calibration_record
+
+        record, units = calibration_record(outcome.calibration)
+        print_json("calibrate", record, units=units, written=[out, *drawn])
+    else:
+        _print_verdict(outcome.calibration, out, quiet=quiet)
+    if strict and outcome.calibration.distrust:
+        raise typer.Exit(FINDINGS)
+
+
+def _print_verdict(calibration: "Calibration", out: Path, *, quiet: bool) -> None:
     if not quiet:
         typer.echo(f"{'written':<12}{out}")
-    for line in verdict_lines(outcome.calibration):
-        if not quiet or outcome.calibration.distrust:
+    for line in verdict_lines(calibration):
+        if not quiet or calibration.distrust:
             typer.echo(line)
-    if strict and outcome.calibration.distrust:
-        raise typer.Exit(NOT_TRUSTED)
 
 
-class _Teller:
-    """Writes a line on stderr now and then."""
+class _ProgressLog:
+    """Calibration progress as lines on stderr."""
 
     def __init__(self) -> None:
         self._due = time.monotonic() + SECONDS_BETWEEN_LINES
 
-    def tell(self, state: "State") -> None:
+    def report(self, state: "State") -> None:
         """Show stage, throws, misfit and time, where a line is due."""
         now = time.monotonic()
         if now < self._due:
@@ -142,7 +159,7 @@ class _Teller:
 
 
 def result_lines(calibration: "Calibration") -> list[str]:
-    """Say what came out: values, how sure they are, and what to look at."""
+    """Return values with uncertainty, findings and warnings as lines."""
     lines = [f"{'panel':<12}{calibration.panel}", f"{'campaign':<12}{calibration.data}"]
     for stage in calibration.stages:
         text = f"{len(stage.movements)} movements, {stage.evaluations} throws, {stage.message}"
@@ -165,12 +182,14 @@ def result_lines(calibration: "Calibration") -> list[str]:
 
 
 def verdict_lines(calibration: "Calibration") -> list[str]:
-    """Say whether a calibration is to be trusted, and why not."""
+    """Return whether a calibration is trustworthy, with the reasons if not."""
     if not calibration.distrust:
-        return [f"{'verdict':<12}the model follows what was measured; `turnout validate` judges it"]
+        return [
+            f"{'verdict':<12}the model follows the measurement; check it with `turnout validate`"
+        ]
     return [
-        f"{'verdict':<12}NOT TO BE TRUSTED",
-        *(f"{'because':<12}{text}" for text in calibration.distrust),
+        f"{'verdict':<12}NOT TRUSTWORTHY",
+        *(f"{'reason':<12}{text}" for text in calibration.distrust),
     ]
 
 
@@ -180,19 +199,23 @@ def _posterior_lines(calibration: "Calibration") -> list[str]:
         return []
     lines = [
         f"{'posterior':<12}{found['method']}, {found['effective_samples']:.0f} effective samples; "
-        f"the emulator misses {found['emulator_points']} throws by {found['emulator_error']:.1g} "
-        "standard deviations"
+        f"emulator error {found['emulator_error']:.1g} standard deviations "
+        f"over {found['emulator_points']} throws"
     ]
     for name, (low, high) in zip(found["names"], found["interval_95"], strict=True):
         lines.append(f"{'':<12}{name}: 95 %: {low:.5g} ... {high:.5g}")
     return lines
 
 
-def _draw(outcome: "Outcome", folder: Path) -> None:
+def _draw(outcome: "Outcome", folder: Path, *, quiet: bool) -> list[Path]:
     from turnout.plot.calibration import plot_sweep
     from turnout.plot.style import rendered
 
+    written = []
     for number, item in enumerate(outcome.sweeps, 1):
         name = item.parameter.name.replace(".", "-")
         figure = plot_sweep(item.curves)
-        write_and_report(folder / f"sweep-{number}-{name}.png", rendered(figure, ".png"))
+        path = folder / f"sweep-{number}-{name}.png"
+        write_and_report(path, rendered(figure, ".png"), quiet=quiet)
+        written.append(path)
+    return written

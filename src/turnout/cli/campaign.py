@@ -5,9 +5,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     CalibrationOption,
     PanelOption,
+    QuietOption,
     SetOption,
     check_outputs,
     opened_panel,
@@ -41,7 +43,7 @@ ChannelsOption = Annotated[
     ),
 ]
 StrictOption = Annotated[
-    bool, typer.Option("--strict", help="A movement that must be excluded is an error.")
+    bool, typer.Option("--strict", help="Exit code 2 if a movement must be excluded.")
 ]
 OutsideOption = Annotated[
     bool,
@@ -49,38 +51,43 @@ OutsideOption = Annotated[
         "--allow-outside", help="Read files that lie outside DIR, or that a recording refers to."
     ),
 ]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")]
 
 
-@app.command("check")
+@app.command("check", short_help="Check a run sheet and the quality of every movement.")
 def check_command(
     folder: FolderArgument,
     channels: ChannelsOption = None,
     strict: StrictOption = False,
     allow_outside: OutsideOption = False,
+    as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Check a run sheet against its files, and the quality of every movement."""
     campaign = built_campaign(
         folder, channels, strict=strict, allow_outside=allow_outside, quiet=quiet
     )
-    if not quiet:
-        _tell(campaign, remarks=True)
+    if as_json:
+        from turnout.cli.json_records import campaign_record
+
+        print_json("campaign check", campaign_record(campaign))
+    elif not quiet:
+        _print_campaign(campaign, remarks=True)
 
 
-@app.command("build")
+@app.command("build", short_help="Build one dataset of all usable movements.")
 def build_command(
     folder: FolderArgument,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE.nc", help="Default campaign.nc in DIR."),
+        typer.Option("--out", "-o", metavar="FILE.nc", help="Default campaign.nc in DIR."),
     ] = None,
     channels: ChannelsOption = None,
     strict: StrictOption = False,
     allow_outside: OutsideOption = False,
+    as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Build one dataset of all usable movements; what was built before is taken up."""
+    """Build one dataset of all usable movements; unchanged recordings are not read again."""
     if out is not None:
         check_outputs({"--out": out}, {"--out": (".nc",)})
     from turnout.measurement.campaign.inside import refuse_to_leave
@@ -90,29 +97,39 @@ def build_command(
     campaign = built_campaign(
         folder, channels, strict=strict, allow_outside=allow_outside, quiet=quiet
     )
-    if not quiet:
-        _tell(campaign, remarks=False)
+    if not quiet and not as_json:
+        _print_campaign(campaign, remarks=False)
     from turnout.response.store import save_response
 
     save_response(usable_dataset(campaign, folder), target)
-    if not quiet:
+    if as_json:
+        from turnout.cli.json_records import campaign_record
+
+        print_json("campaign build", campaign_record(campaign), written=[target])
+    elif not quiet:
         typer.echo(f"{'written':<12}{target} ({round(target.stat().st_size / 1e6)} MB)")
 
 
-@app.command("plot")
+@app.command("plot", short_help="Draw channels by object size, or places against sizes.")
 def plot_command(
     source: Annotated[
         Path, typer.Argument(metavar="DIR", help="Folder of a campaign, or its dataset (.nc).")
     ],
     place: Annotated[
         str | None,
-        typer.Option("--place", help="Channels by size at a place; without it, the overview."),
+        typer.Option(
+            "--place",
+            metavar="PLACE",
+            help="Channels by size at a place; without it, the overview.",
+        ),
     ] = None,
-    direction: Annotated[str, typer.Option("--direction", help="closing or opening.")] = "closing",
+    direction: Annotated[
+        str, typer.Option("--direction", metavar="WAY", help="closing or opening.")
+    ] = "closing",
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="FILE", help="Figure (.png, .pdf, .svg); default campaign.png."
+            "--out", "-o", metavar="FILE", help="Figure (.png, .pdf, .svg); default campaign.png."
         ),
     ] = None,
     channels: ChannelsOption = None,
@@ -142,13 +159,15 @@ def plot_command(
         typer.echo(f"{'written':<12}{target}")
 
 
-@app.command("virtual")
+@app.command("virtual", short_help="Make a campaign of simulated throws.")
 def virtual_command(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to fill.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to fill.")],
     panel: PanelOption = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of all that is left to chance.")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", metavar="N", min=0, help="Seed of the random numbers.")
+    ] = 0,
     places: Annotated[
         list[str],
         typer.Option("--place", metavar="PLACE", help="Default all sleepers and drives. Repeat."),
@@ -158,10 +177,16 @@ def virtual_command(
         typer.Option("--size", metavar="SIZE", help="Default 5 ... 31 mm, until slip. Repeat."),
     ] = [],  # noqa: B006 - typer copies it
     repeats: Annotated[
-        int, typer.Option("--repeats", min=0, help="Throws without an object, each direction.")
+        int,
+        typer.Option(
+            "--repeats", metavar="N", min=0, help="Throws without an object, each direction."
+        ),
     ] = 5,
     formats: Annotated[
-        list[str], typer.Option("--format", help="csv, mat or h5, in turn by place. Repeat.")
+        list[str],
+        typer.Option(
+            "--format", metavar="FORMAT", help="csv, mat or h5, in turn by place. Repeat."
+        ),
     ] = ["csv", "mat"],  # noqa: B006 - typer copies it
     worn_clutch: Annotated[
         bool, typer.Option("--worn-clutch", help="Drive 2 slips above its level, and scatters.")
@@ -170,15 +195,25 @@ def virtual_command(
         bool, typer.Option("--soft-build-up", help="Drive 2 builds up softly after contact.")
     ] = False,
     finer: Annotated[
-        bool, typer.Option("--finer", help="Solve the truth more finely and otherwise.")
+        bool,
+        typer.Option(
+            "--finer", help="Compute the true responses with a finer, different discretisation."
+        ),
     ] = False,
     mistype: Annotated[
-        int, typer.Option("--mistype", min=0, help="Mistakes to make in the run sheet.")
+        int,
+        typer.Option(
+            "--mistype",
+            metavar="N",
+            min=0,
+            help="Number of typing errors to put into the run sheet.",
+        ),
     ] = 0,
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
+    workers: Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Processes.")] = 2,
+    as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Make a campaign of simulated throws as a data acquisition system would have recorded it."""
+    """Make a campaign of simulated throws in the formats of a data acquisition system."""
     from turnout.virtual.plan import virtual_plan
     from turnout.virtual.throw import finer_panel, finer_scheme
 
@@ -197,7 +232,7 @@ def virtual_command(
         soft_build_up=soft_build_up,
         scheme=finer_scheme() if finer else None,
     )
-    _make(loaded, out, plan, workers=workers, quiet=quiet)
+    _make(loaded, out, plan, workers=workers, as_json=as_json, quiet=quiet)
 
 
 def _place(text: str) -> str:
@@ -211,7 +246,9 @@ def _place(text: str) -> str:
         raise FileError(message) from None
 
 
-def _make(panel: "LoadedPanel", out: Path, plan: "Plan", *, workers: int, quiet: bool) -> None:
+def _make(
+    panel: "LoadedPanel", out: Path, plan: "Plan", *, workers: int, as_json: bool, quiet: bool
+) -> None:
     from turnout.cli.watch import Watch
     from turnout.response.compilation import must_compile
     from turnout.virtual.campaign import make_virtual_campaign
@@ -224,19 +261,30 @@ def _make(panel: "LoadedPanel", out: Path, plan: "Plan", *, workers: int, quiet:
             )
     except KeyboardInterrupt:
         typer.echo(
-            f"turnout: interrupted; what was thrown is kept in {out}, "
-            "the same command goes on from there",
+            f"turnout: interrupted; throws so far are in {out}, run the same command to continue",
             err=True,
         )
         raise typer.Exit(INTERRUPTED) from None
     for failure in made.failures:
         typer.echo(f"turnout: {failure}; its series ends there", err=True)
-    if not quiet:
-        slips = sum(item.slipped for item in made.thrown)
-        typer.echo(f"{'thrown':<12}{len(made.thrown)} movements, {slips} of them to slip")
+    slips = sum(item.slipped for item in made.thrown)
+    if as_json:
+        record = {
+            "panel": panel.name,
+            "panel_hash": panel.hash,
+            "movements": len(made.thrown),
+            "slips": slips,
+            "mistakes": made.mistakes,
+            "failures": made.failures,
+        }
+        print_json("campaign virtual", record, written=[out])
+    elif not quiet:
+        typer.echo(f"{'thrown':<12}{len(made.thrown)} movements, {slips} of them with slip")
         for mistake in made.mistakes:
             typer.echo(f"{'mistyped':<12}{mistake}")
-        typer.echo(f"{'written':<12}{out} (run sheet runs.csv, truth truth.nc; all synthetic)")
+        typer.echo(
+            f"{'written':<12}{out} (run sheet runs.csv, true values truth.nc; all synthetic)"
+        )
 
 
 def built_campaign(
@@ -262,7 +310,8 @@ def built_campaign(
             )
     except KeyboardInterrupt:
         typer.echo(
-            "turnout: interrupted; the movements read so far are kept, the same command goes on",
+            "turnout: interrupted; movements read so far are cached, "
+            "run the same command to continue",
             err=True,
         )
         raise typer.Exit(INTERRUPTED) from None
@@ -306,7 +355,7 @@ def dataset_of(
     )
     dataset = usable_dataset(campaign, source)
     for who, reasons in [] if quiet else excluded_movements(campaign):
-        typer.echo(f"turnout: left out {who}: {'; '.join(reasons)}", err=True)
+        typer.echo(f"turnout: excluded {who}: {'; '.join(reasons)}", err=True)
     return dataset
 
 
@@ -320,14 +369,14 @@ def usable_dataset(campaign: "Campaign", source: Path) -> "xr.Dataset":
     return campaign.dataset
 
 
-def _tell(campaign: "Campaign", *, remarks: bool) -> None:
-    """Say what is in a campaign, what is not and why, and what should be looked at."""
+def _print_campaign(campaign: "Campaign", *, remarks: bool) -> None:
+    """Print the movements, the excluded ones with reasons, and the remarks."""
     sheet = campaign.sheet
     usable = len(sheet.runs) - len(campaign.excluded)
     typer.echo(f"{'campaign':<12}{sheet.title}{' (synthetic)' if sheet.synthetic else ''}")
     typer.echo(f"{'movements':<12}{len(sheet.runs)} in the sheet, {usable} usable")
     if campaign.reused:
-        typer.echo(f"{'':<12}{campaign.reused} had been cut before")
+        typer.echo(f"{'':<12}{campaign.reused} taken from the cache")
     for who, reasons in excluded_movements(campaign):
         for number, reason in enumerate(reasons):
             typer.echo(f"{'excluded' if number == 0 else '':<12}{who}: {reason}")

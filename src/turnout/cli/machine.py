@@ -5,13 +5,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from turnout.cli.options import check_outputs
+from turnout.cli.json_output import JsonOption, print_json
+from turnout.cli.options import check_outputs, first_sentence
 
 if TYPE_CHECKING:
     from turnout.machine.load import LoadedMachines
     from turnout.machine.throw import MachineThrow
 
 NOT_CONVERGED = 3
+THROW_UNITS = {
+    **{"time": "s", "energised_time": "s", "current_peak": "A", "current_peak_time": "s"},
+    **{"rod_force_max": "N", "rod_force_end": "N", "rod_position_end": "m"},
+    **{"rail_position_end": "m", "clutch_slip": "rad", "energies": "J"},
+}
 
 app = typer.Typer(
     help="Point machines: list, show, run one on a one-mass rail.",
@@ -34,26 +40,30 @@ MachineSetOption = Annotated[
 
 
 @app.command("list")
-def list_command() -> None:
-    """List the machines that come with the program."""
+def list_command(as_json: JsonOption = False) -> None:
+    """List the library machines."""
     from turnout.machine.load import load_machines, machine_names
 
-    names = machine_names()
-    width = max(len(name) for name in names) + 2
-    for name in names:
-        first = " ".join(load_machines(name).description.split()).split(". ")[0].rstrip(".")
-        typer.echo(f"{name:<{width}}{first}")
+    found = {name: first_sentence(load_machines(name).description) for name in machine_names()}
+    if as_json:
+        rows = [{"name": name, "description": text} for name, text in found.items()]
+        print_json("machine list", {"machines": rows})
+        return
+    width = max(map(len, found)) + 2
+    for name, text in found.items():
+        typer.echo(f"{name:<{width}}{text}")
 
 
-@app.command("show")
+@app.command("show", short_help="Show every value with its origin, and operating points.")
 def show_command(
     machine: MachineArgument,
     settings: MachineSetOption = [],  # noqa: B006 - typer copies it
     toml: Annotated[
-        bool, typer.Option("--toml", help="The text of a library machine, to start a file from.")
+        bool, typer.Option("--toml", help="Print the file of a library machine, as a template.")
     ] = False,
+    as_json: JsonOption = False,
 ) -> None:
-    """Show every value of a machine with where it comes from, and its steady points."""
+    """Show every value of a machine with its origin, and its steady operating points."""
     from turnout.machine.load import load_machines, machine_text
 
     if toml:
@@ -62,20 +72,24 @@ def show_command(
     loaded = load_machines(machine)
     if settings:
         loaded = loaded.with_settings(settings)
+    if as_json:
+        print_json("machine show", machine_record(loaded))
+        return
     for line in machine_lines(loaded):
         typer.echo(line)
 
 
-@app.command("run")
+@app.command("run", short_help="Simulate a machine throwing a one-mass rail.")
 def run_command(
     machine: MachineArgument,
     settings: MachineSetOption = [],  # noqa: B006 - typer copies it
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE.nc", help="Write the histories (netCDF).")
+        Path | None,
+        typer.Option("--out", "-o", metavar="FILE.nc", help="Write the histories (netCDF)."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
-    """Throw a one-mass rail by a machine: current, force, events, energy."""
+    """Simulate a machine throwing a one-mass rail: current, force, events, energy."""
     check_outputs({"--out": out}, {"--out": (".nc",)})
     from turnout.machine.compute.throw import throw as kernel
     from turnout.machine.load import load_machines
@@ -94,9 +108,8 @@ def run_command(
 
         save_response(machine_dataset(throw), out)
     if as_json:
-        import json
-
-        typer.echo(json.dumps(throw_summary(throw), indent=2))
+        written = [out] if out is not None else []
+        print_json("machine run", throw_summary(throw), units=THROW_UNITS, written=written)
     else:
         for line in throw_lines(throw):
             typer.echo(line)
@@ -104,6 +117,19 @@ def run_command(
             typer.echo(f"{out}: written")
     if not throw.is_balanced:
         raise typer.Exit(NOT_CONVERGED)
+
+
+def machine_record(loaded: "LoadedMachines") -> dict[str, Any]:
+    """Return every value of a machine with its unit and origin."""
+    values = loaded.model_dump(exclude={"schema_version", "name", "description"})
+    rows = []
+    for key, value in _leaves("", values):
+        if value is None or value == "":
+            continue
+        origin = loaded.origin_of(key)
+        source = f"{origin.kind}: {origin.text}" if origin else "default"
+        rows.append({"key": key, "value": value, "unit": loaded.unit_of(key), "origin": source})
+    return {"name": loaded.name, "description": loaded.description, "values": rows}
 
 
 def machine_lines(loaded: "LoadedMachines") -> list[str]:

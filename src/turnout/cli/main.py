@@ -1,9 +1,12 @@
-"""The program `turnout`: commands, and what becomes of errors."""
+"""The program `turnout`: its commands and its exit codes."""
 
+import os
+import re
 import sys
 from typing import Annotated
 
 import typer
+from typer.core import TyperCommand
 
 from turnout.cli import (
     calibrate,
@@ -25,20 +28,50 @@ app = typer.Typer(
     name="turnout",
     help="Simulate how a railway switch is thrown, with or without a trapped foreign object.",
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-app.command("simulate")(simulate.simulate_command)
-app.command("import")(recording.import_command)
-app.command("report")(report.report_command)
-app.command("calibrate")(calibrate.calibrate_command)
-app.command("validate")(validate.validate_command)
-app.command("studio")(studio.studio_command)
-app.add_typer(panel.app, name="panel")
-app.add_typer(machine.app, name="machine")
-app.add_typer(campaign.app, name="campaign")
-app.add_typer(sweep.app, name="sweep")
+app.command("simulate", short_help="Simulate a throw, with or without trapped objects.")(
+    simulate.simulate_command
+)
+app.command("import", short_help="Read a measurement, or convert it to forces and currents.")(
+    recording.import_command
+)
+app.command("report", short_help="Write an HTML report about a result.")(report.report_command)
+app.command("calibrate", short_help="Fit friction and drives to a measured campaign.")(
+    calibrate.calibrate_command
+)
+app.command("validate", short_help="Predict a campaign and judge the errors.")(
+    validate.validate_command
+)
+app.command("studio", short_help="Open an interactive page that runs locally.")(
+    studio.studio_command
+)
+app.add_typer(
+    panel.app, name="panel", short_help="Switch panels: list, show, check, sections, modes, export."
+)
+app.add_typer(machine.app, name="machine", short_help="Point machines: list, show, run.")
+app.add_typer(
+    campaign.app, name="campaign", short_help="Measured movements: check, build, plot, virtual."
+)
+app.add_typer(
+    sweep.app, name="sweep", short_help="Studies of many throws: plan, run, map, effects, export."
+)
+# The type that typer writes behind the name of an argument.
+_ARGUMENT_TYPE = re.compile(r"(?<=[A-Z]) <[a-z\[\] ]+>")
+
+
+class _Command(TyperCommand):
+    """A command whose help names its arguments without their Python types."""
+
+    def get_help(self, ctx: typer.Context) -> str:  # type: ignore[override]
+        return _ARGUMENT_TYPE.sub("", super().get_help(ctx))
+
+
+for _group in (app, panel.app, machine.app, campaign.app, sweep.app):
+    for _info in _group.registered_commands:
+        _info.cls = _Command
 
 
 def _show_version(wanted: bool) -> None:
@@ -51,6 +84,7 @@ def _show_version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
+    context: typer.Context,
     _version: Annotated[
         bool,
         typer.Option(
@@ -59,14 +93,18 @@ def _options(
     ] = False,
 ) -> None:
     """Simulate how a railway switch is thrown, with or without a trapped foreign object."""
+    if os.environ.get("NO_COLOR"):
+        context.color = False
 
 
 def main() -> None:
     """Run the program; every error of its own becomes one message and exit code 2."""
+    colour = False if os.environ.get("NO_COLOR") else None  # None: if it is a terminal
+    name = typer.style("turnout:", fg=typer.colors.RED, bold=True)
     try:
         app()
     except TurnoutError as error:
-        typer.echo(f"turnout: {error}", err=True)
+        typer.echo(f"{name} {error}", err=True, color=colour)
         sys.exit(BAD_INPUT)
     except KeyboardInterrupt:
         typer.echo("turnout: interrupted", err=True)

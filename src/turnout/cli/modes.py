@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     FIGURES,
     CalibrationOption,
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
 
     from turnout.panel.load import LoadedPanel
 
-HEADING = f"{'':>4}{'Hz':>9}{'damping':>10}{'lateral':>9}{'vertical':>9}{'torsion':>9}   moves most"
+HEADING = (
+    f"{'':>4}{'Hz':>9}{'damping':>10}{'lateral':>9}{'vertical':>9}{'torsion':>9}   largest motion"
+)
 FACTORS = (1.0, 1.25)
 
 
@@ -30,10 +33,14 @@ def modes_command(
     panel: PanelArgument = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
-    count: Annotated[int, typer.Option("--count", min=1, help="Modes of each system.")] = 6,
+    count: Annotated[
+        int, typer.Option("--count", metavar="N", min=1, help="Modes of each system.")
+    ] = 6,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE.nc", help="Write frequencies and shapes (netCDF)."),
+        typer.Option(
+            "--out", "-o", metavar="FILE.nc", help="Write frequencies and shapes (netCDF)."
+        ),
     ] = None,
     plot: Annotated[
         Path | None,
@@ -51,13 +58,14 @@ def modes_command(
     ] = None,
     reduction: Annotated[
         bool,
-        typer.Option("--reduction", help="Also show what the reduction of each rail costs."),
+        typer.Option("--reduction", help="Also show the error of the reduction of each rail."),
     ] = False,
+    as_json: JsonOption = False,
 ) -> None:
-    """Show frequencies and shapes of rails and panel, and whether friction makes them flutter."""
+    """Show natural frequencies and modes of rails and panel, and their flutter stability."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     if system is not None and plot is None:
-        message = f"--system {system}: says what the figure shows; name one with --plot"
+        message = f"--system {system}: selects the modes of the figure; name its file with --plot"
         raise FileError(message)
     loaded = opened_panel(panel, settings, calibration)
 
@@ -70,22 +78,32 @@ def modes_command(
         from turnout.plot.style import rendered
 
         figure = rendered(plot_modes(dataset, system=system), plot.suffix)
-    for line in mode_lines(dataset):
-        typer.echo(line)
-    for line in stability_lines(loaded):
-        typer.echo(line)
-    if reduction:
-        from turnout.analysis.modes import reduction_texts
-
-        for name, text in reduction_texts(loaded).items():
-            typer.echo(f"\nreduction of rail {name}\n{text}")
+    if not as_json:
+        _print_modes(loaded, dataset, reduction=reduction)
     if out is not None:
         from turnout.response.store import save_response
 
         save_response(dataset, out)
-        typer.echo(f"{out}: written")
+        if not as_json:
+            typer.echo(f"{out}: written")
     if plot is not None:
-        write_and_report(plot, figure)
+        write_and_report(plot, figure, quiet=as_json)
+    if as_json:
+        from turnout.cli.json_records import MODE_UNITS, mode_record
+
+        record = mode_record(dataset, loaded, FACTORS)
+        written = [path for path in (out, plot) if path is not None]
+        print_json("panel modes", record, units=MODE_UNITS, written=written)
+
+
+def _print_modes(panel: "LoadedPanel", dataset: "xr.Dataset", *, reduction: bool) -> None:
+    for line in (*mode_lines(dataset), *stability_lines(panel)):
+        typer.echo(line)
+    if reduction:
+        from turnout.analysis.modes import reduction_texts
+
+        for name, text in reduction_texts(panel).items():
+            typer.echo(f"\nreduction of rail {name}\n{text}")
 
 
 def mode_lines(dataset: "xr.Dataset") -> Iterator[str]:
@@ -112,7 +130,7 @@ def mode_lines(dataset: "xr.Dataset") -> Iterator[str]:
 
 
 def stability_lines(panel: "LoadedPanel") -> Iterator[str]:
-    """Yield what friction does while the rails slide, at its value and a quarter above."""
+    """Yield the stability of steady sliding, at the panel's friction and at 1.25 times it."""
     from turnout.analysis.stability import friction_stability
 
     if not panel.movement or not panel.chair:
@@ -121,4 +139,4 @@ def stability_lines(panel: "LoadedPanel") -> Iterator[str]:
         found = friction_stability(panel, friction_factor=factor)
         yield f"{'stable' if found.stable else 'warning'}: {found}"
     cutoff = panel.discretisation.superelement_cutoff
-    yield f"flutter near or above the cut-off of {cutoff:g} Hz would not be seen"
+    yield f"flutter near or above the cut-off of {cutoff:g} Hz cannot be seen"

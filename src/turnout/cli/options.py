@@ -1,6 +1,6 @@
 """Options that several commands share, and output paths checked before a long run.
 
-Output paths, looked at before a long run so that nothing is lost after it. The exit code that a
+Output paths are checked before a long run, so that no result is lost. The exit code that a
 throw ends a command with. Options that several commands share, and numbers with units from the
 command line.
 """
@@ -62,7 +62,7 @@ def _problem(path: Path, suffixes: Sequence[str]) -> str | None:
     if path.suffix.lower() not in suffixes:
         allowed = " or ".join(suffixes)
         return f"the name must end in {allowed}"
-    # A link is written through, so it is the folder of its target that counts.
+    # A link is written through, so check the folder of its target.
     folder = Path(os.path.realpath(path)).parent if path.is_symlink() else path.parent
     if not folder.exists():
         return f"there is no folder {folder}; create it first"
@@ -84,14 +84,15 @@ def _refused(folder: Path) -> str | None:
         return f"no file can be made in {folder} ({error.strerror}); choose another folder"
 
 
-def write_and_report(path: Path, content: str | bytes) -> None:
-    """Write a file, completely or not at all, and say so."""
+def write_and_report(path: Path, content: str | bytes, *, quiet: bool = False) -> None:
+    """Write a file, completely or not at all, and print its name unless quiet."""
     import typer
 
     from turnout.core.atomic import write_atomic
 
     write_atomic(path, content)
-    typer.echo(f"{path}: written")
+    if not quiet:
+        typer.echo(f"{path}: written")
 
 
 def print_schema(schema: dict[str, Any], out: Path | None) -> None:
@@ -123,8 +124,8 @@ def made_folder(option: str, folder: Path) -> Path:
     return folder
 
 
-INCOMPLETE, INTERRUPTED = 3, 130
-"""Exit codes where a throw did not converge or is inaccurate, and where it was interrupted."""
+FINDINGS, INCOMPLETE, INTERRUPTED = 1, 3, 130
+"""Exit codes: findings with --strict, no convergence or an inaccurate throw, interrupted."""
 
 
 def end_code(dataset: "xr.Dataset") -> int:
@@ -171,16 +172,28 @@ CalibrationOption = Annotated[
     typer.Option(
         "--calibration",
         metavar="FILE",
-        help="Values from `turnout calibrate`; what is set besides goes on top of them.",
+        help="Values from `turnout calibrate`; --set overrides them.",
     ),
 ]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")]
 DatasetOption = Annotated[
-    Path | None, typer.Option("--out", metavar="FILE.nc", help="Write the dataset (netCDF).")
+    Path | None, typer.Option("--out", "-o", metavar="FILE.nc", help="Write the dataset (netCDF).")
 ]
 FigureOption = Annotated[
     Path | None,
     typer.Option("--plot", metavar="FILE", help="Write a figure (.png, .pdf or .svg)."),
 ]
+
+
+def first_sentence(text: str) -> str:
+    """Return the first sentence of a description, without its full stop.
+
+    Examples
+    --------
+    >>> first_sentence("A switch. From a paper.")
+    'A switch'
+    """
+    return " ".join(text.split()).split(". ")[0].rstrip(".")
 
 
 def opened_panel(
@@ -195,8 +208,8 @@ def opened_panel(
     settings : list of str
         As KEY=VALUE.
     calibration : Path, optional
-        From `turnout calibrate`. That it is of another panel is said on stderr; that the panel
-        lacks what was calibrated is an error.
+        From `turnout calibrate`. If it is of another panel, a note goes to stderr; if the panel
+        lacks a calibrated key, that is an error.
     """
     from turnout.panel.load import load_panel
 
@@ -216,7 +229,7 @@ def opened_panel(
 
 
 def calibrated_panel(calibration: "Calibration", source: Path) -> "LoadedPanel":
-    """Load the panel that was calibrated, which is at hand only where it is of the library."""
+    """Load the calibrated panel, which must be a library panel."""
     from turnout.panel.load import library_names, load_panel
 
     if calibration.panel not in library_names():

@@ -1,49 +1,52 @@
 """The commands `turnout panel ...`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.modes import modes_command
 from turnout.cli.options import (
     FIGURES,
+    FINDINGS,
     CalibrationOption,
     PanelArgument,
     SetOption,
     check_outputs,
     end_code,
+    first_sentence,
     opened_panel,
     print_schema,
     write_and_report,
 )
 
-if TYPE_CHECKING:
-    pass
-
-BAD_INPUT = 2
-
 app = typer.Typer(
-    help="Look at switch panels: list, show, check, sections, modes, export, schema.",
+    help="Switch panels: list, show, check, sections, modes, export, schema.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-app.command("modes")(modes_command)
+app.command("modes", short_help="Show natural frequencies, modes and flutter stability.")(
+    modes_command
+)
 
 
 @app.command("list")
-def list_command() -> None:
-    """List the panels that come with the program."""
+def list_command(as_json: JsonOption = False) -> None:
+    """List the library panels."""
     from turnout.panel.load import library_names, load_panel
 
-    names = library_names()
-    width = max(len(name) for name in names) + 2
-    for name in names:
-        first = " ".join(load_panel(name).description.split()).split(". ")[0].rstrip(".")
-        typer.echo(f"{name:<{width}}{first}")
+    found = {name: first_sentence(load_panel(name).description) for name in library_names()}
+    if as_json:
+        rows = [{"name": name, "description": text} for name, text in found.items()]
+        print_json("panel list", {"panels": rows})
+        return
+    width = max(map(len, found)) + 2
+    for name, text in found.items():
+        typer.echo(f"{name:<{width}}{text}")
 
 
-@app.command("show")
+@app.command("show", short_help="Show plan, gaps, margins, test piece and assumptions.")
 def show_command(
     panel: PanelArgument = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
@@ -54,60 +57,75 @@ def show_command(
     ] = None,
     throw: Annotated[
         bool,
-        typer.Option("--throw", help="Throw it, for gaps, force margins and the test piece."),
+        typer.Option("--throw", help="Simulate throws for gaps, force margins and the test piece."),
     ] = False,
     values: Annotated[
-        bool, typer.Option("--values", help="List every value with where it comes from.")
+        bool, typer.Option("--values", help="List every value with its origin.")
     ] = False,
+    as_json: JsonOption = False,
 ) -> None:
-    """Show a panel: plan, closed gap, force margins, test piece, and what is assumed."""
+    """Show a panel: plan, closed gap, force margins, test piece, assumptions."""
     check_outputs({"--plot": plot}, {"--plot": FIGURES})
     from turnout.cli.show import panel_lines, thrown
 
     opened = opened_panel(panel, settings, calibration)
     found = thrown(opened) if throw else None
-    for line in panel_lines(opened, thrown=found, values=values):
-        typer.echo(line)
+    if not as_json:
+        for line in panel_lines(opened, thrown=found, values=values):
+            typer.echo(line)
     if plot is not None:
         from turnout.plot.plan import plot_plan
         from turnout.plot.style import rendered
 
         figure = plot_plan(opened, dataset=found.dataset if found else None)
-        write_and_report(plot, rendered(figure, plot.suffix))
+        write_and_report(plot, rendered(figure, plot.suffix), quiet=as_json)
+    if as_json:
+        from turnout.cli.json_records import PANEL_UNITS, panel_record
+
+        written = [plot] if plot is not None else []
+        record = panel_record(opened, found)
+        print_json("panel show", record, units=PANEL_UNITS, written=written)
     if found and (code := end_code(found.dataset)):
         raise typer.Exit(code)
 
 
-@app.command("check")
+@app.command("check", short_help="Check a panel file, and warn about small margins.")
 def check_command(
     file: Annotated[str, typer.Argument(metavar="FILE", help="Panel file (.toml).")],
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
     throw: Annotated[
         bool,
-        typer.Option(help="Throw it as well, and warn of what a switch should not do."),
+        typer.Option(help="Also simulate a throw and warn about small margins."),
     ] = True,
     strict: Annotated[
-        bool, typer.Option("--strict", help="End with exit code 2 where there are warnings.")
+        bool, typer.Option("--strict", help="Exit code 1 if there are warnings.")
     ] = False,
+    as_json: JsonOption = False,
 ) -> None:
-    """Check a panel file: all that is wrong with it; then throw it, and warn of what comes near.
+    """Check a panel file, report all errors, then simulate a throw and warn about small margins.
 
-    Ends with exit code 3 where its throw does not converge or is inaccurate.
+    Exit code 3 if the throw does not converge or is inaccurate.
     """
     panel = opened_panel(file, settings, calibration)
-    typer.echo(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
+    if not as_json:
+        typer.echo(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
     from turnout.analysis.panel_check import concern_lines, panel_concerns, unusual_concerns
     from turnout.cli.show import thrown_alone
 
     dataset = thrown_alone(panel) if throw else None
     found = unusual_concerns(panel) if dataset is None else panel_concerns(panel, dataset)
-    for line in concern_lines(panel, found) if throw or found else ():
-        typer.echo(line)
+    if as_json:
+        from turnout.cli.json_records import check_record
+
+        print_json("panel check", check_record(file, panel, found, dataset))
+    else:
+        for line in concern_lines(panel, found) if throw or found else ():
+            typer.echo(line)
     if dataset is not None and (code := end_code(dataset)):
         raise typer.Exit(code)
     if found and strict:
-        raise typer.Exit(BAD_INPUT)
+        raise typer.Exit(FINDINGS)
 
 
 @app.command("sections")
@@ -119,34 +137,43 @@ def sections_command(
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Draw them (.png, .pdf or .svg)."),
     ] = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Show the cross-sections along each rail."""
     check_outputs({"--plot": plot}, {"--plot": FIGURES})
-    from turnout.cli.sections import section_lines
+    from turnout.cli.sections import section_lines, section_record
 
     opened = opened_panel(panel, settings, calibration)
-    for line in section_lines(opened):
-        typer.echo(line)
+    if not as_json:
+        for line in section_lines(opened):
+            typer.echo(line)
     if plot is not None:
         from turnout.cli.sections import section_figure
         from turnout.plot.style import rendered
 
         figure = section_figure(opened, opened.instrumented_rail)
-        write_and_report(plot, rendered(figure, plot.suffix))
+        write_and_report(plot, rendered(figure, plot.suffix), quiet=as_json)
+    if as_json:
+        record, units = section_record(opened)
+        written = [plot] if plot is not None else []
+        print_json("panel sections", record, units=units, written=written)
 
 
-@app.command("export")
+@app.command("export", short_help="Write the matrices of every rail (.mat).")
 def export_command(
     panel: Annotated[
         str, typer.Argument(metavar="PANEL", help="Library panel, or path of a panel file (.toml).")
     ],
     out: Annotated[
-        Path, typer.Option("--out", metavar="FOLDER", help="Where the files go; made if need be.")
+        Path,
+        typer.Option(
+            "--out", "-o", metavar="FOLDER", help="Folder for the files; created if missing."
+        ),
     ],
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
 ) -> None:
-    """Write the matrices of every rail, whole and reduced, for other programs (.mat)."""
+    """Write the full and reduced matrices of every rail for other programs (.mat)."""
     from turnout.analysis.export import export_matrices
     from turnout.cli.options import made_folder
 
@@ -159,10 +186,10 @@ def export_command(
 @app.command("schema")
 def schema_command(
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE.json", help="Write it to a file.")
+        Path | None, typer.Option("--out", "-o", metavar="FILE.json", help="Write it to a file.")
     ] = None,
 ) -> None:
-    """Give the JSON schema of panel files, for editors."""
+    """Print the JSON schema of panel files, for editors."""
     check_outputs({"--out": out}, {"--out": (".json",)})
 
     from turnout.panel.schema import panel_schema

@@ -1,4 +1,4 @@
-"""The command `turnout import`: what is in a recording, and forces and currents made of it."""
+"""The command `turnout import`: list the channels of a recording, or convert them."""
 
 import math
 from collections.abc import Iterator
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import DatasetOption, FigureOption, check_outputs
 
 if TYPE_CHECKING:
@@ -50,13 +51,14 @@ def import_command(
         typer.Option(
             "--smooth",
             metavar="TIME",
-            help="Centred moving average, such as 0.1s; the unfiltered channels stay beside.",
+            help="Centred moving average, such as 0.1s; unfiltered channels are kept as well.",
         ),
     ] = None,
     allow_outside: Annotated[
         bool,
-        typer.Option("--allow-outside", help="Read other files that FILE takes its samples from."),
+        typer.Option("--allow-outside", help="Also read other files that FILE refers to."),
     ] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Read a measurement: list and preview it, or turn it into forces and currents."""
     check_outputs(
@@ -75,15 +77,15 @@ def import_command(
     kind = format_of(file).name
     recording = read_recording(file, allow_outside=allow_outside)
     if channel_map is None:
-        _list(recording, kind, plot=plot, suggest=suggest)
+        _list(recording, kind, plot=plot, suggest=suggest, as_json=as_json)
     else:
-        _convert(recording, channel_map, window, out=out, plot=plot)
+        _convert(recording, channel_map, window, out=out, plot=plot, as_json=as_json)
 
 
 def _checked(
     channels: str | None, *, out: Path | None, suggest: Path | None, smooth: str | None
 ) -> float | None:
-    """Refuse options that do not go together, all at once; return the window [s]."""
+    """Refuse conflicting options, all at once; return the filter window [s]."""
     from turnout.core.units import TIME, parse_quantity
     from turnout.errors import FileError
 
@@ -91,7 +93,7 @@ def _checked(
     if channels is None:
         given = {"--out": out, "--smooth": smooth}
         problems += [
-            f"{option}: needs --channels MAP, which says what the columns are"
+            f"{option}: needs --channels MAP, which assigns the columns"
             for option, value in given.items()
             if value is not None
         ]
@@ -110,10 +112,17 @@ def _checked(
     return window
 
 
-def _list(recording: "Recording", kind: str, *, plot: Path | None, suggest: Path | None) -> None:
+def _list(
+    recording: "Recording",
+    kind: str,
+    *,
+    plot: Path | None,
+    suggest: Path | None,
+    as_json: bool,
+) -> None:
     from turnout.measurement.chain.skeleton import skeleton
 
-    for line in listing(recording, kind):
+    for line in () if as_json else listing(recording, kind):
         typer.echo(line)
     if plot is not None:
         from turnout.core.atomic import write_atomic
@@ -123,12 +132,19 @@ def _list(recording: "Recording", kind: str, *, plot: Path | None, suggest: Path
         traces = [Trace(c.name, c.unit, c.time, c.values) for c in recording.channels.values()]
         title = Path(recording.source).name
         write_atomic(plot, rendered(plot_columns(traces, title=title), plot.suffix))
-        _written(plot)
+        _written(plot, as_json=as_json)
     if suggest is not None:
         from turnout.core.atomic import write_atomic
 
         write_atomic(suggest, skeleton(recording))
-        _written(suggest)
+        _written(suggest, as_json=as_json)
+    if as_json:
+        from turnout.cli.json_records import CHANNEL_UNITS, recording_record
+
+        record = recording_record(recording, kind, steps=STEPS)
+        written = [path for path in (plot, suggest) if path is not None]
+        print_json("import", record, units=CHANNEL_UNITS, written=written)
+    elif suggest is not None:
         typer.echo(f"next: edit it, then: turnout import FILE --channels {suggest} --out FILE.nc")
     else:
         typer.echo("\nA channel map to start from (--suggest FILE.toml writes it):\n")
@@ -136,7 +152,7 @@ def _list(recording: "Recording", kind: str, *, plot: Path | None, suggest: Path
 
 
 def listing(recording: "Recording", kind: str) -> Iterator[str]:
-    """Yield what is in a recording: a row a channel, its course, and what could not be read."""
+    """Yield a row for each channel with its course, then what could not be read."""
     from turnout.measurement.recording import overview
 
     started = f", started {recording.start_time}" if recording.start_time else ""
@@ -167,20 +183,21 @@ def _convert(
     *,
     out: Path | None,
     plot: Path | None,
+    as_json: bool,
 ) -> None:
-    from turnout.measurement.chain.apply import apply_chain
+    from turnout.measurement.chain.apply import apply_chain, channel_rows
     from turnout.measurement.chain.condition import condition
 
     dataset = apply_chain(recording, channel_map)
     if window is not None:
         dataset = condition(dataset, window=window)
-    for line in summary(dataset, channel_map):
+    for line in () if as_json else summary(dataset, channel_map):
         typer.echo(line)
     if out is not None:
         from turnout.response.store import save_response
 
         save_response(dataset, out)
-        _written(out)
+        _written(out, as_json=as_json)
     if plot is not None:
         from turnout.core.atomic import write_atomic
         from turnout.plot.recording import plot_measured
@@ -188,11 +205,17 @@ def _convert(
 
         title = Path(recording.source).name
         write_atomic(plot, rendered(plot_measured(dataset, title=title), plot.suffix))
-        _written(plot)
+        _written(plot, as_json=as_json)
+    if as_json:
+        from turnout.cli.json_records import CHANNEL_UNITS, quantity_record
+
+        record = quantity_record(dataset, list(channel_rows(dataset, channel_map)))
+        written = [path for path in (out, plot) if path is not None]
+        print_json("import", record, units={**CHANNEL_UNITS, "end": "s"}, written=written)
 
 
 def summary(dataset: "xr.Dataset", channel_map: "ChannelMap") -> Iterator[str]:
-    """Yield what was made of a recording: a row a quantity with its sensor, and what was mended."""
+    """Yield a row for each quantity with its sensor, then the repairs made."""
     from turnout.measurement.chain.apply import channel_rows
 
     rate = 1.0 / float(dataset["time"][1] - dataset["time"][0])
@@ -216,7 +239,9 @@ def _problems(problems: tuple[str, ...]) -> Iterator[str]:
             yield _plain(f"  - {problem}")
 
 
-def _written(path: Path) -> None:
+def _written(path: Path, *, as_json: bool) -> None:
+    if as_json:
+        return
     typer.echo(f"written {path} ({math.ceil(path.stat().st_size / 1000)} kB)")
 
 

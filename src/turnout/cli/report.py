@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from turnout.cli.campaign import ChannelsOption, built_campaign, excluded_movements, usable_dataset
-from turnout.cli.options import check_outputs, made_folder, opened_panel, write_and_report
+from turnout.cli.options import (
+    QuietOption,
+    check_outputs,
+    made_folder,
+    opened_panel,
+    write_and_report,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,12 +44,16 @@ def report_command(
     ] = None,
     panel: Annotated[
         str | None,
-        typer.Option("--panel", metavar="PANEL", help="Panel file of a run, for its origins."),
+        typer.Option(
+            "--panel",
+            metavar="PANEL",
+            help="Panel file of a run, to list the origin of each value.",
+        ),
     ] = None,
     channels: ChannelsOption = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
-    """Write a self-contained page about a result: open it in any browser, offline."""
+    """Write a self-contained HTML report about a result; it opens offline in any browser."""
     check_outputs({"--out": out}, {"--out": (".html",)})
     folder = made_folder("--figures", figures) if figures is not None else None
     if source.suffix.lower() == ".toml" and not source.is_dir():
@@ -79,7 +89,7 @@ def _pictures(page: "Page") -> dict[str, bytes]:
 
 
 def _sweep_page(source: Path, *, drawn: bool) -> "tuple[Page, Mapping[str, bytes]]":
-    """Return the page of a sweep's folder, with what decides where the throws tell it."""
+    """Return the page of a sweep's folder, with sensitivities where the sampling allows them."""
     from turnout.errors import ResponseError
     from turnout.report.sweep import sweep_figures, sweep_page
     from turnout.sweep.effects import sweep_effects
@@ -87,9 +97,9 @@ def _sweep_page(source: Path, *, drawn: bool) -> "tuple[Page, Mapping[str, bytes
 
     labels = read_labels(source)
     try:
-        # A sweep that does not say how it was drawn tells no shares.
+        # Without its design a sweep has no sensitivity indices.
         decided = sweep_effects(labels) if "design" in labels.attrs else []
-    except ResponseError:  # nothing was varied, or no force was kept
+    except ResponseError:  # no input varies, or no force was stored
         decided = []
     page = sweep_page(labels, decided=decided, suffixes=FORMS if drawn else FORMS[:1])
     return page, sweep_figures(labels, suffixes=FORMS) if drawn else {}
@@ -98,7 +108,7 @@ def _sweep_page(source: Path, *, drawn: bool) -> "tuple[Page, Mapping[str, bytes
 def _folder_page(
     source: Path, channels: str | None, *, drawn: bool, quiet: bool
 ) -> "tuple[Page, Mapping[str, bytes]]":
-    """Return the page of a campaign's folder, with what was left out of it and why."""
+    """Return the page of a campaign's folder, with exclusions and reasons."""
     from turnout.report.campaign import campaign_figures, campaign_page
 
     campaign = built_campaign(source, channels, strict=False, quiet=quiet)
@@ -115,7 +125,7 @@ def _folder_page(
 def _calibration_page(
     source: Path, panel: str | None, *, drawn: bool
 ) -> "tuple[Page, Mapping[str, bytes]]":
-    """Return the page of a calibration, with the inputs of its panel where that is at hand."""
+    """Return the page of a calibration, with the inputs of its panel if that can be loaded."""
     from turnout.calibration.result import load_calibration
     from turnout.errors import FileError, PanelError
     from turnout.panel.load import load_panel

@@ -52,7 +52,7 @@ def _outlines(panel: "LoadedPanel", rail: str) -> Any:
     figure = plot_section_outlines(
         [outline for outline, _ in pairs],
         titles=_titles(panel, rail),
-        # Outlines count y away from the stock rail, columns towards it.
+        # In outlines y is positive away from the stock rail, in columns towards it.
         properties=in_panel_axes(station_columns(panel, section), side=-1.0),
         behind=beside if len(beside) == len(pairs) else (),
     )
@@ -97,6 +97,9 @@ COLUMNS: dict[str, tuple[str, float, str]] = {
 }
 
 
+SI_UNITS = {"cm2": "m^2", "cm4": "m^4", "mm": "m"}
+
+
 def section_lines(panel: "LoadedPanel") -> Iterator[str]:
     """Yield what `turnout panel sections` prints: a row a station, between them linear."""
     shown: dict[tuple[str, ...], str] = {}
@@ -112,6 +115,33 @@ def section_lines(panel: "LoadedPanel") -> Iterator[str]:
         "y positive towards the rail's own stock rail, for a stock rail away from its switch rail; "
         "z from the foot; k: shear area over area"
     )
+
+
+def section_record(panel: "LoadedPanel") -> "tuple[dict[str, Any], dict[str, str]]":
+    """Return section properties along each switch rail and of each stock rail, with SI units."""
+    from turnout.mechanism.rail_sections import rail_stations, section_values, station_columns
+
+    rails = {
+        name: {"section": rail.section, "x": x, **section_values(panel, name, x)}
+        for name, rail in panel.rail.items()
+        for x in [rail_stations(panel, name)]
+    }
+    stocks = {
+        name: {
+            "section": item.section,
+            **{key: v[0] for key, v in station_columns(panel, item.section).items()},
+        }
+        for name, item in panel.stock_rail.items()
+    }
+    units = {
+        "x": "m",
+        **{
+            key: SI_UNITS[heading.split()[-1]]
+            for key, (heading, _, _) in COLUMNS.items()
+            if heading.split()[-1] in SI_UNITS
+        },
+    }
+    return {"panel": panel.name, "rails": rails, "stock_rails": stocks}, units
 
 
 def _tables(panel: "LoadedPanel") -> Iterator[tuple[str, tuple[str, ...]]]:

@@ -1,9 +1,4 @@
-"""The screen of `turnout panel show`, with the plan in characters and the throws behind it.
-
-A panel's plan in characters: what stands where along each rail. The screen of `turnout panel show`,
-in the order in which a switch engineer looks at a panel. Throws that commands make to look at a
-panel, with their progress.
-"""
+"""The screen of `turnout panel show`: the plan in characters, values, and results of throws."""
 
 import math
 import textwrap
@@ -158,7 +153,7 @@ def panel_lines(
     panel : LoadedPanel
         The panel.
     thrown : Thrown, optional
-        Adds what only throws can tell.
+        Adds results that need throws.
     values : bool
         Whether every value is listed, or only those that are assumed.
     """
@@ -187,8 +182,8 @@ def panel_lines(
         yield "VALUES, with where each comes from"
         yield from value_lines(panel)
     else:
-        yield "ASSUMED, where the file says so (all values with their origins: --values)"
-        yield from list(assumption_lines(panel)) or ["nothing that the file says"]
+        yield "ASSUMPTIONS stated in the file (all values with their origins: --values)"
+        yield from list(assumption_lines(panel)) or ["none stated"]
 
 
 def _unusual(panel: "LoadedPanel") -> Iterator[str]:
@@ -200,7 +195,7 @@ def _unusual(panel: "LoadedPanel") -> Iterator[str]:
 
 
 def gap_places(panel: "LoadedPanel") -> "np.ndarray":
-    """Return where gaps are told, chairs and drives, rising [m]."""
+    """Return the places of gaps, chairs and drives, ascending [m]."""
     places = [item.x for family in (panel.chair, panel.drive) for item in family.values()]
     return np.unique(np.round(places, 9))
 

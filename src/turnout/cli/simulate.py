@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     FIGURES,
     INTERRUPTED,
@@ -17,6 +18,7 @@ from turnout.cli.options import (
     DatasetOption,
     FigureOption,
     PanelArgument,
+    QuietOption,
     SetOption,
     check_outputs,
     collect_errors,
@@ -58,7 +60,7 @@ def simulate_command(
         typer.Option(
             "--also",
             metavar="CHANNEL",
-            help="Channel to keep besides the usual ones: fastening_force, fastening_moment.",
+            help="Also store this channel: fastening_force, fastening_moment.",
         ),
     ] = [],  # noqa: B006 - typer copies it
     mode: Annotated[
@@ -67,7 +69,7 @@ def simulate_command(
             "--mode",
             metavar="MODE",
             help="waveform: impacts and single chairs; quick: drives, gaps and labels, several "
-            "times as fast; quasi-static: what is left without inertia.",
+            "times as fast; quasi-static: without inertia.",
         ),
     ] = "waveform",
     step: Annotated[
@@ -78,7 +80,7 @@ def simulate_command(
         typer.Option(
             "--cutoff",
             metavar="FREQUENCY",
-            help="Modes up to here keep their inertia, instead of the mode's.",
+            help="Inertia of vibration modes up to here, instead of the mode's.",
         ),
     ] = "",
     every: Annotated[
@@ -86,12 +88,13 @@ def simulate_command(
         typer.Option(
             "--every",
             metavar="TIME",
-            help="Time between kept instants, which need not be steps.",
+            help="Time between stored instants; need not be a multiple of the step.",
         ),
     ] = "",
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")] = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
-    """Throw a switch, with or without trapped objects, and say how it ended."""
+    """Simulate a throw, with or without trapped objects, and show how it ended."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     theirs = _overlaid(overlay, plot)
     try:
@@ -109,7 +112,12 @@ def simulate_command(
     except KeyboardInterrupt:
         typer.echo("turnout: interrupted before there was anything to keep", err=True)
         raise typer.Exit(INTERRUPTED) from None
-    if not quiet:
+    if as_json:
+        from turnout.cli.json_records import run_record
+
+        record, units = run_record(dataset)
+        print_json("simulate", record, units=units, written=written)
+    elif not quiet:
         _print_summary(dataset, written)
     if failed:
         typer.echo(f"turnout: {dataset.attrs['outcome_message']}", err=True)
@@ -120,7 +128,7 @@ def preload_writers(plots: bool) -> None:
     """Write a small dataset to nowhere, so that all that loads for it does while kernels work.
 
     It begins with the steps and not before: what loads at the same time only waits for each other.
-    What fails here fails again, and is told, when the file is written.
+    A failure here occurs again, with its message, when the file is written.
     """
     with contextlib.suppress(Exception):
         import xarray as xr
@@ -222,7 +230,7 @@ def _scheme(mode: str, *, step: str, cutoff: str, every: str) -> "Scheme":
 def _write(
     dataset: "xr.Dataset", *, out: Path | None, plot: Path | None, overlay: "xr.Dataset | None"
 ) -> list[Path]:
-    """Write what was asked for, once all of it is ready; return the files."""
+    """Write the requested files once all of them are ready; return their paths."""
     written = []
     figure = b""
     if plot is not None and dataset.sizes["time"] > 1:

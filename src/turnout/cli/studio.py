@@ -21,29 +21,29 @@ def studio_command(
     campaign: Annotated[
         Path | None,
         typer.Option(
-            "--campaign", metavar="DIR", help="Measured campaign to lay over simulated throws."
+            "--campaign", metavar="DIR", help="Measured campaign to overlay on simulated throws."
         ),
     ] = None,
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Default any that is free.")
+        int, typer.Option("--port", metavar="N", min=0, max=65535, help="Default: a free port.")
     ] = 0,
     browser: Annotated[
-        bool, typer.Option(help="Open the page in the browser; its address is printed anyway.")
+        bool, typer.Option(help="Open the page in the browser; the address is printed in any case.")
     ] = True,
 ) -> None:
-    """Open a page on this machine: move an object along the rail and see the throw at once."""
+    """Open an interactive page in the browser; it runs locally."""
     loaded = opened_panel(panel, settings, calibration)
     opened = _opened(campaign) if campaign is not None else None
     from turnout.web.serve import serve
     from turnout.web.studio import Studio
 
     try:
-        serve(Studio(loaded, opened), port=port, browser=browser, tell=typer.echo)
+        serve(Studio(loaded, opened), port=port, browser=browser, announce=typer.echo)
     except KeyboardInterrupt:
         typer.echo("turnout: the studio has ended", err=True)
         raise typer.Exit(INTERRUPTED) from None
     finally:
-        # Else the interpreter looks for garbage in all libraries, for a second or more, to end.
+        # Skips the final garbage collection over all libraries, which takes a second or more.
         gc.freeze()
 
 

@@ -1,10 +1,4 @@
-"""The commands `turnout sweep ...`.
-
-The command `turnout sweep plan`: what a study comes to before anything is kept. The commands
-`turnout sweep map` and `turnout sweep effects`, which look at results. The commands `turnout sweep
-run` and `turnout sweep export`. The commands `turnout sweep ...`; those that look at studies before
-anything is thrown.
-"""
+"""The commands `turnout sweep ...`: studies and their runs."""
 
 import os
 import shutil
@@ -17,21 +11,23 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
-    FIGURES,
     CalibrationOption,
+    QuietOption,
     check_outputs,
+    first_sentence,
     print_schema,
-    write_and_report,
 )
+from turnout.cli.sweep_results import FolderArgument, effects_command, map_command
 from turnout.cli.watch import FIRST_LINE_AFTER, SECONDS_BETWEEN_LINES
 
 if TYPE_CHECKING:
-    import xarray as xr
     from rich.progress import Progress
 
-    from turnout.metric.effects import OutputEffects, SobolIndex
+    from turnout.study.study import Study
     from turnout.sweep.cluster import Cluster
+    from turnout.sweep.forecast import Forecast
     from turnout.sweep.run import SweepProgress, SweepResult
 
 
@@ -44,31 +40,47 @@ def plan_command(
     study: StudyArgument,
     calibration: CalibrationOption = None,
     workers: Annotated[
-        int, typer.Option("--workers", min=0, help="Processes; default one a core.")
+        int, typer.Option("--workers", metavar="N", min=0, help="Processes; default one a core.")
     ] = 0,
     trials: Annotated[
-        int, typer.Option("--trials", min=0, help="Throws to take the time of; 0 for none.")
+        int, typer.Option("--trials", metavar="N", min=0, help="Throws to time; 0 for none.")
     ] = 3,
+    as_json: JsonOption = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
 ) -> None:
-    """Tell what a study varies and how many throws, how long and how large it comes to."""
-    from turnout.report.study import duration_text, line, size_text, study_lines
+    """Show the inputs of a study, its number of throws, run time and disk space."""
+    from turnout.report.study import study_lines
     from turnout.study.load import load_study
 
     loaded = load_study(study, calibration=calibration)
     for text in loaded.remarks:
         typer.echo(f"turnout: {text}", err=True)
-    for text in study_lines(loaded):
+    for text in () if as_json else study_lines(loaded):
         typer.echo(text)
-    if not trials:
-        return
+    used = workers or cores()
+    busy = min(used, cores())
+    found = _forecast(loaded, trials, quiet=quiet) if trials else None
+    if as_json:
+        from turnout.cli.json_records import PLAN_UNITS, study_record
+
+        record = study_record(loaded, found, workers=busy)
+        free = shutil.disk_usage(Path.cwd()).free
+        print_json("sweep plan", {**record, "disk_free": free}, units=PLAN_UNITS)
+    elif found is not None:
+        _print_forecast(loaded, found, used=used, busy=busy)
+
+
+def _forecast(loaded: "Study", trials: int, *, quiet: bool) -> "Forecast":
     from turnout.cli.watch import watched
     from turnout.sweep.forecast import forecast
 
     with watched("throwing trials", quiet=quiet) as watch:
-        found = forecast(loaded, trials=trials, report=watch.report)
-    used = workers or cores()
-    busy = min(used, cores())
+        return forecast(loaded, trials=trials, report=watch.report)
+
+
+def _print_forecast(loaded: "Study", found: "Forecast", *, used: int, busy: int) -> None:
+    from turnout.report.study import duration_text, line, size_text
+
     bound = "at most " if loaded.rule is not None else ""
     total = duration_text(found.duration(loaded.count, workers=busy))
     each = duration_text(found.throw_time)
@@ -79,9 +91,11 @@ def plan_command(
     text = f"{bound}{size_text(whole)}, {size_text(whole / loaded.count)} a throw"
     typer.echo(line("disk", f"{text}; {size_text(free)} are free in this folder"))
     if whole > free:
-        typer.echo(line("", "NOT ENOUGH: keep fewer channels, a lower rate, or take another disk"))
+        typer.echo(
+            line("", "NOT ENOUGH SPACE: store fewer channels, a lower rate, or use another disk")
+        )
     for fault in found.faults:
-        typer.echo(line("trial", f"did not come to an end, {fault}"))
+        typer.echo(line("trial", f"failed: {fault}"))
 
 
 def cores() -> int:
@@ -91,98 +105,7 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a sweep.")]
-OutOption = Annotated[
-    Path | None,
-    typer.Option("--out", "-o", metavar="FILE", help="Write a figure (.png, .pdf or .svg)."),
-]
-
-
-def map_command(
-    folder: FolderArgument,
-    out: OutOption = None,
-    x: Annotated[str, typer.Option("--x", help="Input across.")] = "object.size",
-    y: Annotated[
-        str | None, typer.Option("--y", help="Input along; default object.at, or object.x.")
-    ] = None,
-) -> None:
-    """Tell how the throws of a sweep ended, and draw forces, gaps and ends over two inputs."""
-    check_outputs({"--out": out}, {"--out": FIGURES})
-    from turnout.metric.sweep_map import STATES, end_state, sweep_map
-    from turnout.sweep.read import read_labels
-
-    labels = read_labels(folder)
-    _tell_missing(labels)
-    along = y or ("object.at" if "object.at" in labels.coords else "object.x")
-    cells = sweep_map(labels, x=x, y=along)
-    state = end_state(labels).to_numpy()
-    for number, name in enumerate(STATES):
-        count = int((state == number).sum())
-        if count:
-            typer.echo(f"{count:>8}  {name}")
-    if out is not None:
-        from turnout.plot.style import rendered
-        from turnout.plot.sweep import plot_sweep_map
-
-        write_and_report(out, rendered(plot_sweep_map(cells), out.suffix))
-
-
-def effects_command(
-    folder: FolderArgument,
-    out: OutOption = None,
-    feature: Annotated[
-        list[str],
-        typer.Option("--feature", metavar="NAME", help="Label or feature; repeatable."),
-    ] = [],  # noqa: B006 - typer copies it
-) -> None:
-    """Tell what share of each output its inputs decide over, and draw main effects."""
-    check_outputs({"--out": out}, {"--out": FIGURES})
-    from turnout.sweep.effects import sweep_effects
-    from turnout.sweep.read import read_labels
-
-    labels = read_labels(folder)
-    _tell_missing(labels)
-    found = sweep_effects(labels, names=tuple(feature) or None)
-    for item in found:
-        _print_effects(item)
-    skipped = int((labels["outcome"].astype(str) == "skipped").sum())
-    if skipped:
-        typer.echo(
-            f"note: {skipped} throws were left out once a drive had slipped, so means over large "
-            "values are those of places where none slips; drop the rule to compare fairly"
-        )
-    if out is not None:
-        from turnout.plot.style import rendered
-        from turnout.plot.sweep import plot_sweep_effects
-
-        figure = plot_sweep_effects(found, title=str(labels.attrs["name"]))
-        write_and_report(out, rendered(figure, out.suffix))
-
-
-def _tell_missing(labels: "xr.Dataset") -> None:
-    missing = int(labels.attrs["missing"])
-    if missing:
-        typer.echo(f"note: {missing} scenarios are not thrown yet; `turnout sweep run` goes on")
-
-
-def _print_effects(item: "OutputEffects") -> None:
-    """List inputs from the one that decides most."""
-    typer.echo(item.output.name)
-    width = max(len(index.name) for index in item.indices) + 2
-    for index in sorted(item.indices, key=_weight, reverse=True):
-        text = f"{index.first:6.3f} ± {index.first_confidence:.3f} first"
-        if index.total == index.total:
-            text += f"   {index.total:6.3f} ± {index.total_confidence:.3f} total"
-        typer.echo(f"  {index.name:<{width}}{text}")
-
-
-def _weight(index: "SobolIndex") -> float:
-    return index.total if index.total == index.total else index.first
-
-
 INTERRUPTED = 130
-
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")]
 
 
 def run_command(
@@ -190,11 +113,17 @@ def run_command(
         str, typer.Argument(metavar="STUDY", help="Library study, or study file (.toml).")
     ],
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to fill, or to go on with.")
+        Path,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="DIR",
+            help="Folder for the results; an interrupted run continues there.",
+        ),
     ],
     calibration: CalibrationOption = None,
     workers: Annotated[
-        int, typer.Option("--workers", min=0, help="Processes; default one a core.")
+        int, typer.Option("--workers", metavar="N", min=0, help="Processes; default one a core.")
     ] = 0,
     scheduler: Annotated[
         str | None,
@@ -204,16 +133,17 @@ def run_command(
         Path | None,
         typer.Option("--slurm", metavar="PROFILE.toml", help="Start workers as jobs of Slurm."),
     ] = None,
+    as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Throw every scenario of a study; the same command goes on where one was ended."""
+    """Run every scenario of a study; the same command continues an interrupted run."""
     from turnout.errors import FileError
     from turnout.study.load import load_study
     from turnout.sweep.folder import check_folder
     from turnout.sweep.run import run_sweep
 
     if scheduler is not None and slurm is not None:
-        message = "--scheduler and --slurm: take one of them"
+        message = "--scheduler and --slurm: use only one"
         raise FileError(message)
     loaded = load_study(study, calibration=calibration)
     for text in loaded.remarks:
@@ -225,19 +155,29 @@ def run_command(
             finished = run_sweep(
                 loaded,
                 out,
-                workers=cluster.workers if cluster else workers or _cores(),
+                workers=cluster.workers if cluster else workers or cores(),
                 pool=cluster.pool if cluster else None,
                 report=watch.report,
             )
     except KeyboardInterrupt:
         typer.echo(
-            f"turnout: interrupted; the batches written to {out} stay, the same command goes on",
+            f"turnout: interrupted; the batches in {out} are complete, "
+            "run the same command to continue",
             err=True,
         )
         raise typer.Exit(INTERRUPTED) from None
     for path in finished.damaged:
-        typer.echo(f"turnout: {path}: was a damaged batch, which was thrown again", err=True)
-    if not quiet:
+        typer.echo(f"turnout: {path}: damaged batch, computed again", err=True)
+    if as_json:
+        record = {
+            "study": loaded.name,
+            "scenarios": loaded.count,
+            "computed": _outcomes(finished),
+            "retried": sum(batch.retried for batch in finished.batches),
+            "damaged": [str(path) for path in finished.damaged],
+        }
+        print_json("sweep run", record, written=[out])
+    elif not quiet:
         _print_finished(finished, out)
 
 
@@ -252,7 +192,7 @@ def export_command(
     ] = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Write inputs, outcomes, labels and features, a row a scenario."""
+    """Write inputs, outcomes, labels and features, one row per scenario."""
     from turnout.cli.options import check_outputs
     from turnout.errors import FileError
 
@@ -277,7 +217,7 @@ def export_command(
 
 @contextmanager
 def _cluster(scheduler: str | None, slurm: Path | None) -> Iterator["Cluster | None"]:
-    """Give the cluster that was asked for, None for processes of this machine."""
+    """Return the requested cluster, None for local processes."""
     if scheduler is None and slurm is None:
         yield None
         return
@@ -291,23 +231,23 @@ def _cluster(scheduler: str | None, slurm: Path | None) -> Iterator["Cluster | N
             yield cluster
 
 
-def _cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def _print_finished(finished: "SweepResult", out: Path) -> None:
+def _outcomes(finished: "SweepResult") -> dict[str, int]:
+    """Return the number of computed scenarios by outcome."""
     outcomes: dict[str, int] = {}
     for batch in finished.batches:
         for name, count in batch.outcomes.items():
             outcomes[name] = outcomes.get(name, 0) + count
-    said = ", ".join(f"{count} {name}" for name, count in outcomes.items()) or "nothing was missing"
-    typer.echo(f"{'scenarios':<12}{said}")
+    return outcomes
+
+
+def _print_finished(finished: "SweepResult", out: Path) -> None:
+    outcomes = _outcomes(finished)
+    text = ", ".join(f"{count} {name}" for name, count in outcomes.items()) or "all were present"
+    typer.echo(f"{'scenarios':<12}{text}")
     retried = sum(batch.retried for batch in finished.batches)
     if retried:
-        typer.echo(f"{'':<12}{retried} took a second attempt with half the step")
-    typer.echo(f"{'written':<12}{out} (what it is: README.md)")
+        typer.echo(f"{'':<12}{retried} needed a second attempt with half the step")
+    typer.echo(f"{'written':<12}{out} (description: README.md)")
 
 
 class SweepWatch:
@@ -319,7 +259,7 @@ class SweepWatch:
         self._due = 0.0
 
     def __enter__(self) -> "SweepWatch":
-        """Be silent for what takes two seconds; say at once when kernels must be compiled."""
+        """Stay silent for two seconds, but announce compilation at once."""
         from turnout.cli.watch import COMPILING
         from turnout.response.compilation import must_compile
 
@@ -361,7 +301,7 @@ class SweepWatch:
 
 
 def described(state: "SweepProgress") -> str:
-    """Say how far a sweep is, in one line."""
+    """Return the progress of a sweep in one line."""
     text = f"{state.done} of {state.total} done"
     if state.failed:
         text += f", {state.failed} failed"
@@ -371,7 +311,7 @@ def described(state: "SweepProgress") -> str:
 
 
 def duration(seconds: float) -> str:
-    """Write a time as people say it.
+    """Return a duration in readable units.
 
     Examples
     --------
@@ -391,29 +331,35 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-app.command("plan")(plan_command)
-app.command("run")(run_command)
-app.command("map")(map_command)
-app.command("effects")(effects_command)
-app.command("export")(export_command)
+app.command("plan", short_help="Show inputs, number of throws, run time and disk space.")(
+    plan_command
+)
+app.command("run", short_help="Run every scenario, or continue an interrupted run.")(run_command)
+app.command("map", short_help="Count end states, and draw maps over two inputs.")(map_command)
+app.command("effects", short_help="Show Sobol indices, and draw main effects.")(effects_command)
+app.command("export", short_help="Write a table with one row per scenario.")(export_command)
 
 
 @app.command("list")
-def list_command() -> None:
-    """List the studies that come with the program."""
+def list_command(as_json: JsonOption = False) -> None:
+    """List the library studies."""
     from turnout.study.load import load_study, study_names
 
-    names = study_names()
-    width = max(len(name) for name in names) + 2
-    for name in names:
-        study = load_study(name)
-        first = " ".join(study.description.split()).split(". ")[0].rstrip(".")
-        typer.echo(f"{name:<{width}}{study.count:>7} throws  {first}")
+    rows = [
+        {"name": name, "throws": item.count, "description": first_sentence(item.description)}
+        for name, item in ((name, load_study(name)) for name in study_names())
+    ]
+    if as_json:
+        print_json("sweep list", {"studies": rows})
+        return
+    width = max(len(str(row["name"])) for row in rows) + 2
+    for row in rows:
+        typer.echo(f"{row['name']:<{width}}{row['throws']:>7} throws  {row['description']}")
 
 
 @app.command("show")
 def show_command(study: StudyArgument) -> None:
-    """Show the text of a library study, to start an own one from."""
+    """Print the file of a library study, as a template."""
     from turnout.study.load import study_text
 
     typer.echo(study_text(study).rstrip())
@@ -422,10 +368,10 @@ def show_command(study: StudyArgument) -> None:
 @app.command("schema")
 def schema_command(
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE.json", help="Write it to a file.")
+        Path | None, typer.Option("--out", "-o", metavar="FILE.json", help="Write it to a file.")
     ] = None,
 ) -> None:
-    """Give the JSON schema of study files, for editors."""
+    """Print the JSON schema of study files, for editors."""
     check_outputs({"--out": out}, {"--out": (".json",)})
 
     from turnout.study.schema import study_schema

@@ -1,4 +1,4 @@
-"""The command `turnout validate`: predictions of measured movements, and whether they hold."""
+"""The command `turnout validate`: predict measured movements and judge the errors."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from turnout.cli.campaign import INTERRUPTED, OutsideOption, dataset_of
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
+    FINDINGS,
     SetOption,
     calibrated_panel,
     made_folder,
@@ -18,11 +20,11 @@ from turnout.measurement.campaign.inside import kept_throws
 if TYPE_CHECKING:
     import xarray as xr
 
+    from turnout.calibration.drive_law.compare import LawComparison
     from turnout.calibration.result import Calibration
     from turnout.panel.load import LoadedPanel
     from turnout.validation.verdict import Verdict
 
-NOT_VALID = 1
 PAGE, TABLE, DATASET = "validation.md", "movements.csv", "validation.nc"
 MAP, COMPARISON = "errors.png", "comparison.png"
 
@@ -40,27 +42,32 @@ def validate_command(
     ] = None,
     panel: Annotated[
         str | None,
-        typer.Option("--panel", metavar="PANEL", help="Default the one that was calibrated."),
+        typer.Option("--panel", metavar="PANEL", help="Default: the calibrated panel."),
     ] = None,
     settings: SetOption = [],  # noqa: B006 - typer copies it
     place: Annotated[
         str | None,
-        typer.Option("--place", help="Whose movements are drawn; default the middle one."),
+        typer.Option(
+            "--place",
+            metavar="PLACE",
+            help="Place whose movements are drawn; default the middle one.",
+        ),
     ] = None,
     laws: Annotated[
         str | None,
         typer.Option(
-            "--drive-laws", metavar="DRIVE", help="Also ask which law this drive follows."
+            "--drive-laws", metavar="DRIVE", help="Also compare drive laws for this drive."
         ),
     ] = None,
     allow_outside: OutsideOption = False,
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
+    workers: Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Processes.")] = 2,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit code 1 if the calibration is not valid.")
+    ] = False,
+    as_json: JsonOption = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show only the verdict.")] = False,
 ) -> None:
-    """Predict every movement of a campaign and judge those that the fit has not seen.
-
-    Exit code 1 where the calibration is not valid for the campaign.
-    """
+    """Predict every movement of a campaign and judge those not used in the fit."""
     from turnout.calibration.movements import check_provenance
     from turnout.calibration.result import load_calibration
 
@@ -83,18 +90,33 @@ def validate_command(
 
     found = _validated(source, dataset, loaded, known, workers=workers, quiet=quiet)
     verdict = judge(found)
-    if not quiet:
-        from turnout.validation.text import notes
+    from turnout.validation.text import notes
 
-        for line in (*verdict_lines(verdict), *notes(found)):
-            typer.echo(line)
-    if out is not None:
-        _write(out, found, verdict, place=place)
-    typer.echo(verdict.text)
+    for line in () if quiet or as_json else (*verdict_lines(verdict), *notes(found)):
+        typer.echo(line)
+    files = [] if out is None else _write(out, found, verdict, place=place, quiet=as_json)
+    if not as_json:
+        typer.echo(verdict.text)
+    compared = None
     if laws is not None:
-        _compare_laws(source, dataset, loaded, known, laws, workers=workers, quiet=quiet)
-    if not verdict.accepted:
-        raise typer.Exit(NOT_VALID)
+        compared = _compared_laws(
+            source, dataset, loaded, known, laws, workers=workers, quiet=quiet
+        )
+    _print_laws(compared, as_json=as_json)
+    if as_json:
+        from turnout.cli.json_records import VALIDATION_UNITS, validation_record
+
+        record = validation_record(verdict, notes(found), compared)
+        print_json("validate", record, units=VALIDATION_UNITS, written=files)
+    if strict and not verdict.accepted:
+        raise typer.Exit(FINDINGS)
+
+
+def _print_laws(compared: "LawComparison | None", *, as_json: bool) -> None:
+    from turnout.calibration.drive_law.compare import law_lines
+
+    for line in () if compared is None or as_json else law_lines(compared):
+        typer.echo(line)
 
 
 def _check_place(dataset: "xr.Dataset", place: str) -> None:
@@ -134,7 +156,7 @@ def _validated(
         _interrupted()
 
 
-def _compare_laws(
+def _compared_laws(
     source: Path,
     dataset: "xr.Dataset",
     panel: "LoadedPanel",
@@ -143,8 +165,8 @@ def _compare_laws(
     *,
     workers: int,
     quiet: bool,
-) -> None:
-    from turnout.calibration.drive_law.compare import compare_laws, law_lines
+) -> "LawComparison":
+    from turnout.calibration.drive_law.compare import compare_laws
     from turnout.calibration.evaluate import Evaluator
     from turnout.cli.watch import watched
 
@@ -153,21 +175,23 @@ def _compare_laws(
             watched(f"fitting laws of drive {drive}", quiet=quiet) as watch,
             Evaluator(panel, folder=kept_throws(source), workers=workers) as evaluator,
         ):
-            found = compare_laws(
+            return compare_laws(
                 dataset, panel, known, drive=drive, evaluator=evaluator, report=watch.report
             )
     except KeyboardInterrupt:
         _interrupted()
-    for line in law_lines(found):
-        typer.echo(line)
 
 
 def _interrupted() -> NoReturn:
-    typer.echo("turnout: interrupted; the throws are kept, the same command goes on", err=True)
+    typer.echo(
+        "turnout: interrupted; throws so far are cached, run the same command to continue", err=True
+    )
     raise typer.Exit(INTERRUPTED) from None
 
 
-def _write(out: Path, found: "xr.Dataset", verdict: "Verdict", *, place: str | None) -> None:
+def _write(
+    out: Path, found: "xr.Dataset", verdict: "Verdict", *, place: str | None, quiet: bool
+) -> list[Path]:
     from turnout.metric.campaign import object_places
     from turnout.plot.style import rendered
     from turnout.plot.validation import plot_comparison, plot_error_map
@@ -175,16 +199,19 @@ def _write(out: Path, found: "xr.Dataset", verdict: "Verdict", *, place: str | N
     from turnout.validation.text import page_text, table_text
 
     figures = [MAP]
-    write_and_report(out / MAP, rendered(plot_error_map(found), ".png"))
+    write_and_report(out / MAP, rendered(plot_error_map(found), ".png"), quiet=quiet)
     places = object_places(found)
     if places:
         chosen = place if place is not None else _middle(places)
-        write_and_report(out / COMPARISON, rendered(plot_comparison(found, place=chosen), ".png"))
+        figure = plot_comparison(found, place=chosen)
+        write_and_report(out / COMPARISON, rendered(figure, ".png"), quiet=quiet)
         figures.append(COMPARISON)
-    write_and_report(out / TABLE, table_text(found))
+    write_and_report(out / TABLE, table_text(found), quiet=quiet)
     save_response(found, out / DATASET)
-    typer.echo(f"{out / DATASET}: written")
-    write_and_report(out / PAGE, page_text(found, verdict, figures=figures))
+    if not quiet:
+        typer.echo(f"{out / DATASET}: written")
+    write_and_report(out / PAGE, page_text(found, verdict, figures=figures), quiet=quiet)
+    return [out / name for name in (*figures, TABLE, DATASET, PAGE)]
 
 
 def _middle(places: list[str]) -> str:

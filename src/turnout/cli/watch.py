@@ -13,23 +13,23 @@ if TYPE_CHECKING:
 FIRST_LINE_AFTER = 2.0
 SECONDS_BETWEEN_LINES = 5.0
 COMPILING = "compiling kernels, first run only (40 to 120 s)"
-# How often the time of compilation is told on a terminal, where the line is rewritten, and else.
+# Interval of compilation progress [s]: on a terminal, where the line is rewritten, and elsewhere.
 TICK_ON_TERMINAL, TICK = 1.0, 15.0
 
 
 def watched(text: str, *, quiet: bool = False) -> "Watch":
-    """Return a watch that knows whether the next run compiles, and why that is not kept."""
+    """Return a watch that announces compilation, and a cache that cannot be written."""
     from turnout.response.compilation import cache_fault, must_compile
 
     compiling = must_compile()
     fault = cache_fault()
     if fault and not quiet:
-        _tell_once(fault)
+        _print_once(fault)
     return Watch(text, compiling=compiling, quiet=quiet)
 
 
 @functools.cache
-def _tell_once(text: str) -> None:
+def _print_once(text: str) -> None:
     print(f"turnout: {text}", file=sys.stderr, flush=True)
 
 
@@ -47,7 +47,7 @@ class Watch:
         self._due = 0.0
 
     def __enter__(self) -> "Watch":
-        """Say at once when kernels must be compiled, and how long that has taken so far."""
+        """Announce compilation at once, with the time so far."""
         self._due = time.monotonic() + FIRST_LINE_AFTER
         if self._clock is not None:
             self._clock.start()
@@ -90,7 +90,7 @@ class Watch:
 
 
 class _Clock:
-    """Tells from a thread how long the compilation has taken, as that reports nothing itself."""
+    """Prints the time of a compilation from a thread, since compilers report no progress."""
 
     def __init__(self) -> None:
         self._done = threading.Event()

@@ -8,7 +8,7 @@ import json
 import math
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -25,8 +25,15 @@ _TYPES: dict[str, type] = {"float": float, "str": str, "bool": bool}
 _NAMES = {float: "a number", int: "an integer", str: "a text", bool: "true or false"}
 
 
-def to_plain(value: Any) -> Any:
-    """Turn records and arrays into nested plain data; infinite numbers into texts.
+def to_plain(value: Any, *, nonfinite: Callable[[float], Any] = str) -> Any:
+    """Turn records and arrays into nested plain data.
+
+    Parameters
+    ----------
+    value : object
+        Dataclass, mapping, sequence, array or number.
+    nonfinite : callable
+        Replaces NaN and infinite numbers, by default with texts.
 
     Examples
     --------
@@ -36,13 +43,14 @@ def to_plain(value: Any) -> Any:
     if isinstance(value, type):
         return value.__name__
     if is_dataclass(value):
-        return {item.name: to_plain(getattr(value, item.name)) for item in fields(value)}
+        items = {item.name: getattr(value, item.name) for item in fields(value)}
+        return to_plain(items, nonfinite=nonfinite)
     if isinstance(value, Mapping):
-        return {str(key): to_plain(item) for key, item in value.items()}
+        return {str(key): to_plain(item, nonfinite=nonfinite) for key, item in value.items()}
     if isinstance(value, np.ndarray | list | tuple):
-        return [to_plain(item) for item in value]
+        return [to_plain(item, nonfinite=nonfinite) for item in value]
     if isinstance(value, float):
-        return float(value) if math.isfinite(value) else str(float(value))
+        return float(value) if math.isfinite(value) else nonfinite(float(value))
     return value.item() if isinstance(value, np.generic) else value
 
 

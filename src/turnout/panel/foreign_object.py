@@ -20,7 +20,7 @@ from turnout.panel.records import PanelObject
 
 PLACE_FAMILIES = ("sleeper", "drive", "sensor", "chair", "stud", "stop", "link", "fastening")
 _NAMED = re.compile("|".join(PLACE_FAMILIES), re.IGNORECASE)
-_FORMS = "'sleeper 6', 'drive 1', 'sensor TKK1', 'chair 5' or 'x = 3.6 m'"
+_FORMS = "'sleeper 6', 'drive 1', 'sensor TKK1' or 'TKK1', 'chair 5' or 'x = 3.6 m'"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ def find_place(families: Mapping[str, Mapping[str, Any]], at: str) -> Place:
     families : mapping
         Records with an `x` by family and name.
     at : str
-        A family and a name, or a position.
+        A family and a name, a name that occurs only once, or a position.
 
     Returns
     -------
@@ -56,7 +56,14 @@ def find_place(families: Mapping[str, Mapping[str, Any]], at: str) -> Place:
     sign, _, position = text.partition("=")
     if sign.strip().lower() == "x" and position.strip():
         return Place(parse_quantity(position.strip(), LENGTH))
+    alone = _places_called(families, text)
+    if len({place.x for place in alone}) == 1:
+        return alone[0]
     named = _NAMED.match(text)
+    if alone and not named:
+        whole = " or ".join(f"'{place.family} {place.name}'" for place in alone)
+        message = f"is not the name of one place only; write {whole}"
+        raise ValueError(message)
     name = text[named.end() :].strip() if named else ""
     if not named or not name:
         message = f"is not a place; write {_FORMS}{nearest(text, _place_names(families))}"
@@ -73,6 +80,16 @@ def find_place(families: Mapping[str, Mapping[str, Any]], at: str) -> Place:
         f"there are {choices(members)}"
     )
     raise ValueError(message)
+
+
+def _places_called(families: Mapping[str, Mapping[str, Any]], text: str) -> list[Place]:
+    """Return the places of any family whose whole name is a text, whatever its case."""
+    return [
+        Place(record.x, family, name)
+        for family in PLACE_FAMILIES
+        for name, record in families.get(family, {}).items()
+        if name.lower() == text.lower()
+    ]
 
 
 def _place_names(families: Mapping[str, Mapping[str, Any]]) -> list[str]:

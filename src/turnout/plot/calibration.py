@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from turnout.plot.style import COLOURS, DASHES, new_figure, styled
+from turnout.plot.style import COLOURS, DASHES, new_figure, put_title, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 KILO = 1e-3
-# More values than this cannot be told apart; the best and those evenly spread are drawn.
+# More lines than this are unreadable; the best and evenly spread ones are drawn.
 MOST_VALUES = 5
 
 
@@ -56,7 +56,7 @@ def plot_sweep(curves: xr.Dataset) -> "Figure":
     axes[-1].set_xlabel("Time from the onset [s]")
     figure.align_ylabels(axes)
     title = f"{curves.attrs['parameter']} against {curves.attrs['movement']}"
-    figure.suptitle(title, x=0.01, ha="left")
+    put_title(figure, title)
     return figure
 
 

@@ -15,7 +15,7 @@ from turnout.errors import ResponseError
 from turnout.metric.campaign import end_values, object_places
 from turnout.plot.rail_sheet import shade_of
 from turnout.plot.sheet import Line, Row, Sheet
-from turnout.plot.style import GREY, new_figure, styled
+from turnout.plot.style import GREY, new_figure, put_title, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,7 +86,7 @@ def plot_stacked(dataset: xr.Dataset, *, place: str, direction: str = "closing")
     )
     axes[-1].set_xlabel("Time since onset of motion [s]")
     figure.align_ylabels(axes)
-    figure.suptitle(campaign_title(dataset, f"{direction}, object at {place}"), x=0.01, ha="left")
+    put_title(figure, campaign_title(dataset, f"{direction}, object at {place}"))
     return figure
 
 
@@ -124,13 +124,8 @@ def plot_overview(dataset: xr.Dataset, *, direction: str = "closing") -> "Figure
         ax.set_title(label, fontsize=10)
         ax.set_xlabel("Object size [mm]")
         ax.tick_params(labelleft=number == 0)
-    figure.suptitle(
-        campaign_title(
-            dataset, f"{direction}: force at the end of the throw, framed where a drive slipped"
-        ),
-        x=0.01,
-        ha="left",
-    )
+    text = f"{direction}: force at the end of the throw, framed where a drive slipped"
+    put_title(figure, campaign_title(dataset, text))
     return figure
 
 
@@ -316,7 +311,7 @@ def stacked_sheet(dataset: xr.Dataset, *, place: str, direction: str) -> Sheet:
     return Sheet(
         name=f"{place.replace(' ', '-')}-{direction}",
         title=f"Object at {place}, {direction}",
-        caption="A line for each object size; black without an object. Time counts from the onset "
+        caption="A line for each object size; black without an object. Time from the onset "
         "of motion.",
         x_label="Time since onset of motion [s]",
         one_legend=True,

@@ -6,7 +6,7 @@ import numpy as np
 
 from turnout.errors import ResponseError
 from turnout.plot.sheet import Line, Row, Sheet
-from turnout.plot.style import COLOURS, DASHES, GREY, SHADE, new_figure, styled
+from turnout.plot.style import COLOURS, DASHES, GREY, SHADE, new_figure, put_title, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ SYMBOLS = {
 }
 
 # Height of a figure of one row [inches].
-ALONE = 4.0
+SINGLE_ROW_HEIGHT = 4.0
 
 
 def draw_sheet(sheet: Sheet) -> "Figure":
@@ -55,24 +55,24 @@ def draw_sheet(sheet: Sheet) -> "Figure":
         raise ResponseError(message)
     figure, axes = new_figure(len(sheet.rows))
     if len(sheet.rows) == 1:
-        figure.set_figheight(ALONE)
+        figure.set_figheight(SINGLE_ROW_HEIGHT)
     span = _span(sheet)
     for ax, row in zip(axes, sheet.rows, strict=True):
         _draw_row(ax, sheet, row, span=span)
     _name_places(axes[0], sheet)
     axes[-1].set_xlabel(sheet.x_label)
     figure.align_ylabels(axes)
-    figure.suptitle(sheet.title, x=0.01, ha="left", fontsize=11)
+    put_title(figure, sheet.title)
     return figure
 
 
 def draw_row(sheet: Sheet, row: Row, *, ax: "Axes | None" = None) -> "Axes":
-    """Draw one row of a sheet by itself.
+    """Draw one row of a sheet as a figure of its own.
 
     Parameters
     ----------
     sheet : Sheet
-        That it belongs to.
+        The sheet of the row.
     row : Row
         One of its rows.
     ax : matplotlib.axes.Axes, optional
@@ -92,8 +92,8 @@ def draw_row(sheet: Sheet, row: Row, *, ax: "Axes | None" = None) -> "Axes":
         raise ResponseError(message)
     if ax is None:
         figure, (ax,) = new_figure(1)
-        figure.set_figheight(ALONE)
-        figure.suptitle(sheet.title, x=0.01, ha="left", fontsize=11)
+        figure.set_figheight(SINGLE_ROW_HEIGHT)
+        put_title(figure, sheet.title)
     _draw_row(ax, sheet, row, span=_span(sheet))
     _name_places(ax, sheet)
     ax.set_xlabel(sheet.x_label)

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.errors import ResponseError
-from turnout.plot.style import COLOURS, DASHES, GREY
+from turnout.plot.style import COLOURS, DASHES, GREY, put_title
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -81,7 +81,7 @@ def plot_modes(
             frameon=False,
         )
         panel = dataset.attrs.get("panel", "panel")
-        figure.suptitle(f"{panel}: {system}", x=0.01, ha="left")
+        put_title(figure, f"{panel}: {system}")
     return figure
 
 

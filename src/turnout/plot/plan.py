@@ -14,7 +14,7 @@ from turnout.metric.slip import settled
 from turnout.panel.layout import RailLine, extent, rail_line, resting_gap, stands_at
 from turnout.panel.model import Panel
 from turnout.panel.records import Placed
-from turnout.plot.style import COLOURS, DASHES, GREY, SHADE
+from turnout.plot.style import COLOURS, DASHES, GREY, SHADE, put_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -145,7 +145,7 @@ def plot_plan(panel: Panel, *, dataset: xr.Dataset | None = None) -> "Figure":
     plot_closed_gap(panel, dataset=dataset, ax=bottom)
     handles, labels = top.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=6, frameon=False, fontsize=8)
-    figure.suptitle(_title(panel), x=0.01, ha="left", fontsize=11)
+    put_title(figure, _title(panel))
     return figure
 
 

@@ -1,4 +1,4 @@
-"""What happens along the rails, as sheets: gaps, shapes over time, chairs."""
+"""Results along the rails, as sheets: gaps, shapes over time, chairs."""
 
 import json
 from typing import Any
@@ -12,7 +12,7 @@ from turnout.plot.throw import shown_movements
 
 KILO, MILLI = 1e-3, 1e3
 INSTANTS = 7
-# A foot that bears less than this has lifted off [N].
+# A chair with less load than this counts as unloaded [N].
 LEAST_LOAD = 1.0
 PLACE = "x from the toe [m]"
 
@@ -49,8 +49,8 @@ def shape_sheet(dataset: xr.Dataset, *, compare: xr.Dataset | None = None) -> Sh
         name="rail-shape",
         title=f"Gap along the rails at the end: {title_of(dataset)}",
         caption="The distance between switch rail and stock rail at contact height. An object "
-        "holds the closed rail open around its place; the control contacts (TKK) tell only "
-        "what lies at their own places.",
+        "holds the closed rail open around its place; each control contact (TKK) detects "
+        "only the gap at its own place.",
         x_label=PLACE,
         rows=tuple(rows),
         moments=_drive_places(dataset),
@@ -58,7 +58,7 @@ def shape_sheet(dataset: xr.Dataset, *, compare: xr.Dataset | None = None) -> Sh
 
 
 def gap_sheet(dataset: xr.Dataset, *, instants: int = INSTANTS) -> Sheet:
-    """Return how the closing rail comes home: its gap along the rail at several instants.
+    """Return the gap along the closing rail at several instants.
 
     Parameters
     ----------
@@ -90,8 +90,7 @@ def gap_sheet(dataset: xr.Dataset, *, instants: int = INSTANTS) -> Sheet:
     return Sheet(
         name="gap-over-time",
         title=f"Gap along rail {rail} while it closes",
-        caption="Each line is one instant. Where lines crowd while the gap is still wide, the rail "
-        "is held up.",
+        caption="Each line is one instant. Clustered curves at a wide gap: the rail is blocked.",
         x_label=PLACE,
         rows=(Row("Gap [mm]", (*lines, *_marks(dataset))),),
         moments=_drive_places(dataset),
@@ -99,7 +98,7 @@ def gap_sheet(dataset: xr.Dataset, *, instants: int = INSTANTS) -> Sheet:
 
 
 def chair_sheet(dataset: xr.Dataset) -> Sheet:
-    """Return what the slide chairs carry in the last movement of a run.
+    """Return the loads of the slide chairs in the last movement of a run.
 
     Parameters
     ----------
@@ -177,7 +176,7 @@ def _limit(dataset: xr.Dataset, rail: str) -> tuple[Level, ...]:
     limit = float(dataset.attrs.get("flangeway_limit", np.nan))
     if rail == _closed_rail(dataset) or np.isnan(limit):
         return ()
-    return (Level(MILLI * limit, "least flangeway wanted"),)
+    return (Level(MILLI * limit, "smallest permitted flangeway"),)
 
 
 def _marks(dataset: xr.Dataset) -> list[Line]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from turnout.errors import ResponseError
 from turnout.plot.sheet import thinned
-from turnout.plot.style import COLOURS, COMPARED, DASHES, new_figure, styled
+from turnout.plot.style import COLOURS, COMPARED, DASHES, new_figure, put_title, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +38,7 @@ def plot_columns(traces: Sequence[Trace], *, title: str = "") -> "Figure":
     Parameters
     ----------
     traces : sequence of Trace
-        In the order of the file; those after the sixteenth are left out, and the title says so.
+        In the order of the file; those after the sixteenth are omitted, as the title states.
     title : str
         Of the figure.
 
@@ -60,7 +60,7 @@ def plot_columns(traces: Sequence[Trace], *, title: str = "") -> "Figure":
     axes[-1].set_xlabel("Time [s]")
     figure.align_ylabels(axes)
     left = len(traces) - len(shown)
-    figure.suptitle(f"{title}{f' (and {left} more channels)' if left else ''}", x=0.01, ha="left")
+    put_title(figure, f"{title}{f' (and {left} more channels)' if left else ''}")
     return figure
 
 
@@ -92,15 +92,15 @@ def plot_measured(dataset: xr.Dataset, *, title: str = "") -> "Figure":
     for ax, (label, traces) in zip(axes, rows, strict=True):
         for number, (trace, before) in enumerate(traces):
             if before is not None:
-                told = "unfiltered" if number == len(traces) - 1 else None
-                _line(ax, before, colour=COMPARED, width=0.6, label=told)
+                before_label = "unfiltered" if number == len(traces) - 1 else None
+                _line(ax, before, colour=COMPARED, width=0.6, label=before_label)
             place = -1 if label.startswith("Object") else number % (len(COLOURS) - 1)
             _line(ax, trace, colour=COLOURS[place], dash=DASHES[place], label=trace.label)
         styled(ax, label, span=_span([trace for trace, _ in traces]))
         ax.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False)
     axes[-1].set_xlabel("Time [s]")
     figure.align_ylabels(axes)
-    figure.suptitle(title or str(dataset.attrs.get("title", "")), x=0.01, ha="left")
+    put_title(figure, title or str(dataset.attrs.get("title", "")))
     return figure
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from turnout.plot.style import COLOURS, DASHES, GREY, SHADE
+from turnout.plot.style import COLOURS, DASHES, GREY, SHADE, put_title
 from turnout.section.outline import Outline
 from turnout.section.properties import FloatArray, SectionProperties
 
@@ -49,7 +49,7 @@ def plot_section_outlines(
     Returns
     -------
     matplotlib.figure.Figure
-        It belongs to no window.
+        It is not shown in a window.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -173,7 +173,7 @@ def plot_section_values(
     Returns
     -------
     matplotlib.figure.Figure
-        It belongs to no window.
+        It is not shown in a window.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -194,7 +194,7 @@ def plot_section_values(
         _dressed(ax, label, legend=len(columns) > 1)
     axes[-1].set_xlabel("x from the toe [m]")
     figure.align_ylabels(axes)
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+    put_title(figure, title)
     return figure
 
 

@@ -1,6 +1,6 @@
 """What a figure shows, as plain data: one description for paper and for pages.
 
-Fewer points of a curve that look the same.
+Thinning of curves that keeps their appearance.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 
 def thinned(x: Floats, values: Floats, *, most: int) -> tuple[Floats, Floats]:
-    """Return at most so many points of a curve that look the same.
+    """Return at most a given number of points of a curve, with the same appearance.
 
     The curve is cut into parts of equal length, and of each the lowest, the highest and the first
     missing point stay, besides both ends of the curve: no peak gets lower, no tear is bridged.
@@ -54,7 +54,7 @@ def thinned(x: Floats, values: Floats, *, most: int) -> tuple[Floats, Floats]:
 
 Style = Literal["line", "marks", "line and marks", "bars"]
 
-# Points of a thinned line; more cannot be told apart on a screen.
+# Points of a thinned line; a screen resolves no more.
 MOST_POINTS = 1600
 DECIMALS = 4
 

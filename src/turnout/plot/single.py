@@ -74,7 +74,7 @@ def plot_rail_shape(
 
 
 def plot_gap(dataset: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
-    """Draw how the closing rail comes home: its gap along the rail at several instants.
+    """Draw the gap along the closing rail at several instants.
 
     Parameters
     ----------

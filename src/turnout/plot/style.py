@@ -2,6 +2,7 @@
 
 import io
 import json
+import textwrap
 from typing import TYPE_CHECKING
 
 import xarray as xr
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito, told apart with any colour vision; the dashes tell them apart in grey print.
+# Okabe and Ito, safe for all colour vision; dashes distinguish lines in grey print.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = (
     "-",
@@ -28,10 +29,13 @@ GREY, SHADE, COMPARED = "0.35", "0.93", "0.6"
 FIGURE_SIZE = (9.0, 1.9)
 SUFFIXES = (".png", ".pdf", ".svg")
 RESOLUTION = 150
+TITLE_SIZE, POINTS_PER_INCH = 11, 72
+# Mean width of a character of the title font, over its size [-].
+CHARACTER_WIDTH = 0.6
 
 
 def new_figure(rows: int) -> "tuple[Figure, list[Axes]]":
-    """Return a figure of stacked axes that share time; it belongs to no window."""
+    """Return a figure of stacked axes that share time; it is not shown in a window."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -50,6 +54,24 @@ def styled(ax: "Axes", label: str, *, span: tuple[float, float]) -> None:
     ax.set_xlim(*span)
     ax.spines[["top", "right"]].set_visible(False)
     ax.margins(y=0.08)
+
+
+def put_title(figure: "Figure", text: str, *, left: bool = True) -> None:
+    """Write the title of a figure, in as many lines as its width needs.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure, of its final width.
+    text : str
+        Lines that are too long are wrapped between words.
+    left : bool
+        Whether it begins at the left edge, or is centred.
+    """
+    width = int(figure.get_figwidth() * POINTS_PER_INCH / (CHARACTER_WIDTH * TITLE_SIZE))
+    lines = [part for line in text.split("\n") for part in textwrap.wrap(line, width) or [""]]
+    place = {"x": 0.01, "ha": "left"} if left else {}
+    figure.suptitle("\n".join(lines), fontsize=TITLE_SIZE, **place)
 
 
 def title_of(dataset: xr.Dataset, compare: xr.Dataset | None = None) -> str:

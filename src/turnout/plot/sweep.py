@@ -1,8 +1,4 @@
-"""Figures of a sweep: maps over two inputs, sensitivities.
-
-Maps of a sweep: forces, gap and how each throw ended, over two inputs. What decides over the
-outputs of a sweep: indices as bars, main effects as lines.
-"""
+"""Figures of a sweep: maps over two inputs, Sobol indices as bars, main effects as lines."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -13,7 +9,7 @@ from numpy.typing import NDArray
 
 from turnout.metric.effects import Effect, OutputEffects
 from turnout.metric.sweep_map import NOT_THROWN, STATES
-from turnout.plot.style import COLOURS, GREY
+from turnout.plot.style import COLOURS, GREY, put_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +17,7 @@ if TYPE_CHECKING:
 
 
 KILO, MILLI = 1e-3, 1e3
-# Told apart with any colour vision; the letters in the cells tell them apart in grey print.
+# Safe for all colour vision; letters in the cells distinguish them in grey print.
 STATE_COLOURS = ("#009E73", "#56B4E9", "#F0E442", "#E69F00", "#D55E00", "#CC79A7", "#FFFFFF")
 STATE_LETTERS = ("", "L", "C", "S", "S!", "?", "")
 # A number is written into each cell up to so many columns.
@@ -40,7 +36,7 @@ AXIS_TITLES = {
 
 
 def plot_sweep_map(cells: xr.Dataset) -> "Figure":
-    """Draw what became of the throws of a sweep over two inputs.
+    """Draw forces, gap and end states of a sweep over two inputs.
 
     Parameters
     ----------
@@ -64,7 +60,7 @@ def plot_sweep_map(cells: xr.Dataset) -> "Figure":
         if name in cells:
             plot_cells(cells, name, ax=ax)
     plot_states(cells, ax=axes.flat[3])
-    figure.suptitle(_title(cells), fontsize=11)
+    put_title(figure, _title(cells), left=False)
     figure.legend(
         handles=_legend(cells), loc="outside lower center", ncols=4, frameon=False, fontsize=8
     )
@@ -120,8 +116,8 @@ def plot_states(cells: xr.Dataset, *, ax: "Axes") -> "Axes":
 
 
 def _unseen(cells: xr.Dataset) -> str:
-    """Say what a good end means where there was an object."""
-    return "; green: the control sees no object" if _has_objects(cells) else ""
+    """Return what a locked end means if there was an object."""
+    return "; green with an object: undetected" if _has_objects(cells) else ""
 
 
 def _has_objects(cells: xr.Dataset) -> bool:
@@ -180,7 +176,7 @@ def _title(cells: xr.Dataset) -> str:
     name = str(cells.attrs.get("name") or cells.attrs.get("study") or "sweep")
     thrown, rest = int(cells["throws"].sum()), int(cells.attrs["skipped"])
     text = f"{name}: {thrown} throws"
-    return text + (f", {rest} left out once a drive had slipped" if rest else "")
+    return text + (f", {rest} skipped after a drive slipped" if rest else "")
 
 
 def _legend(cells: xr.Dataset) -> list[Any]:
@@ -198,13 +194,13 @@ def _legend(cells: xr.Dataset) -> list[Any]:
     ]
 
 
-# Main effects are drawn of the inputs that decide most.
+# Main effects are drawn for the most influential inputs.
 MOST_EFFECTS = 4
 SCREEN = {"N": ("kN", KILO), "m": ("mm", MILLI), "N/m": ("kN/mm", 1e-6), "K": ("K", 1.0)}
 
 
 def plot_sweep_effects(outputs: Sequence[OutputEffects], *, title: str = "") -> "Figure":
-    """Draw a row for each output: its indices, then the main effects of the strongest inputs.
+    """Draw a row for each output: Sobol indices, then main effects of the strongest inputs.
 
     Parameters
     ----------
@@ -237,12 +233,12 @@ def plot_sweep_effects(outputs: Sequence[OutputEffects], *, title: str = "") -> 
                 ax.tick_params(labelleft=False)
                 ax.set_ylabel("")
     if title:
-        figure.suptitle(title, fontsize=11)
+        put_title(figure, title, left=False)
     return figure
 
 
 def strongest(item: OutputEffects, count: int) -> list[Effect]:
-    """Return the main effects of the inputs that decide most over an output.
+    """Return the main effects of the most influential inputs of an output.
 
     Examples
     --------
@@ -259,7 +255,7 @@ def strongest(item: OutputEffects, count: int) -> list[Effect]:
 
 
 def plot_indices(item: OutputEffects, *, ax: "Axes") -> "Axes":
-    """Draw first and, where they are known, total indices of an output with their intervals."""
+    """Draw first-order and, if known, total Sobol indices of an output with intervals."""
     place = np.arange(len(item.indices))
     total = not all(np.isnan(index.total) for index in item.indices)
     wide = 0.38 if total else 0.7
@@ -271,11 +267,14 @@ def plot_indices(item: OutputEffects, *, ax: "Axes") -> "Axes":
             place - shift, values, wide, xerr=halves, color=COLOURS[colour], label=kind,
             error_kw={"elinewidth": 0.8, "ecolor": "black", "capsize": 2},
         )  # fmt: skip
+    if all(np.isnan(index.first) for index in item.indices):
+        text = "no sensitivity:\none throw per value"
+        ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color=GREY)
     ax.set_yticks(place, [index.name for index in item.indices], fontsize=7)
     ax.invert_yaxis()
     ax.axvline(0.0, color=GREY, linewidth=0.6)
     ax.set_xlim(min(0.0, ax.get_xlim()[0]), max(1.0, ax.get_xlim()[1]))
-    ax.set_xlabel("Share of the variance [-], 95 % intervals", fontsize=8)
+    ax.set_xlabel("Sobol index [-], 95 % intervals", fontsize=8)
     ax.set_title(item.output.name, fontsize=9, loc="left")
     ax.spines[["top", "right"]].set_visible(False)
     if total:

@@ -1,7 +1,6 @@
 """Figures of one throw over time: forces, markers, gaps, energy.
 
-One throw over time, and its energy, as sheets. One throw over time: object force, drive forces,
-markers and gaps, stacked.
+Object force, drive forces, markers and gaps as stacked axes; energies as a sheet.
 """
 
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from turnout.plot.style import (
     GREY,
     SHADE,
     new_figure,
+    put_title,
     styled,
     title_of,
 )
@@ -97,7 +97,7 @@ def plot_throw(
     _name_movements(axes[0], dataset)
     axes[-1].set_xlabel("Time [s]")
     figure.align_ylabels(axes)
-    figure.suptitle(title_of(dataset, compare), x=0.01, ha="left")
+    put_title(figure, title_of(dataset, compare))
     return figure
 
 
@@ -352,7 +352,7 @@ def throw_sheet(dataset: xr.Dataset) -> Sheet:
 
 
 def energy_sheet(dataset: xr.Dataset) -> Sheet:
-    """Return where the work of the drives goes in a run.
+    """Return the energy balance of a run.
 
     Parameters
     ----------
@@ -362,7 +362,7 @@ def energy_sheet(dataset: xr.Dataset) -> Sheet:
     Returns
     -------
     Sheet
-        Two rows: the large terms, and what the books and the time stepping leave, in millijoules.
+        Two rows: the large terms, and energy residual and numerical dissipation, in millijoules.
     """
     time = dataset["time"].values
     lines = tuple(
@@ -373,16 +373,16 @@ def energy_sheet(dataset: xr.Dataset) -> Sheet:
     small = tuple(
         Line(label=text, x=time, y=1e3 * dataset[name].values, colour=number, dash=number)
         for number, (name, text) in enumerate(
-            (("energy_numerical", "Lost by time stepping"), ("energy_residual", "Left over"))
+            (("energy_numerical", "Numerical dissipation"), ("energy_residual", "Energy residual"))
         )
         if name in dataset
     )
     rows = [Row("Energy [J]", lines), Row("Energy [mJ]", small)]
     return Sheet(
         name="energy",
-        title="Where the work of the drives goes",
-        caption="Counted from the start of the run. What the books leave over tests the program, "
-        "what the time stepping loses tests its step; both belong near zero.",
+        title="Energy balance",
+        caption="From the start of the run. The energy residual checks the program, the numerical "
+        "dissipation checks the time step; both should be close to zero.",
         x_label="Time [s]",
         rows=tuple(row for row in rows if row.lines),
         bands=_bands(dataset),
@@ -397,7 +397,7 @@ def _bands(dataset: xr.Dataset) -> tuple[Band, ...]:
 
 
 def _slip_levels(dataset: xr.Dataset) -> tuple[Level, ...]:
-    """Return the forces at which a drive slips, where the dataset knows them."""
+    """Return the forces at which a drive slips, if the dataset has them."""
     if "saturation_force" not in dataset.coords:
         return ()
     limits = np.unique(dataset["saturation_force"].values) * KILO

@@ -1,8 +1,4 @@
-"""Figures of a validation: measured against predicted movements with their bands, errors by place.
-
-Measured and predicted forces of a place over time, with the band of 95 %, as a sheet. A validation:
-measured against predicted movements with their bands, and errors by place.
-"""
+"""Figures of a validation: measured and predicted forces with 95 % bands, errors by place."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -13,7 +9,7 @@ import xarray as xr
 from turnout.errors import ResponseError
 from turnout.metric.campaign import object_places
 from turnout.plot.sheet import Line, Row, Sheet
-from turnout.plot.style import COLOURS, GREY, new_figure, styled
+from turnout.plot.style import COLOURS, GREY, new_figure, put_title, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +18,7 @@ if TYPE_CHECKING:
 
 KILO, MILLI = 1e-3, 1e3
 MEASURED = "0.25"
-# Errors are told as multiples of the repeat spread; colours end where a validation fails.
+# Errors are multiples of the repeat spread; the colour scale ends at the failure limit.
 WORST = 3.0
 
 
@@ -83,7 +79,7 @@ def plot_comparison(validation: xr.Dataset, *, place: str, sizes: Sequence[float
     axes[-1].set_xlabel("Time since onset of motion [s]")
     figure.align_ylabels(axes)
     text = f"object at {place}; shaded: where 95 % of measurements should lie"
-    figure.suptitle(_title(validation, text), x=0.01, ha="left", fontsize=11)
+    put_title(figure, _title(validation, text))
     return figure
 
 
@@ -121,7 +117,7 @@ def plot_error_map(validation: xr.Dataset) -> "Figure":
         "RMS difference of prediction and measurement [N]; red: three repeat spreads or more;"
         "\nin brackets: used for the fit; framed: a drive slipped"
     )
-    figure.suptitle(_title(validation, text), x=0.01, ha="left", fontsize=11)
+    put_title(figure, _title(validation, text))
     return figure
 
 
@@ -131,7 +127,7 @@ def compared_movements(
     """Return the closing movements at a place that are drawn, one for each size.
 
     Without sizes 13 mm and 29 mm, as in the published figure; where one of them was not thrown,
-    the largest, or the smallest, in its stead.
+    the largest or the smallest instead.
     """
     closing = validation["direction"].values == "closing"
     here = np.flatnonzero(closing & (validation["place"].values == place))

@@ -1,4 +1,4 @@
-"""The page about a calibration: what the data tell of each parameter, and how sure they are."""
+"""The page about a calibration: each parameter with its uncertainty and identifiability."""
 
 import math
 
@@ -15,7 +15,7 @@ from turnout.report.page import Heat, Page, Picture, Section, Table
 from turnout.report.values import shown
 
 FITTED, FIXED = "fitted", "fixed"
-# Parameters that rise and fall together this closely cannot be told apart by the data.
+# Above this correlation only a combination of two parameters is identified.
 STRONG = 0.9
 
 
@@ -42,15 +42,15 @@ def calibration_page(
     """
     sweeps = [stage for stage in calibration.stages if stage.sweep]
     pictures = [_picture(sweep_sheet(stage, calibration), suffixes) for stage in sweeps]
-    said = [Table("", ("What the data tell",), [(text,) for text in calibration.findings])]
-    warned = [Table("", ("To look at",), [(text,) for text in calibration.warnings])]
+    found = [Table("", ("Finding",), [(text,) for text in calibration.findings])]
+    warned = [Table("", ("Warning",), [(text,) for text in calibration.warnings])]
     sections = [
         Section(
             heading="Parameters", tables=[_parameters(calibration)], heats=_together(calibration)
         ),
         Section(
-            heading="What the data tell, and what to look at",
-            tables=[table for table in (*said, *warned) if table.rows],
+            heading="Findings and warnings",
+            tables=[table for table in (*found, *warned) if table.rows],
         ),
         Section(heading="Stages", pictures=pictures, tables=[_stages(calibration)]),
         Section(heading="Noise and scatter", tables=_noise(calibration)),
@@ -67,14 +67,14 @@ def calibration_page(
 
 
 def calibration_findings(calibration: Calibration) -> list[Finding]:
-    """Return what a calibration found, in plain words, its doubts first."""
+    """Return what a calibration found, unidentified parameters and warnings first."""
     free = [item for item in calibration.parameters if item.state != FIXED]
-    told = [item for item in free if item.state == FITTED]
-    good = len(told) == len(free) and not calibration.warnings
+    identified = [item for item in free if item.state == FITTED]
+    good = len(identified) == len(free) and not calibration.warnings
     count = len(calibration.warnings)
     detail = f"{count} warning{'s' * (count > 1)} below" if count else "no warning"
-    answer = f"{len(told)} of {len(free)} parameters"
-    found = [Finding("good" if good else "look", "Told by the data", answer, detail)]
+    answer = f"{len(identified)} of {len(free)} parameters"
+    found = [Finding("good" if good else "look", "Identified", answer, detail)]
     for item in calibration.parameters:
         key = item.keys[0] if item.keys else item.name
         value = _shown(item, item.value, key)
@@ -110,7 +110,7 @@ def sweep_sheet(stage: StageLog, calibration: Calibration) -> Sheet:
     return Sheet(
         name=f"sweep-{stage.name.replace(' ', '-')}",
         title=f"Stage {stage.name}: misfit over the swept value",
-        caption="Where the misfit is lowest the next stage begins; a flat valley tells little.",
+        caption="The next stage starts at the lowest misfit; a flat minimum means low sensitivity.",
         x_label=label,
         rows=(Row("Misfit [% of range]", (line,)),),
         moments=tuple(found),
@@ -124,7 +124,7 @@ def _picture(sheet: Sheet, suffixes: tuple[str, ...]) -> Picture:
 
 def _shown(item: Fitted, value: float, key: str) -> str:
     if math.isnan(value):
-        return "not known"
+        return "unknown"
     unit = None if item.unit == "1" else item.unit
     return shown(float(f"{value:.4g}"), unit, key.rsplit(".", 1)[-1])
 
@@ -136,9 +136,9 @@ def _parameters(calibration: Calibration) -> Table:
         value, start, low, high = (
             _shown(item, number, key) for number in (item.value, item.start, item.lower, item.upper)
         )
-        doubt = "" if math.isnan(item.deviation) else _shown(item, item.deviation, key)
-        rows.append((item.name, value, doubt, item.state, start, f"{low} to {high}"))
-    columns = ("Parameter", "Value", "Standard deviation", "State", "Began at", "Bounds")
+        deviation = "" if math.isnan(item.deviation) else _shown(item, item.deviation, key)
+        rows.append((item.name, value, deviation, item.state, start, f"{low} to {high}"))
+    columns = ("Parameter", "Value", "Standard deviation", "State", "Start", "Bounds")
     marked = frozenset(
         n for n, item in enumerate(calibration.parameters) if item.state not in (FITTED, FIXED)
     )
@@ -153,7 +153,9 @@ def _together(calibration: Calibration) -> list[Heat]:
         return []
     correlation = calibration.covariance / np.outer(size, size)
     strong = (np.abs(correlation) > STRONG) & ~np.eye(len(names), dtype=bool)
-    heading = f"Correlation of the parameters; beyond {STRONG:g} they cannot be told apart"
+    heading = (
+        f"Correlation of the parameters; strongly correlated (beyond {STRONG:g}) ones are framed"
+    )
     numbers = [str(number + 1) for number in range(len(names))]
     rows = [f"{number} {name}" for number, name in zip(numbers, names, strict=True)]
     return [Heat(heading, rows, numbers, correlation.tolist(), strong.tolist())]
@@ -167,7 +169,7 @@ def _stages(calibration: Calibration) -> Table:
     ]  # fmt: skip
     columns = ("Stage", "Method", "Movements", "Misfit", "Throws", "Steps", "How it ended")
     return Table(
-        "Misfit is the residual over its expected size: 1 is as good as noise", columns, rows
+        "Misfit is the residual over its expected size: 1 means noise level", columns, rows
     )
 
 

@@ -44,9 +44,9 @@ def campaign_page(
     excluded : sequence of (str, sequence of str)
         Movements that are not in it, with every reason.
     remarks : sequence of str
-        What does not exclude a movement but should be looked at.
+        Remarks on movements that are usable all the same.
     suffixes : sequence of str
-        In which forms the page holds each figure on paper.
+        File formats in which the page offers each figure.
 
     Returns
     -------
@@ -57,7 +57,7 @@ def campaign_page(
     ]
     sections = [
         Section(
-            heading=f"Places against sizes, {way}",
+            heading=f"End force by place and size, {way}",
             text="Force at the end of the throw in kN, by size of the object in mm. Framed where a "
             "drive slipped; repeats are averaged; empty where nothing was thrown.",
             heats=_heats(dataset, direction=way),
@@ -75,9 +75,9 @@ def campaign_page(
         if _places(dataset, way)
     ]
     rows = [(who, "; ".join(reasons)) for who, reasons in excluded]
-    left_out = Table("Left out", ("Movement", "Why"), rows)
-    looked_at = Table("To look at", ("Remark",), [(text,) for text in remarks])
-    quality = [table for table in (left_out, looked_at) if table.rows]
+    excluded_rows = Table("Excluded", ("Movement", "Reason"), rows)
+    to_check = Table("Check", ("Remark",), [(text,) for text in remarks])
+    quality = [table for table in (excluded_rows, to_check) if table.rows]
     sections += [Section(heading="Quality", tables=quality)] if quality else []
     sections.append(origin_section(dataset.attrs))
     count = dataset.sizes["movement"]
@@ -93,28 +93,28 @@ def campaign_page(
 def campaign_findings(
     dataset: xr.Dataset, *, excluded: Reasons = (), remarks: Sequence[str] = ()
 ) -> list[Finding]:
-    """Return what a campaign says, in plain words: which objects are told from none, and where."""
-    found = [_told(dataset, way) for way in DIRECTIONS if _places(dataset, way)]
+    """Return the findings of a campaign: which objects the drives detect, and where."""
+    found = [_detected(dataset, way) for way in DIRECTIONS if _places(dataset, way)]
     found += [_slips(dataset, way) for way in DIRECTIONS if _places(dataset, way)]
     for way in DIRECTIONS:
         for drive in repeat_scatter(dataset, direction=way):
             if drive.count:
-                spread = "not known" if math.isnan(drive.deviation) else f"{drive.deviation:.0f} N"
+                spread = "unknown" if math.isnan(drive.deviation) else f"{drive.deviation:.0f} N"
                 detail = f"{spread} standard deviation in {drive.count} throws without an object"
                 question = f"End force of drive {drive.drive}, {way}"
                 found.append(Finding("told", question, kilo(drive.mean), detail))
     count = dataset.sizes["movement"]
     if excluded or remarks:
-        out = "some left out" if excluded else "none left out"
+        out = "some excluded" if excluded else "none excluded"
         detail = f"{out}; {'remarks' if remarks else 'no remarks'} under Quality"
         found.append(Finding("look", "Usable movements", str(count), detail))
     else:
-        found.append(Finding("good", "Usable movements", str(count), "none left out, no remark"))
+        found.append(Finding("good", "Usable movements", str(count), "none excluded, no remarks"))
     return found
 
 
 def campaign_figures(dataset: xr.Dataset, *, suffixes: Sequence[str]) -> dict[str, bytes]:
-    """Return the tables of places against sizes as files by name."""
+    """Return the tables of end force by place and size as files by name."""
     files: dict[str, bytes] = {}
     for way in DIRECTIONS:
         if (dataset["direction"].values == way).any():
@@ -127,39 +127,39 @@ def _places(dataset: xr.Dataset, direction: str) -> list[str]:
     return object_places(dataset.isel(movement=dataset["direction"].values == direction))
 
 
-def _told(dataset: xr.Dataset, direction: str) -> Finding:
-    """Return from which size on objects are told at every place, and where they are not."""
+def _detected(dataset: xr.Dataset, direction: str) -> Finding:
+    """Return the smallest size detected at every place, and the places without detection."""
     results = place_sizes(dataset, direction=direction)
-    question = f"Objects told by the drives, {direction}"
-    blind = [item.place for item in results if math.isnan(item.detectable)]
-    rule = "told is an end force that one in 700 throws without an object would show"
+    question = f"Smallest size detected by the drives, {direction}"
+    undetected = [item.place for item in results if math.isnan(item.detectable)]
+    rule = "detection threshold at 0.14 % false alarms"
     if all(math.isnan(item.deviation) for item in repeat_scatter(dataset, direction=direction)):
         detail = "fewer than two throws without an object to compare with"
-        return Finding("look", question, "Not known", detail)
+        return Finding("look", question, "Unknown", detail)
     known = [item for item in results if not math.isnan(item.detectable)]
     if not known:
-        return Finding("bad", question, "None", f"at no place; {rule}")
+        return Finding("bad", question, "None", f"no object is detected at any place; {rule}")
     worst = max(known, key=lambda item: item.detectable)
-    detail = f"at {len(known)} of {len(results)} places, latest at {worst.place}; {rule}"
-    if blind:
-        detail += f"; never at {', '.join(blind)}"
-    answer = f"From {MILLI * worst.detectable:g} mm on"
-    return Finding("look" if blind else "good", question, answer, detail)
+    detail = f"at {len(known)} of {len(results)} places, largest at {worst.place}; {rule}"
+    if undetected:
+        detail += f"; not detected at {', '.join(undetected)}"
+    answer = f"{MILLI * worst.detectable:g} mm"
+    return Finding("look" if undetected else "good", question, answer, detail)
 
 
 def _slips(dataset: xr.Dataset, direction: str) -> Finding:
     results = [
         item for item in place_sizes(dataset, direction=direction) if not math.isnan(item.slipped)
     ]
-    question = f"Objects that make a drive slip, {direction}"
+    question = f"Smallest size that makes a drive slip, {direction}"
     if not results:
-        return Finding("told", question, "None", "no drive slipped on any object")
+        return Finding("told", question, "None", "no drive slipped with any object")
     least = min(results, key=lambda item: item.slipped)
     most = max(results, key=lambda item: item.slipped)
     detail = f"first at {least.place}"
     if most.slipped > least.slipped:
-        detail += f", only from {MILLI * most.slipped:g} mm on at {most.place}"
-    return Finding("told", question, f"From {MILLI * least.slipped:g} mm on", detail)
+        detail += f", {MILLI * most.slipped:g} mm at {most.place}"
+    return Finding("told", question, f"{MILLI * least.slipped:g} mm", detail)
 
 
 def _sizes_table(results: Sequence[PlaceSizes]) -> Table:
@@ -171,8 +171,8 @@ def _sizes_table(results: Sequence[PlaceSizes]) -> Table:
          size(item.slipped))
         for item in results
     ]  # fmt: skip
-    columns = ("Place", "Thrown on", "Told from no object from", "A drive slips from")
-    return Table("From which size on", columns, rows)
+    columns = ("Place", "Sizes thrown", "Smallest detectable size", "Smallest size with slip")
+    return Table("Smallest sizes by place", columns, rows)
 
 
 def _heats(dataset: xr.Dataset, *, direction: str) -> list[Heat]:

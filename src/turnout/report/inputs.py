@@ -9,7 +9,7 @@ from turnout.panel.load import LoadedPanel, load_panel
 from turnout.report.page import Section, Table
 from turnout.report.values import ASSUMED, value_groups
 
-# Attributes of a dataset that say how it was computed, and their names on a page.
+# Attributes of a dataset about its computation, and their names on a page.
 MADE_BY = {
     "version": "turnout",
     "python": "Python",

@@ -42,7 +42,7 @@ def plotly_script() -> str:
 
 
 MEDIA = {".pdf": "application/pdf", ".png": "image/png", ".svg": "image/svg+xml"}
-# A page asks nobody for anything, and its browser holds it to that.
+# The page loads nothing from elsewhere; its content security policy enforces that.
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     "img-src data: blob:; base-uri 'none'; form-action 'none'"

@@ -30,7 +30,7 @@ def run_page(
     Parameters
     ----------
     dataset : xarray.Dataset
-        A run; what its channels cannot tell is left out.
+        A run; findings that need a missing channel are left out.
     panel : LoadedPanel, optional
         What it was computed with, from `turnout.report.inputs.panel_of`.
     pictures : iterable of Picture, optional
@@ -84,5 +84,5 @@ def _tables(dataset: xr.Dataset) -> list[Table]:
     if lines and dataset.attrs.get("foreign_objects", "[]") == "[]":
         rows = [(c.what, c.where, c.number, c.remedy) for c in concerns(dataset)]
         columns = ("What", "Where", "How much", "Remedy")
-        tables += [Table("To look at", columns, rows)] if rows else []
+        tables += [Table("Check", columns, rows)] if rows else []
     return tables

@@ -1,4 +1,4 @@
-"""A study as lines of text: what varies, how, what is kept, and how much it comes to."""
+"""A study as lines of text: inputs, sampling, stored channels, size."""
 
 from collections.abc import Iterator
 
@@ -54,8 +54,8 @@ def study_lines(study: Study) -> Iterator[str]:
         yield line("temperature", f"multiplies {study.law.key}")
     if study.rule is not None:
         yield line("rule", f"{study.rule.variable} grows until a drive slips")
-    kept = ", ".join(study.output.channels) or "labels and features alone"
-    yield line("keeps", f"{kept} at {study.output.rate:g} Hz")
+    kept = ", ".join(study.output.channels) or "labels and features only"
+    yield line("stores", f"{kept} at {study.output.rate:g} Hz")
     yield line("scheme", study.scheme.describe())
 
 
@@ -65,7 +65,7 @@ def line(head: str, text: str) -> str:
 
 
 def ends_of(law: Distribution) -> tuple[float, float, str]:
-    """Return what a distribution keeps between: its bounds, or 95 % of it where it has none.
+    """Return the range of a distribution: its bounds, or its central 95 % if unbounded.
 
     Examples
     --------
@@ -78,7 +78,7 @@ def ends_of(law: Distribution) -> tuple[float, float, str]:
 
 
 def duration_text(seconds: float) -> str:
-    """Show a time as people say it.
+    """Return a duration in readable units.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The page about a sweep: how its throws ended, the map of places and sizes, what decides."""
+"""The page about a sweep: how its throws ended, the map of places and sizes, sensitivities."""
 
 import math
 from collections.abc import Sequence
@@ -36,9 +36,9 @@ def sweep_page(
     labels : xarray.Dataset
         Dimension scenario: inputs, outcomes, labels and features.
     decided : sequence of OutputEffects
-        What decides over its outputs.
+        Sensitivity of each output.
     suffixes : sequence of str
-        In which forms the page holds each figure on paper.
+        File formats in which the page offers each figure.
 
     Returns
     -------
@@ -47,22 +47,22 @@ def sweep_page(
     Raises
     ------
     ResponseError
-        When the sweep has not kept how its throws ended.
+        When the sweep lacks the labels that say how its throws ended.
     """
     lost = [name for name in NEEDED if name not in labels]
     if lost:
         message = (
-            f"sweep {labels.attrs.get('name', '')}: has not kept {', '.join(lost)}, so that nothing"
-            " tells how its throws ended; run the study again with this version"
+            f"sweep {labels.attrs.get('name', '')}: has no {', '.join(lost)}, so the report"
+            " cannot say how its throws ended; run the study again with this version"
         )
         raise ResponseError(message)
     sections = [
         Section(heading="How the throws ended", tables=_endings(labels)),
         *([_map_section(labels)] if has_map(labels) else []),
         Section(
-            heading="What decides",
-            text="The share of the spread of an output that an input has by itself (first), and "
-            "with all that it does together with others (total), where the sweep tells it."
+            heading="Sensitivity",
+            text="First-order Sobol index: share of the variance of an output due to one input. "
+            "Total: with all interactions, where the sampling of the sweep allows it."
             if decided
             else "",
             tables=[_indices(item) for item in decided],
@@ -87,7 +87,7 @@ def sweep_page(
 
 
 def sweep_findings(labels: xr.Dataset) -> list[Finding]:
-    """Return how the throws of a sweep ended, first those with an object that nobody notices.
+    """Return how the throws of a sweep ended, undetected objects first.
 
     Parameters
     ----------
@@ -106,13 +106,11 @@ def sweep_findings(labels: xr.Dataset) -> list[Finding]:
         touched = ended & (labels["object_touched"].to_numpy() > 0)
         silent = touched & (state == LOCKED)
         count, of = int(silent.sum()), int(touched.sum())
-        detail = f"{count} of {of} throws that touch an object end locked and in control"
-        answer = f"{100 * count / of:.3g} % of touched objects" if of else "No object touched"
-        found.append(
-            Finding(
-                "bad" if count else "good", "Objects that lock and control miss", answer, detail
-            )
+        detail = (
+            f"{count} of {of} throws that touch an object end locked and in control, without slip"
         )
+        answer = f"{100 * count / of:.3g} % of touched objects" if of else "No object touched"
+        found.append(Finding("bad" if count else "good", "Undetected objects", answer, detail))
     for number, name in enumerate(STATES):
         count = int((state == number).sum())
         if not count:
@@ -129,7 +127,7 @@ def sweep_findings(labels: xr.Dataset) -> list[Finding]:
 
 
 def has_map(labels: xr.Dataset) -> bool:
-    """Tell whether a sweep has thrown objects of sizes at places."""
+    """Return whether a sweep varies size and place of the object."""
     return all(name in labels.coords for name in MAP_INPUTS)
 
 
@@ -173,8 +171,8 @@ def _level(axis: xr.DataArray, at: int) -> str:
 
 
 def _indices(item: OutputEffects) -> Table:
-    def share(value: float, doubt: float) -> str:
-        return "" if math.isnan(value) else f"{100 * value:.1f} ± {100 * doubt:.1f} %"
+    def share(value: float, half_width: float) -> str:
+        return "" if math.isnan(value) else f"{100 * value:.1f} ± {100 * half_width:.1f} %"
 
     rows = [
         (index.name, share(index.first, index.first_confidence),

@@ -34,7 +34,7 @@ def validation_page(validation: xr.Dataset, *, suffixes: Sequence[str] = (".pdf"
     validation : xarray.Dataset
         From `turnout.validation.validate.validate`.
     suffixes : sequence of str
-        In which forms the page holds each figure on paper.
+        File formats in which the page offers each figure.
 
     Returns
     -------
@@ -43,8 +43,8 @@ def validation_page(validation: xr.Dataset, *, suffixes: Sequence[str] = (".pdf"
     verdict = judge(validation)
     sections = [
         Section(
-            heading="Errors beside the spread of repeats",
-            text=f"Of {verdict.judged} movements that were judged; the fit has seen "
+            heading="Errors and the spread of repeats",
+            text=f"Of {verdict.judged} movements that were judged; the fit used "
             f"{verdict.used}. From throw to throw: {scatter_text(validation)}.",
             tables=[_channels(verdict), _features(verdict)],
         ),
@@ -60,7 +60,7 @@ def validation_page(validation: xr.Dataset, *, suffixes: Sequence[str] = (".pdf"
             pictures=[_picture(validation, place, suffixes) for place in _places(validation)],
             folded=True,
         ),
-        Section(heading="Furthest off, and left out", tables=_remarks(validation, verdict)),
+        Section(heading="Largest errors and exclusions", tables=_remarks(validation, verdict)),
         Section(heading="Movements", tables=[_movements(validation)]),
         origin_section(validation.attrs),
     ]
@@ -75,18 +75,18 @@ def validation_page(validation: xr.Dataset, *, suffixes: Sequence[str] = (".pdf"
 
 
 def validation_findings(validation: xr.Dataset, verdict: Verdict) -> list[Finding]:
-    """Return whether a calibration holds, in plain words, then each channel by itself."""
+    """Return whether a calibration holds, then the error of each channel."""
     level: Level = "good" if verdict.accepted else "bad" if verdict.reasons else "look"
     answer = "Valid" if verdict.accepted else "Not valid" if verdict.reasons else "Not validated"
     found = [Finding(level, "Does the calibration hold?", answer, verdict.text.partition(": ")[2])]
     share = f"{PERCENT * verdict.cover:.0f} % of the measurement"
     limit = f"at least {PERCENT * LEAST_COVER:.0f} % should be"
     inside: Level = "good" if verdict.cover >= LEAST_COVER else "bad"
-    found.append(Finding(inside, "Inside the band of 95 %", share, limit))
+    found.append(Finding(inside, "Inside the 95 % band", share, limit))
     for item in verdict.channels:
         detail = (
-            f"{item.rms:.0f} N, {PERCENT * item.nrmse:.1f} % of the largest force, beside "
-            f"{item.spread:.0f} N from repeat to repeat; allowed are {MOST_SPREADS:g} spreads"
+            f"{item.rms:.0f} N, {PERCENT * item.nrmse:.1f} % of the largest force; "
+            f"repeats spread by {item.spread:.0f} N; the limit is {MOST_SPREADS:g} spreads"
         )
         found.append(
             Finding(
@@ -97,7 +97,7 @@ def validation_findings(validation: xr.Dataset, verdict: Verdict) -> list[Findin
             )
         )
     for text in notes(validation):
-        found.append(Finding("look", "To look at", "Note", text))
+        found.append(Finding("look", "Check", "Note", text))
     return found
 
 
@@ -167,8 +167,10 @@ def _picture(validation: xr.Dataset, place: str, suffixes: Sequence[str]) -> Pic
 
 
 def _remarks(validation: xr.Dataset, verdict: Verdict) -> list[Table]:
-    told = (("Furthest off", verdict.worst), ("To look at", tuple(notes(validation))))
-    return [Table(heading, ("What",), [(text,) for text in rows]) for heading, rows in told if rows]
+    remarks = (("Largest errors", verdict.worst), ("Check", tuple(notes(validation))))
+    return [
+        Table(heading, ("Remark",), [(text,) for text in rows]) for heading, rows in remarks if rows
+    ]
 
 
 def _movements(validation: xr.Dataset) -> Table:

@@ -16,9 +16,9 @@ from turnout.report.sweep import sweep_findings
 from turnout.report.validation import validation_findings
 from turnout.validation.verdict import judge
 
-# Told by colour and by sign, so that no reader depends on colour.
+# Colour and sign both carry the level, so that no reader depends on colour.
 SIGNS = {"good": ("✓", "#00875f"), "look": ("!", "#b36b00"), "bad": ("✗", "#c8322b")}
-TOLD = ("·", "inherit")
+PLAIN = ("·", "inherit")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,7 +115,7 @@ def view(dataset: xr.Dataset) -> View:
 
 
 def kind_of(dataset: xr.Dataset) -> str:
-    """Tell what a dataset is about: "run", "recording", "campaign", "sweep" and so on.
+    """Return the kind of a dataset: "run", "recording", "campaign", "sweep" and so on.
 
     Examples
     --------
@@ -132,4 +132,4 @@ def kind_of(dataset: xr.Dataset) -> str:
 
 
 def _sign(item: Finding) -> tuple[str, str]:
-    return SIGNS.get(item.level, TOLD)
+    return SIGNS.get(item.level, PLAIN)

@@ -1,4 +1,4 @@
-"""The addresses of the page: each hands what was sent to a process, and its answer to the page."""
+"""HTTP routes of the studio: pass requests to worker processes and return their replies."""
 
 import asyncio
 import logging
@@ -17,12 +17,12 @@ from starlette.staticfiles import StaticFiles
 
 from turnout.errors import FileError, TurnoutError
 from turnout.report.page import plotly_script
-from turnout.web.desk import LARGEST_PANEL
 from turnout.web.guard import LARGEST_UPLOAD, TooLargeError
 from turnout.web.measured import campaign_file, plain_name
 from turnout.web.process import without_folders
 from turnout.web.question import CHECK_TIME_LIMIT, TIME_LIMIT, Reply, Superseded, Task
 from turnout.web.studio import Studio
+from turnout.web.tasks import LARGEST_PANEL
 from turnout.web.throw import FILES
 from turnout.web.worker import ClosedError, Worker
 
@@ -120,30 +120,30 @@ class _Addresses:
         return JSONResponse(await asyncio.to_thread(self.studio.start))
 
     async def open_panel(self, request: Request) -> Response:
-        return await self._asked("panel/open", request)
+        return await self._forward("panel/open", request)
 
     async def panel_again(self, request: Request) -> Response:
-        return await self._asked("panel/again", request)
+        return await self._forward("panel/again", request)
 
     async def send_panel(self, request: Request) -> Response:
         name = request.query_params.get("name", "")
-        return await self._asked("panel/send", request, most=LARGEST_PANEL, name=name)
+        return await self._forward("panel/send", request, most=LARGEST_PANEL, name=name)
 
     async def concerns(self, request: Request) -> Response:
-        return await self._asked("panel/concerns", request, seconds=CHECK_TIME_LIMIT)
+        return await self._forward("panel/concerns", request, seconds=CHECK_TIME_LIMIT)
 
     async def run(self, request: Request) -> Response:
-        return await self._asked("run", request, kind=LIVE)
+        return await self._forward("run", request, kind=LIVE)
 
     async def file(self, request: Request) -> Response:
         kind = request.path_params["kind"]
         if kind not in FILES:
             message = f"{kind}: no such file; there are {', '.join(FILES)}"
             raise FileError(message)
-        return await self._asked("file", request, file=kind)
+        return await self._forward("file", request, file=kind)
 
     async def measured(self, request: Request) -> Response:
-        return await self._asked("measured", request, mark=request.path_params["mark"])
+        return await self._forward("measured", request, mark=request.path_params["mark"])
 
     async def recording(self, request: Request) -> Response:
         """Put a recording into a file, under the name that the page gives, and have it read."""
@@ -167,7 +167,7 @@ class _Addresses:
         path = await asyncio.to_thread(campaign_file, folder, name)
         return FileResponse(path, filename=path.name)
 
-    async def _asked(
+    async def _forward(
         self,
         name: str,
         request: Request,

@@ -1,4 +1,4 @@
-"""The sliders of a panel: what they change, in which unit and between what bounds."""
+"""The sliders of a panel: keys, units and bounds."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -42,7 +42,7 @@ def controls(panel: Panel) -> list[dict[str, Any]]:
     Parameters
     ----------
     panel : Panel
-        Gives what they begin with.
+        Gives the initial values.
 
     Examples
     --------
@@ -66,7 +66,7 @@ def _of_object(panel: Panel) -> list[Control]:
 
 
 def _last_place(panel: Panel) -> float:
-    """Return where the last chair or drive is: behind it a rail no longer opens."""
+    """Return where the last chair or drive is: behind it the rail does not open."""
     rail = panel.object_defaults.rail
     places = [item.x for item in panel.drive.values() if item.rail == rail]
     places += [item.x for item in panel.chair.values() if item.rails is None or rail in item.rails]
@@ -91,7 +91,7 @@ def _of_values(panel: Panel) -> list[Control]:
 
 
 def _of_times(panel: Panel) -> list[Control]:
-    """Return the duration of each movement that could be longer, and delays in the last one."""
+    """Return durations of movements, and drive delays of the last one."""
     found = []
     ordered = ordered_movements(panel)
     until = [movement.start for _, movement in ordered][1:] + [panel.schedule.end]
@@ -101,14 +101,14 @@ def _of_times(panel: Panel) -> list[Control]:
         least = max(SHORTEST, 2 * movement.ramp)
         if movement.shape == "table" or most < max(movement.duration, least):
             continue
-        key, label = f"movement.{name}.duration", f"Time of '{name}'"
+        key, label = f"movement.{name}.duration", f"Duration of '{name}'"
         found.append(Control(key, label, "s", movement.duration, least, most, 0.05))
     for name, movement in ordered[-1:]:
         room = until[-1] - movement.start - movement.duration
         if len(panel.drive) < 2 or room < MOST_EXTRA:
             continue
         for drive in panel.drive:
-            key, label = f"movement.{name}.extra_time.{drive}", f"Drive {drive} later by"
+            key, label = f"movement.{name}.extra_time.{drive}", f"Drive {drive} delay"
             value = movement.extra_time.get(drive, 0.0)
             found.append(Control(key, label, "s", value, 0.0, max(MOST_EXTRA, value), 0.05))
     return found

@@ -1,4 +1,4 @@
-"""Who may ask and what is sent along: host, token, size of uploads, and headers of safety.
+"""Access control of the studio: host, token, upload size, and security headers.
 
 The server listens on 127.0.0.1, but every page in the user's browser can reach it there. A foreign
 page is kept out by the host header (a name that was made to point here), by the origin header, and
@@ -64,7 +64,7 @@ class Guard:
         self._cookie = f"turnout_studio_{port}"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or hand it on."""
+        """Answer a request or pass it on."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
@@ -87,11 +87,11 @@ class Guard:
         await self._app(scope, body.receive, _with_headers(send))
 
     def _refusal(self, scope: Scope, headers: dict[str, str]) -> Response | None:
-        """Return what to answer instead of the application, None for a request that may pass."""
+        """Return a refusal, or None for an allowed request."""
         host = headers.get("host", "")
         if host not in self._hosts:
             known = " or ".join(sorted(self._hosts))
-            return _refused(421, f"this studio answers to {known} only, not to '{host}'")
+            return _refused(421, f"this studio accepts only {known} as host, not '{host}'")
         origin = headers.get("origin")
         if origin is not None and origin.removeprefix("http://") not in self._hosts:
             return _refused(403, f"a page of '{origin}' may not use this studio")
@@ -124,7 +124,7 @@ class Guard:
 
 
 class TooLargeError(Exception):
-    """More was sent than may be; the application answers with status 413."""
+    """The upload is too large; the application replies with status 413."""
 
     def __init__(self, largest: int) -> None:
         super().__init__(f"the file is too large: at most {largest / 1e6:g} MB are taken")

@@ -148,9 +148,9 @@ def _refuse_links(path: Path) -> None:
         with h5py.File(path, "r") as file:
             named = _linked(file)
     except (OSError, RuntimeError, ValueError, KeyError):
-        return  # damaged: its reader says how
+        return  # damaged: its reader reports how
     if named:
-        message = f"{path}: {named} is kept in another file, which cannot be sent; copy it into one"
+        message = f"{path}: {named} is in another file, which cannot be sent; copy it into one file"
         raise FileError(message)
 
 
@@ -197,7 +197,7 @@ def listing(recording: Recording, kind: str) -> list[str]:
 def recorded_movements(
     recording: Recording, channel_map: ChannelMap
 ) -> tuple[list[Measured], list[str]]:
-    """Turn a recording into its movements, and say what was made of it."""
+    """Return the movements of a recording, and lines about the conversion."""
     dataset = apply_chain(recording, channel_map)
     lines = [
         f"{row.key}: column {row.column}, {row.least:.4g} to {row.largest:.4g} {row.unit}, "
@@ -221,7 +221,7 @@ def recorded_movements(
 def shifted(measured: Measured, run: xr.Dataset) -> xr.Dataset:
     """Return a measured movement on the time of a run: onsets of the same direction meet.
 
-    Drives are those of the run; where the run has no such movement, the first one counts.
+    Drives are those of the run; if the run has no such movement, its first one is used.
     """
     spans = movements(run)
     to = "open" if measured.direction == "opening" else "closed"

@@ -1,8 +1,8 @@
-"""A process that computes, which can be stopped whatever it is doing.
+"""A worker process that can be killed in any state.
 
-A thread cannot: a power of large numbers, a crashing reader or a search without end keeps it, and
-the interpreter with it. A process has a limit of memory too. It leads a group of processes of its
-own, so that readers which it has started end with it and Ctrl-C on the terminal does not reach it.
+A thread cannot: a power of large numbers, a crashing reader or an endless search blocks it and the
+interpreter. A process has a memory limit too. It leads its own process group, so readers that it
+starts end with it and Ctrl-C on the terminal does not reach it.
 """
 
 import ctypes
@@ -35,8 +35,8 @@ from turnout.web.question import (
 Answering = Callable[[Task, Question], Reply]
 Prepare = Callable[[], Answering]
 
-# Caches fill with use: a process is replaced when it has grown by so much since its first answers,
-# and holds more than this [bytes].
+# Caches grow with use: a process is replaced when it has grown by this factor since its first
+# replies and holds more than this [bytes].
 FIRST_ANSWERS, GROWTH, MEMORY_AT_REST = 20, 1.3, 800_000_000
 _READY = b"ready"
 _log = logging.getLogger("turnout")
@@ -50,18 +50,18 @@ class EndedError(Exception):
 
 
 class Process:
-    """A process that answers one task at a time, seen from the server.
+    """A process that handles one task at a time, seen from the server.
 
-    `start` and `ask` wait, so they are for threads; `kill` may be called from anywhere.
+    `start` and `ask` block, so call them in threads; `kill` is safe anywhere.
 
     Parameters
     ----------
     prepare : callable
-        Called in the process; returns what answers tasks there. It is pickled.
+        Called in the process, returns its task handler; pickled.
     folder : str
         For temporary files of the process.
     memory : int
-        That an answer may take beyond what the process takes at rest [bytes].
+        Limit of a reply above the memory of the idle process [bytes].
     """
 
     def __init__(self, prepare: Prepare, folder: str, memory: int = MEMORY_LIMIT) -> None:
@@ -81,7 +81,7 @@ class Process:
 
     @property
     def alive(self) -> bool:
-        """Tell whether it can be asked."""
+        """Whether it accepts tasks."""
         return self._started and not self._killed and self._process.is_alive()
 
     def start(self) -> None:
@@ -107,7 +107,7 @@ class Process:
             raise EndedError(ready.decode())
 
     def ask(self, task: Task) -> Reply:
-        """Return its answer.
+        """Return its reply.
 
         Raises
         ------
@@ -123,7 +123,7 @@ class Process:
             raise EndedError(self._ended()) from None
 
     def overtake(self, number: int) -> None:
-        """Tell it that something newer was asked than its task of this number."""
+        """Signal that a newer request supersedes its task of this number."""
         with suppress(OSError), self._sending:
             self._ours.send((number, None))
 
@@ -146,7 +146,7 @@ class Process:
             self._process.kill()
 
     def _ended(self) -> str:
-        """Wait for its end and say how it came about."""
+        """Wait for its end and return the reason."""
         if not self._killed:
             self._process.join(timeout=1)
         self.kill()
@@ -158,9 +158,9 @@ class Process:
 
 
 def _compute(connection: Connection, folder: str, memory: int) -> None:
-    """Answer tasks until the server is gone; runs in the process."""
+    """Handle tasks until the server is gone; runs in the process."""
     _set_apart()
-    # Whatever is left there goes with the server.
+    # The server removes this folder when it ends.
     tempfile.tempdir = os.environ["TMPDIR"] = folder
     try:
         prepare: Prepare = connection.recv()
@@ -186,13 +186,13 @@ def _compute(connection: Connection, folder: str, memory: int) -> None:
 
 
 class _MemoryUse:
-    """How much memory this process has filled since its first answers."""
+    """Growth of the memory of this process since its first replies."""
 
     def __init__(self) -> None:
         self._answers, self._most = 0, float("inf")
 
     def has_grown(self) -> bool:
-        """Tell, after an answer, whether the process is better replaced."""
+        """Return, after a reply, whether the process should be replaced."""
         if sys.platform != "linux":
             return False
         self._answers += 1
@@ -240,7 +240,7 @@ def _answered(answering: Answering, task: Task, question: Question) -> Reply:
     except MemoryError:
         return Reply.refused(MEMORY_MESSAGE, exhausted=True)
     except RecursionError:
-        return Reply.refused("this is nested too deeply; give fewer levels")
+        return Reply.refused("this is nested too deeply; use fewer levels")
     except Exception as error:
         _log.exception("the studio failed")
         # Its text may name files of this machine.
@@ -250,12 +250,12 @@ def _answered(answering: Answering, task: Task, question: Question) -> Reply:
 
 MEMORY_MESSAGE = (
     f"this needs more than {MEMORY_LIMIT / 1e9:g} GB of memory, so it was stopped; "
-    "give less: a smaller panel, a shorter schedule or a shorter recording"
+    "send less: a smaller panel, a shorter schedule or a shorter recording"
 )
 
 
 def without_folders(text: str) -> str:
-    """Return a message whose paths are names only: the page needs no folders of this machine.
+    """Return a message with file names only, without the folders of this machine.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What passes between the server and the processes that compute for it."""
+"""Messages between the server and its worker processes."""
 
 import json
 import threading
@@ -9,24 +9,24 @@ from typing import Self
 
 from turnout.errors import FileError
 
-# The one place that says how long an answer may take and how much memory it may use.
+# Limits of a reply: time and memory.
 TIME_LIMIT = 10.0
-"""Of an answer [s]; counted from when a process begins with it."""
+"""Of a reply [s], from when a process starts on it."""
 CHECK_TIME_LIMIT = 60.0
 """Of the check of a panel [s], which for the default panel takes 7 s."""
 MEMORY_LIMIT = 2_000_000_000
-"""Of an answer, beyond what a process takes at rest [bytes]."""
+"""Of a reply, above the memory of an idle process [bytes]."""
 
-# A throw that has been computed for longer than this gives way to a newer question [s].
+# A throw that has run longer than this is stopped by a newer request [s].
 PATIENCE = 0.5
 
 
 class Superseded(Exception):  # noqa: N818 - it is no error
-    """Something newer was asked before this was answered."""
+    """A newer request arrived before the reply."""
 
 
 class UnknownMarkError(FileError):
-    """A process does not know what a mark stands for; the server may."""
+    """The mark is unknown to the process; the server may have its content."""
 
     def __init__(self, mark: str, message: str) -> None:
         super().__init__(message)
@@ -35,13 +35,13 @@ class UnknownMarkError(FileError):
 
 @dataclass(eq=False)
 class Question:
-    """Whether something newer was asked, and since when this one is being computed."""
+    """State of a running request: start time, and whether a newer one supersedes it."""
 
     overtaken: threading.Event = field(default_factory=threading.Event)
     began: float = float("inf")
 
-    def hear(self, _done: int = 0, _total: int = 0) -> None:
-        """Stop a run that gives way; to be handed to `simulate` as its report."""
+    def check(self, _done: int = 0, _total: int = 0) -> None:
+        """Stop a superseded run; pass this to `simulate` as its report."""
         if self.overtaken.is_set() and time.monotonic() - self.began > PATIENCE:
             raise KeyboardInterrupt
 
@@ -53,15 +53,15 @@ class Task:
     Attributes
     ----------
     name : str
-        What is asked for.
+        Kind of task.
     content : bytes
         What the page sent.
     options : mapping of str to str
         From the address of the request.
     seconds : float
-        So long it may take [s].
+        Time limit [s].
     restored : tuple of (str, bytes)
-        Marks with what processes said before about them.
+        Marks with their content from earlier replies.
     """
 
     name: str
@@ -71,13 +71,13 @@ class Task:
     restored: tuple[tuple[str, bytes], ...] = ()
 
     def with_restored(self, mark: str, kept: bytes) -> Self:
-        """Return the task with what a mark stands for."""
+        """Return the task with the content of a mark."""
         return replace(self, restored=(*self.restored, (mark, kept)))
 
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """The answer to a task.
+    """The reply to a task.
 
     Attributes
     ----------
@@ -88,15 +88,15 @@ class Reply:
     status : int
         Of HTTP.
     kept : tuple of (str, bytes)
-        Marks and what another process needs to know what they stand for.
+        Marks with their content, for other processes.
     needs : str
-        A mark that the process does not know; empty for none.
+        A mark unknown to the process; empty for none.
     superseded : bool
-        Whether the process gave way to a newer question.
+        Whether a newer request stopped it.
     ahead : bool
-        Whether the process could now do a piece of work that nobody asked for yet.
+        Whether the process has work to prefetch.
     exhausted : bool
-        Whether the process has filled so much memory that it is better replaced.
+        Whether the process should be replaced because of its memory.
     """
 
     content: bytes = b""
@@ -115,12 +115,12 @@ class Reply:
 
     @classmethod
     def refused(cls, message: str, *, status: int = 422, exhausted: bool = False) -> Self:
-        """Return a reply that says why there is none."""
+        """Return a reply with an error message."""
         content = json.dumps({"message": message}).encode()
         return cls(content, status=status, exhausted=exhausted)
 
     def packed(self) -> bytes:
-        """Return the reply as bytes: a line that describes it, what is kept, the content.
+        """Return the reply as bytes: a header line, the content of marks, the content.
 
         Examples
         --------

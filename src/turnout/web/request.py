@@ -1,4 +1,4 @@
-"""What the page may ask for, checked at the door; values carry their units as in a panel file."""
+"""Validated requests of the page; values carry their units as in a panel file."""
 
 from typing import Any, TypeVar
 
@@ -8,13 +8,13 @@ from turnout.core.problems import describe_error
 from turnout.errors import FileError
 
 
-class Asked(BaseModel):
-    """Base of what a page sends: nothing unknown, nothing changed later."""
+class PageRequest(BaseModel):
+    """Base of requests: unknown keys are refused, records are frozen."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class AskedObject(Asked):
+class ObjectRequest(PageRequest):
     """A foreign object: texts as on the command line."""
 
     size: str = Field(max_length=40, description="such as '13 mm'")
@@ -22,46 +22,46 @@ class AskedObject(Asked):
     stiffness: str | None = Field(default=None, max_length=40, description="such as '40 kN/mm'")
 
 
-class AskedRun(Asked):
-    """A throw: the panel by its mark, what is changed in it, and what is trapped."""
+class RunRequest(PageRequest):
+    """A throw: the panel by its mark, its changed values, the trapped object."""
 
     panel: str = Field(max_length=80, description="mark that the server gave the panel")
-    object: AskedObject | None = Field(default=None, description="what is trapped")
+    object: ObjectRequest | None = Field(default=None, description="what is trapped")
     settings: dict[str, float | str] = Field(
         default={}, max_length=40, description="values by key of the panel"
     )
-    preview: bool = Field(default=False, description="whether quick mode will do")
+    preview: bool = Field(default=False, description="whether quick mode is sufficient")
 
 
-class AskedFile(Asked):
+class FileRequest(PageRequest):
     """A file made of a throw, with another one drawn behind it."""
 
-    run: AskedRun
-    behind: AskedRun | None = Field(default=None, description="drawn grey behind it")
+    run: RunRequest
+    behind: RunRequest | None = Field(default=None, description="drawn grey behind it")
 
 
-class AskedPanel(Asked):
+class PanelRequest(PageRequest):
     """A panel: a name of the library."""
 
     name: str = Field(max_length=80)
 
 
-class AskedMark(Asked):
+class MarkRequest(PageRequest):
     """A panel by its mark."""
 
     panel: str = Field(max_length=80)
 
 
-T = TypeVar("T", bound=Asked)
+T = TypeVar("T", bound=PageRequest)
 
 
-def read_asked(kind: type[T], content: bytes) -> T:
+def read_request(kind: type[T], content: bytes) -> T:
     """Read what a page sent.
 
     Raises
     ------
     FileError
-        With everything that is wrong in it.
+        With all problems.
     """
     try:
         return kind.model_validate_json(content)

@@ -21,7 +21,7 @@ MOST_CONNECTIONS = 1000
 
 
 class _Server(uvicorn.Server):
-    """A server that ends its processes as soon as it is told to end."""
+    """A server that ends its processes as soon as it receives a stop signal."""
 
     def __init__(self, config: uvicorn.Config, worker: Worker) -> None:
         super().__init__(config)
@@ -96,7 +96,7 @@ def prepared(studio: Studio, *, port: int = 0, largest: int = LARGEST_UPLOAD) ->
     return Served(f"http://{HOST}:{port}/?token={token}", _Server(config, worker), listener)
 
 
-def serve(studio: Studio, *, port: int, browser: bool, tell: Callable[[str], None]) -> None:
+def serve(studio: Studio, *, port: int, browser: bool, announce: Callable[[str], None]) -> None:
     """Serve until Ctrl-C, which raises KeyboardInterrupt.
 
     Parameters
@@ -107,12 +107,12 @@ def serve(studio: Studio, *, port: int, browser: bool, tell: Callable[[str], Non
         0 for any that is free.
     browser : bool
         Whether to open the page.
-    tell : callable
+    announce : callable
         Takes lines for the screen.
     """
     served = prepared(studio, port=port)
-    tell(f"studio: {served.address}")
-    tell("opens once; this machine only; Ctrl-C ends it")
+    announce(f"studio: {served.address}")
+    announce("runs locally; the link works once; Ctrl-C stops the studio")
     if browser:
         threading.Thread(target=webbrowser.open, args=(served.address,), daemon=True).start()
     served.server.run(sockets=[served.listener])

@@ -9,8 +9,8 @@ from turnout.measurement.campaign.build import Campaign
 from turnout.panel.load import LoadedPanel, library_names
 from turnout.response.compilation import must_compile
 from turnout.web.described import described, measured_record
-from turnout.web.desk import Opening
 from turnout.web.measured import campaign_movements
+from turnout.web.tasks import Opening
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,4 @@
-"""Throw a panel as the page asks, and make the answer and the files of it.
-
-Throw a panel as the page asks for it. What the page is told of a throw: all of it made by metric
-and plot, here only put together. Files made of a throw.
-"""
+"""Simulate a requested throw; assemble the reply and the files from metric and plot."""
 
 import json
 import math
@@ -30,7 +26,7 @@ from turnout.response.store import response_bytes
 from turnout.scheme import Scheme
 from turnout.web.controls import controls
 from turnout.web.question import Question, Superseded
-from turnout.web.request import AskedRun
+from turnout.web.request import RunRequest
 
 # While a slider moves; once it rests the throw is computed as `turnout simulate` does.
 PREVIEW, PREVIEW_KEPT = Scheme.of("quick"), Save(interval=0.02)
@@ -41,46 +37,46 @@ FILE_KEYS = ("matrices", "table_file")
 FILE_MESSAGE = "names another file, which the page cannot; start with `turnout studio --panel`"
 
 
-def changed_panel(panel: LoadedPanel, asked: AskedRun) -> LoadedPanel:
-    """Return the panel with what the page changed in it; PanelError tells all that is wrong."""
-    named = [key for key in asked.settings if key.split(".")[-1].strip() in FILE_KEYS]
+def changed_panel(panel: LoadedPanel, request: RunRequest) -> LoadedPanel:
+    """Return the panel with what the page changed in it; PanelError lists all problems."""
+    named = [key for key in request.settings if key.split(".")[-1].strip() in FILE_KEYS]
     if named:
         raise PanelError([f"{key}: {FILE_MESSAGE}" for key in named], source="overrides")
-    return panel.with_overrides(asked.settings, si=False) if asked.settings else panel
+    return panel.with_overrides(request.settings, si=False) if request.settings else panel
 
 
-def thrown(panel: LoadedPanel, asked: AskedRun, question: Question) -> xr.Dataset:
-    """Throw a panel, unless something newer was asked.
+def thrown(panel: LoadedPanel, request: RunRequest, question: Question) -> xr.Dataset:
+    """Simulate a throw, unless a newer request supersedes it.
 
     Parameters
     ----------
     panel : LoadedPanel
         With the changes made.
-    asked : AskedRun
-        Gives the object and whether a preview will do.
+    request : RunRequest
+        Gives the object and whether it is a preview.
     question : Question
-        Tells when to give way.
+        Signals when to stop.
 
     Returns
     -------
     xarray.Dataset
-        Whole, or partial where the run could not go on.
+        Complete, or partial if the run stopped early.
 
     Raises
     ------
     Superseded
-        When something newer was asked meanwhile.
+        When a newer request arrived.
     PanelError, FileError
         When the object does not fit the panel.
     """
     try:
         dataset = simulate(
             panel,
-            foreign_object=_trapped(asked),
-            scheme=PREVIEW if asked.preview else Scheme(),
-            save=PREVIEW_KEPT if asked.preview else None,
+            foreign_object=_trapped(request),
+            scheme=PREVIEW if request.preview else Scheme(),
+            save=PREVIEW_KEPT if request.preview else None,
             throw=False,
-            report=question.hear,
+            report=question.check,
         )
     except KeyboardInterrupt:
         raise Superseded from None
@@ -90,9 +86,9 @@ def thrown(panel: LoadedPanel, asked: AskedRun, question: Question) -> xr.Datase
     return dataset
 
 
-def places_around(panel: LoadedPanel, asked: AskedRun) -> list[AskedRun]:
-    """Return the throws whose object lies where the slider comes next, the nearest first."""
-    given = asked.object
+def places_around(panel: LoadedPanel, request: RunRequest) -> list[RunRequest]:
+    """Return the throws for the neighbouring slider positions, nearest first."""
+    given = request.object
     if given is None:
         return []
     slider = next(item for item in controls(panel) if item["key"] == "object.x")
@@ -100,19 +96,19 @@ def places_around(panel: LoadedPanel, asked: AskedRun) -> list[AskedRun]:
     here, step = round(x / slider["step"]), slider["step"]
     places = [step * (here + side * n) for n in range(1, PLACES_AHEAD + 1) for side in (1, -1)]
     return [
-        asked.model_copy(update={"object": given.model_copy(update={"at": f"x = {place:.4f} m"})})
+        request.model_copy(update={"object": given.model_copy(update={"at": f"x = {place:.4f} m"})})
         for place in places
         if slider["least"] <= place <= slider["most"]
     ]
 
 
-def made_ready(panel: LoadedPanel, asked: AskedRun) -> None:
-    """Reduce the rails of a throw that may be asked for, so that it is answered sooner."""
-    prepare(panel, foreign_object=_trapped(asked))
+def made_ready(panel: LoadedPanel, request: RunRequest) -> None:
+    """Reduce the rails of a likely next throw in advance."""
+    prepare(panel, foreign_object=_trapped(request))
 
 
-def _trapped(asked: AskedRun) -> ForeignObject | None:
-    given = asked.object
+def _trapped(request: RunRequest) -> ForeignObject | None:
+    given = request.object
     if given is None:
         return None
     return ForeignObject(given.size, given.at, stiffness=given.stiffness)
@@ -124,7 +120,7 @@ PREVIEW_FRAMES, PREVIEW_POINTS = 61, 500
 
 
 def answer(panel: Panel, dataset: xr.Dataset, *, preview: bool = False) -> dict[str, Any]:
-    """Return everything that the page shows of a throw, as plain data.
+    """Return the reply about a throw as plain data.
 
     Parameters
     ----------
@@ -133,12 +129,12 @@ def answer(panel: Panel, dataset: xr.Dataset, *, preview: bool = False) -> dict[
     dataset : xarray.Dataset
         The run, whole or partial.
     preview : bool
-        Whether fewer points of curves and instants of the motion will do.
+        Whether to return fewer points and instants.
 
     Raises
     ------
     SolverError
-        When the run ended before there was anything to show.
+        When the run ended before its second instant.
     """
     if dataset.sizes["time"] < 2:
         raise SolverError(str(dataset.attrs["outcome_message"]))

@@ -1,11 +1,11 @@
-"""Two processes that compute, of which the last question of a kind is the one that is answered.
+"""Two worker processes; a newer request of a kind supersedes the older one.
 
-Sliders ask faster than a throw takes. What waits is dropped as soon as something newer of its kind
-is asked; what is being computed goes on for a moment, so that a moving slider sees answers at all,
-and is then stopped through the flag that the integration looks at.
+Sliders send requests faster than a throw takes. A queued request is dropped as soon as a newer one
+of its kind arrives; a running one continues for a moment, so that a moving slider shows results,
+and is then stopped through the flag that the integration checks.
 
-What takes too long is stopped with its process, and another process is started in its place. The
-second one is ready meanwhile: it answers where the first is busy for more than a moment.
+A request beyond its time limit is stopped with its process, which is replaced. Meanwhile the second
+process takes requests if the first is busy for more than a moment.
 """
 
 import asyncio
@@ -25,24 +25,24 @@ from turnout.web.process import EndedError, Prepare, Process
 from turnout.web.question import MEMORY_LIMIT, Reply, Superseded, Task
 
 PROCESSES = 2
-# A question goes to the process that answered last, unless it is busy for longer than this [s].
+# A request goes to the process used last, unless that is busy for longer than this [s].
 MOMENT = 0.5
 MOST_WAITING = 200
-# What processes say about marks is kept for their successors: so many, and so many bytes in all.
+# Content of marks stored for replacement processes: number, and bytes in total.
 MOST_KEPT, MOST_KEPT_BYTES = 72, 100_000_000
 MOST_FAILED_STARTS = 3
-AHEAD = Task("ahead")
+PREFETCH = Task("ahead")
 P = ParamSpec("P")
 T = TypeVar("T")
 
 
 class ClosedError(Exception):
-    """The studio ends."""
+    """The studio is shutting down."""
 
 
 @dataclass(eq=False)
 class _Waiting:
-    """A question that waits for a process, or has one."""
+    """A request that is queued or running."""
 
     task: Task
     turn: "asyncio.Future[Process]"
@@ -52,20 +52,20 @@ class _Waiting:
 
 
 class Worker:
-    """The processes, what waits for them, and the newest question of each kind.
+    """The processes, the queue, and the newest request of each kind.
 
     Parameters
     ----------
     prepare : callable
-        Called in each process; returns what answers tasks there. It is pickled.
+        Called in each process, returns its task handler; pickled.
     memory : int
-        That an answer may take [bytes].
+        Limit of a reply [bytes].
     """
 
     def __init__(self, prepare: Prepare, *, memory: int = MEMORY_LIMIT) -> None:
         self._prepare, self._memory = prepare, memory
         self.folder = Path(tempfile.mkdtemp(prefix="turnout-studio-"))
-        # Each process has one thread that asks it; the others overtake.
+        # One thread per process sends tasks; the others send stop signals.
         self._threads = ThreadPoolExecutor(PROCESSES + 2, thread_name_prefix="turnout-studio")
         self._processes: list[Process] = []
         self._idle: list[Process] = []
@@ -82,44 +82,44 @@ class Worker:
         self._in_background(self._start_all())
 
     async def answer(self, task: Task, *, kind: str | None = None) -> Reply:
-        """Compute an answer in a process.
+        """Compute a reply in a process.
 
         Parameters
         ----------
         task : Task
-            What is asked.
+            The request.
         kind : str, optional
-            What it replaces; None for what is to be answered whatever comes after.
+            Kind that it supersedes; None if nothing supersedes it.
 
         Raises
         ------
         Superseded
-            When something newer of this kind came first.
+            When a newer request of this kind arrived first.
         """
         if len(self._waiting) >= MOST_WAITING:
-            text = f"{MOST_WAITING} requests wait already; wait until some of them are answered"
+            text = f"{MOST_WAITING} requests are queued already; try again later"
             return Reply.refused(text, status=503)
-        asked = _Waiting(task, asyncio.get_running_loop().create_future())
+        request = _Waiting(task, asyncio.get_running_loop().create_future())
         if kind is not None:
             if (before := self._newest.get(kind)) is not None:
                 self._overtake(before)
-            self._newest[kind] = asked
+            self._newest[kind] = request
         try:
-            return await self._answered(asked)
+            return await self._answered(request)
         finally:
-            if kind is not None and self._newest.get(kind) is asked:
+            if kind is not None and self._newest.get(kind) is request:
                 del self._newest[kind]
 
-    async def _answered(self, asked: _Waiting) -> Reply:
-        """Wait for a turn and ask; once more where a process ended, perhaps before it was asked."""
+    async def _answered(self, request: _Waiting) -> Reply:
+        """Wait for a process and send; retry once if the process ended."""
         try:
-            process, reply = await self._told(asked)
+            process, reply = await self._exchange(request)
         except EndedError:
-            again = _Waiting(asked.task, asyncio.get_running_loop().create_future())
+            again = _Waiting(request.task, asyncio.get_running_loop().create_future())
             try:
-                process, reply = await self._told(again)
+                process, reply = await self._exchange(again)
             except EndedError as error:
-                text = f"the process that computed this ended ({error}); the studio goes on"
+                text = f"the worker process ended ({error}); the studio continues"
                 return Reply.refused(text, status=500)
         if reply.superseded:
             raise Superseded
@@ -129,26 +129,26 @@ class Worker:
             self._in_background(self._work_ahead(process))
         return reply
 
-    async def _told(self, asked: _Waiting) -> tuple[Process, Reply]:
-        """Ask a process, and tell it what only the server knows where it asks back."""
-        process = await self._acquired(asked)
-        task, reply = asked.task, Reply()
+    async def _exchange(self, request: _Waiting) -> tuple[Process, Reply]:
+        """Send a task; resend it with the content of marks that the process lacks."""
+        process = await self._acquired(request)
+        task, reply = request.task, Reply()
         try:
             while True:
-                reply = await self._reply(process, asked, task)
-                told = {mark for mark, _ in task.restored}
-                if not reply.needs or reply.needs in told or reply.needs not in self._kept:
+                reply = await self._reply(process, request, task)
+                sent = {mark for mark, _ in task.restored}
+                if not reply.needs or reply.needs in sent or reply.needs not in self._kept:
                     return process, reply
                 task = task.with_restored(reply.needs, self._kept[reply.needs])
         finally:
-            asked.process = None
+            request.process = None
             if process.alive and not reply.exhausted:
                 self._release(process)
             else:
                 self._replace(process)
 
-    async def _reply(self, process: Process, asked: _Waiting, task: Task) -> Reply:
-        """Ask a process, which is stopped when it takes too long."""
+    async def _reply(self, process: Process, request: _Waiting, task: Task) -> Reply:
+        """Send a task and stop the process at the time limit."""
         loop = asyncio.get_running_loop()
         late: list[bool] = []
 
@@ -157,7 +157,7 @@ class Worker:
             process.kill()
 
         timer = loop.call_later(task.seconds, stop)
-        asked.process, asked.number = process, process.number + 1
+        request.process, request.number = process, process.number + 1
         try:
             return await self._in_thread(process.ask, task)
         except EndedError:
@@ -172,33 +172,33 @@ class Worker:
         finally:
             timer.cancel()
 
-    async def _acquired(self, asked: _Waiting) -> Process:
+    async def _acquired(self, request: _Waiting) -> Process:
         if self._closed:
             raise ClosedError
         if self._fault:
             message = f"the studio cannot compute: {self._fault}; start it again"
             raise FileError(message)
-        self._waiting.append(asked)
+        self._waiting.append(request)
         self._dispatch()
         asyncio.get_running_loop().call_later(MOMENT, self._dispatch)
         try:
-            return await asked.turn
+            return await request.turn
         except asyncio.CancelledError:
-            if asked.turn.done() and not asked.turn.cancelled():
-                self._release(asked.turn.result())
+            if request.turn.done() and not request.turn.cancelled():
+                self._release(request.turn.result())
             raise
         finally:
             with suppress(ValueError):  # it was taken from there
-                self._waiting.remove(asked)
+                self._waiting.remove(request)
 
     def _dispatch(self) -> None:
-        """Give the processes that are free to those who wait, the first one first."""
+        """Assign free processes to queued requests, oldest first."""
         while self._waiting and self._idle:
-            asked = self._waiting[0]
-            if asked.turn.done():
+            request = self._waiting[0]
+            if request.turn.done():
                 self._waiting.popleft()
                 continue
-            process = self._choice(time.monotonic() - asked.since)
+            process = self._choice(time.monotonic() - request.since)
             if process is None:
                 return
             self._idle.remove(process)
@@ -207,7 +207,7 @@ class Worker:
                 continue
             self._waiting.popleft()
             self._last = process
-            asked.turn.set_result(process)
+            request.turn.set_result(process)
 
     def _choice(self, waited: float) -> Process | None:
         """Return the process that answered last, whose caches are warm; another one after all."""
@@ -228,12 +228,12 @@ class Worker:
             self._processes.remove(process)
             self._in_background(self._start_one())
 
-    def _overtake(self, asked: _Waiting) -> None:
-        """Drop a question that waits, or tell its process that it is no longer wanted."""
-        if not asked.turn.done():
-            asked.turn.set_exception(Superseded())
-        elif asked.process is not None and not self._closed:
-            self._threads.submit(asked.process.overtake, asked.number)
+    def _overtake(self, request: _Waiting) -> None:
+        """Drop a queued request, or signal its process to stop."""
+        if not request.turn.done():
+            request.turn.set_exception(Superseded())
+        elif request.process is not None and not self._closed:
+            self._threads.submit(request.process.overtake, request.number)
 
     async def _start_all(self) -> None:
         for _ in range(PROCESSES):
@@ -259,19 +259,19 @@ class Worker:
     def _fail(self, fault: str) -> None:
         self._fault = fault
         message = f"the studio cannot compute: {fault}; start it again"
-        for asked in self._waiting:
-            if not asked.turn.done():
-                asked.turn.set_exception(FileError(message))
+        for request in self._waiting:
+            if not request.turn.done():
+                request.turn.set_exception(FileError(message))
         self._waiting.clear()
 
     async def _work_ahead(self, process: Process) -> None:
-        """Do work that nobody asked for yet, a piece at a time, until the next question comes."""
+        """Prefetch piece by piece until the next request arrives."""
         reply = Reply(ahead=True)
         while reply.ahead and not self._waiting and process in self._idle and process.alive:
             self._idle.remove(process)
-            nobody = _Waiting(AHEAD, asyncio.get_running_loop().create_future())
+            prefetch = _Waiting(PREFETCH, asyncio.get_running_loop().create_future())
             try:
-                reply = await self._reply(process, nobody, AHEAD)
+                reply = await self._reply(process, prefetch, PREFETCH)
             except EndedError:
                 reply = Reply()
             if process.alive:
@@ -280,7 +280,7 @@ class Worker:
                 self._replace(process)
 
     def _keep(self, mark: str, given: bytes) -> None:
-        """Keep what a mark stands for, the latest ones."""
+        """Store the content of a mark; the oldest ones are dropped."""
         self._kept.pop(mark, None)
         self._kept[mark] = given
         while len(self._kept) > MOST_KEPT or sum(map(len, self._kept.values())) > MOST_KEPT_BYTES:
@@ -308,21 +308,21 @@ class Worker:
         task.add_done_callback(self._background.discard)
 
     def close(self) -> None:
-        """End the processes whatever they do, so that nobody is kept from leaving."""
+        """Kill the processes, so that the studio ends at once."""
         self._closed = True
         for process in list(self._processes):
             process.kill()
-        for asked in list(self._waiting):
-            if not asked.turn.done():
-                asked.turn.set_exception(ClosedError())
+        for request in list(self._waiting):
+            if not request.turn.done():
+                request.turn.set_exception(ClosedError())
         self._waiting.clear()
         self._threads.shutdown(wait=False, cancel_futures=True)
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def late_message(seconds: float) -> str:
-    """Return what is said of an answer that took too long."""
+    """Return the message about a request beyond its time limit."""
     return (
-        f"this took longer than {seconds:g} s, so it was stopped; give less: a smaller panel, "
-        "a shorter schedule, a shorter recording, plainer values"
+        f"this took longer than {seconds:g} s, so it was stopped; send less: a smaller panel, "
+        "a shorter schedule, a shorter recording, simpler values"
     )

@@ -1,4 +1,4 @@
-// Asking the server; nothing else is ever asked.
+// Requests to the local server, the only host the page contacts.
 
 export class Refused extends Error {}
 
@@ -10,12 +10,12 @@ async function checked(answer) {
   throw new Refused(message);
 }
 
-async function asked(address, options = {}) {
+async function request(address, options = {}) {
   let answer;
   try {
     answer = await fetch(address, { credentials: "same-origin", ...options });
   } catch {
-    throw new Refused("the studio does not answer; is `turnout studio` still running?");
+    throw new Refused("no reply from the studio; is `turnout studio` still running?");
   }
   return checked(answer);
 }
@@ -24,11 +24,11 @@ const posted = (body) => ({
   method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body),
 });
 
-export const get = async (address) => (await asked(address)).json();
-export const post = async (address, body) => (await asked(address, posted(body))).json();
-export const postForFile = async (address, body) => (await asked(address, posted(body))).blob();
+export const get = async (address) => (await request(address)).json();
+export const post = async (address, body) => (await request(address, posted(body))).json();
+export const postForFile = async (address, body) => (await request(address, posted(body))).blob();
 
 export async function send(address, file, more = {}) {
   const query = new URLSearchParams({ name: file.name, ...more });
-  return (await asked(`${address}?${query}`, { method: "POST", body: file })).json();
+  return (await request(`${address}?${query}`, { method: "POST", body: file })).json();
 }

@@ -1,10 +1,10 @@
-// Pinned throws beside the present one, and files of it. Every number is a text of the server.
+// Compare pinned throws with the present one, and save files. The server formats every number.
 import { postForFile } from "./api.js";
 import { message } from "./live.js";
-import { on, state, tell } from "./state.js";
+import { on, state, notify } from "./state.js";
 
-function nameOf(asked) {
-  const { object, settings } = asked;
+function nameOf(request) {
+  const { object, settings } = request;
   const parts = [object ? `${object.size} at ${object.at}` : "no object"];
   parts.push(...Object.entries(settings).map(([key, value]) => `${key} = ${value}`));
   return parts.join(", ");
@@ -20,7 +20,7 @@ function cell(tag, text, scope) {
 function table() {
   const box = document.getElementById("table");
   if (!state.answer) return;
-  const columns = [{ name: `now: ${nameOf(state.asked)}`, answer: state.answer }, ...state.pins];
+  const columns = [{ name: `current: ${nameOf(state.request)}`, answer: state.answer }, ...state.pins];
   const head = document.createElement("tr");
   head.append(cell("td", ""));
   columns.forEach((column, number) => {
@@ -53,20 +53,20 @@ function tools(number) {
   const label = document.createElement("label"), box = document.createElement("input"), away = document.createElement("button");
   box.type = "checkbox";
   box.checked = pin.shown;
-  box.addEventListener("change", () => { pin.shown = box.checked; tell("pins"); });
-  label.append(box, " draw it ");
+  box.addEventListener("change", () => { pin.shown = box.checked; notify("pins"); });
+  label.append(box, " show ");
   away.type = "button";
   away.textContent = "Unpin";
   away.setAttribute("aria-label", `Unpin ${pin.name}`);
-  away.addEventListener("click", () => { state.pins.splice(number, 1); tell("pins"); });
+  away.addEventListener("click", () => { state.pins.splice(number, 1); notify("pins"); });
   return [label, away];
 }
 
 async function save() {
   const kind = document.getElementById("download").value;
   const behind = state.pins.find((pin) => pin.shown);
-  const body = { run: state.asked };
-  if (behind && ["png", "pdf", "svg"].includes(kind)) body.behind = behind.asked;
+  const body = { run: state.request };
+  if (behind && ["png", "pdf", "svg"].includes(kind)) body.behind = behind.request;
   try {
     const link = document.createElement("a");
     link.href = URL.createObjectURL(await postForFile(`/api/file/${kind}`, body));
@@ -82,9 +82,9 @@ export function startCompare() {
   document.getElementById("save").addEventListener("click", () => state.answer && save());
   document.getElementById("pin").addEventListener("click", () => {
     if (!state.answer) return;
-    state.pins.unshift({ name: nameOf(state.asked), asked: state.asked, answer: state.answer, shown: true });
+    state.pins.unshift({ name: nameOf(state.request), request: state.request, answer: state.answer, shown: true });
     state.pins.splice(6);
-    tell("pins");
+    notify("pins");
   });
   on("answer", table);
   on("pins", table);

@@ -1,6 +1,6 @@
-// Sliders with a number beside each, made of what the server says of the panel.
+// Sliders with a number beside each, built from the server's description of the panel.
 import { changed, settled } from "./live.js";
-import { controlOf, on, state, tell } from "./state.js";
+import { controlOf, on, state, notify } from "./state.js";
 
 const made = new Map();
 
@@ -46,7 +46,7 @@ export function setValue(key, value) {
   const { unit, value: usual } = controlOf(key);
   range.setAttribute("aria-valuetext", `${text} ${unit}`);
   box.classList.toggle("changed", !key.startsWith("object.") && state.values[key] !== usual);
-  tell("values");
+  notify("values");
 }
 
 function setPlace() {
@@ -78,7 +78,7 @@ export function startControls() {
   });
   document.getElementById("trapped").addEventListener("change", (event) => {
     state.trapped = event.target.checked;
-    tell("values");
+    notify("values");
     settled();
   });
   document.getElementById("reset").addEventListener("click", () => {

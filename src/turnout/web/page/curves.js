@@ -97,7 +97,7 @@ export function drawCurves() {
   listening = true;
 }
 
-// The instant that is shown, as a line across each row; Plotly knows where its axes are.
+// The shown instant as a line across each row, placed by Plotly's axes.
 function cursors() {
   const box = document.getElementById("curves"), layer = document.getElementById("cursors");
   const full = box._fullLayout;

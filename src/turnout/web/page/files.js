@@ -1,9 +1,9 @@
-// Panels, recordings and campaigns: sent to the server of this machine, judged there.
+// Panels, recordings and campaigns: sent to the local server and checked there.
 import { get, post, send } from "./api.js";
 import { buildControls, setValue } from "./controls.js";
 import { message, settled } from "./live.js";
 import { drawPlan } from "./plan.js";
-import { on, state, tell } from "./state.js";
+import { on, state, notify } from "./state.js";
 import { openTab } from "./tabs.js";
 
 const byId = (id) => document.getElementById(id);
@@ -14,8 +14,8 @@ function notes(lines, open = true) {
   if (open) openTab("notes");
 }
 
-// A refusal is shown where everything that is wrong can be read, and leaves what was there.
-async function told(work) {
+// Show an error in full and keep the present content.
+async function guarded(work) {
   try {
     message("");
     await work();
@@ -36,7 +36,7 @@ export async function showPanel(panel) {
   if (![...list.options].some((item) => item.value === panel.mark || item.value === panel.name)) list.add(new Option(`${panel.name} (sent)`, panel.mark));
   list.value = [...list.options].find((item) => item.value === panel.mark)?.value ?? panel.name;
   buildControls();
-  tell("pins");
+  notify("pins");
   drawPlan();
   await settled();
 }
@@ -57,7 +57,7 @@ function campaign() {
   const found = state.start.campaign;
   if (!found) return;
   listMovements(`${found.title}${found.synthetic ? " (synthetic)" : ""}`, found.movements);
-  byId("map").add(new Option("that of the campaign", "campaign"));
+  byId("map").add(new Option("map of the campaign", "campaign"));
   const link = (file) => {
     const item = document.createElement("li"), anchor = document.createElement("a");
     anchor.href = `/api/campaign/${file.split("/").map(encodeURIComponent).join("/")}`;
@@ -66,23 +66,23 @@ function campaign() {
     return item;
   };
   byId("campaign-files").replaceChildren(...found.files.map(link));
-  if (found.excluded.length) notes(["left out of the campaign:", ...found.excluded], false);
+  if (found.excluded.length) notes(["excluded from the campaign:", ...found.excluded], false);
 }
 
 async function overlay() {
   const mark = byId("movement").value;
   byId("as-measured").disabled = !mark || !byId("movement").selectedOptions[0].dataset.size;
-  state.overlay = mark ? await post(`/api/measured/${mark}`, state.asked) : null;
-  tell("overlay");
+  state.overlay = mark ? await post(`/api/measured/${mark}`, state.request) : null;
+  notify("overlay");
 }
 
-function takeObject() {
+function useObject() {
   const { size, place } = byId("movement").selectedOptions[0].dataset;
   const at = state.panel.places.find((item) => item.name === place);
   state.trapped = byId("trapped").checked = Number(size) > 0;
   if (Number(size) > 0) setValue("object.size", 1000 * Number(size));
   if (at) setValue("object.x", at.x);
-  tell("values");
+  notify("values");
   settled();
 }
 
@@ -103,7 +103,7 @@ async function sendMap() {
   const file = byId("map-file").files[0];
   if (!file) return;
   mapText = await file.text();
-  if (![...byId("map").options].some((item) => item.value === "sent")) byId("map").add(new Option("the one sent", "sent"));
+  if (![...byId("map").options].some((item) => item.value === "sent")) byId("map").add(new Option("uploaded map", "sent"));
   byId("map").value = "sent";
   await sendRecording();
 }
@@ -117,7 +117,7 @@ async function sendPanel() {
 }
 
 async function check() {
-  notes([`${state.panel.name}: throwing it to see what it should be warned of ...`]);
+  notes([`${state.panel.name}: checking (about 20 s) ...`]);
   const { lines } = await post("/api/panel/concerns", { panel: state.panel.mark });
   notes(lines);
 }
@@ -126,18 +126,18 @@ export function startFiles() {
   campaign();
   const list = byId("panel");
   list.replaceChildren(...state.start.library.map((name) => new Option(name, name)));
-  list.addEventListener("change", () => told(async () => {
+  list.addEventListener("change", () => guarded(async () => {
     const known = state.start.library.includes(list.value);
     await showPanel(await post(known ? "/api/panel/open" : "/api/panel/again", known ? { name: list.value } : { panel: list.value }));
   }));
-  byId("movement").addEventListener("change", () => told(overlay));
-  byId("as-measured").addEventListener("click", takeObject);
-  byId("recording").addEventListener("change", () => told(sendRecording));
-  byId("map").addEventListener("change", () => told(sendRecording));
-  byId("map-file").addEventListener("change", () => told(sendMap));
-  byId("panel-file").addEventListener("change", () => told(sendPanel));
-  byId("check").addEventListener("click", () => told(check));
-  on("answer", () => { if (state.overlay && !state.asked.preview) told(overlay); });
+  byId("movement").addEventListener("change", () => guarded(overlay));
+  byId("as-measured").addEventListener("click", useObject);
+  byId("recording").addEventListener("change", () => guarded(sendRecording));
+  byId("map").addEventListener("change", () => guarded(sendRecording));
+  byId("map-file").addEventListener("change", () => guarded(sendMap));
+  byId("panel-file").addEventListener("change", () => guarded(sendPanel));
+  byId("check").addEventListener("click", () => guarded(check));
+  on("answer", () => { if (state.overlay && !state.request.preview) guarded(overlay); });
 }
 
 export const begin = async () => { state.start = await get("/api/start"); };

@@ -1,4 +1,4 @@
-// Lock, control and slip at the instant that is shown; good, bad and rest differ in shape too.
+// Lock, control and slip at the shown instant; good, bad and rest differ in shape too.
 import { on, state } from "./state.js";
 
 function made(lamp) {
@@ -24,7 +24,7 @@ export function startLamps() {
     for (const [number, box] of [...group.children].entries()) {
       const lamp = lamps[number];
       const lit = lamp.on[state.frame];
-      // A switch that moves or stands open is not to be locked or in control; that is no fault.
+      // A moving or open switch need not be locked or in control; that is no fault.
       const word = lit === lamp.wanted ? "good" : "bad";
       box.dataset.state = lamp.judged[state.frame] ? word : "rest";
       box.querySelector("b").textContent = lamp.words[lit ? 0 : 1];

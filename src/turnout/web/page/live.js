@@ -1,30 +1,30 @@
-// Asks for the throw while sliders move: coarse at once, fine when they rest. The last one wins.
+// Requests throws while sliders move: a preview at once, the final result when they stop. The newest wins.
 import { post } from "./api.js";
-import { askedNow, state, tell } from "./state.js";
+import { currentRequest, state, notify } from "./state.js";
 
-const EVERY = 50; // no more than 20 questions a second
-const REST = 220; // so long without a change is rest
+const EVERY = 50; // at most 20 requests a second
+const REST = 220; // pause that ends a movement [ms]
 let number = 0, shown = 0, last = 0, waiting = null, resting = null;
 
 const note = (text) => { document.getElementById("state").textContent = text; };
 
-async function ask(preview) {
+async function requestThrow(preview) {
   last = performance.now();
   const mine = ++number;
-  const asked = askedNow(preview);
+  const request = currentRequest(preview);
   const slow = setTimeout(() => note(state.start.compiling && !state.answer
     ? "first throw: compiling, 1 to 2 minutes ..." : "computing ..."), 400);
   try {
-    const answer = await post("/api/run", asked);
+    const answer = await post("/api/run", request);
     if (answer.superseded || mine < shown) return;
     shown = mine;
-    Object.assign(state, { answer, asked });
+    Object.assign(state, { answer, request });
     document.body.classList.remove("stale");
     message("");
-    const how = preview ? "quick, as turnout simulate --mode quick" : `as turnout simulate, ${answer.seconds.toFixed(2)} s`;
-    // Of an older question it would say that the sliders' own throw is shown.
+    const how = preview ? "preview" : `final result (${answer.seconds.toFixed(2)} s)`;
+    // An older request must not be labelled as the throw of the sliders.
     note(mine === number ? how : "computing ...");
-    tell("answer");
+    notify("answer");
   } catch (error) {
     if (mine < shown) return;
     shown = mine;
@@ -42,17 +42,17 @@ export function message(text) {
   box.hidden = !text;
 }
 
-// Something changed: a preview soon, the whole throw once nothing changes any more.
+// On a change: a preview soon, the final result after a pause.
 export function changed() {
   clearTimeout(resting);
   resting = setTimeout(settled, REST);
   if (waiting !== null) return;
-  waiting = setTimeout(() => { waiting = null; ask(true); }, Math.max(0, last + EVERY - performance.now()));
+  waiting = setTimeout(() => { waiting = null; requestThrow(true); }, Math.max(0, last + EVERY - performance.now()));
 }
 
 export function settled() {
   clearTimeout(resting);
   clearTimeout(waiting);
   waiting = null;
-  return ask(false);
+  return requestThrow(false);
 }

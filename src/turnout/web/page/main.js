@@ -1,4 +1,4 @@
-// Puts the parts of the page together.
+// Assembles the page.
 import { begin, showPanel, startFiles } from "./files.js";
 import { startCompare } from "./compare.js";
 import { startControls } from "./controls.js";
@@ -8,7 +8,7 @@ import { message } from "./live.js";
 import { drawPlan, startPlan } from "./plan.js";
 import { startPlayer } from "./player.js";
 import { isOpen, startTabs } from "./tabs.js";
-import { on, state, tell } from "./state.js";
+import { on, state, notify } from "./state.js";
 
 function keep(key, attribute, select) {
   const root = document.documentElement;
@@ -17,21 +17,21 @@ function keep(key, attribute, select) {
     root.dataset[attribute] = select.value;
     try { localStorage.setItem(key, select.value); } catch { /* private window */ }
     drawPlan();
-    tell("theme");
+    notify("theme");
   });
 }
 
 function words() {
   const list = document.getElementById("words");
   list.replaceChildren(...state.answer.summary.flatMap(([heading, text]) => {
-    const term = document.createElement("dt"), said = document.createElement("dd");
+    const term = document.createElement("dt"), definition = document.createElement("dd");
     term.textContent = heading;
-    said.textContent = text;
-    return [term, said];
+    definition.textContent = text;
+    return [term, definition];
   }));
 }
 
-// The 3-D view is large and needs WebGL: it is loaded when it is looked at.
+// The 3-D view is large and needs WebGL: load it when its tab opens.
 let scene = null;
 async function showScene() {
   if (!isOpen("scene") || !state.answer) return;
@@ -39,7 +39,7 @@ async function showScene() {
     scene ??= import("./scene.js");
     (await scene).drawScene();
   } catch (error) {
-    document.getElementById("scene-note").textContent = `no 3-D view here: ${error.message}`;
+    document.getElementById("scene-note").textContent = `3-D view unavailable: ${error.message}`;
   }
 }
 
@@ -55,8 +55,8 @@ async function run() {
   startPlayer();
   keep("theme", "theme", document.getElementById("theme"));
   keep("text", "text", document.getElementById("text-size"));
-  document.getElementById("exaggeration").addEventListener("input", () => { drawPlan(); tell("scale"); });
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { drawPlan(); tell("theme"); });
+  document.getElementById("exaggeration").addEventListener("input", () => { drawPlan(); notify("scale"); });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { drawPlan(); notify("theme"); });
   await begin();
   startFiles();
   await showPanel(state.start.panel);

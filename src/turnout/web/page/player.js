@@ -1,5 +1,5 @@
 // The instant that is shown, and playing through the throw at its own speed.
-import { on, state, tell } from "./state.js";
+import { on, state, notify } from "./state.js";
 
 let playing = false, began = 0, from = 0, instant = 0;
 
@@ -13,7 +13,7 @@ export function showFrame(number) {
   const text = `${time[state.frame].toFixed(2)} s`;
   document.getElementById("time-text").textContent = text;
   slider().setAttribute("aria-valuetext", text);
-  tell("frame");
+  notify("frame");
 }
 
 function step(now) {

@@ -1,26 +1,26 @@
-// What is on the screen, and who wants to hear when it changes.
+// State of the page, and listeners to its changes.
 
 export const state = {
-  start: null, // what the server told first
+  start: null, // first reply of the server
   panel: null, // the panel as the server described it
   values: {}, // slider values by key, in the unit of the slider
   trapped: true,
-  asked: null, // the throw that is shown, as it was asked for
-  answer: null, // what the server answered
+  request: null, // request of the throw shown
+  answer: null, // reply of the server
   frame: 0,
-  pins: [], // {name, asked, answer, shown}
+  pins: [], // {name, request, answer, shown}
   overlay: null, // a measured movement as a sheet
 };
 
-const heard = new Map();
+const listeners = new Map();
 
 export function on(what, listener) {
-  if (!heard.has(what)) heard.set(what, []);
-  heard.get(what).push(listener);
+  if (!listeners.has(what)) listeners.set(what, []);
+  listeners.get(what).push(listener);
 }
 
-export function tell(what) {
-  for (const listener of heard.get(what) ?? []) listener();
+export function notify(what) {
+  for (const listener of listeners.get(what) ?? []) listener();
 }
 
 export const controlOf = (key) => state.panel.controls.find((item) => item.key === key);
@@ -30,8 +30,8 @@ const texted = (key) => {
   return unit ? `${state.values[key]} ${unit}` : state.values[key];
 };
 
-// The throw that the sliders stand for; values carry their units, as in a panel file.
-export function askedNow(preview) {
+// The throw set by the sliders; values carry their units, as in a panel file.
+export function currentRequest(preview) {
   const settings = {};
   for (const { key, value } of state.panel.controls) {
     if (!key.startsWith("object.") && state.values[key] !== value) settings[key] = texted(key);

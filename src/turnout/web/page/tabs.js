@@ -1,5 +1,5 @@
 // Views, one at a time; arrow keys go from tab to tab.
-import { tell } from "./state.js";
+import { notify } from "./state.js";
 
 const tabs = () => [...document.querySelectorAll('[role="tab"]')];
 
@@ -10,7 +10,7 @@ export function openTab(name) {
     tab.tabIndex = mine ? 0 : -1;
     document.getElementById(tab.getAttribute("aria-controls")).hidden = !mine;
   }
-  tell("view");
+  notify("view");
 }
 
 export const isOpen = (name) => !document.getElementById(`view-${name}`).hidden;

@@ -1,6 +1,6 @@
-"""What a process of the studio answers: panels, throws, files and recordings.
+"""Tasks of a studio process: panels, throws, files and recordings.
 
-All that the page sends is read here and nowhere else, so that nothing in it can hold up the server.
+Only this process parses what the page sends, so bad content cannot block the server.
 """
 
 import pickle
@@ -35,7 +35,7 @@ from turnout.web.measured import (
     shifted,
 )
 from turnout.web.question import Question, Reply, Task, UnknownMarkError
-from turnout.web.request import AskedFile, AskedMark, AskedPanel, AskedRun, read_asked
+from turnout.web.request import FileRequest, MarkRequest, PanelRequest, RunRequest, read_request
 from turnout.web.throw import (
     FILE_KEYS,
     FILE_MESSAGE,
@@ -48,19 +48,19 @@ from turnout.web.throw import (
     thrown,
 )
 
-# So many are remembered, so that the memory does not grow with use.
+# Sizes of the caches.
 MOST_PANELS, MOST_RUNS, MOST_MEASURED = 12, 3, 20
 LARGEST_PANEL = 4_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """What a process begins with; it is pickled.
+    """Initial content of a process; pickled.
 
     Attributes
     ----------
     panel : LoadedPanel
-        What the page shows first.
+        The panel shown first.
     campaign : mapping of str to Measured
         Movements of a campaign by mark.
     folder : Path, optional
@@ -72,18 +72,18 @@ class Opening:
     folder: Path | None = None
 
     def __call__(self) -> Callable[[Task, Question], Reply]:
-        """Load the kernels, or compile them, so that no answer has to wait for that."""
+        """Load or compile the kernels, so that no reply waits for that."""
         simulate(load_panel("sb1"), scheme=Scheme.of("quick"), throw=False)
-        return Desk(self).answer
+        return TaskHandler(self).answer
 
 
-class Desk:
+class TaskHandler:
     """Panels by mark, measured movements by mark, and the last throws, in one process.
 
     Parameters
     ----------
     opening : Opening
-        What it begins with.
+        Its initial content.
     """
 
     def __init__(self, opening: Opening) -> None:
@@ -105,13 +105,13 @@ class Desk:
         }
 
     def answer(self, task: Task, question: Question) -> Reply:
-        """Return the answer to a task; TurnoutError says why there is none."""
+        """Return the reply to a task; raise TurnoutError if it fails."""
         self._restored = dict(task.restored)
         return self._tasks[task.name](task, question)
 
     def _open_panel(self, task: Task, _question: Question) -> Reply:
         """Open a panel of the library, and no file."""
-        name = read_asked(AskedPanel, task.content).name
+        name = read_request(PanelRequest, task.content).name
         names = library_names()
         if name not in names:
             message = f"no library panel is called '{name}'; there are {', '.join(names)}"
@@ -130,7 +130,7 @@ class Desk:
         return Reply(reply.content, kept=((mark, pickle.dumps(origin)),))
 
     def _panel_again(self, task: Task, _question: Question) -> Reply:
-        mark = read_asked(AskedMark, task.content).panel
+        mark = read_request(MarkRequest, task.content).panel
         return Reply.of(described(self._panel(mark), mark))
 
     def _panel(self, mark: str) -> LoadedPanel:
@@ -144,46 +144,46 @@ class Desk:
             panel = load_panel(name) if kind == "library" else _sent_panel(content, name)
             found = self._panels.put(mark, panel)
         if found is None:
-            raise UnknownMarkError(mark, "the studio no longer knows this panel; open it again")
+            raise UnknownMarkError(mark, "this panel is no longer loaded; open it again")
         return found
 
     def _concerns(self, task: Task, question: Question) -> Reply:
-        """Throw a panel alone and warn of what `turnout panel check` warns of."""
-        asked = read_asked(AskedMark, task.content)
-        panel, dataset = self._thrown(AskedRun(panel=asked.panel), question)
+        """Simulate a panel without an object and return the warnings of `turnout panel check`."""
+        request = read_request(MarkRequest, task.content)
+        panel, dataset = self._thrown(RunRequest(panel=request.panel), question)
         return Reply.of({"lines": concern_lines(panel, panel_concerns(panel, dataset))})
 
     def _run(self, task: Task, question: Question) -> Reply:
-        asked = read_asked(AskedRun, task.content)
-        panel, dataset = self._thrown(asked, question)
-        reply = Reply.of(answer(panel, dataset, preview=asked.preview))
-        if asked.preview:
+        request = read_request(RunRequest, task.content)
+        panel, dataset = self._thrown(request, question)
+        reply = Reply.of(answer(panel, dataset, preview=request.preview))
+        if request.preview:
             return reply
-        around = places_around(panel, asked)
+        around = places_around(panel, request)
         self._ahead = deque(partial(made_ready, panel, near) for near in around)
         return Reply(reply.content, ahead=bool(self._ahead))
 
-    def _thrown(self, asked: AskedRun, question: Question) -> tuple[LoadedPanel, xr.Dataset]:
-        """Throw what is asked, or return it where it was among the last throws."""
-        panel = changed_panel(self._panel(asked.panel), asked)
-        key = asked.model_dump_json()
+    def _thrown(self, request: RunRequest, question: Question) -> tuple[LoadedPanel, xr.Dataset]:
+        """Simulate the requested throw, or return it from the cache."""
+        panel = changed_panel(self._panel(request.panel), request)
+        key = request.model_dump_json()
         found = self._runs.get(key)
         if found is None:
-            found = self._runs.put(key, thrown(panel, asked, question))
+            found = self._runs.put(key, thrown(panel, request, question))
         return panel, found
 
     def _one_ahead(self, _task: Task, _question: Question) -> Reply:
-        """Do a piece of work for the throws that may be asked for next."""
+        """Prefetch one likely next throw."""
         with suppress(IndexError, TurnoutError):  # there is none, or it cannot be made
             self._ahead.popleft()()
         return Reply(ahead=bool(self._ahead))
 
     def _file(self, task: Task, question: Question) -> Reply:
-        """Make a file of a throw; it is computed again where it is not among the last ones."""
+        """Make a file of a throw, which is computed again if not cached."""
         kind = task.options["file"]
-        asked = read_asked(AskedFile, task.content)
-        _, dataset = self._thrown(asked.run, question)
-        behind = self._thrown(asked.behind, question)[1] if asked.behind else None
+        request = read_request(FileRequest, task.content)
+        _, dataset = self._thrown(request.run, question)
+        behind = self._thrown(request.behind, question)[1] if request.behind else None
         return Reply(made_file(kind, dataset, behind=behind), FILES[kind])
 
     def _recording(self, task: Task, _question: Question) -> Reply:
@@ -194,7 +194,7 @@ class Desk:
             return Reply.of({"lines": listing(recording, kind), "movements": []})
         channel_map = channel_map_of(chosen, self._opening.folder)
         found, lines = recorded_movements(recording, channel_map)
-        # Another process may have to know it by the same mark.
+        # Other processes may need it by the same mark.
         marks = {f"sent-{secrets.token_hex(8)}": item for item in found}
         for mark, item in marks.items():
             self._sent.put(mark, item)
@@ -204,9 +204,9 @@ class Desk:
 
     def _measured(self, task: Task, question: Question) -> Reply:
         """Return a measured movement on the time of a run."""
-        asked = read_asked(AskedRun, task.content)
+        request = read_request(RunRequest, task.content)
         measured = self._movement(task.options["mark"])
-        _, dataset = self._thrown(asked, question)
+        _, dataset = self._thrown(request, question)
         return Reply.of(sheet_record(throw_sheet(shifted(measured, dataset))))
 
     def _movement(self, mark: str) -> Measured:
@@ -215,7 +215,7 @@ class Desk:
         if found is None and mark in self._restored:
             found = self._sent.put(mark, pickle.loads(self._restored[mark]))
         if found is None:
-            message = "the studio does not know this movement; send its recording again"
+            message = "this movement is no longer loaded; send its recording again"
             raise UnknownMarkError(mark, message)
         return found
 
@@ -226,12 +226,12 @@ def _sent_panel(content: bytes, name: str) -> LoadedPanel:
     Raises
     ------
     FileError, PanelError
-        With all that is wrong in it.
+        With all problems.
     """
     file = parse_toml(decode(content, source=name), source=name)
-    alone = [f"{key}: {FILE_MESSAGE}" for key in _other_files(file.data)]
-    if alone:
-        raise PanelError(alone, source=name)
+    problems = [f"{key}: {FILE_MESSAGE}" for key in _other_files(file.data)]
+    if problems:
+        raise PanelError(problems, source=name)
     return panel_from_file(file)
 
 

@@ -1,0 +1,73 @@
+"""The option `--json` and the one renderer behind it."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+JSON_VERSION = 1
+"""Raised when a documented key changes its meaning or disappears."""
+
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print the result as JSON, in SI units; see docs.")
+]
+
+
+def print_json(
+    command: str,
+    record: Mapping[str, Any],
+    *,
+    units: Mapping[str, str] | None = None,
+    written: Iterable[Path] = (),
+) -> None:
+    """Print a result on stdout as one JSON object.
+
+    Parameters
+    ----------
+    command : str
+        Such as "sweep map".
+    record : mapping of str to object
+        Its keys; dataclasses and arrays become objects and lists, NaN and infinity null.
+    units : mapping of str to str, optional
+        SI unit of every key of `record`, at any depth, that has one.
+    written : iterable of Path
+        Files that the command wrote.
+    """
+    typer.echo(json_text(command, record, units=units, written=written))
+
+
+def json_text(
+    command: str,
+    record: Mapping[str, Any],
+    *,
+    units: Mapping[str, str] | None = None,
+    written: Iterable[Path] = (),
+) -> str:
+    """Return what `print_json` prints.
+
+    Examples
+    --------
+    >>> print(json_text("demo", {"size": float("nan")}, units={"size": "m"}))
+    {
+      "command": "demo",
+      "json_version": 1,
+      "size": null,
+      "units": {
+        "size": "m"
+      },
+      "written": []
+    }
+    """
+    import json
+
+    from turnout.core.json_files import to_plain
+
+    whole = {
+        "command": command,
+        "json_version": JSON_VERSION,
+        **record,
+        "units": dict(units or {}),
+        "written": [str(path) for path in written],
+    }
+    return json.dumps(to_plain(whole, nonfinite=lambda _: None), indent=2, allow_nan=False)

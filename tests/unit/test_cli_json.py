@@ -1,0 +1,211 @@
+"""`--json`: one object that a parser reads, nothing else on stdout, with the documented keys."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.unit.calibrations import calibration
+from tests.unit.campaigns import copied
+from tests.unit.sweeps import here, small_study, study_file
+from typer.testing import CliRunner
+
+from turnout.cli.main import app
+from turnout.measurement.formats.files import write_recording
+from turnout.measurement.recording import Channel, Recording
+from turnout.sweep.run import run_sweep
+
+COMMON = {"command", "json_version", "units", "written"}
+
+
+def refuse_constant(text: str) -> None:
+    message = f"{text} is not JSON"
+    raise ValueError(message)
+
+
+def printed(*line: object, code: int = 0) -> dict[str, Any]:
+    """Run a command with `--json` and return what it printed, read by a strict parser."""
+    done = CliRunner().invoke(app, [*map(str, line), "--json"])
+    assert done.exit_code == code, (done.output, done.exception)
+    found = json.loads(done.stdout, parse_constant=refuse_constant)
+    assert set(found) >= COMMON
+    assert all(Path(path).exists() for path in found["written"])
+    return found
+
+
+@pytest.fixture(scope="module")
+def documented(pytestconfig: pytest.Config) -> dict[str, set[str]]:
+    """Return the keys that the page documents for each command."""
+    text = (pytestconfig.rootpath / "docs/how-to/json.md").read_text(encoding="utf-8")
+    pages = re.split(r"^### ", text, flags=re.MULTILINE)[1:]
+    return {
+        page.split("\n", 1)[0].replace("`", "").removeprefix("turnout ").strip(): {
+            key
+            for row in re.findall(r"^\| (`.*?`) \|", page, flags=re.MULTILINE)
+            for key in re.findall(r"`([a-z_]+)`", row)
+        }
+        for page in pages
+    }
+
+
+def test_a_run(tmp_path: Path, documented: dict[str, set[str]]) -> None:
+    out = tmp_path / "run.nc"
+    found = printed("simulate", "sb1", "--object", "5mm@drive1", "--mode", "quick", "-o", out)
+    assert set(found) - COMMON == documented["simulate"]
+    assert found["written"] == [str(out)]
+    assert found["foreign_objects"][0]["size"] == 0.005
+    assert found["units"]["end_force:1"] == "N"
+    assert 500.0 < abs(found["figures"]["end_force:1"]) < 5000.0
+    assert 0 <= abs(found["energy_residual_share"]) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("line", "command"),
+    [
+        (["panel", "list"], "panel list"),
+        (["panel", "show", "sb1"], "panel show"),
+        (["panel", "check", "sb1", "--no-throw"], "panel check"),
+        (["panel", "sections", "sb1"], "panel sections"),
+        (["panel", "modes", "sb1", "--count", "2"], "panel modes"),
+        (["machine", "list"], "machine list"),
+        (["machine", "show", "sb3"], "machine show"),
+        (["machine", "run", "sb3"], "machine run"),
+        (["sweep", "list"], "sweep list"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_panels_and_machines(
+    line: list[str], command: str, documented: dict[str, set[str]]
+) -> None:
+    found = printed(*line)
+    assert found["command"] == command
+    assert set(found) - COMMON == documented[command]
+
+
+def test_a_figure_beside_the_result(tmp_path: Path) -> None:
+    figure = tmp_path / "plan.png"
+    assert printed("panel", "show", "sb1", "--plot", figure)["written"] == [str(figure)]
+
+
+def test_warnings_of_a_check() -> None:
+    weak = ("panel", "check", "sb1", "--no-throw", "--set", "gravity=100 m/s^2")
+    found = printed(*weak, "--strict", code=1)
+    assert set(found["warnings"][0]) == {"what", "where", "number", "remedy"}
+
+
+def test_throws_of_a_panel(documented: dict[str, set[str]]) -> None:
+    found = printed("panel", "show", "sb2", "--throw")
+    assert set(found) - COMMON == documented["panel show"]
+    assert {item["drive"] for item in found["throw"]["margins"]} == {"1", "2"}
+    assert len(found["throw"]["pieces"]) == 2
+
+
+def test_a_recording(tmp_path: Path, documented: dict[str, set[str]]) -> None:
+    time = np.arange(3000) / 1000
+    columns = {"Rod 1": "mV/V", "Rod 2": "mV/V", "Clamp 1": "V", "Clamp 2": "V"}
+    channels = {n: Channel(n, unit, 0.3 + 0.0 * time, 1000.0) for n, unit in columns.items()}
+    path, made = tmp_path / "throw.csv", tmp_path / "map.toml"
+    write_recording(Recording(channels, "test", None), path)
+    found = printed("import", path, "--suggest", made)
+    assert [item["name"] for item in found["channels"]] == list(columns)
+    assert set(found) - COMMON <= documented["import"]
+    found = printed("import", path, "--channels", made)
+    assert set(found) - COMMON <= documented["import"]
+    assert {item["unit"] for item in found["quantities"]} == {"N", "A"}
+
+
+def test_a_campaign(tmp_path: Path, documented: dict[str, set[str]]) -> None:
+    folder = copied(tmp_path)
+    for command in ("check", "build"):
+        found = printed("campaign", command, folder)
+        assert set(found) - COMMON == documented[f"campaign {command}"]
+        assert (found["movements"], found["usable"]) == (9, 9)
+
+
+def test_a_virtual_campaign(tmp_path: Path, documented: dict[str, set[str]]) -> None:
+    small = ("--repeats", 1, "--place", "drive1", "--size", "13mm", "--format", "csv")
+    options = (*small, "--workers", 1, "--out", tmp_path / "v")
+    found = printed("campaign", "virtual", "--panel", "sb1", *options)
+    assert set(found) - COMMON == documented["campaign virtual"]
+    assert found["movements"] == 3
+
+
+def test_a_calibration(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, documented: dict[str, set[str]]
+) -> None:
+    known = replace(calibration(), distrust=("the model misses 214 N",))
+    monkeypatch.setattr("turnout.cli.calibrate.dataset_of", lambda *_, **__: None)
+    monkeypatch.setattr(
+        "turnout.calibration.calibrate.calibrate",
+        lambda *_, **__: SimpleNamespace(calibration=known, sweeps=()),
+    )
+    line = ("calibrate", tmp_path, "--panel", "sb1", "-o", tmp_path / "c.toml")
+    found = printed(*line, "--strict", code=1)
+    assert set(found) - COMMON == documented["calibrate"]
+    assert (found["trustworthy"], found["reasons"]) == (False, ["the model misses 214 N"])
+    names = {item["name"] for item in found["parameters"]}
+    assert names == set(found["units"])
+
+
+def test_a_validation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, documented: dict[str, set[str]]
+) -> None:
+    from turnout.validation.verdict import ChannelResult, Verdict
+
+    channel = ChannelResult(
+        channel="drive 1", movements=8, rms=90.0, nrmse=0.02, spread=10.0, cover=0.6,
+        errors={"contact": (1e-3, 2e-3)},
+    )  # fmt: skip
+    verdict = Verdict(
+        channels=(channel,), judged=8, used=1, cover=0.6, held_back=True,
+        reasons=channel.reasons, worst=(),
+    )  # fmt: skip
+    calibration().save(tmp_path / "c.toml")
+    monkeypatch.setattr("turnout.cli.validate.dataset_of", lambda *_, **__: None)
+    monkeypatch.setattr("turnout.cli.validate._validated", lambda *_, **__: None)
+    monkeypatch.setattr("turnout.validation.verdict.judge", lambda _: verdict)
+    monkeypatch.setattr("turnout.validation.text.notes", lambda _: ["one note"])
+    line = ("validate", tmp_path, "--calibration", tmp_path / "c.toml")
+    found = printed(*line)
+    assert set(found) - COMMON == documented["validate"]
+    assert not found["valid"]
+    assert found["channels"][0]["spreads"] == 9.0
+    assert printed(*line, "--strict", code=1)["remarks"] == ["one note"]
+
+
+def test_a_sweep(tmp_path: Path, documented: dict[str, set[str]]) -> None:
+    study, out = study_file(tmp_path, count=3), tmp_path / "s"
+    plan = printed("sweep", "plan", study, "--trials", 1)
+    assert set(plan) - COMMON == documented["sweep plan"]
+    assert plan["scenarios"] == 3
+    run_sweep(small_study(tmp_path, count=3), out, pool=here)
+    done = printed("sweep", "run", study, "-o", out)
+    assert set(done) - COMMON == documented["sweep run"]
+    key = "chair.friction_coefficient"
+    cells = printed("sweep", "map", out, "--x", key, "--y", key)
+    assert set(cells) - COMMON == documented["sweep map"]
+    assert sum(cells["states"].values()) == 3
+    effects = printed("sweep", "effects", out)
+    assert set(effects) - COMMON == documented["sweep effects"]
+
+
+def test_one_throw_a_value_has_no_sensitivity(tmp_path: Path) -> None:
+    out = tmp_path / "s"
+    run_sweep(small_study(tmp_path, count=3), out, pool=here)
+    done = CliRunner().invoke(app, ["sweep", "effects", str(out)])
+    assert done.exit_code == 0, done.output
+    assert "nan" not in done.stdout
+    assert "no sensitivity: each value of an input occurs in one throw only" in done.stdout
+    found = printed("sweep", "effects", out, "--strict", code=1)
+    assert found["outputs"][0]["indices"][0]["first"] is None
+    assert "occurs in one throw only" in found["outputs"][0]["note"]
+
+
+def test_bad_input_prints_nothing_on_stdout() -> None:
+    done = CliRunner().invoke(app, ["simulate", "nowhere.toml", "--json"])
+    assert done.exit_code != 0
+    assert done.stdout == ""
