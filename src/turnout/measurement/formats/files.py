@@ -35,8 +35,8 @@ class FileFormat:
     recognise : callable
         Whether the first bytes are of this format.
     reader : str
-        Module of `turnout.measurement.formats` and function that read it in a process of its own; empty
-        for text, whose memory grows with the file only.
+        Module of `turnout.measurement.formats` and function that read it in a process of its own;
+        empty for text, whose memory grows with the file only.
     packages : tuple of str
         What the reader loads.
     extra : str
