@@ -106,7 +106,7 @@ def attacking(seed: int) -> Iterator[Callable[[int], Record]]:
                 content, what = mutated(sound[kind].read_bytes(), source, text=kind == "CSV")
                 path.write_bytes(content)
             try:
-                return {"index": index, "kind": kind, **_judged(path, what)}
+                return {"index": index, "kind": kind, **judged(path, what)}
             finally:
                 path.unlink()
 
@@ -173,7 +173,8 @@ def _place(content: bytes | bytearray, source: random.Random) -> int:
     return source.randrange(max(1, source.choice((near, len(content)))))
 
 
-def _judged(path: Path, what: str) -> Record:
+def judged(path: Path, what: str) -> Record:
+    """Read a recording; return how that ended, and what it took in all processes."""
     for item in isolated._kept:
         _forget_memory(item.process.pid)
     _forget_memory("self")
