@@ -68,6 +68,10 @@ def main() -> None:
     except TurnoutError as error:
         typer.echo(f"turnout: {error}", err=True)
         sys.exit(BAD_INPUT)
+    except MemoryError:
+        text = "memory ran out; give less (coarser elements, a shorter schedule, fewer values kept)"
+        typer.echo(f"turnout: {text}, or let it have more", err=True)
+        sys.exit(BAD_INPUT)
     except KeyboardInterrupt:
         typer.echo("turnout: interrupted", err=True)
         sys.exit(INTERRUPTED)
