@@ -26,6 +26,7 @@ from turnout.web.question import CHECK_TIME_LIMIT, TIME_LIMIT
 
 # For a machine that does other things too [s].
 SLACK = 15.0
+MEMORY_EVERY = 10
 SECRET = "root:first-line-of-a-protected-file"
 
 
@@ -91,22 +92,25 @@ def attacking(seed: int) -> Iterator[Callable[[int], dict[str, Any]]]:
             running.append(contexts[-1].__enter__())
             return running[-1]
 
+        memory = 0.0
         begin()
         mark = running[-1].client.ask("/api/start").json["panel"]["mark"]
 
         def attempt(index: int) -> dict[str, Any]:
+            nonlocal memory
             if running[-1].server.poll() is not None:
                 begin()
             source = random.Random(f"{seed}-{index}")
             kind = KINDS[index % len(KINDS)]
             request = hostile_request(kind, source, mark=mark, secret=secret)
             record = _judged(running[-1], request, mark, folder)
-            return {"index": index, "kind": kind, **record}
+            if index % MEMORY_EVERY == 0:
+                memory = running[-1].memory()
+            return {"index": index, "kind": kind, "memory": round(memory), **record}
 
         try:
             yield attempt
         finally:
-            print(f"memory at the end {running[-1].memory():.0f} MB")
             for context in contexts:
                 context.__exit__(None, None, None)
 

@@ -147,27 +147,29 @@ def mat5(path: Path, *elements: bytes) -> None:
     path.write_bytes(header + b"".join(elements))
 
 
+def deflated(head: bytes, zeros: int) -> bytes:
+    """Return what zlib makes of a head and many zeros, compressing the same block once only."""
+    packer, block = zlib.compressobj(9, wbits=-zlib.MAX_WBITS), bytes(8_000_000)
+    first = packer.compress(head) + packer.flush(zlib.Z_FULL_FLUSH)
+    again = packer.compress(block) + packer.flush(zlib.Z_FULL_FLUSH)
+    count, checksum = zeros // len(block), zlib.adler32(head)
+    for _ in range(count):
+        checksum = zlib.adler32(block, checksum)
+    return b"\x78\xda" + first + again * count + packer.flush() + struct.pack(">I", checksum)
+
+
 def mat5_squeezed(path: Path, *, parts: int = 1) -> None:
     """Hold gigabytes of zeros in megabytes or less."""
     count = HUGE // parts
-    packer = zlib.compressobj(9)
     head = mat5_matrix(b"", dims=(count, 1))[:-8] + struct.pack("<II", 9, 8 * count)
-    content = packer.compress(struct.pack("<II", 14, len(head) + 8 * count) + head)
-    zeros = bytes(8_000_000)
-    for _ in range(8 * count // len(zeros)):
-        content += packer.compress(zeros)
-    content += packer.flush()
+    content = deflated(struct.pack("<II", 14, len(head) + 8 * count) + head, 8 * count)
     mat5(path, *[struct.pack("<II", 15, len(content)) + content] * parts)
 
 
 def mat5_lying(path: Path) -> None:
     """Declare a small variable whose compressed content is large."""
     head = mat5_matrix(b"", dims=(3, 1))[:-8] + struct.pack("<II", 9, 24)
-    packer = zlib.compressobj(9)
-    content = packer.compress(struct.pack("<II", 14, len(head) + 24) + head)
-    for _ in range(200):
-        content += packer.compress(bytes(8_000_000))
-    content += packer.flush()
+    content = deflated(struct.pack("<II", 14, len(head) + 24) + head, 8 * HUGE)
     mat5(path, struct.pack("<II", 15, len(content)) + content)
 
 

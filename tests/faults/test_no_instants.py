@@ -68,3 +68,26 @@ def test_a_small_run_that_declares_much(tmp_path: Path) -> None:
         file.create_variable("rod", ("time",), "f8", chunks=(1000,), fillvalue=1.0)
     with pytest.raises(FileError, match="declares 8000000.* bytes of data in"):
         open_response(tmp_path / "run.nc")
+
+
+@pytest.mark.parametrize(
+    ("attributes", "said"),
+    [
+        ({"schema_version": "one"}, "has schema_version one, this turnout reads"),
+        ({"schema_version": "1"}, "has schema_version 1, this turnout reads"),
+        ({"schema_version": 1.5}, "has schema_version 1.5, this turnout reads"),
+        ({"schema_version": np.arange(3)}, r"has schema_version \[0 1 2\], this turnout reads"),
+        ({"schema_version": "9" * 3000}, r"has schema_version 9{50,100} \.\.\."),
+        ({"json_attributes": "gone"}, "its attributes are damaged; write it again"),
+        ({"json_attributes": "text", "text": "{"}, "its attributes are damaged; write it again"),
+    ],
+)
+def test_attributes_of_another_type(
+    tmp_path: Path, attributes: dict[str, object], said: str
+) -> None:
+    path = tmp_path / "run.nc"
+    run = xr.Dataset({"locked": ("time", [1.0, 1.0])}, {"time": [0.0, 1.0]})
+    run.attrs = {"schema_version": SCHEMA_VERSION, "kind": "simulation", **attributes}
+    run.to_netcdf(path, engine="h5netcdf")
+    with pytest.raises(FileError, match=said):
+        open_response(path)

@@ -2,6 +2,7 @@
 
 import re
 import struct
+import sys
 import zlib
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from turnout.cli.main import main
 from turnout.core.points import MOST_POINTS
 from turnout.core.units import MOST_VALUES
 from turnout.errors import FileError, MechanicsError, PanelError, SolverError, TurnoutError
@@ -176,3 +178,22 @@ def test_numbers_at_the_end_of_their_range_end_in_a_message(key: str) -> None:
         except TurnoutError:
             continue
         assert panel.hash
+
+
+def test_memory_that_runs_out_is_one_message(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As under a limit of the system: 4.8 mm elements in 2 GB gave a traceback."""
+
+    def exhausted(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("turnout.cli.options.opened_panel", exhausted)
+    monkeypatch.setattr("turnout.cli.panel.opened_panel", exhausted)
+    monkeypatch.setattr(sys, "argv", ["turnout", "panel", "check", "sb1"])
+    with pytest.raises(SystemExit) as caught:
+        main()
+    assert caught.value.code == 2
+    said = capsys.readouterr().err
+    assert said.startswith("turnout: memory ran out; give less")
+    assert len(said.splitlines()) == 1

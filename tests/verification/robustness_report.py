@@ -49,15 +49,6 @@ loses or makes energy of the order of what there is, and the summary of a run sa
 smaller step.
 """
 
-RECORDINGS = """52 small files that ask for much (declared shapes that only a fill value fills,
-zeros compressed a thousandfold, chunks of 1.6 GB, links in circles, cells of
-themselves, sizes that lie, 60,000 columns; HDF5, MATLAB 4, 5 and 7.3, Parquet,
-TDMS, MDF, CSV) are read or refused with one line each, below 1 GB in every process
-and 10 s of processor time: `tests/faults/test_hostile_recordings.py`. The largest
-took 0.33 GB, the longest 1.3 s. Files that lead out of a received folder:
-`tests/faults/test_outside_files.py`.
-"""
-
 
 def write_page(results: Sequence[Record], job: Record) -> str:
     """Write the page, whose part on hostile input stays; return its text."""
@@ -77,7 +68,6 @@ def page(results: Sequence[Record], job: Record) -> str:
     parts.append(_early(results))
     parts.append("## Defects\n")
     parts.append(_defects(results))
-    parts += ["## Hostile recordings\n", RECORDINGS]
     return "\n".join(parts)
 
 

@@ -106,6 +106,10 @@ def main() -> None:
     except TurnoutError as error:
         typer.echo(f"{name} {error}", err=True, color=colour)
         sys.exit(BAD_INPUT)
+    except MemoryError:
+        text = "memory ran out; give less (coarser elements, a shorter schedule, fewer values kept)"
+        typer.echo(f"turnout: {text}, or let it have more", err=True)
+        sys.exit(BAD_INPUT)
     except KeyboardInterrupt:
         typer.echo("turnout: interrupted", err=True)
         sys.exit(INTERRUPTED)

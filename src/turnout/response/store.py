@@ -17,6 +17,7 @@ SUFFIXES = (".nc",)
 ENGINE: Any = "h5netcdf"
 # What a small file may declare, and a larger one for each of its bytes; rest compresses well.
 LEAST_CONTENT, CONTENT_A_BYTE = 300_000_000, 100
+LONGEST_SHOWN = 100
 COMPRESSION = {"zlib": True, "complevel": 1, "shuffle": True}
 # netCDF has neither logical values nor None: they travel as JSON, and this attribute names them.
 JSON_ATTRIBUTES = "json_attributes"
@@ -92,12 +93,18 @@ def open_response(path: Path | str) -> xr.Dataset:
         message = f"{file}: is no netCDF-4 file, or a damaged one; write it again with turnout"
         raise FileError(message) from None
     found = dataset.attrs.get("schema_version")
-    if found is None or int(found) != SCHEMA_VERSION:
+    # A number of NumPy, or whatever else the file has under this name.
+    if not isinstance(found, int | np.integer) or found != SCHEMA_VERSION:
         said = "has no schema_version" if found is None else f"has schema_version {found}"
+        said = said if len(said) < LONGEST_SHOWN else f"{said[:LONGEST_SHOWN]} ..."
         message = f"{file}: {said}, this turnout reads {SCHEMA_VERSION}; write it again with it"
         raise FileError(message)
     _check_instants(file, dataset)
-    return _restored(dataset)
+    try:
+        return _restored(dataset)
+    except (KeyError, TypeError, ValueError):
+        message = f"{file}: its attributes are damaged; write it again with turnout"
+        raise FileError(message) from None
 
 
 def _check_size(file: Path, dataset: xr.Dataset) -> None:

@@ -175,13 +175,14 @@ class _Addresses:
         *,
         kind: str | None = None,
         most: int = LARGEST_QUESTION,
-        seconds: float = TIME_LIMIT,
+        seconds: float | None = None,
         **options: str,
     ) -> Response:
         """Hand what was sent to a process as it is."""
         parts: list[bytes] = []
         await _received(request, most, parts.append)
-        task = Task(name, b"".join(parts), options, seconds)
+        limit = TIME_LIMIT if seconds is None else seconds
+        task = Task(name, b"".join(parts), options, limit)
         return _response(await self.worker.answer(task, kind=kind))
 
 

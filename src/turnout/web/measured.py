@@ -5,7 +5,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-import h5py
 import numpy as np
 import xarray as xr
 
@@ -134,45 +133,11 @@ def sent_recording(path: Path) -> tuple[Recording, str]:
         With the message of `turnout import`, which names the file as the user does.
     """
     try:
-        _refuse_links(path)
         return read_recording(path), format_of(path).name
     except FileError as error:
-        raise FileError(str(error).replace(str(path), path.name)) from None
-
-
-def _refuse_links(path: Path) -> None:
-    """Refuse an HDF5 file that takes values from other files, which would be of this machine."""
-    if not h5py.is_hdf5(path):
-        return
-    try:
-        with h5py.File(path, "r") as file:
-            named = _linked(file)
-    except (OSError, RuntimeError, ValueError, KeyError):
-        return  # damaged: its reader reports how
-    if named:
-        message = f"{path}: {named} is in another file, which cannot be sent; copy it into one file"
-        raise FileError(message)
-
-
-def _linked(file: h5py.File) -> str:
-    """Return the name of the first member that another file holds; empty for none."""
-    groups = [file["/"]]
-    seen = set()
-    while groups:
-        group = groups.pop()
-        if group.id in seen:
-            continue
-        seen.add(group.id)
-        for name in group:
-            link = group.get(name, getlink=True)
-            if isinstance(link, h5py.ExternalLink):
-                return f"{group.name}/{name}"
-            item = group.get(name)
-            if isinstance(item, h5py.Group):
-                groups.append(item)
-            elif isinstance(item, h5py.Dataset) and (item.external or item.is_virtual):
-                return str(item.name)
-    return ""
+        # The option that would permit other files is of the command line only.
+        text = str(error).partition(", or permit it by ")[0]
+        raise FileError(text.replace(str(path), path.name)) from None
 
 
 def plain_name(name: str, otherwise: str) -> str:

@@ -27,8 +27,11 @@ def answer(request: dict[str, Any]) -> dict[str, Any]:
     """Read a file within a limit of memory; return what describes its channels, or the fault."""
     path, kind = Path(request["file"]), request["kind"]
     module, _, function = request["reader"].partition(":")
-    # A reader that cannot be imported is no fault of the file: it ends the process.
-    read = getattr(import_module(module), function)
+    try:
+        read = getattr(import_module(module), function)
+    except (ImportError, AttributeError) as error:
+        message = f"{path}: the reader of {kind} files cannot be loaded ({error}); "
+        return {FAULT: message + "install turnout again"}
     limit_memory(int(request["memory"]))
     try:
         recording = read(path, **request["options"])
