@@ -320,7 +320,7 @@ def _bushing_note(panel: "LoadedPanel") -> Iterator[str]:
     ]
     text += ", ".join(parts) + (
         ". The rule 'slip or gap' refuses lock where a drive slips or such a gap is at its limit, "
-        "'no slip' and 'raw gap' look at one of the two."
+        "'no slip' and 'raw gap' apply one of the two."
     )
     yield from textwrap.wrap(text, WIDTH)
 
