@@ -19,7 +19,7 @@ from benchmarks.page import write_section
 from benchmarks.schemes import MODES
 from turnout.core.threads import one_blas_thread
 from turnout.integrate import energy, march, solution, solve, step
-from turnout.integrate.arrange import Run, arrange, prepare, start
+from turnout.integrate.arrange import Run, arrange, prepare, start_at_rest
 from turnout.integrate.columns import update_row
 from turnout.integrate.state import COUNT_FLIPS, COUNT_ITERATIONS
 from turnout.kernels.interrupt import one_thread
@@ -38,9 +38,9 @@ KERNELS = {
     "columns times right side": "solution.solve_displacements(s, t, st, w)",
     "check of contacts and stops": "solve.update_segments(s, t, st, w, 1e-11, False)",
     "check of friction": "solve.update_branches(t, st, w, 0, 1e-6, False)",
-    "complete, books of modes": "step.correct(s, st, w, sp, step.step_factors(sp, sp.step))",
-    "books of laws": "energy.account_laws(s, t, st, w, w.inputs_start, 4.0)",
-    "books of friction": "energy.account_friction(s, st, w)",
+    "correct, energy of modes": "step.correct(s, st, w, sp, step.step_factors(sp, sp.step))",
+    "energy of laws": "energy.account_laws(s, t, st, w, w.inputs_start, 4.0)",
+    "energy of friction": "energy.account_friction(s, st, w)",
     "store an instant": "march.store_instant(s, t, st, w, rec, 1)",
 }
 FLIP = "one flip"
@@ -69,7 +69,7 @@ def marched(name: str, scheme: Scheme, share: float, *, stride: int = 1) -> tupl
     with one_blas_thread(), one_thread() as thread:
         positions = positions.T.copy()
         made = prepare(arrange(mechanism, scheme), scheme, positions, times.size, filled_in=False)
-        start(made, mechanism, thread)
+        start_at_rest(made, mechanism, thread)
         began = time.perf_counter()
         march.march(
             made.system, made.table, made.state, made.work, made.tolerances,
