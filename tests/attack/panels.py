@@ -27,8 +27,8 @@ from turnout.cli.main import main
 from turnout.cli.simulate import preload_writers
 from turnout.core.quantity import unit_of
 from turnout.integrate.outcome import LEAST_SCALE
+from turnout.panel.keys import field_at
 from turnout.panel.load import library_text, load_panel
-from turnout.panel.override import field_at
 from turnout.panel.unusual import USUAL
 from turnout.response.simulate import compile_kernels, simulate
 from turnout.response.store import open_response

@@ -31,8 +31,8 @@ from turnout.study.study import Study
 from turnout.sweep.folder import BATCHES, IDENTITY
 from turnout.sweep.read import open_sweep, read_labels
 from turnout.sweep.run import run_sweep
-from turnout.sweep.stored_study import STUDY, kept_study
-from turnout.sweep.worker import get_ready
+from turnout.sweep.stored_study import STUDY, load_stored_study
+from turnout.sweep.worker import initialize_worker
 
 COUNT = 32
 KILL_EVERY, PROGRAM_EVERY, MEND_EVERY = 11, 20, 20
@@ -81,7 +81,7 @@ class Attacked:
 @contextmanager
 def attacking(seed: int) -> Iterator[Callable[[int], Record]]:
     """Give what makes an attempt on a sweep by its number."""
-    get_ready()
+    initialize_worker()
     with tempfile.TemporaryDirectory(prefix="attack on sweeps ") as folder:
         attacked = Attacked(Path(folder))
         spoilt = Path(shutil.copytree(attacked.whole, Path(folder) / "spoilt"))
@@ -243,12 +243,12 @@ def _flipped(attacked: Attacked, spoilt: Path, source: random.Random, index: int
     changed = bytearray(content)
     changed[bit // 8] ^= 1 << bit % 8
     path.write_bytes(changed)
-    kept_study.cache_clear()
+    load_stored_study.cache_clear()
     said, outcome = "", "answered"
     try:
         xr.testing.assert_identical(open_sweep(spoilt).load(), attacked.dataset)
         xr.testing.assert_identical(read_labels(spoilt), attacked.dataset.drop_dims("time"))
-        kept = kept_study(spoilt, attacked.study.digest)
+        kept = load_stored_study(spoilt, attacked.study.digest)
         assert kept.digest == attacked.study.digest
         assert kept.panel.hash == attacked.study.panel.hash
         assert kept.scenario(5) == attacked.study.scenario(5)
@@ -262,5 +262,5 @@ def _flipped(attacked: Attacked, spoilt: Path, source: random.Random, index: int
         assert path.read_bytes() == content, "mended to other bytes"
     else:
         path.write_bytes(content)
-    kept_study.cache_clear()
+    load_stored_study.cache_clear()
     return {"kind": kind, "outcome": outcome}

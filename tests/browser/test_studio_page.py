@@ -72,14 +72,14 @@ def test_sliders_change_numbers_lamps_and_rails(screen: Screen) -> None:
     low = float(screen.figure("end_force:2").split()[0])
     screen.set("chair.friction_coefficient", 0.4)
     assert low < float(screen.figure("end_force:2").split()[0])
-    page.get_by_role("button", name="Back to the panel's values").click()
+    page.get_by_role("button", name="Reset to the panel's values").click()
     screen.settled()
 
 
 def test_without_an_object_the_switch_closes(screen: Screen) -> None:
     page = screen.page
     screen.forget()
-    page.get_by_label("an object is trapped").uncheck()
+    page.get_by_label("object trapped").uncheck()
     screen.settled()
     assert page.locator("#handle").is_hidden()
     assert "none" in page.evaluate("document.getElementById('words').textContent")
@@ -144,14 +144,14 @@ def test_files_good_and_bad(screen: Screen, tmp_path: Path) -> None:
     page = screen.page
     bad = tmp_path / "bad.toml"
     bad.write_text(library_text("sb1").replace('"750 kN/m"', '"750 kg"'), encoding="utf-8")
-    page.get_by_label("Panel file").set_input_files(bad)
+    page.get_by_label("Panel file (.toml)").set_input_files(bad)
     page.wait_for_selector("#message:not([hidden])")
     assert "750 kg" in page.locator("#message").inner_text()
     assert page.input_value("#panel") == "sb2"
     good = tmp_path / "good.toml"
     good.write_text(library_text("sb2").replace('name = "sb2"', 'name = "ours"'), encoding="utf-8")
     screen.forget()
-    page.get_by_label("Panel file").set_input_files(good)
+    page.get_by_label("Panel file (.toml)").set_input_files(good)
     screen.settled()
     assert "good.toml: OK (ours" in page.locator("#notes").inner_text()
     assert page.locator("#message").is_hidden()

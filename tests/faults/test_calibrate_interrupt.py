@@ -87,7 +87,7 @@ def test_ctrl_c_is_one_message_and_goes_on(
     os.killpg(process.pid, signal.SIGINT)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
-    assert "the throws are kept, the same command goes on" in err
+    assert "run the same command to continue" in err
     assert "Traceback" not in err
     assert gone(workers)
     check_goes_on(folder, throws(folder), whole)

@@ -39,7 +39,9 @@ def test_an_object_that_there_is_no_room_for_is_left_out(folder: Path) -> None:
     kept, texts = exclude_oversized_objects(observe(dataset, panel), panel)
     assert [item.name for item in kept] == [f"run{number:02d}-closing" for number in range(6)]
     (text,) = texts
-    assert text.startswith("run06-closing (closing, 13 mm at drive 2) was left out: the gap of")
+    assert text.startswith(
+        "run06-closing (closing, 13 mm at drive 2) was left out: the object does not fit"
+    )
     only = [name for name in dataset["movement"].values if name != "run06-closing"]
     with pytest.raises(MeasurementError, match="no movement is left"):
         exclude_oversized_objects(observe(dataset, panel, exclude=only), panel)

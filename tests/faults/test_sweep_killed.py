@@ -74,7 +74,7 @@ def test_ctrl_c_is_one_message_and_goes_on(
     os.killpg(process.pid, signal.SIGINT)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
-    assert "the same command goes on" in err
+    assert "run the same command to continue" in err
     assert "Traceback" not in err
     said = finished(study, tmp_path / "s", "--workers", "1")
     assert f"{COUNT} complete" not in said, "what was written is not thrown again"

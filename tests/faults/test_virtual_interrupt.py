@@ -34,7 +34,7 @@ def test_what_was_thrown_is_kept_and_the_same_command_goes_on(tmp_path: Path) ->
     os.killpg(process.pid, signal.SIGINT)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
-    assert "the same command goes on from there" in err
+    assert "run the same command to continue" in err
     assert "Traceback" not in err
     there = kept(folder)
     assert 2 <= there < 8

@@ -8,9 +8,9 @@ from concurrent.futures import ProcessPoolExecutor
 import pytest
 
 from turnout.sweep import worker as sweep_work
-from turnout.sweep.worker import worker_processes
+from turnout.sweep.process import worker_processes
 
-LOADED = "import sys, turnout.sweep.worker; print(*sorted(sys.modules))"
+LOADED = "import sys, turnout.sweep.process; print(*sorted(sys.modules))"
 
 
 def test_what_a_process_loads_first_is_light() -> None:
@@ -18,7 +18,7 @@ def test_what_a_process_loads_first_is_light() -> None:
         [sys.executable, "-c", LOADED], check=True, capture_output=True, text=True
     )
     ours = {name for name in told.stdout.split() if name.split(".")[0] in ("turnout", "numpy")}
-    assert ours == {"turnout", "turnout.study", "turnout.sweep.worker"}
+    assert ours == {"turnout", "turnout.lazy", "turnout.sweep", "turnout.sweep.process"}
 
 
 @pytest.mark.usefixtures("worker_processes")

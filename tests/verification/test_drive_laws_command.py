@@ -32,7 +32,7 @@ def test_a_soft_build_up_is_told_by_the_command(tmp_path: Path) -> None:
     assert made.exit_code == 0, made.output
     done = run(
         *("validate", folder, "--calibration", tmp_path / "calibration.toml"),
-        *("--drive-laws", "2", "--workers", "1", "-q"),
+        *("--drive-laws", "2", "--workers", "1", "-q", "--strict"),
     )
     # The plain model does not hold, so the verdict is no.
     assert done.exit_code == 1, (done.output, done.exception)

@@ -40,10 +40,11 @@ from turnout.sweep.folder import (
     move_damaged,
     study_identity,
 )
+from turnout.sweep.process import worker_processes
 from turnout.sweep.row import COMPLETE, SKIPPED, output_stride
 from turnout.sweep.stored_study import serialize_study
 from turnout.sweep.verify import verified_batches
-from turnout.sweep.worker import BatchDone, make_batch, worker_processes
+from turnout.sweep.worker import BatchDone, make_batch
 
 # Batches handed out beyond one a worker, so that none waits for the next.
 PREFETCH = 2
