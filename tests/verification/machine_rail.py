@@ -1,0 +1,133 @@
+"""Two machines on the rail of SB1: machines and rails stepped apart, and iterated until they agree.
+
+The rails are moved by rod ends x(t) as markers and answer with y(t); the machines are loaded by
+k_r (x - y) with that y(t), and answer with x(t). A few rounds settle this, since a machine yields
+little to force. It uses nothing but the two programs as they are, so that it can judge a step in
+which they are solved together.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.integrate.run import History, integrate
+from turnout.integrate.scheme import Scheme
+from turnout.machine.compute import places as at
+from turnout.machine.compute.couple import Machines, Room, accept_machines, try_machines
+from turnout.machine.load import load_machines
+from turnout.machine.records import Machine
+from turnout.machine.rows import command_rows, machine_row, start_state, stroke_table, work_rows
+from turnout.mechanism.build import build_mechanism
+from turnout.panel.load import load_panel
+
+Floats = NDArray[np.float64]
+RODS = {"1": 750e3, "2": 810e3}
+PLACES = {"1": 0.3, "2": 4.5}
+HORIZON = 5.0
+
+
+def gap(x: float) -> float:
+    """Distance between the open rail and the stock rail of SB1 [m]."""
+    return 0.118 * (1 - x / 9.7) ** 2 + 0.001
+
+
+def machines() -> list[tuple[Machine, Floats]]:
+    """Return the machines of SB3-rail with their commands."""
+    found = []
+    for name, ratio, force, beyond, command in (
+        ("1", 5600.0, 6000.0, 3.0e-3, 0.1),
+        ("2", 16500.0, 6850.0, 3.3e-3, 0.3),
+    ):
+        changes = {
+            "motor.loss_torque": 0.745,
+            "stroke.ratio": ratio,
+            "clutch.torque": force / (ratio * 0.9),
+            "rod.stiffness": RODS[name],
+            "circuit.limit_closing": gap(PLACES[name]) + beyond,
+            "throw.command": [{"time": command, "direction": "close"}],
+        }
+        loaded = load_machines("sb3", overrides=changes)
+        assert loaded.throw is not None
+        found.append((loaded.machine["sb3"], command_rows(loaded.throw.command)))
+    return found
+
+
+@dataclass(frozen=True)
+class Throw:
+    """What both programs found: rows of machine states, and the history of the rail."""
+
+    time: Floats
+    states: Floats
+    force: Floats
+    y: Floats
+    history: History
+    changes: tuple[float, ...]
+
+
+def throw_rail(*, step: float = 1e-3, rounds: int = 6) -> Throw:
+    """Throw the sound rail by both machines; `changes` are those of the rod force by rounds [N]."""
+    panel = load_panel(
+        "sb1",
+        overrides={
+            "drive.2.x": PLACES["2"],
+            "drive.saturation_force": 1e6,
+            "schedule.end": HORIZON,
+            "movement.throw.start": 0.1,
+            "movement.throw.duration": 0.5,
+            "movement.return.start": 4.0,
+            "movement.return.duration": 0.5,
+        },
+    )
+    mechanism = build_mechanism(panel)
+    scheme = Scheme(step=step, output_interval=step)
+    rows = [mechanism.laws.row[mechanism.index.drive[name]] for name in RODS]
+    pairs = machines()
+    count = round(HORIZON / step)
+    time = step * np.arange(count + 1, dtype=np.float64)
+    states = march_machines(pairs, None, step, count)
+    x = states[:, :, at.ROD_POSITION]
+    force = np.zeros((count + 1, 2))
+    changes = []
+    for _ in range(rounds):
+
+        def inputs(instants: Floats, x: Floats = x) -> Floats:
+            return np.array([np.interp(instants, time, x[:, k]) for k in range(2)])
+
+        history = integrate(mechanism, scheme, inputs=inputs, end=HORIZON)
+        assert history.outcome.complete, history.outcome
+        y = history.g[:, rows]
+        found = np.array(list(RODS.values())) * (x - y)
+        changes.append(float(np.abs(found - force).max()))
+        force = found
+        states = march_machines(pairs, y, step, count)
+        x = states[:, :, at.ROD_POSITION]
+    return Throw(time, states, force, y, history, tuple(changes))
+
+
+def march_machines(
+    pairs: list[tuple[Machine, Floats]], y: Floats | None, step: float, count: int
+) -> Floats:
+    """March the machines with given rail positions; without them the rods have no force."""
+    made = [machine for machine, _ in pairs]
+    constants = np.array([machine_row(machine) for machine in made])
+    if y is None:
+        constants[:, at.ROD_STIFFNESS] = 1.0
+        y = np.zeros((count + 1, 2))
+    group = Machines(
+        constants,
+        np.array([stroke_table(machine.stroke) for machine in made]),
+        np.array([commands for _, commands in pairs]),
+        0.0,
+    )
+    state = np.array([start_state(m, machine_row(m), 0.0) for m in made])
+    trial, kept = state.copy(), np.zeros((count + 1, *state.shape))
+    room = Room(np.zeros((2, at.RAIL_CONSTANTS)), work_rows(), np.zeros((2, 32, 2)))
+    v, none = np.gradient(y, step, axis=0), np.zeros((2, 2))
+    kept[0] = state
+    for n in range(count):
+        ends = (y[n].copy(), v[n].copy(), y[n + 1].copy(), none)
+        assert try_machines(group, state, trial, ends, (n * step, step), room) == at.CONVERGED
+        accept_machines(state, trial)
+        kept[n + 1] = state
+    return kept
