@@ -18,6 +18,7 @@ from turnout.machine.records import Command
 from turnout.machine.rows import angle_at, machine_row, stroke_table
 from turnout.machine.steady import slip_point
 from turnout.machine.throw import throw_one_mass
+from turnout.plot.machine import plot_machine
 
 SHORT = {"throw.duration": 0.3}
 
@@ -170,6 +171,14 @@ def test_facade() -> None:
     assert list(dataset["event"].values) == ["on"]
 
 
+def test_figure_shows_the_histories() -> None:
+    dataset = turnout.machine_dataset(throw_one_mass("sb3", overrides=SHORT))
+    axes = plot_machine(dataset).axes
+    drawn = axes[2].lines[0].get_ydata()
+    assert np.allclose(drawn, 1e-3 * dataset["rod_force"].values)
+    assert [text.get_text() for text in axes[0].texts] == ["on"]
+
+
 def test_default_command_starts_at_once() -> None:
     assert Command.model_validate({"time": "0.1 s"}).direction == "close"
     base = load_machines("sb3").with_overrides({"throw.command": None})
@@ -200,6 +209,8 @@ def test_commands_of_the_program(tmp_path: Path) -> None:
     with xr.open_dataset(out) as dataset:
         assert dataset.attrs["machine"] == "sb3"
         assert dataset["current"].max() == pytest.approx(found["current_peak"])
-    told = runner.invoke(app, ["run", "sb3", *settings, "--out", str(out)])
-    assert "written" in told.stdout
+    figure = tmp_path / "run.png"
+    told = runner.invoke(app, ["run", "sb3", *settings, "--out", str(out), "--plot", str(figure)])
+    assert told.stdout.count("written") == 2
+    assert figure.read_bytes().startswith(b"\x89PNG")
     assert "energy residual" in told.stdout

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from turnout.cli.outputs import check_outputs
+from turnout.cli.outputs import FIGURES, check_outputs
 
 if TYPE_CHECKING:
     from turnout.machine.load import LoadedMachines
@@ -73,10 +73,14 @@ def run_command(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE.nc", help="Write the histories (netCDF).")
     ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Draw them (.png, .pdf or .svg)."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Throw a one-mass rail by a machine: current, force, events, energy."""
-    check_outputs({"--out": out}, {"--out": (".nc",)})
+    check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     from turnout.machine.compute.throw import throw as kernel
     from turnout.machine.load import load_machines
     from turnout.machine.throw import throw_one_mass
@@ -88,11 +92,7 @@ def run_command(
     if must_compile(kernel):
         typer.echo("turnout: compiling kernels, first run only (10 to 30 s)", err=True)
     throw = throw_one_mass(loaded)
-    if out is not None:
-        from turnout.response.machine import machine_dataset
-        from turnout.response.store import save_response
-
-        save_response(machine_dataset(throw), out)
+    _write(throw, out, plot)
     if as_json:
         import json
 
@@ -100,10 +100,30 @@ def run_command(
     else:
         for line in throw_lines(throw):
             typer.echo(line)
-        if out is not None:
-            typer.echo(f"{out}: written")
+        for path in (out, plot):
+            if path is not None:
+                typer.echo(f"{path}: written")
     if not throw.is_balanced:
         raise typer.Exit(NOT_CONVERGED)
+
+
+def _write(throw: "MachineThrow", out: Path | None, plot: Path | None) -> None:
+    """Write the histories and the figure, where they are asked for."""
+    if out is None and plot is None:
+        return
+    from turnout.response.machine import machine_dataset
+
+    dataset = machine_dataset(throw)
+    if out is not None:
+        from turnout.response.store import save_response
+
+        save_response(dataset, out)
+    if plot is not None:
+        from turnout.files.atomic import write_atomic
+        from turnout.plot.machine import plot_machine
+        from turnout.plot.style import rendered
+
+        write_atomic(plot, rendered(plot_machine(dataset), plot.suffix))
 
 
 def machine_lines(loaded: "LoadedMachines") -> list[str]:
