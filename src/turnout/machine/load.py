@@ -14,7 +14,7 @@ from typing import Any, Self
 
 from pydantic import BaseModel, PrivateAttr, ValidationError
 
-from turnout.errors import FileError, MachineError
+from turnout.errors import MachineError
 from turnout.files.field_unit import unit_of
 from turnout.files.library import names_in_library, text_in_library
 from turnout.files.problems import choices, describe_error, nearest
@@ -314,23 +314,4 @@ def _put(tree: dict[str, Any], path: tuple[str, ...], value: object) -> None:
         table[path[-1]] = value
 
 
-def named_machine(text: str) -> Machine:
-    """Return a machine of the library, changed or not: a shorthand for scripts and panels.
-
-    Parameters
-    ----------
-    text : str
-        Name of a library machine.
-
-    Raises
-    ------
-    FileError
-        When there is none of that name.
-    """
-    if not isinstance(text, str):
-        message = f"named_machine() takes a name, not {text!r}"
-        raise FileError(message)
-    return load_machines(text).pick()[1]
-
-
-__all__ = ["LoadedMachines", "load_machines", "machine_names", "machine_text", "named_machine"]
+__all__ = ["LoadedMachines", "load_machines", "machine_names", "machine_text"]
