@@ -1,9 +1,9 @@
-"""Two machines on the rail of SB1: machines and rails stepped apart, and iterated until they agree.
+"""Two machines on the rail of SB1, with the two programs as they are: iterated, or step by step.
 
-The rails are moved by rod ends x(t) as markers and answer with y(t); the machines are loaded by
-k_r (x - y) with that y(t), and answer with x(t). A few rounds settle this, since a machine yields
-little to force. It uses nothing but the two programs as they are, so that it can judge a step in
-which they are solved together.
+Iterated: the rails are moved by rod ends x(t) as markers and answer with y(t); the machines are
+loaded by k_r (x - y) with that y(t), and answer with x(t). A few rounds settle this, since a
+machine yields little to force. Staggered: in each step the machines meet a rail that goes on as before, and the
+rails then follow the rod ends. Both can judge a step in which all is solved together.
 """
 
 from dataclasses import dataclass
@@ -11,6 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.integrate.arrange import arranged
+from turnout.integrate.interrupt import one_thread
+from turnout.integrate.march import march, store
+from turnout.integrate.prepare import prepare, start
 from turnout.integrate.run import History, integrate
 from turnout.integrate.scheme import Scheme
 from turnout.machine.compute import places as at
@@ -19,6 +23,8 @@ from turnout.machine.load import load_machines
 from turnout.machine.records import Machine
 from turnout.machine.rows import command_rows, machine_row, start_state, stroke_table, work_rows
 from turnout.mechanism.build import build_mechanism
+from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.threads import one_blas_thread
 from turnout.panel.load import load_panel
 
 Floats = NDArray[np.float64]
@@ -65,8 +71,8 @@ class Throw:
     changes: tuple[float, ...]
 
 
-def throw_rail(*, step: float = 1e-3, rounds: int = 6) -> Throw:
-    """Throw the sound rail by both machines; `changes` are those of the rod force by rounds [N]."""
+def rail_mechanism() -> Mechanism:
+    """Return the rail of SB3-rail with its rods as drives that never slip."""
     panel = load_panel(
         "sb1",
         overrides={
@@ -79,7 +85,23 @@ def throw_rail(*, step: float = 1e-3, rounds: int = 6) -> Throw:
             "movement.return.duration": 0.5,
         },
     )
-    mechanism = build_mechanism(panel)
+    return build_mechanism(panel)
+
+
+def group_of(pairs: list[tuple[Machine, Floats]]) -> Machines:
+    """Return machines as the kernels take them."""
+    made = [machine for machine, _ in pairs]
+    return Machines(
+        np.array([machine_row(machine) for machine in made]),
+        np.array([stroke_table(machine.stroke) for machine in made]),
+        np.array([commands for _, commands in pairs]),
+        0.0,
+    )
+
+
+def throw_rail(*, step: float = 1e-3, rounds: int = 6) -> Throw:
+    """Throw the sound rail by both machines; `changes` are those of the rod force by rounds [N]."""
+    mechanism = rail_mechanism()
     scheme = Scheme(step=step, output_interval=step)
     rows = [mechanism.laws.row[mechanism.index.drive[name]] for name in RODS]
     pairs = machines()
@@ -109,18 +131,11 @@ def march_machines(
     pairs: list[tuple[Machine, Floats]], y: Floats | None, step: float, count: int
 ) -> Floats:
     """March the machines with given rail positions; without them the rods have no force."""
-    made = [machine for machine, _ in pairs]
-    constants = np.array([machine_row(machine) for machine in made])
+    group = group_of(pairs)
     if y is None:
-        constants[:, at.ROD_STIFFNESS] = 1.0
+        group.constants[:, at.ROD_STIFFNESS] = 1.0
         y = np.zeros((count + 1, 2))
-    group = Machines(
-        constants,
-        np.array([stroke_table(machine.stroke) for machine in made]),
-        np.array([commands for _, commands in pairs]),
-        0.0,
-    )
-    state = np.array([start_state(m, machine_row(m), 0.0) for m in made])
+    state = np.array([start_state(m, machine_row(m), 0.0) for m, _ in pairs])
     trial, kept = state.copy(), np.zeros((count + 1, *state.shape))
     room = Room(np.zeros((2, at.RAIL_CONSTANTS)), work_rows(), np.zeros((2, 32, 2)))
     v, none = np.gradient(y, step, axis=0), np.zeros((2, 2))
@@ -131,3 +146,36 @@ def march_machines(
         accept_machines(state, trial)
         kept[n + 1] = state
     return kept
+
+
+def throw_staggered(*, step: float) -> tuple[Floats, Floats]:
+    """Throw the sound rail step by step; return machine states and the rods' forces on the rail."""
+    mechanism, pairs, count = rail_mechanism(), machines(), round(HORIZON / step)
+    mode = "waveform" if step <= 1e-3 else "quick"
+    scheme = Scheme.of(mode, step=step, output_interval=step)
+    run = prepare(
+        arranged(mechanism, scheme), scheme, np.zeros((count + 1, 2)), count + 1, filled_in=False
+    )
+    rows = [mechanism.laws.row[mechanism.index.drive[name]] for name in RODS]
+    ends = [int(run.system.row_place[row]) for row in rows]
+    rods, group, none = np.array(list(RODS.values())), group_of(pairs), np.zeros((2, 2))
+    state = np.array([start_state(m, machine_row(m), 0.0) for m, _ in pairs])
+    trial, kept = state.copy(), np.zeros((count + 1, *state.shape))
+    kept[0], force = state, np.zeros((count + 1, 2))
+    room = Room(np.zeros((2, at.RAIL_CONSTANTS)), work_rows(), np.zeros((2, 32, 2)))
+    with one_blas_thread(), one_thread() as thread:
+        start(run, mechanism, thread)
+        store(run.system, run.table, run.state, run.work, run.record, 0)
+        y = [run.state.g[ends].copy()] * 3
+        for n in range(count):
+            v = (3 * y[0] - 4 * y[1] + y[2]) / (2 * step)
+            rail = (y[0], v, y[0] + step * v, none)
+            assert try_machines(group, state, trial, rail, (n * step, step), room) == at.CONVERGED
+            accept_machines(state, trial)
+            kept[n + 1] = state
+            run.positions[n + 1] = state[:, at.ROD_POSITION]
+            given = (run.tolerances, run.stepping, run.positions, n, n + 1, run.record)
+            assert march(run.system, run.table, run.state, run.work, *given)[0] == at.CONVERGED
+            y = [run.state.g[ends].copy(), y[0], y[1]]
+            force[n + 1] = rods * (run.positions[n + 1] - y[0])
+    return kept, force
