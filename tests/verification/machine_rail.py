@@ -2,8 +2,8 @@
 
 Iterated: the rails are moved by rod ends x(t) as markers and answer with y(t); the machines are
 loaded by k_r (x - y) with that y(t), and answer with x(t). A few rounds settle this, since a
-machine yields little to force. Staggered: in each step the machines meet a rail that goes on as before, and the
-rails then follow the rod ends. Both can judge a step in which all is solved together.
+machine yields little to force. Staggered: in each step the machines meet a rail that goes on as
+before, and the rails then follow the rod ends. Both can judge a step that solves all together.
 """
 
 from dataclasses import dataclass

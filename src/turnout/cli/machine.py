@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from turnout.cli.outputs import FIGURES, check_outputs
+from turnout.errors import SolverError
 
 if TYPE_CHECKING:
     from turnout.machine.load import LoadedMachines
@@ -91,7 +92,11 @@ def run_command(
         loaded = loaded.with_settings(settings)
     if must_compile(kernel):
         typer.echo("turnout: compiling kernels, first run only (10 to 30 s)", err=True)
-    throw = throw_one_mass(loaded)
+    try:
+        throw = throw_one_mass(loaded)
+    except SolverError as error:
+        typer.echo(f"turnout: {error}", err=True)
+        raise typer.Exit(NOT_CONVERGED) from None
     _write(throw, out, plot)
     if as_json:
         import json

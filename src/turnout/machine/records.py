@@ -42,6 +42,8 @@ COPPER_REFERENCE = 293.15
 COPPER_COEFFICIENT = 3.9e-3
 """Of the resistance of copper, from its value at 20 degC [1/K]."""
 
+MOST_INSTANTS = 1_000_000
+
 
 class Record(BaseModel):
     """Base of all records here: unknown keys are refused, nothing changes after validation."""
@@ -336,6 +338,9 @@ class Throw(Record):
         count = self.output_interval / self.step
         if abs(count - round(count)) > 1e-6 * count or round(count) < 1:
             message = f"output_interval must be a multiple of step = {self.step:g} s"
+            raise ValueError(message)
+        if self.duration > MOST_INSTANTS * self.output_interval:
+            message = f"duration / output_interval: at most {MOST_INSTANTS} instants are kept"
             raise ValueError(message)
         times = [command.time for command in self.command]
         if any(a >= b for a, b in zip(times, times[1:], strict=False)):
