@@ -73,7 +73,7 @@ class Motor(Record):
     )
     inductance: Inductance = Field(gt=0, description="of the motor circuit [H]")
     constant: MotorConstant | None = Field(
-        None, gt=0, description="torque per ampere, of a permanent magnet [V s/rad]"
+        None, gt=0, le=1e4, description="torque per ampere, of a permanent magnet [V s/rad]"
     )
     field_constant: FieldConstant | None = Field(
         None, gt=0, description="motor constant per ampere of field, unsaturated [V s/(rad A)]"
@@ -114,7 +114,7 @@ class Clutch(Record):
     """Friction clutch: elastic until it slips, and it remembers by how much it slipped."""
 
     torque: Torque = Field(gt=0, description="while it slips, new and at ambient [N m]")
-    stiffness: AngularStiffness = Field(gt=0, description="[N m/rad]")
+    stiffness: AngularStiffness = Field(gt=0, le=1e7, description="[N m/rad]")
     static_ratio: float = Field(1.0, ge=1, le=3, description="breakaway torque over torque [-]")
     worn: float = Field(0.0, ge=0, le=0.9, description="share of the torque lost so far [-]")
     wear: PerEnergy = Field(0.0, ge=0, description="share of the torque lost per heat [1/J]")
@@ -147,7 +147,7 @@ class Stroke(Record):
     """How the rod position follows from the shaft angle."""
 
     kind: Literal["screw", "crank", "table"] = "screw"
-    ratio: ShaftRatio | None = Field(None, gt=0, description="of a screw or rack [rad/m]")
+    ratio: ShaftRatio | None = Field(None, ge=1, le=1e7, description="of a screw or rack [rad/m]")
     angle: Angle | None = Field(None, gt=0, description="of the whole stroke [rad]")
     length: Length | None = Field(None, gt=0, description="of the whole stroke [m]")
     start: Length = Field(0.0, description="rod position at the open end, angle 0 [m]")
