@@ -24,13 +24,13 @@ from benchmarks.machine import load, processor_seconds
 from benchmarks.page import write_section
 from benchmarks.schemes import MODES
 from turnout.integrate.run import integrate
-from turnout.integrate.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
-from turnout.panel.motion import marker_offsets, marker_positions
+from turnout.panel.markers import marker_offsets, marker_positions
 from turnout.response.simulate import simulate
 from turnout.response.store import open_response, save_response
+from turnout.scheme import Scheme
 
 ROOT = Path(__file__).parents[1]
 CASES = {

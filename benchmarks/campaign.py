@@ -18,8 +18,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from turnout.measurement.piece import STORE
-from turnout.measurement.sheet import find_sheet, read_sheet
+from turnout.measurement.campaign.piece import STORE
+from turnout.measurement.campaign.sheet import find_sheet, read_sheet
 
 DOCS = Path(__file__).parents[1] / "docs"
 PANEL, SEED, REPEATS = "sb2", "1", 3

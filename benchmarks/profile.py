@@ -17,18 +17,17 @@ import numpy as np
 from benchmarks.machine import load, machine
 from benchmarks.page import write_section
 from benchmarks.schemes import MODES
+from turnout.core.threads import one_blas_thread
 from turnout.integrate import energy, march, solution, solve, step
-from turnout.integrate.arrange import arranged
+from turnout.integrate.arrange import Run, arrange, prepare, start
 from turnout.integrate.columns import update_row
-from turnout.integrate.interrupt import one_thread
-from turnout.integrate.prepare import Run, prepare, start
-from turnout.integrate.scheme import Scheme
 from turnout.integrate.state import COUNT_FLIPS, COUNT_ITERATIONS
-from turnout.integrate.vector import add_rows
+from turnout.kernels.interrupt import one_thread
+from turnout.kernels.vector import add_rows
 from turnout.mechanism.build import build_mechanism
-from turnout.mechanism.threads import one_blas_thread
 from turnout.panel.load import load_panel
-from turnout.panel.motion import marker_offsets, marker_positions
+from turnout.panel.markers import marker_offsets, marker_positions
+from turnout.scheme import Scheme
 
 PANELS = ("sb2", "uic60-760-1-15")
 SHARE = 0.55
@@ -69,7 +68,7 @@ def marched(name: str, scheme: Scheme, share: float, *, stride: int = 1) -> tupl
     positions = marker_positions(panel, times) + marker_offsets(panel)[:, np.newaxis]
     with one_blas_thread(), one_thread() as thread:
         positions = positions.T.copy()
-        made = prepare(arranged(mechanism, scheme), scheme, positions, times.size, filled_in=False)
+        made = prepare(arrange(mechanism, scheme), scheme, positions, times.size, filled_in=False)
         start(made, mechanism, thread)
         began = time.perf_counter()
         march.march(

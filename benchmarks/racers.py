@@ -20,11 +20,11 @@ from benchmarks import banded, sb1
 from benchmarks.machine import load, processor_seconds
 from benchmarks.schemes import MODES
 from turnout.integrate.run import integrate
-from turnout.integrate.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject
-from turnout.panel.motion import marker_positions
+from turnout.panel.markers import marker_positions
 from turnout.response.simulate import simulate
+from turnout.scheme import Scheme
 
 
 @dataclass(frozen=True, slots=True)

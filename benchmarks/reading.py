@@ -17,8 +17,8 @@ import pandas as pd
 from scipy.io import savemat
 
 from benchmarks.machine import machine
+from turnout.measurement.formats.files import write_recording
 from turnout.measurement.recording import Channel, Recording
-from turnout.measurement.write import write_recording
 
 PAGE = Path(__file__).parents[1] / "docs" / "performance-reading.md"
 SECONDS, RATE, CHANNELS = 3600, 1000, 5
@@ -26,7 +26,7 @@ REPEATS = 3
 
 READ = """
 import resource, sys, time
-from turnout.measurement.read import read_recording
+from turnout.measurement.formats.files import read_recording
 def peak():
     with open("/proc/self/status") as file:
         return int(next(line for line in file if line.startswith("VmHWM")).split()[1])

@@ -11,12 +11,12 @@ from benchmarks.kept import keep
 from benchmarks.machine import figure, load, machine, processor_seconds, told
 from benchmarks.schemes import MODES
 from turnout.integrate.run import integrate
-from turnout.integrate.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
-from turnout.panel.motion import marker_offsets, marker_positions
+from turnout.panel.markers import marker_offsets, marker_positions
 from turnout.response.simulate import simulate
+from turnout.scheme import Scheme
 
 FILE = "real-time.json"
 PANELS = ("sb2", "uic60-760-1-15")

@@ -20,7 +20,7 @@ from turnout.mechanism.build import build_mechanism, rail_data
 from turnout.mechanism.structure import rail_structure
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.panel.motion import marker_positions
+from turnout.panel.markers import marker_positions
 from turnout.panel.profile import stock_rail_gap
 
 Floats = NDArray[np.float64]

@@ -22,11 +22,11 @@ from benchmarks.machine import figure, load, machine, processor_seconds
 from benchmarks.page import write_section
 from benchmarks.schemes import MODES
 from turnout.integrate.run import integrate
-from turnout.integrate.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel, library_text, load_panel
-from turnout.panel.motion import marker_offsets, marker_positions
+from turnout.panel.markers import marker_offsets, marker_positions
+from turnout.scheme import Scheme
 
 FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 DEFAULT = "uic60-760-1-15"

@@ -24,13 +24,12 @@ from typing import Any
 
 from benchmarks.sweep_page import page
 from turnout.response.simulate import compile_kernels
+from turnout.study.read import scheme_for
 from turnout.study.study import Study, load_study
-from turnout.study.study_read import scheme_for
-from turnout.study.sweep_batch import batch_variables, throw_batch
-from turnout.study.sweep_file import file_bytes
-from turnout.study.sweep_folder import JOURNAL
-from turnout.study.sweep_read import open_sweep, read_labels
-from turnout.study.sweep_run import State, run_sweep
+from turnout.sweep.batch import batch_variables, file_bytes, throw_batch
+from turnout.sweep.folder import JOURNAL
+from turnout.sweep.read import open_sweep, read_labels
+from turnout.sweep.run import State, run_sweep
 
 DOCS = Path(__file__).parents[1] / "docs"
 FULL = """

@@ -17,12 +17,12 @@ from collections.abc import Callable
 from benchmarks.machine import machine
 from benchmarks.page import write_section
 from turnout.integrate.run import integrate
-from turnout.integrate.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
-from turnout.panel.motion import marker_offsets, marker_positions
+from turnout.panel.markers import marker_offsets, marker_positions
 from turnout.response.simulate import simulate
+from turnout.scheme import Scheme
 
 PANEL = "uic60-760-1-15"
 REPEATS = 15

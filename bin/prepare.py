@@ -1,7 +1,8 @@
 """Bring .venv up to date with pyproject.toml and constraints.txt; called by bin/setup.
 
 Standard library only. A start that finds everything in place costs a few milliseconds. Several
-starts at once wait for the first; one that was cut short is begun again from an empty folder.
+starts at once wait for the first; one that was cut short is begun again from an empty folder. No
+file of another package is installed whose digest is not in constraints.txt.
 """
 
 import fcntl
@@ -16,11 +17,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from pin import BUILD, CONSTRAINTS, CORE, PinError, blocks, selected
+
 ROOT = Path(__file__).resolve().parents[1]
 VENV = ROOT / ".venv"
 PYTHON = VENV / "bin" / "python"
 STAMP = VENV / "turnout-setup.json"
 UNFINISHED = VENV / "turnout-setup-unfinished"
+PINS = VENV / "turnout-pins.txt"
 
 
 class SetupError(Exception):
@@ -35,7 +39,7 @@ def say(text: str) -> None:
 def fingerprint() -> str:
     """Return a digest of all that decides what has to be installed, and where."""
     digest = hashlib.sha256(f"{ROOT}\n".encode())
-    for name in ("pyproject.toml", "constraints.txt", "bin/prepare.py"):
+    for name in ("pyproject.toml", "constraints.txt", "bin/prepare.py", "bin/pin.py"):
         digest.update((ROOT / name).read_bytes())
     return digest.hexdigest()
 
@@ -144,9 +148,9 @@ def has_pip() -> bool:
 
 
 def pip_install(*arguments: str) -> None:
-    """Install into .venv, in the versions that constraints.txt fixes."""
+    """Install into .venv what is named, and nothing that it depends on."""
     command = [str(PYTHON), "-m", "pip", "install", "--no-input", "--progress-bar=off"]
-    command += ["--disable-pip-version-check", "--constraint", "constraints.txt", *arguments]
+    command += ["--disable-pip-version-check", "--no-deps", *arguments]
     run = subprocess.run(
         command,
         cwd=ROOT,
@@ -161,14 +165,21 @@ def pip_install(*arguments: str) -> None:
             UNFINISHED.unlink(missing_ok=True)
         text = (
             "installing failed; the lines above are pip's own. Is there a way to a package index?\n"
-            "Its address, proxies and certificates are set with `pip config` or PIP_... variables."
+            "Its address, proxies and certificates are set with `pip config` or PIP_... variables. "
+            "A file\nwhose digest is not in constraints.txt is refused: it is not what was tested."
         )
         raise SetupError(text)
 
 
 def prepare(extras: set[str]) -> None:
     """Install this checkout, editable, with `extras` and those installed before."""
-    wanted = sorted(extras | recorded_extras(installed()))
+    text = CONSTRAINTS.read_text(encoding="utf-8")
+    try:
+        known = set().union(*(needed_by for _, needed_by in blocks(text)))
+        wanted = sorted(extras | (recorded_extras(installed()) & known))
+        pins = selected(text, [CORE, BUILD, *wanted])
+    except PinError as error:
+        raise SetupError(str(error)) from None
     if UNFINISHED.exists() or not has_pip():
         say("first start: installing into .venv, which takes a minute or two")
         make_environment()
@@ -178,8 +189,9 @@ def prepare(extras: set[str]) -> None:
     UNFINISHED.touch()
     STAMP.unlink(missing_ok=True)
     # The build backend comes from constraints.txt too, so nothing is fetched unpinned.
-    pip_install("hatchling", "editables")
-    pip_install("--no-build-isolation", "--editable", f".[{','.join(wanted)}]" if wanted else ".")
+    PINS.write_text(pins, encoding="utf-8")
+    pip_install("--require-hashes", "--requirement", str(PINS))
+    pip_install("--no-build-isolation", "--editable", ".")
     STAMP.write_text(json.dumps(stamp, indent=1))
     UNFINISHED.unlink()
 

@@ -7,7 +7,17 @@ author = "The turnout developers"
 copyright = "2026, The turnout developers"
 version = release = version_of("turnout")
 
-extensions = ["myst_nb"]
+extensions = [
+    *("myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon"),
+]
+# The reference is read from the docstrings; types stand there in words.
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+autosummary_generate = False
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+napoleon_use_rtype = False
+add_module_names = False
 myst_enable_extensions = ["deflist", "dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build"]

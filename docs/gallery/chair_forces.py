@@ -5,8 +5,7 @@ it. The open rail hangs free at its tip.
 """
 
 import turnout
-from turnout.plot.draw import draw_sheet
-from turnout.plot.rail_sheet import chair_sheet
+from turnout.plot import chair_sheet, draw_sheet
 
 panel = turnout.load_panel("uic60-760-1-15")
 throw = turnout.simulate(panel, foreign_object=turnout.ForeignObject(0.031, at="sleeper 6"))

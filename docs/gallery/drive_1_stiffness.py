@@ -6,8 +6,7 @@ Drive 1 at a tenth, at its value and at ten times that.
 import numpy as np
 
 import turnout
-from turnout.plot.draw import draw_sheet
-from turnout.plot.sheet import Level, Line, Row, Sheet
+from turnout.plot import Level, Line, Row, Sheet, draw_sheet
 
 panel = turnout.load_panel("uic60-760-1-15")
 trapped = turnout.ForeignObject(0.013, at="drive 1")

@@ -4,8 +4,7 @@ The soft drive leaves the rail so far open that it never touches the object.
 """
 
 import turnout
-from turnout.plot.draw import draw_sheet
-from turnout.plot.sheet import Level, Line, Row, Sheet
+from turnout.plot import Level, Line, Row, Sheet, draw_sheet
 
 panel = turnout.load_panel("uic60-760-1-15")
 trapped = turnout.ForeignObject(0.013, at="drive 2")

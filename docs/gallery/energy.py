@@ -4,8 +4,7 @@ The books close to rounding; what the time stepping loses is a millionth of the 
 """
 
 import turnout
-from turnout.plot.draw import draw_sheet
-from turnout.plot.throw_sheet import energy_sheet
+from turnout.plot import draw_sheet, energy_sheet
 
 panel = turnout.load_panel("uic60-760-1-15")
 throw = turnout.simulate(panel, foreign_object=turnout.ForeignObject(0.013, at="sleeper 6"))

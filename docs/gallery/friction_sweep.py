@@ -6,8 +6,7 @@ It grows in proportion to the friction of the chairs, so dry chairs look like a 
 import numpy as np
 
 import turnout
-from turnout.plot.draw import draw_sheet
-from turnout.plot.sheet import Level, Line, Row, Sheet
+from turnout.plot import Level, Line, Row, Sheet, draw_sheet
 
 FRICTION = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
 panel = turnout.load_panel("uic60-760-1-15")

@@ -4,8 +4,7 @@ The tip comes home, the middle stays up.
 """
 
 import turnout
-from turnout.plot.draw import draw_sheet
-from turnout.plot.rail_sheet import gap_sheet
+from turnout.plot import draw_sheet, gap_sheet
 
 panel = turnout.load_panel("uic60-760-1-15")
 throw = turnout.simulate(panel, foreign_object=turnout.ForeignObject(0.031, at="sleeper 6"))

@@ -4,8 +4,7 @@ Drive 2 takes 0.2 s longer to come home than Drive 1.
 """
 
 import turnout
-from turnout.plot.draw import draw_sheet
-from turnout.plot.sheet import Line, Row, Sheet
+from turnout.plot import Line, Row, Sheet, draw_sheet
 
 throw = turnout.simulate(turnout.load_panel("uic60-760-1-15"))
 marker = throw["drive_displacement"]

@@ -6,7 +6,7 @@ drive holds it through a spring.
 """
 
 import turnout
-from turnout.plot.plan import plot_plan
+from turnout.plot import plot_plan
 
 panel = turnout.load_panel("uic60-760-1-15")
 throw = turnout.simulate(panel)

@@ -4,27 +4,19 @@ The recording is synthetic: a throw with its own friction as sensors, filters an
 delivered it. With a campaign of your own, name its folder instead.
 """
 
-from pathlib import Path
-
 import numpy as np
 
 import turnout
-from turnout.measurement.campaign import build_campaign
-from turnout.metric.signal import filtered
-from turnout.plot.draw import draw_sheet
-from turnout.plot.sheet import Line, Row, Sheet
-from turnout.study.virtual_campaign import make_virtual_campaign
-from turnout.study.virtual_plan import Plan
+from turnout.plot import Line, Row, Sheet, draw_sheet
 
 panel = turnout.load_panel("uic60-760-1-15")
-folder = Path("validation-campaign")
-plan = Plan(places=("sleeper 6",), sizes=(0.013,), object_free=0, seed=5)
-make_virtual_campaign(panel, folder, plan=plan)
-campaign = build_campaign(folder).dataset
+campaign = turnout.build_campaign(
+    "validation-campaign", panel=panel, places=["sleeper 6"], sizes=[0.013], object_free=0, seed=5
+).dataset
 measured = campaign.isel(movement=int(np.flatnonzero(campaign["size"].values == 0.013)[0]))
 
 throw = turnout.simulate(panel, foreign_object=turnout.ForeignObject(0.013, at="sleeper 6"))
-simulated = filtered(throw["drive_force"]).sel(time=slice(4.4, None))
+simulated = turnout.filtered(throw["drive_force"]).sel(time=slice(4.4, None))
 simulated = simulated.assign_coords(time=simulated["time"] - 4.4)
 
 rows, worst = [], 0.0

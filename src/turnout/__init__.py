@@ -1,115 +1,105 @@
-"""Simulate how a railway switch is thrown, with or without a trapped foreign object.
+"""turnout simulates how a railway switch is thrown, with or without a trapped foreign object.
 
 >>> import turnout
 >>> panel = turnout.load_panel("uic60-760-1-15")
 >>> obj = turnout.ForeignObject(size=0.013, at="sleeper 6")
 >>> dataset = turnout.simulate(panel, foreign_object=obj)  # doctest: +SKIP
+>>> dataset.turnout.summary()  # doctest: +SKIP
+
+The public interface is what this package and `turnout.plot` list in ``__all__``, and the methods of
+what these return. All modules below are private: they may move or change in any version.
 
 Everything is loaded when it is first asked for, so that importing turnout costs nothing.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+import sys
 
-if TYPE_CHECKING:
-    from turnout.errors import (
-        FileError,
-        MachineError,
-        MechanicsError,
-        PanelError,
-        ResponseError,
-        SolverError,
-        TurnoutError,
-    )
-    from turnout.integrate.outcome import NotConverged
-    from turnout.integrate.scheme import Scheme
-    from turnout.machine.load import LoadedMachines, load_machines
-    from turnout.machine.throw import MachineThrow, throw_one_mass
-    from turnout.panel.foreign_object import ForeignObject
-    from turnout.panel.load import LoadedPanel, load_panel
-    from turnout.plot.modes import plot_modes
-    from turnout.plot.throw import plot_throw
-    from turnout.report.view import view
-    from turnout.response.machine import machine_dataset
-    from turnout.response.modes import modes
-    from turnout.response.save import Save
-    from turnout.response.simulate import simulate
-    from turnout.response.store import open_response, save_response
+from turnout.lazy import loader
 
-    __version__: str
-
-_HOME = {
-    "FileError": "turnout.errors",
-    "ForeignObject": "turnout.panel.foreign_object",
-    "LoadedMachines": "turnout.machine.load",
-    "LoadedPanel": "turnout.panel.load",
-    "MachineError": "turnout.errors",
-    "MachineThrow": "turnout.machine.throw",
-    "MechanicsError": "turnout.errors",
-    "NotConverged": "turnout.integrate.outcome",
-    "PanelError": "turnout.errors",
-    "ResponseError": "turnout.errors",
-    "Save": "turnout.response.save",
-    "Scheme": "turnout.integrate.scheme",
-    "SolverError": "turnout.errors",
-    "TurnoutError": "turnout.errors",
-    "load_machines": "turnout.machine.load",
+NAMES = {
+    # Panels and objects
     "load_panel": "turnout.panel.load",
-    "machine_dataset": "turnout.response.machine",
-    "modes": "turnout.response.modes",
-    "open_response": "turnout.response.store",
-    "plot_modes": "turnout.plot.modes",
-    "plot_throw": "turnout.plot.throw",
-    "save_response": "turnout.response.store",
+    "panel_names": "turnout.panel.load:library_names",
+    "LoadedPanel": "turnout.panel.load",
+    "ForeignObject": "turnout.panel.foreign_object",
+    "analyse_outline": "turnout.section.analyse",
+    "make_outline": "turnout.section.outline",
+    # One throw
     "simulate": "turnout.response.simulate",
+    "Scheme": "turnout.scheme",
+    "Save": "turnout.response.save",
+    "open_response": "turnout.response.store",
+    "save_response": "turnout.response.store",
+    "modes": "turnout.analysis.modes",
+    "friction_stability": "turnout.analysis.stability",
+    "features": "turnout.metric.features",
+    "filtered": "turnout.metric.signal",
+    # Point machines
+    "load_machines": "turnout.machine.load",
+    "LoadedMachines": "turnout.machine.load",
     "throw_one_mass": "turnout.machine.throw",
-    "view": "turnout.report.view",
+    "MachineThrow": "turnout.machine.throw",
+    "machine_dataset": "turnout.response.machine",
+    # Measurements, calibration, validation
+    "read_recording": "turnout.measurement.formats.files",
+    "import_recording": "turnout.api.recording",
+    "read_history": "turnout.measurement.formats.history",
+    "Campaign": "turnout.api.campaign",
+    "load_campaign": "turnout.api.campaign",
+    "build_campaign": "turnout.api.campaign",
+    "CalibrationResult": "turnout.api.calibration",
+    "calibrate": "turnout.api.calibration",
+    "load_calibration": "turnout.api.calibration",
+    "Validation": "turnout.api.validation",
+    "validate": "turnout.api.validation",
+    # Studies of many throws
+    "load_study": "turnout.study.study",
+    "Sweep": "turnout.api.sweep",
+    "run_sweep": "turnout.api.sweep",
+    "open_sweep": "turnout.api.sweep",
+    # Figures
+    "plot": "turnout.plot",
+    # Errors
+    "TurnoutError": "turnout.errors",
+    "FileError": "turnout.errors",
+    "PanelError": "turnout.errors",
+    "MachineError": "turnout.errors",
+    "MeasurementError": "turnout.errors",
+    "StudyError": "turnout.errors",
+    "MechanicsError": "turnout.errors",
+    "SolverError": "turnout.errors",
+    "NotConverged": "turnout.integrate.outcome",
+    "ResponseError": "turnout.errors",
+    "__version__": "turnout.core.version:VERSION",
 }
+"""Every public name and where it is defined; `__all__`, the loader and the stub follow from it."""
 
-__all__ = [
-    "FileError",
-    "ForeignObject",
-    "LoadedMachines",
-    "LoadedPanel",
-    "MachineError",
-    "MachineThrow",
-    "MechanicsError",
-    "NotConverged",
-    "PanelError",
-    "ResponseError",
-    "Save",
-    "Scheme",
-    "SolverError",
-    "TurnoutError",
-    "__version__",
-    "load_machines",
-    "load_panel",
-    "machine_dataset",
-    "modes",
-    "open_response",
-    "plot_modes",
-    "plot_throw",
-    "save_response",
-    "simulate",
-    "throw_one_mass",
-    "view",
-]
+_MOVED = {
+    "view": ("turnout.report.view", "dataset.turnout.summary()"),
+    "plot_modes": ("turnout.plot.modes", "turnout.plot.plot_modes"),
+    "plot_throw": ("turnout.plot.throw", "turnout.plot.plot_throw"),
+}
+# What is defined there neither takes nor returns datasets, so xarray need not be loaded for it.
+_WITHOUT_DATASETS = (
+    *("turnout.errors", "turnout.core", "turnout.panel", "turnout.section", "turnout.integrate"),
+    *("turnout.scheme", "turnout.response.save", "turnout.analysis.stability"),
+    "turnout.study.study",
+)
 
 
-def __getattr__(name: str) -> Any:
-    """Load a public name from the module that defines it, once."""
-    if name == "__version__":
-        from turnout.files.provenance import version
+def _register_accessor(module: str) -> None:
+    """Give datasets their ``.turnout`` before a function that takes or returns them is used."""
+    if not module.startswith(_WITHOUT_DATASETS):
+        import turnout.api.accessor  # noqa: F401 - loading it registers
 
-        value: Any = version()
-    elif name in _HOME:
-        value = getattr(import_module(_HOME[name]), name)
-    else:
-        message = f"module 'turnout' has no attribute '{name}'"
-        raise AttributeError(message)
-    globals()[name] = value
-    return value
+
+__all__ = sorted(NAMES)  # noqa: PLE0605 - follows from the table
+__getattr__ = loader("turnout", NAMES, moved=_MOVED, before=_register_accessor)
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return list(__all__)
+
+
+if "xarray" in sys.modules:
+    _register_accessor("xarray")

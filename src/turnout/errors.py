@@ -9,6 +9,10 @@ class FileError(TurnoutError):
     """A file cannot be read or written; the text names the path and the remedy."""
 
 
+MOST_TOLD, LONGEST_TOLD = 200, 2000
+"""Problems in the text of an error, and characters of each; a file can have as many as it likes."""
+
+
 class ListedError(TurnoutError):
     """Input with problems, reported all at once.
 
@@ -25,7 +29,13 @@ class ListedError(TurnoutError):
         self.source = source
         count = len(self.problems)
         heading = f"{source}: {count} problem{'s' if count != 1 else ''}"
-        super().__init__("\n  - ".join((heading, *self.problems)))
+        told = tuple(
+            text if len(text) <= LONGEST_TOLD else f"{text[:LONGEST_TOLD]} ..."
+            for text in self.problems[:MOST_TOLD]
+        )
+        if count > MOST_TOLD:
+            told = (*told, f"and {count - MOST_TOLD} more")
+        super().__init__("\n  - ".join((heading, *told)))
 
 
 class PanelError(ListedError):

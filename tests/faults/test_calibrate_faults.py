@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from turnout.calibration.calibrate import calibrate
+from turnout.calibration.movements import check_campaign
+from turnout.calibration.observed import observe
+from turnout.calibration.parameter import Parameter
+from turnout.calibration.stage import default_plan
 from turnout.errors import MeasurementError, PanelError
 from turnout.panel.load import load_panel
 from turnout.response.store import save_response
-from turnout.study.calibration.calibrate import calibrate
-from turnout.study.calibration.check import check_campaign
-from turnout.study.calibration.observed import observe
-from turnout.study.calibration.parameter import Parameter
-from turnout.study.calibration.stage import default_plan
 
 TIME = np.arange(-1.0, 4.0, 1e-3)
 FREED, FIXED = ["--free", "drive.1.stiffness"], ["--fix", "drive.1.stiffness"]

@@ -13,7 +13,7 @@ from tests.faults.sweep_process import gone, workers_of
 from tests.faults.terminal import started_in_terminal
 from tests.verification.outsider import CASES, Case, Habits, Truth, write_campaign
 
-from turnout.study.calibration.record import Calibration, load_calibration
+from turnout.calibration.result import Calibration, load_calibration
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/task").exists(), reason="finds the processes of a run in /proc"

@@ -156,7 +156,7 @@ def test_a_folder_that_may_not_be_written_is_read_all_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from turnout.errors import FileError
-    from turnout.measurement import piece
+    from turnout.measurement.campaign import piece
 
     def full(*_: object) -> None:
         message = "no space"

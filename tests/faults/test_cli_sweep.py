@@ -9,9 +9,9 @@ from typer.testing import CliRunner, Result
 
 from turnout.cli.main import app
 from turnout.errors import TurnoutError
-from turnout.study.forecast import forecast
 from turnout.study.study import load_study
-from turnout.study.sweep_run import run_sweep
+from turnout.sweep.forecast import forecast
+from turnout.sweep.run import run_sweep
 
 # The object of this panel comes a second late, unless it is told otherwise.
 TRAPPED = STUDY.replace("[set]", '[set]\n"object_defaults.appears" = "0 s"')

@@ -8,10 +8,10 @@ from tests.unit.sweeps import here, small_study, study_file
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.cli.sweep_run import described
+from turnout.cli.sweep import described
 from turnout.errors import FileError, TurnoutError
-from turnout.study.sweep_read import read_labels
-from turnout.study.sweep_run import State, run_sweep
+from turnout.sweep.read import read_labels
+from turnout.sweep.run import State, run_sweep
 
 CLI = CliRunner()
 
@@ -75,7 +75,7 @@ def test_a_damaged_batch_is_named(swept: Path, tmp_path: Path) -> None:
     run_sweep(small_study(tmp_path, count=3), tmp_path / "s", pool=here)
     batch = next((tmp_path / "s" / "batches").glob("*.nc"))
     batch.write_bytes(b"no netCDF")
-    with pytest.raises(FileError, match=f"{batch.name}: cannot be read.*makes it anew"):
+    with pytest.raises(FileError, match=f"{batch.name}: is damaged.*throws these scenarios anew"):
         read_labels(tmp_path / "s")
 
 

@@ -7,9 +7,9 @@ import pytest
 from tests.unit.campaigns import copied
 from typer.testing import CliRunner, Result
 
+from turnout.calibration.result import Calibration, Fitted
 from turnout.cli.main import app
 from turnout.errors import TurnoutError
-from turnout.study.calibration.record import Calibration, Fitted
 
 CALIBRATION = Calibration(
     parameters=(

@@ -7,9 +7,9 @@ import pytest
 import xarray as xr
 from tests.unit.recorded import changed, noisy, only, samples, typical
 
-from turnout.measurement.quality import Expected, Verdict, judge
-from turnout.measurement.quality_channel import line_amplitude
-from turnout.measurement.quality_record import KINDS
+from turnout.measurement.quality.channel import KINDS, line_amplitude
+from turnout.measurement.quality.judge import Expected, Verdict, judge
+from turnout.measurement.quality.throw import open_level
 
 
 def judged(dataset: xr.Dataset, *, direction: str = "closing", load_cell: bool = True) -> Verdict:
@@ -38,6 +38,16 @@ def with_hole(values: np.ndarray) -> np.ndarray:
 
 def humming(values: np.ndarray) -> np.ndarray:
     return values + 90.0 * np.sin(2.0 * np.pi * 50.0 * np.arange(values.size) / 1000.0)
+
+
+def spiked(values: np.ndarray, height: float = 9000.0) -> np.ndarray:
+    """Put a tooth of one sample into the rest, one into the motion and one into the end."""
+    values[[40, 3000, values.size - 40]] += height * np.array([1.0, -1.0, 1.0])
+    return values
+
+
+def drifting(values: np.ndarray) -> np.ndarray:
+    return values + 180.0 * np.arange(values.size) / 1000.0
 
 
 def swapped(name: str) -> xr.Dataset:
@@ -71,6 +81,9 @@ def at_rate(factor: float) -> xr.Dataset:
         (lambda: at_rate(2.0), "sampling rate", ""),
         (lambda: at_rate(0.8), "sampling rate", ""),
         (lambda: altered("drive_force 1", humming), "mains hum", "drive_force 1"),
+        (lambda: altered("drive_force 1", spiked), "spikes", "drive_force 1"),
+        (lambda: altered("drive_current 1", lambda v: spiked(v, 8.0)), "spikes", "current 1"),
+        (lambda: altered("drive_force 2", drifting), "drift", "drive_force 2"),
         (lambda: noisy(24, 0.026).sel(time=slice(2.2, None)), "truncated", ""),
         (lambda: noisy(24, 0.026).sel(time=slice(None, 4.5)), "truncated", ""),
     ],
@@ -94,6 +107,43 @@ def test_a_sound_throw_passes(direction: str, size: float, seed: int) -> None:
         noisy(seed, size, direction), direction=direction, load_cell=direction == "closing"
     )
     assert verdict.usable, verdict.reasons
+
+
+@pytest.mark.parametrize("currents", [True, False])
+@pytest.mark.parametrize(("change", "kind"), [(spiked, "spikes"), (drifting, "drift")])
+def test_spikes_and_drift_are_called_so(
+    currents: bool, change: Callable[[np.ndarray], np.ndarray], kind: str
+) -> None:
+    """Neither hides where the throw begins and ends, so that nothing else is found."""
+    dataset = altered("drive_force 2", change)
+    dataset = dataset if currents else dataset.drop_vars("drive_current")
+    verdict = judge(dataset, only(dataset), expected=Expected(direction="closing", rate=1000.0))
+    assert {fault.kind for fault in verdict.faults} == {kind}, verdict
+
+
+@pytest.mark.parametrize("direction", ["closing", "opening"])
+def test_a_zero_offset_is_remarked(direction: str) -> None:
+    usual = noisy(41, direction=direction)
+    level = open_level(usual, only(usual), direction=direction)
+    known = Expected(direction=direction, load_cell=False, open_level=level)
+    for seed in (42, 43):
+        sound = noisy(seed, direction=direction)
+        assert not judge(sound, only(sound), expected=known).faults
+    sound["drive_force"][0] += 1500.0
+    verdict = judge(sound, only(sound), expected=known)
+    assert verdict.usable
+    (remark,) = verdict.remarks
+    assert remark.startswith("zero offset of drive_force 1: ")
+    sound["drive_current"][1] += 0.2
+    assert any("zero offset of drive_current 2" in r for r in judge(sound, only(sound)).remarks)
+
+
+def test_a_coarse_converter_is_remarked() -> None:
+    dataset = altered("drive_force 2", lambda v: 2000.0 * np.round(v / 2000.0))
+    remarks = judged(dataset).remarks
+    assert (
+        "quantisation of drive_force 2: it has steps of 2e+03 N, at most 50 N expected" in remarks
+    )
 
 
 def test_more_friction_is_no_fault() -> None:

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from tests.verification.outsider import CASES, Case, Habits, Truth, write_campaign
 
+from turnout.calibration.movements import exclude_oversized_objects
+from turnout.calibration.observed import observe
 from turnout.errors import MeasurementError
-from turnout.measurement.campaign import build_campaign
-from turnout.measurement.quality_channel import run_faults
-from turnout.measurement.quality_record import Limits
+from turnout.measurement.campaign.build import build_campaign
+from turnout.measurement.quality.channel import Limits, run_faults
 from turnout.panel.load import load_panel
-from turnout.study.calibration.observed import observe
-from turnout.study.calibration.room import with_room
 
 SQUEEZED = Case(place="drive 2", size=0.013)
 
@@ -37,13 +36,13 @@ def test_an_object_that_there_is_no_room_for_is_left_out(folder: Path) -> None:
     dataset = build_campaign(folder).dataset
     assert dataset is not None
     panel = load_panel("sb1")
-    kept, texts = with_room(observe(dataset, panel), panel)
+    kept, texts = exclude_oversized_objects(observe(dataset, panel), panel)
     assert [item.name for item in kept] == [f"run{number:02d}-closing" for number in range(6)]
     (text,) = texts
     assert text.startswith("run06-closing (closing, 13 mm at drive 2) was left out: the gap of")
     only = [name for name in dataset["movement"].values if name != "run06-closing"]
     with pytest.raises(MeasurementError, match="no movement is left"):
-        with_room(observe(dataset, panel, exclude=only), panel)
+        exclude_oversized_objects(observe(dataset, panel, exclude=only), panel)
 
 
 def test_a_channel_that_is_held_within_its_rest_has_noise_to_tell_by() -> None:

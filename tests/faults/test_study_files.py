@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from turnout.core.toml import parse_toml
 from turnout.errors import FileError, StudyError
-from turnout.files.toml import parse_toml
 from turnout.study.study import load_study, study_from_file
 
 HEAD = 'schema_version = 1\nname = "test"\npanel = "uic60-760-1-15"\n'

@@ -20,8 +20,8 @@ from tests.faults.sweep_process import (
 )
 from tests.unit.sweeps import batch_names, here, small_study, study_file
 
-from turnout.study.sweep_read import open_sweep
-from turnout.study.sweep_run import run_sweep
+from turnout.sweep.read import open_sweep
+from turnout.sweep.run import run_sweep
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/task").exists(), reason="finds the processes of a run in /proc"
@@ -84,10 +84,10 @@ def test_ctrl_c_is_one_message_and_goes_on(
 def test_a_full_disk_is_one_message_and_goes_on(whole: Path, tmp_path: Path) -> None:
     """A limit on the size of files stands in for a disk without space."""
     study = study_file(tmp_path, count=COUNT)
-    command = f"ulimit -f 45; {sys.executable} -m turnout sweep run {study} -o {tmp_path / 's'}"
+    words = (sys.executable, "-m", "turnout", "sweep", "run", study, "-o", tmp_path / "a b")
     path = os.pathsep.join(map(os.path.abspath, sys.path))
     run = subprocess.run(
-        ["bash", "-c", f"{command} --workers 1"],
+        ["bash", "-c", 'ulimit -f 45; exec "$@" --workers 1', "bash", *map(str, words)],
         capture_output=True,
         text=True,
         env={**os.environ, "PYTHONPATH": path},
@@ -96,9 +96,9 @@ def test_a_full_disk_is_one_message_and_goes_on(whole: Path, tmp_path: Path) -> 
     assert run.returncode == 2, run.stderr
     assert "no space left; free some" in run.stderr
     assert "Traceback" not in run.stderr
-    assert batch_names(tmp_path / "s") == []
-    run_sweep(small_study(tmp_path, count=COUNT), tmp_path / "s", pool=here)
-    check_same(tmp_path / "s", whole)
+    assert batch_names(tmp_path / "a b") == []
+    run_sweep(small_study(tmp_path, count=COUNT), tmp_path / "a b", pool=here)
+    check_same(tmp_path / "a b", whole)
 
 
 @pytest.mark.long

@@ -13,10 +13,11 @@ import pytest
 from tests.unit.sweeps import STUDY, batch_names, here, small_study, study_file
 
 from turnout.cli.main import main
+from turnout.core import atomic
+from turnout.core.json_files import sealed_json
 from turnout.errors import FileError
-from turnout.files import atomic
-from turnout.study.sweep_folder import BATCHES, IDENTITY
-from turnout.study.sweep_run import run_sweep
+from turnout.sweep.folder import BATCHES, IDENTITY
+from turnout.sweep.run import run_sweep
 
 COUNT = 3
 
@@ -115,12 +116,15 @@ def without_its_identity(folder: Path) -> None:
     (folder / IDENTITY).unlink()
 
 
-def with_half_an_identity(folder: Path) -> None:
+def with_half_an_identity_and_no_batch(folder: Path) -> None:
     path = folder / IDENTITY
     path.write_bytes(path.read_bytes()[:40])
+    for batch in (folder / BATCHES).iterdir():
+        batch.unlink()
 
 
 def with_an_identity_of_another_kind(folder: Path) -> None:
+    """It is only replaced where all batches are of the study, which is another one here."""
     (folder / IDENTITY).write_text("[1, 2]", encoding="utf-8")
 
 
@@ -139,7 +143,8 @@ def with_a_batch_too_many(folder: Path) -> None:
 def edit(folder: Path, **changes: object) -> None:
     path = folder / IDENTITY
     known = json.loads(path.read_text(encoding="utf-8"))
-    path.write_text(json.dumps(known | changes), encoding="utf-8")
+    known.pop("checksum")
+    path.write_text(sealed_json(known | changes), encoding="utf-8")
 
 
 @pytest.mark.parametrize(
@@ -150,10 +155,10 @@ def edit(folder: Path, **changes: object) -> None:
         (of_another_version, COUNT, "begun with turnout 0.0.1"),
         (of_other_sources, COUNT, "no results of two versions are mixed"),
         (without_its_identity, COUNT, "is not empty and holds no sweep"),
-        (with_half_an_identity, COUNT, "cannot be used"),
-        (with_an_identity_of_another_kind, COUNT, "cannot be used"),
+        (with_half_an_identity_and_no_batch, COUNT, "sweep.json: is damaged: no JSON"),
+        (with_an_identity_of_another_kind, COUNT + 1, "sweep.json: is damaged: no table"),
         (with_a_file_for_batches, COUNT, "cannot be made"),
-        (with_a_batch_too_many, COUNT, "cannot come from this study"),
+        (with_a_batch_too_many, COUNT, "is batch 0, not 7; move it out"),
     ],
     ids=lambda value: getattr(value, "__name__", None),
 )

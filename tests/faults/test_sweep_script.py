@@ -9,7 +9,7 @@ from tests.unit.sweeps import batch_names, study_file
 
 SCRIPT = """
 from turnout.study.study import load_study
-from turnout.study.sweep_run import run_sweep
+from turnout.sweep.run import run_sweep
 
 print("begun")
 print("thrown", run_sweep(load_study({study!r}), {folder!r}, workers=2).thrown)

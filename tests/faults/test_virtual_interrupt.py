@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tests.faults.terminal import started_in_terminal
 
-from turnout.study.virtual_series import STATE
+from turnout.virtual.series import STATE
 
 PATIENCE = 300.0
 

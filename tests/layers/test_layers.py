@@ -1,6 +1,7 @@
 """The architecture as a test: who may import whom, what is slow to load, how long pieces may be."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,46 +15,117 @@ MODULES = sorted(SRC.rglob("*.py"))
 # Read downwards: data flows this way, and each package may import what its row names.
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
-    "files": {"errors"},
+    "lazy": set(),
+    "scheme": {"errors"},
+    "core": {"errors"},
+    "kernels": {"errors", "core"},
     "schema": {"errors"},
-    "panel": {"errors", "files"},
+    "panel": {"errors", "core"},
     "section": {"errors"},
     "beam": {"errors", "section"},
     "reduction": {"errors"},
-    "law": {"errors"},
-    "machine": {"errors", "files", "law"},
-    "mechanism": {"errors", "files", "panel", "section", "beam", "reduction", "law"},
-    "integrate": {"errors", "law", "mechanism"},
-    "response": {"errors", "files", "schema", "panel", "machine", "mechanism", "integrate"},
-    "measurement": {"errors", "files", "schema"},
-    "metric": {"errors", "schema"},
-    "study": {
-        *("errors", "files", "schema", "panel", "mechanism", "integrate"),
-        *("response", "measurement", "metric"),
+    "law": {"errors", "kernels"},
+    "machine": {"errors", "core", "kernels", "law"},
+    "mechanism": {"errors", "core", "panel", "section", "beam", "reduction", "law"},
+    "condense": {"errors", "scheme", "core", "law", "mechanism"},
+    "integrate": {"errors", "scheme", "core", "kernels", "law", "mechanism", "condense"},
+    "response": {
+        *(
+            "errors",
+            "scheme",
+            "core",
+            "schema",
+            "panel",
+            "machine",
+            "mechanism",
+            "condense",
+            "integrate",
+        ),
     },
-    "plot": {"errors", "schema", "panel", "section", "metric"},
-    "report": {"errors", "files", "schema", "panel", "metric", "study", "plot"},
+    "measurement": {"errors", "core", "schema"},
+    "metric": {"errors", "core", "schema"},
+    "analysis": {
+        *("errors", "scheme", "core", "schema", "panel", "mechanism", "condense", "integrate"),
+        *("response", "metric"),
+    },
+    "virtual": {"errors", "scheme", "core", "schema", "panel", "response", "measurement", "metric"},
+    "calibration": {
+        *("errors", "scheme", "core", "schema", "panel", "integrate", "response"),
+        *("measurement", "metric", "virtual"),
+    },
+    "study": {
+        "errors",
+        "scheme",
+        "core",
+        "schema",
+        "panel",
+        "integrate",
+        "response",
+        "calibration",
+    },
+    "sweep": {
+        *("errors", "scheme", "core", "schema", "panel", "mechanism", "integrate"),
+        *("response", "measurement", "metric", "study"),
+    },
+    "validation": {
+        *("errors", "scheme", "core", "schema", "panel", "response", "measurement"),
+        *("metric", "calibration"),
+    },
+    "plot": {"errors", "lazy", "schema", "panel", "section", "metric"},
+    "report": {
+        *("errors", "core", "schema", "panel", "analysis", "metric", "calibration"),
+        *("study", "sweep", "validation", "plot"),
+    },
+    "api": {
+        *(
+            "errors",
+            "scheme",
+            "lazy",
+            "core",
+            "schema",
+            "panel",
+            "response",
+            "measurement",
+            "metric",
+        ),
+        *("analysis", "virtual", "calibration", "study", "sweep", "validation", "plot", "report"),
+    },
     "web": {
-        *("errors", "files", "schema", "panel", "response", "measurement"),
-        *("metric", "study", "plot", "report"),
+        *("errors", "scheme", "core", "schema", "panel", "response", "measurement", "metric"),
+        *("analysis", "study", "plot", "report"),
     },
     "cli": {
-        *("errors", "files", "schema", "panel", "machine", "section", "response"),
-        *("measurement", "metric", "study", "plot", "report", "web"),
+        *(
+            "errors",
+            "scheme",
+            "core",
+            "schema",
+            "panel",
+            "machine",
+            "section",
+            "mechanism",
+            "response",
+        ),
+        *("measurement",),
+        *("metric", "analysis", "virtual", "calibration", "study", "sweep", "validation"),
+        *("plot", "report", "web"),
     },
     "__main__": {"cli"},
 }
 
 # Slow to load, or a matter of one layer only: who may import it, at any depth of a file.
-FACES = {"schema", "response", "measurement", "metric", "study", "plot", "report", "web", "cli"}
+FACES = {
+    *("schema", "response", "measurement", "metric", "analysis", "virtual", "calibration"),
+    *("study", "sweep", "validation", "plot", "report", "api", "web", "cli"),
+}
 HEAVY: dict[str, set[str]] = {
     "xarray": FACES,
     "pandas": FACES,
-    "pydantic": {"files", "panel", "machine", "measurement", "study", "web"},
-    "matplotlib": {"plot"},
+    "pydantic": {"core", "panel", "machine", "measurement", "calibration", "study", "web"},
+    "matplotlib": {"plot", "api"},  # api names its types only
     "plotly": {"plot"},
-    "dask": {"study"},
-    "numba": {"law", "integrate"},
+    "dask": {"sweep"},
+    "numba": {"kernels"},
 }
 
 MOST_LINES_IN_A_FILE = 450
@@ -133,8 +205,8 @@ def test_imports_follow_the_table() -> None:
         ("beam", "turnout.panel.model", "outside what beam may know"),
         ("beam", "turnout", "the facade"),
         ("beam", ".element", "relatively"),
-        ("beam", "numba", "kept for integrate, law"),
-        ("cli", "matplotlib.pyplot", "kept for plot"),
+        ("beam", "numba", "kept for kernels"),
+        ("cli", "matplotlib.pyplot", "kept for api, plot"),
     ],
 )
 def test_a_forbidden_import_is_seen(package: str, name: str, words: str) -> None:
@@ -179,3 +251,38 @@ def test_help_loads_nothing_heavy() -> None:
     )
     assert run.returncode == 0, run.stderr
     assert "simulate" in run.stdout
+
+
+DEEP = re.compile(r"(?:from|import) turnout\.(?!plot\b(?!\.))[a-z_.]*")
+"""Imports of private modules; `turnout` and `turnout.plot` are public."""
+
+
+def shown_to_users() -> list[Path]:
+    """Return README, the documentation with its notebooks, and the scripts of the gallery."""
+    docs = SRC.parents[1] / "docs"
+    found = [path for ending in ("md", "ipynb", "py") for path in docs.rglob(f"*.{ending}")]
+    return [SRC.parents[1] / "README.md", *(path for path in found if "_build" not in path.parts)]
+
+
+def test_what_users_read_imports_the_public_interface_only() -> None:
+    faults = [
+        f"{path.name}: {found}"
+        for path in shown_to_users()
+        for found in DEEP.findall(path.read_text(encoding="utf-8"))
+    ]
+    assert len(shown_to_users()) > 40
+    assert not faults, "\n".join(faults)
+
+
+@pytest.mark.parametrize(
+    ("line", "deep"),
+    [
+        ("import turnout", False),
+        ("from turnout import plot", False),
+        ("from turnout.plot import Line", False),
+        ("from turnout.plot.draw import draw_sheet", True),
+        ("import turnout.study.study", True),
+    ],
+)
+def test_a_deep_import_is_seen(line: str, deep: bool) -> None:
+    assert bool(DEEP.search(line)) == deep

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from turnout.calibration.result import Calibration, Fitted, StageLog
 from turnout.panel.load import load_panel
-from turnout.study.calibration.record import Calibration, Fitted, StageLog
 
 
 def fitted(name: str, value: float, *, unit: str, state: str = "fitted") -> Fitted:

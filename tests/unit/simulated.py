@@ -6,13 +6,13 @@ from functools import cache
 import xarray as xr
 
 from turnout.integrate.run import History, integrate
-from turnout.integrate.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.panel.motion import marker_positions
+from turnout.panel.markers import marker_positions
 from turnout.response.simulate import simulate
+from turnout.scheme import Scheme
 
 OBJECT = ForeignObject("13 mm", "sleeper 6")
 

@@ -3,9 +3,9 @@
 import numpy as np
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
 
-from turnout.study.calibration.advice import SHARE, Candidate, _confusion, next_lines
-from turnout.study.calibration.covariance import gain_column
-from turnout.study.calibration.fit import fit
+from turnout.calibration.advice import SHARE, Candidate, _confusion, next_lines
+from turnout.calibration.covariance import gain_column
+from turnout.calibration.fit import fit
 
 
 def test_an_error_that_a_parameter_imitates_is_told_in_its_words() -> None:

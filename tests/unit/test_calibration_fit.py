@@ -8,19 +8,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from turnout.calibration import fit as fitting
+from turnout.calibration.comparison import Comparison, Doubt
+from turnout.calibration.covariance import spread_of
+from turnout.calibration.entries import reasons_against
+from turnout.calibration.evaluate import CELL, Evaluator, Response, Throw, packed, unpacked
+from turnout.calibration.fit import _least_squares, fit, loosened
+from turnout.calibration.local import FINE_DIFFERENCE
+from turnout.calibration.misfit import Misfit, framed, jacobian
+from turnout.calibration.noise import Noise, measured_noise, missed_by_model
+from turnout.calibration.observed import BIN, Movement, Signal
+from turnout.calibration.parameter import Parameter
+from turnout.calibration.predict import predicted
 from turnout.panel.load import load_panel
-from turnout.study.calibration import fit as fitting
-from turnout.study.calibration.covariance import spread_of
-from turnout.study.calibration.entries import reasons_against
-from turnout.study.calibration.evaluate import CELL, Evaluator, Response, Throw, packed, unpacked
-from turnout.study.calibration.fit import _least_squares, fit, loosened
-from turnout.study.calibration.local import FINE_DIFFERENCE
-from turnout.study.calibration.misfit import Misfit, framed, jacobian
-from turnout.study.calibration.noise import Noise, measured_noise, missed_by_model
-from turnout.study.calibration.observed import BIN, Movement, Signal
-from turnout.study.calibration.parameter import Parameter
-from turnout.study.calibration.predict import predicted
-from turnout.study.calibration.view import Comparison, Doubt
 
 TRUE = {"mu": 0.31, "k": 900e3}
 PARAMETERS = (
@@ -365,7 +365,7 @@ def test_an_impact_that_the_model_misses_does_not_bend_the_fit() -> None:
 
 def test_a_response_comes_back_from_its_file() -> None:
     made = response(TRUE)
-    back = unpacked(packed(made))
+    back = unpacked(packed(made, "key"), "key")
     np.testing.assert_allclose(back.drive_force["1"], made.drive_force["1"], rtol=1e-6)
     assert back.onsets == made.onsets
     assert back.failure == ""
@@ -376,7 +376,7 @@ def test_throws_are_taken_up_from_the_folder(tmp_path: Path) -> None:
     throw = Throw(overrides={"chair.friction_coefficient": 0.3})
     with Evaluator(panel, folder=tmp_path) as evaluator:
         key = evaluator._key(throw)
-        evaluator._write(key, packed(response(TRUE)))
+        evaluator._write(key, packed(response(TRUE), key))
         assert evaluator.responses([throw])[0].onsets == {"closing": ONSET}
         assert (evaluator.made, evaluator.reused) == (0, 1)
 

@@ -2,10 +2,10 @@
 
 import pytest
 
+from turnout.calibration.parameter import Parameter, free_parameter, unit_in, value_in
+from turnout.calibration.stage import Plan, Selection, Stage, default_plan
 from turnout.errors import PanelError
 from turnout.panel.load import load_panel
-from turnout.study.calibration.parameter import Parameter, free_parameter, unit_in, value_in
-from turnout.study.calibration.stage import Plan, Selection, Stage, default_plan
 
 
 def test_every_problem_of_a_parameter_is_told() -> None:

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
 
+from turnout.calibration.comparison import Doubt
+from turnout.calibration.covariance import Spread, spread_of
+from turnout.calibration.emulator import emulate
+from turnout.calibration.fit import Fit, fit
+from turnout.calibration.posterior import posterior_of
 from turnout.errors import SolverError
-from turnout.study.calibration.covariance import Spread, spread_of
-from turnout.study.calibration.emulator import emulate
-from turnout.study.calibration.fit import Fit, fit
-from turnout.study.calibration.posterior import posterior_of
-from turnout.study.calibration.view import Doubt
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +64,6 @@ def test_the_same_seed_gives_the_same_posterior(fitted: Fit, spread: Spread) -> 
 def test_an_emulator_that_misses_is_refused(
     fitted: Fit, spread: Spread, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("turnout.study.calibration.emulator.LARGEST_ERROR", 1e-12)
+    monkeypatch.setattr("turnout.calibration.emulator.LARGEST_ERROR", 1e-12)
     with pytest.raises(SolverError, match="misses fresh throws"):
         posterior_of(fitted, spread)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from tests.unit.calibrations import calibration, fitted
 
+from turnout.calibration.result import Calibration, load_calibration
 from turnout.errors import FileError, PanelError
 from turnout.panel.load import load_panel
-from turnout.study.calibration.record import Calibration, load_calibration
 
 
 def test_a_record_comes_back_from_its_file(tmp_path: Path) -> None:

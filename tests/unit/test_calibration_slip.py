@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, MadeUp, misfit, movement, response
 
+from turnout.calibration.covariance import spread_of
+from turnout.calibration.evaluate import Response, Throw
+from turnout.calibration.fit import fit
+from turnout.calibration.misfit import Misfit
+from turnout.calibration.movements import drop_unidentified_slip_levels
+from turnout.calibration.observed import Movement, selected
+from turnout.calibration.stage import Selection
 from turnout.panel.load import load_panel
-from turnout.study.calibration.covariance import spread_of
-from turnout.study.calibration.evaluate import Response, Throw
-from turnout.study.calibration.fit import fit
-from turnout.study.calibration.misfit import Misfit
-from turnout.study.calibration.observed import Movement, selected
-from turnout.study.calibration.slip import told_from_above
-from turnout.study.calibration.stage import Selection
 
 KEY = "drive.1.saturation_force"
 LEVEL = replace(
@@ -51,10 +51,10 @@ def test_a_level_that_was_only_pushed_away_is_not_told(monkeypatch: pytest.Monke
     whole = slipping(9000.0)
     largest = max(float(item.signals[0].values.max()) for item in whole.movements)
     # A fit that stops as soon as the level hardly matters; there its slope still does.
-    monkeypatch.setattr("turnout.study.calibration.fit.MOST_STEPS", 0)
+    monkeypatch.setattr("turnout.calibration.fit.MOST_STEPS", 0)
     found = fit(whole, whole.parameters, {**TRUE, KEY: 0.999 * largest})
     assert spread_of(found).states[2] == "fitted"
-    honest, warnings = told_from_above(found)
+    honest, warnings = drop_unidentified_slip_levels(found)
     assert spread_of(honest).states[2] == "not identified"
     assert len(warnings) == 1
     assert "not below" in warnings[0]
@@ -64,7 +64,7 @@ def test_a_level_at_which_a_drive_slips_is_told() -> None:
     whole = slipping(5600.0)
     found = fit(whole, whole.parameters, {**TRUE, KEY: 5300.0})
     assert found.values[KEY] == pytest.approx(5600.0, rel=2e-3)
-    honest, warnings = told_from_above(found)
+    honest, warnings = drop_unidentified_slip_levels(found)
     assert honest is found
     assert not warnings
     assert spread_of(honest).states[2] == "fitted"

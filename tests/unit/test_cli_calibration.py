@@ -10,11 +10,11 @@ from tests.unit.calibrations import calibration
 from tests.unit.sweeps import study_file
 from typer.testing import CliRunner, Result
 
+from turnout.calibration.result import load_calibration
 from turnout.cli.main import app
 from turnout.errors import FileError, PanelError
 from turnout.panel.load import load_panel
 from turnout.response.store import open_response
-from turnout.study.calibration.record import load_calibration
 from turnout.study.study import load_study
 
 
@@ -61,7 +61,7 @@ def test_a_calibration_that_is_not_to_be_trusted_is_written_and_says_so(
     made: list[object] = []
     monkeypatch.setattr("turnout.cli.calibrate.dataset_of", lambda *_, **__: None)
     monkeypatch.setattr(
-        "turnout.study.calibration.calibrate.calibrate",
+        "turnout.calibration.calibrate.calibrate",
         lambda *_, **__: SimpleNamespace(calibration=made[-1], sweeps=()),
     )
     out = tmp_path / "c.toml"

@@ -7,8 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
+from turnout.measurement.formats.files import write_recording
 from turnout.measurement.recording import Channel, Recording
-from turnout.measurement.write import write_recording
 from turnout.response.store import open_response
 from turnout.schema.check import check_schema
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from turnout.cli.main import app
 from turnout.errors import FileError
 from turnout.response.store import save_response
-from turnout.study.sweep_run import run_sweep
+from turnout.sweep.run import run_sweep
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,5 @@
 """What the program prints: panels with origins, units, sections, progress, output checks."""
 
-import os
 import re
 import time
 from pathlib import Path
@@ -8,7 +7,8 @@ from pathlib import Path
 import pytest
 from tests.unit.simulated import sb2_panel
 
-from turnout.cli.outputs import check_outputs
+from turnout.analysis.test_piece import PieceResult
+from turnout.cli.options import check_outputs
 from turnout.cli.sections import section_lines
 from turnout.cli.show import Thrown, panel_lines
 from turnout.cli.watch import COMPILING, Watch, watched
@@ -16,11 +16,9 @@ from turnout.errors import FileError
 from turnout.panel.load import library_names, load_panel
 from turnout.panel.model import Panel
 from turnout.plot.plan import plot_plan
-from turnout.report.units import shown
-from turnout.report.values import value_lines
+from turnout.report.values import shown, value_lines
 from turnout.response.compilation import cache_fault
 from turnout.response.simulate import simulate
-from turnout.study.test_piece import PieceResult
 
 SUFFIXES = {"--out": (".nc",), "--plot": (".png", ".svg")}
 
@@ -233,7 +231,7 @@ def test_bad_paths_are_refused(
 
 def test_a_folder_that_is_not_writable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Root may write anywhere, so the system's answer is put in its mouth."""
-    monkeypatch.setattr("turnout.cli.outputs.os.access", lambda path, mode: path != tmp_path)
+    monkeypatch.setattr("turnout.cli.options.os.access", lambda path, mode: path != tmp_path)
     with pytest.raises(FileError, match="is not writable; choose another"):
         check_outputs({"--out": tmp_path / "a.nc"}, SUFFIXES)
 
@@ -311,18 +309,15 @@ def test_a_terminal_has_one_line_that_is_written_over(
 
 
 def test_kernels_that_cannot_be_kept_are_told_once(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = tmp_path / f"turnout-{os.getpid()}-kernels"
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(folder))
-    monkeypatch.setenv("TURNOUT_CACHE_DIR", "/unwritable")
+    reason = "/unwritable/kernels is not writable"
+    monkeypatch.setattr("turnout.response.compilation.why_private", lambda: reason)
     for _ in range(2):
         watched("simulating")
     (line,) = told(capsys)
-    assert line.startswith(
-        "turnout: /unwritable is not writable, so the kernels are compiled again"
-    )
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+    assert line.startswith(f"turnout: {reason}, so the kernels are compiled again")
+    monkeypatch.setattr("turnout.response.compilation.why_private", lambda: "")
     assert cache_fault() == ""
 
 
@@ -334,7 +329,7 @@ def test_a_folder_in_which_nothing_can_be_made(
     def refuse(**_: object) -> None:
         raise OSError(2, "No such file or directory")
 
-    monkeypatch.setattr("turnout.cli.outputs.tempfile.TemporaryFile", refuse)
+    monkeypatch.setattr("turnout.cli.options.tempfile.TemporaryFile", refuse)
     with pytest.raises(FileError, match="no file can be made in .*choose another folder"):
         check_outputs({"--out": tmp_path / "a.nc"}, SUFFIXES)
 

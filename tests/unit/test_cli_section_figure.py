@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from turnout.cli.section_figure import section_figure
+from turnout.cli.sections import section_figure
+from turnout.mechanism.rail_sections import section_outlines, station_columns
 from turnout.panel.load import load_panel
-from turnout.plot.section_values import ROWS
-from turnout.response.sections import section_outlines, station_columns
+from turnout.plot.sections import ROWS
 
 DEFAULT = "uic60-760-1-15"
 

@@ -7,12 +7,12 @@ import xarray as xr
 from tests.unit.simulated import sb1_dataset, sb1_panel
 from typer.testing import CliRunner, Result
 
+from turnout.analysis.panel_check import concern_lines
 from turnout.cli.main import app
 from turnout.errors import FileError
-from turnout.integrate.scheme import Scheme
 from turnout.panel.load import load_panel
 from turnout.response.store import open_response
-from turnout.study.panel_check import concern_lines
+from turnout.scheme import Scheme
 
 # The panel of `sb1_panel`, as it is said on the command line.
 QUICK = [
@@ -61,7 +61,7 @@ def test_an_incomplete_run_is_kept_and_marked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "turnout.response.scheme.Scheme.of",
+        "turnout.scheme.Scheme.of",
         lambda *_, **__: Scheme(iterations=1, halvings=0, follow_path=False),
     )
     result = run("--out", tmp_path / "run.nc", "--plot", tmp_path / "run.png")
@@ -172,7 +172,7 @@ def test_what_has_no_limit_is_not_said_to_be_all_in_order() -> None:
 
 
 def test_without_a_throw_only_the_file_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("turnout.cli.throwing.thrown_alone", None)
+    monkeypatch.setattr("turnout.cli.show.thrown_alone", None)
     result = checked("sb2", "--no-throw")
     assert result.exit_code == 0
     assert result.stdout.startswith("sb2: OK")

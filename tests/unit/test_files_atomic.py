@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from turnout.core.atomic import atomic_path, write_atomic, write_fault
 from turnout.errors import FileError
-from turnout.files.atomic import atomic_path, write_atomic, write_fault
 
 
 def names(folder: Path) -> list[str]:
@@ -105,7 +105,7 @@ import resource, signal, sys
 signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 from turnout.errors import FileError
-from turnout.files.atomic import write_atomic
+from turnout.core.atomic import write_atomic
 try:
     write_atomic(sys.argv[1], b"x" * 100_000)
 except FileError as error:

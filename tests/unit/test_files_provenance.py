@@ -2,8 +2,8 @@
 
 import pytest
 
-from turnout.files.progress import Progress, Silent
-from turnout.files.provenance import content_hash, provenance
+from turnout.core.progress import Progress, Silent
+from turnout.core.provenance import content_hash, provenance
 
 
 def test_hash_depends_on_content_not_on_order() -> None:

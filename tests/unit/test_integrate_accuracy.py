@@ -5,17 +5,16 @@ import pytest
 from tests.unit.test_integrate_columns import INERTIA, VISCOSITY, Setup, flip, setup
 
 from turnout.integrate.accuracy import DRIFTS, correct, is_inaccurate
-from turnout.integrate.columns import rebuild, update_row
-from turnout.integrate.compliance import make_level
+from turnout.integrate.columns import make_level, rebuild, update_row
 from turnout.integrate.energy import account_friction
 from turnout.integrate.march import _try_step
-from turnout.integrate.scheme import AlphaCoefficients
+from turnout.integrate.scratch import Work
 from turnout.integrate.solution import set_modes, solve_set
 from turnout.integrate.solve import CONVERGED, Tolerances, evaluate
 from turnout.integrate.state import COUNT_RECENT, set_segment
 from turnout.integrate.step import Stepping, factors_of
-from turnout.integrate.work import Work
 from turnout.law.kernel import SLIP_FORWARD
+from turnout.scheme import AlphaCoefficients
 
 
 def solved(made: Setup) -> Work:

@@ -10,10 +10,14 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from turnout.condense.blocks import Block
+from turnout.condense.condense import BlockModel, linear_stiffness
+from turnout.condense.followers import leading_rows
+from turnout.condense.modal import damped_apart, modal_model
 from turnout.errors import MechanicsError
-from turnout.integrate.columns import activate, deactivate, rebuild, update_row
-from turnout.integrate.compliance import make_level
-from turnout.integrate.places import placed
+from turnout.integrate.columns import activate, deactivate, make_level, rebuild, update_row
+from turnout.integrate.places import place_laws
+from turnout.integrate.scratch import Work, new_work
 from turnout.integrate.solution import set_modes, solve_set
 from turnout.integrate.state import (
     COUNT_FLIPS,
@@ -25,14 +29,9 @@ from turnout.integrate.state import (
     set_segment,
 )
 from turnout.integrate.system import System, check_normals, condensed_system
-from turnout.integrate.work import Work, new_work
+from turnout.kernels.records import shared_record
 from turnout.law.kernel import STICK
-from turnout.law.shared import shared
 from turnout.law.table import LawTable, LawTableBuilder
-from turnout.mechanism.blocks import Block
-from turnout.mechanism.condense import BlockModel, linear_stiffness
-from turnout.mechanism.followers import leading_rows
-from turnout.mechanism.modal import damped_apart, modal_model
 
 INERTIA, VISCOSITY = 3e4, 900.0
 TOLERANCE = 1e-9
@@ -119,7 +118,7 @@ def setup(cutoff_modes: int, seed: int) -> Setup:
         parts.append(BlockModel(of_block, damped_apart(model), leading))
     assert [rows.size for rows in (part.leading.leaders for part in parts)] == [12, 3]
     system = condensed_system(parts, given)
-    table = shared(placed(given, system.row_place))
+    table = shared_record(place_laws(given, system.row_place))
     state = fresh_state(system, table, n_inputs=len(DRIVEN), levels=2)
     work = new_work(system, table)
     make_level(system, state, 0, INERTIA, VISCOSITY)

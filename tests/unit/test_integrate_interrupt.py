@@ -9,13 +9,13 @@ import pytest
 from tests.unit.test_integrate_columns import setup
 
 from turnout.integrate.follow import follow_path
-from turnout.integrate.interrupt import heard, one_thread
 from turnout.integrate.march import Record, march
 from turnout.integrate.outcome import Code
 from turnout.integrate.solve import Tolerances, settle
 from turnout.integrate.step import Stepping
-from turnout.law.lanes import zeros_in_lines
-from turnout.law.shared import shared
+from turnout.kernels.interrupt import call_interruptible, one_thread
+from turnout.kernels.lanes import zeros_in_lines
+from turnout.kernels.records import shared_record
 
 TOLERANCES = Tolerances(1e-11, 1e-6, 40)
 
@@ -23,9 +23,9 @@ TOLERANCES = Tolerances(1e-11, 1e-6, 40)
 def test_what_a_kernel_returns_or_raises_comes_back() -> None:
     stop = np.zeros(1, dtype=np.int64)
     with one_thread() as thread:
-        assert heard(thread, stop, divmod, 7, 2) == (3, 1)
+        assert call_interruptible(thread, stop, divmod, 7, 2) == (3, 1)
         with pytest.raises(ZeroDivisionError):
-            heard(thread, stop, divmod, 7, 0)
+            call_interruptible(thread, stop, divmod, 7, 0)
     assert stop[0] == 0
 
 
@@ -43,7 +43,7 @@ def test_ctrl_c_reaches_a_kernel_at_work() -> None:
     signal.setitimer(signal.ITIMER_REAL, 0.05)
     try:
         with one_thread() as thread:
-            assert heard(thread, stop, endless) == "stopped"
+            assert call_interruptible(thread, stop, endless) == "stopped"
     finally:
         signal.signal(signal.SIGALRM, before)
     assert time.perf_counter() - began < 5.0
@@ -54,8 +54,8 @@ def test_a_step_ends_where_it_is_and_the_state_is_that_of_the_last_instant() -> 
     system, table, state, work = made.system, made.table, made.state, made.work
     stepping = Stepping(1e-3, 0.0, 1 / 3, 4 / 9, 5 / 6, 6, True, 1, True)
     markers = np.array([[0.0, 0.0], [5e-3, 1e-3], [9e-3, 2e-3]])
-    shapes = [(3, 40)] * 6 + [(1,), (1,), (1, 40)]
-    record = shared(Record(*(zeros_in_lines(*shape) for shape in shapes)))
+    shapes = [(3, 40)] * 6 + [(1,), (1, 40)]
+    record = shared_record(Record(*(zeros_in_lines(*shape) for shape in shapes)))
     q, inputs = state.q.copy(), state.inputs.copy()
     work.stop[0] = 1
     given = (system, table, state, work, TOLERANCES, stepping, markers, 0, 2, record)

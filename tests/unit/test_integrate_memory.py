@@ -3,7 +3,7 @@
 import numpy as np
 from tests.unit.test_integrate_scheme import oscillator
 
-from turnout.integrate.memory import MOST_KEPT, borrowed, release
+from turnout.integrate.scratch import MOST_KEPT, acquire_buffer, release_buffers
 
 
 def test_a_second_run_leaves_the_history_of_the_first_alone() -> None:
@@ -18,26 +18,26 @@ def test_a_second_run_leaves_the_history_of_the_first_alone() -> None:
 
 
 def test_memory_serves_again_once_the_last_part_of_it_is_gone() -> None:
-    release()
-    part = borrowed(5000)[7:9]
+    release_buffers()
+    part = acquire_buffer(5000)[7:9]
     address = part.base.ctypes.data
-    others = [borrowed(5000) for _ in range(3)]
+    others = [acquire_buffer(5000) for _ in range(3)]
     assert address not in [other.ctypes.data for other in others]
     del part
-    assert borrowed(4000).ctypes.data == address
+    assert acquire_buffer(4000).ctypes.data == address
 
 
 def test_what_does_not_fit_is_not_used() -> None:
-    release()
-    small = borrowed(100).ctypes.data
-    found = borrowed(101)
+    release_buffers()
+    small = acquire_buffer(100).ctypes.data
+    found = acquire_buffer(101)
     assert found.size >= 101
-    assert borrowed(49).ctypes.data != small
+    assert acquire_buffer(49).ctypes.data != small
 
 
 def test_large_memory_goes_back() -> None:
-    release()
-    huge = borrowed(MOST_KEPT + 1)
+    release_buffers()
+    huge = acquire_buffer(MOST_KEPT + 1)
     del huge
-    again = borrowed(MOST_KEPT // 2 + 8)
+    again = acquire_buffer(MOST_KEPT // 2 + 8)
     assert again.size == MOST_KEPT // 2 + 8

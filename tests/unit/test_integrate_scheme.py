@@ -7,8 +7,8 @@ from tests.verification.hand_made import energy_residual, hand_made, linear_spri
 from turnout.errors import SolverError
 from turnout.integrate.outcome import ADVICE, Code, NotConverged, Outcome
 from turnout.integrate.run import History, integrate
-from turnout.integrate.scheme import AlphaCoefficients, Scheme
 from turnout.law.table import LawTableBuilder
+from turnout.scheme import AlphaCoefficients, Scheme
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from turnout.law import lanes
-from turnout.law.compiled import compiled
-from turnout.law.lanes import LANES
-from turnout.law.shared import another, shared
+from turnout.kernels import lanes
+from turnout.kernels.compiled import compiled
+from turnout.kernels.lanes import LANES
+from turnout.kernels.records import clone_record, shared_record
 
 Floats = np.ndarray
 VECTORS = ("a", "b", "places", "found")
@@ -30,23 +30,23 @@ class Given(NamedTuple):
 def _combine(given: Given) -> None:
     for i in range(0, given.a.size, LANES):
         a, b = lanes.load(given.a, i), lanes.load(given.b, i)
-        picked = lanes.pick(given.a, given.places, i)
-        more = lanes.over(lanes.magnitude(a), b)
-        other = lanes.either(more, lanes.over(picked, lanes.every(0.5)))
-        lanes.store(lanes.choose(other, a - b, a * b + picked), given.found, i)
-        if lanes.some(lanes.over(b, lanes.every(1))):
-            lanes.store(lanes.load(given.found, i) + lanes.every(10.0), given.found, i)
+        picked = lanes.gather(given.a, given.places, i)
+        more = lanes.greater(lanes.absolute(a), b)
+        other = lanes.logical_or(more, lanes.greater(picked, lanes.broadcast(0.5)))
+        lanes.store(lanes.select(other, a - b, a * b + picked), given.found, i)
+        if lanes.any_true(lanes.greater(b, lanes.broadcast(1))):
+            lanes.store(lanes.load(given.found, i) + lanes.broadcast(10.0), given.found, i)
 
 
 @compiled
 def _sum(values: Floats) -> float:
-    return lanes.total(lanes.load(values, 0))
+    return lanes.horizontal_sum(lanes.load(values, 0))
 
 
 @compiled
 def _stream(values: Floats, to: Floats) -> None:
     for i in range(0, to.size, LANES):
-        lanes.stream(lanes.load(values, i), to, i)
+        lanes.store_nontemporal(lanes.load(values, i), to, i)
 
 
 def given(count: int, seed: int, kind: type = np.uint64) -> Given:
@@ -67,7 +67,7 @@ def whole_lines(vector: Floats) -> Floats:
 @pytest.mark.parametrize("kind", [np.uint64, np.int64])
 @pytest.mark.parametrize("count", [1, 5, 8, 19, 40])
 def test_kernels_do_what_the_functions_do_in_python(count: int, kind: type) -> None:
-    record, plain = shared(given(count, seed=count, kind=kind)), given(count, count, kind)
+    record, plain = shared_record(given(count, seed=count, kind=kind)), given(count, count, kind)
     filled = plain._replace(**{name: whole_lines(getattr(plain, name)) for name in VECTORS})
     _combine(record)
     _combine.py_func(filled)
@@ -78,7 +78,7 @@ def test_kernels_do_what_the_functions_do_in_python(count: int, kind: type) -> N
 def test_comparisons_with_nan_say_no() -> None:
     plain = given(8, seed=1)
     plain.a[:] = np.nan
-    record = shared(plain)
+    record = shared_record(plain)
     _combine(record)
     _combine.py_func(plain)
     np.testing.assert_array_equal(record.found, plain.found)
@@ -88,19 +88,19 @@ def test_a_sum_has_one_order() -> None:
     values = np.array([1e16, 1.0, -1e16, 3.0, 0.5, 1e-9, 2.0, -7.0])
     halves = values[:4] + values[4:]
     quarters = halves[:2] + halves[2:]
-    assert _sum(values) == quarters[0] + quarters[1] == lanes.total(values)
+    assert _sum(values) == quarters[0] + quarters[1] == lanes.horizontal_sum(values)
     assert _sum(values) != float(np.sum(np.sort(values)))
 
 
 def test_what_is_streamed_arrives() -> None:
-    values = shared(given(24, seed=3))
+    values = shared_record(given(24, seed=3))
     _stream(values.a, values.found)
     np.testing.assert_array_equal(values.found, values.a)
 
 
 def test_vectors_fill_lines_of_their_own_and_matrices_stay() -> None:
     plain = given(11, seed=2)
-    record = shared(plain, b=-np.inf)
+    record = shared_record(plain, b=-np.inf)
     for name in VECTORS:
         vector = getattr(record, name)
         assert vector.ctypes.data % (8 * LANES) == 0
@@ -114,9 +114,9 @@ def test_vectors_fill_lines_of_their_own_and_matrices_stay() -> None:
 
 
 def test_another_record_has_vectors_and_matrices_of_its_own() -> None:
-    first = shared(given(11, seed=4))
+    first = shared_record(given(11, seed=4))
     matrix = np.zeros((2, 3))
-    second = another(first, matrix=matrix)
+    second = clone_record(first, matrix=matrix)
     kept = first.found.copy()
     _combine(second)
     np.testing.assert_array_equal(first.found, kept)
@@ -130,17 +130,17 @@ def test_what_has_gaps_is_refused() -> None:
     with pytest.raises(
         TypeError, match=r"Given\.a must be an array of 8-byte numbers without gaps"
     ):
-        shared(gaps)
+        shared_record(gaps)
 
 
 def test_another_record_needs_all_matrices() -> None:
     with pytest.raises(TypeError, match="all of its matrices"):
-        another(shared(given(3, seed=6)))
+        clone_record(shared_record(given(3, seed=6)))
 
 
 def test_a_record_cannot_be_sent_elsewhere() -> None:
     with pytest.raises(TypeError, match="stays where it is"):
-        copy.deepcopy(shared(given(3, seed=7)))
+        copy.deepcopy(shared_record(given(3, seed=7)))
 
 
 @pytest.mark.parametrize("values", [np.arange(8), np.arange(16.0)[::2], np.arange(8.0, dtype="f4")])

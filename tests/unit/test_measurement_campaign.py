@@ -8,16 +8,15 @@ from tests.unit.campaigns import copied, edited, made
 from tests.unit.recorded import clean
 
 from turnout.errors import MeasurementError
-from turnout.measurement import campaign as module
-from turnout.measurement import piece
-from turnout.measurement.campaign import Campaign, build_campaign
-from turnout.measurement.campaign_check import order_remarks
-from turnout.measurement.campaign_dataset import stacked
-from turnout.measurement.movement import Throw
-from turnout.measurement.piece import Piece
-from turnout.measurement.read import read_recording
+from turnout.measurement.campaign import build as module
+from turnout.measurement.campaign import piece
+from turnout.measurement.campaign.build import Campaign, build_campaign, stacked
+from turnout.measurement.campaign.fit_of_files import order_remarks
+from turnout.measurement.campaign.piece import Piece
+from turnout.measurement.campaign.sheet import find_sheet, read_sheet
+from turnout.measurement.campaign.throws import Throw
+from turnout.measurement.formats.files import read_recording
 from turnout.measurement.recording import Recording
-from turnout.measurement.sheet import find_sheet, read_sheet
 from turnout.schema.check import schema_problems
 
 
@@ -95,9 +94,9 @@ def test_a_file_of_several_movements_is_read_once(
     sheet.write_text("\n".join(lines), encoding="utf-8")
     read: list[str] = []
 
-    def counted(path: Path) -> Recording:
+    def counted(path: Path, *, allow_outside: bool) -> Recording:
         read.append(path.name)
-        return read_recording(path)
+        return read_recording(path, allow_outside=allow_outside)
 
     monkeypatch.setattr(piece, "read_recording", counted)
     campaign = build_campaign(folder)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from turnout.core.toml import parse_toml
 from turnout.errors import FileError, MeasurementError
-from turnout.files.toml import parse_toml
-from turnout.measurement.chain import (
+from turnout.measurement.chain.apply import (
     apply_chain,
     load_channel_map,
     map_hash,

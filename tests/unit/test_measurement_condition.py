@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from turnout.measurement.chain import apply_chain, load_channel_map
-from turnout.measurement.condition import (
+from turnout.measurement.chain.apply import apply_chain, load_channel_map
+from turnout.measurement.chain.condition import (
     condition,
     lowpass,
     median,

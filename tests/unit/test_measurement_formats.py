@@ -10,10 +10,9 @@ from scipy.io import savemat
 from scipy.sparse import csc_array
 
 from turnout.errors import FileError
-from turnout.measurement.mat_check import check_mat5
-from turnout.measurement.read import read_recording
+from turnout.measurement.formats.files import read_recording, write_recording
+from turnout.measurement.formats.mat_check import check_mat5
 from turnout.measurement.recording import Channel, Recording
-from turnout.measurement.write import write_recording
 
 TIME = np.arange(500) / 1000
 ROD = np.sin(20 * TIME)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from turnout.errors import FileError
-from turnout.measurement.history import read_history
+from turnout.measurement.formats.history import read_history
 
 GOOD = """# computed elsewhere
 time [ms], drive_force:1 [kN], drive_force:2 [N], sensor_gap:TKK1 [mm], object_force (kN)

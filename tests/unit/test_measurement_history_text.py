@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 from tests.unit.simulated import sb2_dataset
 
-from turnout.measurement.history import READ, read_history
-from turnout.measurement.history_text import history_text
+from turnout.measurement.formats.history import READ, history_text, read_history
 
 
 def test_a_table_reads_back(tmp_path: Path) -> None:

@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 
-from turnout.files.toml import parse_toml
-from turnout.measurement.chain import apply_chain, load_channel_map, parse_channel_map
-from turnout.measurement.overview import overview
-from turnout.measurement.recording import Channel, Recording
-from turnout.measurement.report import channel_rows
-from turnout.measurement.skeleton import skeleton
+from turnout.core.toml import parse_toml
+from turnout.measurement.chain.apply import (
+    apply_chain,
+    channel_rows,
+    load_channel_map,
+    parse_channel_map,
+)
+from turnout.measurement.chain.skeleton import skeleton
+from turnout.measurement.recording import Channel, Recording, overview
 
 
 def recording(*columns: tuple[str, str]) -> Recording:

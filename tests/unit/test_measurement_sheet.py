@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from turnout.errors import FileError, MeasurementError
-from turnout.measurement.sheet import RunSheet, find_sheet, read_sheet
-from turnout.measurement.sheet_value import normal_place
+from turnout.measurement.campaign.sheet import RunSheet, find_sheet, normal_place, read_sheet
 
 CSV = """# title: Two days in autumn
 # synthetic: no, but say so

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from turnout.errors import FileError, MeasurementError
-from turnout.measurement.read import read_recording
+from turnout.measurement.formats.files import read_recording
+from turnout.measurement.formats.text import csv_bytes
 from turnout.measurement.recording import Channel, Recording
-from turnout.measurement.text import csv_bytes
 
 DEWESOFT = (
     "Data file\tD:\\throw.dxd\r\nStart time:\t2025-11-03 10:12:33.250\r\n"

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from turnout.mechanism.blocks import split_blocks
+from turnout.condense.blocks import split_blocks
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import load_panel

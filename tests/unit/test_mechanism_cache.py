@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.files.latest import Latest
-from turnout.mechanism import build, cache, reduce
+from turnout.core import cache_folder
+from turnout.core import content_cache as cache
+from turnout.core.lru_cache import LRUCache
+from turnout.mechanism import build, reduce
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
@@ -25,7 +27,7 @@ def fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     reduce.forget()
     build.forget()
     cache.counts.clear()
-    monkeypatch.setattr(cache, "_told", set())
+    monkeypatch.setattr(cache, "_reported", set())
     yield tmp_path
     cache.forget()
     reduce.forget()
@@ -37,6 +39,12 @@ def built(overrides: dict[str, object]) -> dict[str, int]:
     cache.counts.clear()
     build_mechanism(PANEL.with_overrides(overrides))
     return {name: n for name, n in cache.counts.items() if name.endswith("computed")}
+
+
+def kept_files() -> list[Path]:
+    folder = cache.cache_folder()
+    assert folder is not None
+    return sorted(folder.glob("*.npz"))
 
 
 def test_only_what_changes_is_built_anew(fresh: Path) -> None:
@@ -77,9 +85,9 @@ def test_a_damaged_file_is_made_anew_and_told_once(
     fresh: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     make = {"value": np.array([1.0, 2.0])}
-    cache.remembered("a", [1], lambda: make)
-    cache.remembered("a", [2], lambda: make)
-    files = sorted(cache.cache_folder().glob("*.npz"))
+    cache.cached_arrays("a", [1], lambda: make)
+    cache.cached_arrays("a", [2], lambda: make)
+    files = kept_files()
     assert len(files) == 2
     files[0].write_bytes(b"no archive")
     files[1].write_bytes(files[1].read_bytes()[:60])
@@ -88,14 +96,14 @@ def test_a_damaged_file_is_made_anew_and_told_once(
     build.forget()
     with caplog.at_level(logging.WARNING, logger="turnout"):
         for number in (1, 2):
-            again = cache.remembered("a", [number], lambda: {"value": np.array([1.0, 2.0])})
+            again = cache.cached_arrays("a", [number], lambda: {"value": np.array([1.0, 2.0])})
             assert again["value"].tolist() == [1.0, 2.0]
     assert cache.counts["damaged"] == 2
     assert len(caplog.records) == 1
     cache.forget()
     reduce.forget()
     build.forget()
-    cache.remembered("a", [1], lambda: {"value": np.zeros(0)})
+    cache.cached_arrays("a", [1], lambda: {"value": np.zeros(0)})
     assert cache.counts["a from file"] == 1
 
 
@@ -105,29 +113,42 @@ def test_a_folder_that_cannot_be_written_costs_nothing_but_time(
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
     monkeypatch.setenv("TURNOUT_CACHE_DIR", str(blocked))
+    monkeypatch.setattr(cache_folder, "private_folder", lambda: None)
     with caplog.at_level(logging.WARNING, logger="turnout"):
         for number in (1, 2):
-            made = cache.remembered("b", [number], lambda: {"value": np.array([3.0])})
+            made = cache.cached_arrays("b", [number], lambda: {"value": np.array([3.0])})
             assert made["value"].tolist() == [3.0]
     assert cache.counts["unwritable"] == 2
     assert [r.message for r in caplog.records if "TURNOUT_CACHE_DIR" in r.message]
 
 
+def test_a_private_folder_takes_the_place_of_one_that_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fresh: Path
+) -> None:
+    blocked, private = tmp_path / "file", tmp_path / "private"
+    blocked.write_text("in the way")
+    private.mkdir(mode=0o700)
+    monkeypatch.setenv("TURNOUT_CACHE_DIR", str(blocked))
+    monkeypatch.setattr(cache_folder, "private_folder", lambda: private)
+    cache.cached_arrays("b", [3], lambda: {"value": np.array([3.0])})
+    assert len(list(private.glob("models-*/*.npz"))) == 1
+
+
 def test_nobody_changes_what_others_share(fresh: Path) -> None:
-    made = cache.remembered("c", [0], lambda: {"value": np.array([3.0])})
+    made = cache.cached_arrays("c", [0], lambda: {"value": np.array([3.0])})
     with pytest.raises(ValueError, match="read-only"):
         made["value"][0] = 1.0
 
 
 def test_old_files_go_and_memory_stays_small(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cache, "MOST_FILES", 10)
-    monkeypatch.setattr(cache, "_memory", Latest(3))
+    monkeypatch.setattr(cache, "_memory", LRUCache(3))
     for number in range(12):
-        cache.remembered("d", [number], lambda: {"value": np.array([3.0])})
-    assert len(list(cache.cache_folder().glob("*.npz"))) <= 10
+        cache.cached_arrays("d", [number], lambda: {"value": np.array([3.0])})
+    assert len(kept_files()) <= 10
     cache.counts.clear()
-    cache.remembered("d", [11], lambda: {"value": np.array([4.0])})
-    cache.remembered("d", [0], lambda: {"value": np.array([4.0])})
+    cache.cached_arrays("d", [11], lambda: {"value": np.array([4.0])})
+    cache.cached_arrays("d", [0], lambda: {"value": np.array([4.0])})
     assert cache.counts["d from memory"] == 1
     assert cache.counts["d computed"] == 1
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from turnout.files.latest import Latest
-from turnout.mechanism import followers
-from turnout.mechanism.followers import LARGEST_WEIGHT, leading_rows
+from turnout.condense import followers
+from turnout.condense.followers import LARGEST_WEIGHT, leading_rows
+from turnout.core.lru_cache import LRUCache
 
 
 def rows_of_a_section(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -71,6 +71,6 @@ def test_what_was_chosen_is_found_again_but_not_for_other_rows(
     assert not found.weights.flags.writeable
     other = leading_rows(rows, first=~first)
     assert other.leaders.tolist() != found.leaders.tolist()
-    monkeypatch.setattr(followers, "_memory", Latest(1))
+    monkeypatch.setattr(followers, "_memory", LRUCache(1))
     leading_rows(2.0 * rows, first=first)
     assert leading_rows(rows, first=first) is not found, "older ones are forgotten"

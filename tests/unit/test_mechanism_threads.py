@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from turnout.mechanism import threads
+from turnout.core import threads
 
 
 class Libraries:

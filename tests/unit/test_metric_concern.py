@@ -6,7 +6,7 @@ import xarray as xr
 from tests.unit.simulated import sb2_panel
 from tests.unit.test_response_simulate import interrupted
 
-from turnout.metric.concern import concerns
+from turnout.analysis.panel_check import concerns
 from turnout.response.simulate import simulate
 
 

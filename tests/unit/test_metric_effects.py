@@ -8,7 +8,7 @@ from turnout.errors import ResponseError
 from turnout.metric.effects import first_index, inputs_of, main_effect, outputs_of
 from turnout.study.design import Design, Drawn
 from turnout.study.distribution import Distribution
-from turnout.study.sobol import sobol_indices
+from turnout.sweep.effects import sobol_indices
 
 A, B = 7.0, 0.1
 

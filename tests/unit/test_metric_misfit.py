@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from turnout.metric.build_up import build_up_slope, contact_time, features
-from turnout.metric.misfit import (
+from turnout.metric.agreement import (
     band_cover,
     channel_scale,
     force_channels,
@@ -15,6 +14,7 @@ from turnout.metric.misfit import (
     repeats,
     rms_difference,
 )
+from turnout.metric.signal import build_up_slope, contact_time, features
 
 DIMS = ("channel", "movement", "time")
 

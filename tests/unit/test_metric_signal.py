@@ -7,9 +7,9 @@ import pytest
 import xarray as xr
 from tests.unit.simulated import sb2_dataset
 
-from turnout.metric.books import LEAST_SCALE, numerical_share, residual_share
-from turnout.metric.movement import margins, movements, slips
 from turnout.metric.signal import at_end, filtered, first_time
+from turnout.metric.slip import margins, movements, slips
+from turnout.metric.summary import LEAST_SCALE, numerical_share, residual_share
 
 TIME = np.linspace(0.0, 9.0, 9001)
 MOVEMENTS = [

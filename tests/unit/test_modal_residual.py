@@ -8,8 +8,8 @@ from scipy.linalg import eigh
 
 from turnout.beam.assembly import assemble_beam
 from turnout.beam.material import Material
+from turnout.condense.modal import ModalModel, damped_apart, modal_model
 from turnout.errors import MechanicsError
-from turnout.mechanism.modal import ModalModel, damped_apart, modal_model
 from turnout.section.properties import SectionProperties
 
 N_DOF, N_ROWS = 14, 9

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.files.toml import parse_toml
+from turnout.core.toml import parse_toml
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel, library_text, load_panel, panel_from_file
-from turnout.panel.motion import marker_positions
+from turnout.panel.markers import marker_positions
 
 
 def panel(name: str, *changes: tuple[str, str]) -> LoadedPanel:

@@ -65,7 +65,7 @@ def test_a_chair_may_belong_to_one_rail(panel: LoadedPanel) -> None:
 
 
 def test_extent_takes_stock_rails_in(panel: LoadedPanel) -> None:
-    from turnout.panel.rail_records import StockRail
+    from turnout.panel.records import StockRail
 
     stock = StockRail(faces="A", start="-3 m", end="19 m", section="tongue")
     assert extent(panel.model_copy(update={"stock_rail": {"S": stock}})) == (-3.0, 19.0)

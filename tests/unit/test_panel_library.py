@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from turnout.core.toml import ORIGIN_KINDS
 from turnout.errors import FileError
-from turnout.files.toml import ORIGIN_KINDS
 from turnout.panel.document import FAMILIES
 from turnout.panel.load import LoadedPanel, library_names, library_text, load_panel
 from turnout.panel.profile import evaluate_profile, running_edge_offset

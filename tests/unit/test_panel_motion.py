@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.panel.motion import (
+from turnout.panel.markers import (
     marker_offsets,
     marker_positions,
     movement_end,

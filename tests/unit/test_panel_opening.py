@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from turnout.panel.layout import largest_opening
 from turnout.panel.load import load_panel
-from turnout.panel.opening import largest_opening
 
 
 def test_opening_is_within_3_mm_of_the_shape_of_the_tapered_rail(reference_dir: Path) -> None:

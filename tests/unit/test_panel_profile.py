@@ -12,7 +12,7 @@ from turnout.panel.profile import (
     section_stations,
     stock_rail_gap,
 )
-from turnout.panel.rail_records import Profile
+from turnout.panel.records import Profile
 
 
 def profile(x: list[float], value: list[float], interpolation: str) -> Profile:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from turnout.panel.spline import cubic_spline
+from turnout.panel.profile import cubic_spline
 
 KNOTS = [0.0, 0.7, 1.9, 2.2, 4.0]
 

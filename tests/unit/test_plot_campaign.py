@@ -6,7 +6,7 @@ import xarray as xr
 from tests.unit.campaigns import made
 
 from turnout.errors import ResponseError
-from turnout.measurement.campaign import build_campaign
+from turnout.measurement.campaign.build import build_campaign
 from turnout.metric.campaign import end_values, places_of
 from turnout.plot.campaign import plot_overview, plot_stacked
 from turnout.response.store import open_response

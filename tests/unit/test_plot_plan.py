@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.unit.simulated import sb2_dataset, sb2_panel
 
-from turnout.cli.plan import COLUMNS, HEADING, plan_lines
+from turnout.cli.show import COLUMNS, HEADING, plan_lines
 from turnout.panel.layout import rail_line
 from turnout.panel.load import load_panel
 from turnout.plot.plan import EXAGGERATION, TRACK, plot_plan

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from turnout.plot.section_outlines import plot_section_outlines
+from turnout.plot.sections import plot_section_outlines
 from turnout.section.analyse import analyse_outlines
 from turnout.section.outline import make_outline, moved
 

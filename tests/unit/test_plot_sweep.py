@@ -9,9 +9,8 @@ import xarray as xr
 from turnout.errors import ResponseError
 from turnout.metric.sweep_map import STATES, end_state, sweep_map
 from turnout.plot.style import rendered
-from turnout.plot.sweep_effects import plot_sweep_effects
-from turnout.plot.sweep_map import STATE_LETTERS, plot_sweep_map
-from turnout.study.sweep_effects import sweep_effects
+from turnout.plot.sweep import STATE_LETTERS, plot_sweep_effects, plot_sweep_map
+from turnout.sweep.effects import sweep_effects
 
 PLACES, SIZES = ("drive 1", "sleeper 6"), (0.0, 0.005, 0.013, 0.031)
 # Place by size: slipped, slipped without an object, locked, in control, outcome.

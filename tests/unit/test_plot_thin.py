@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from turnout.plot.thin import thinned
+from turnout.plot.sheet import thinned
 
 
 def test_a_spike_survives_thinning() -> None:

@@ -11,7 +11,7 @@ from turnout.reduction.craig_bampton import (
     reduce_matrix,
     reduce_vector,
 )
-from turnout.reduction.report import format_report, reduction_report
+from turnout.reduction.truncation import format_report, reduction_report
 
 SIZE = 12
 INTERFACE = [7, 2, 11]

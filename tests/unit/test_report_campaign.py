@@ -11,7 +11,7 @@ from tests.unit.campaigns import copied, made
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.plot.campaign_sheet import stacked_sheet
+from turnout.plot.campaign import stacked_sheet
 from turnout.report.campaign import campaign_findings, campaign_page
 from turnout.report.page import page_html
 from turnout.response.store import open_response

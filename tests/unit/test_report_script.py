@@ -4,7 +4,7 @@ import hashlib
 import re
 from importlib.resources import files
 
-from turnout.report.script import PLOTLY_VERSION, plotly_script
+from turnout.report.page import PLOTLY_VERSION, plotly_script
 
 VENDOR = files("turnout.report").joinpath("vendor")
 

@@ -10,7 +10,7 @@ import xarray as xr
 from turnout.errors import ResponseError
 from turnout.report.page import page_html
 from turnout.report.sweep import sweep_figures, sweep_findings, sweep_page
-from turnout.study.sweep_effects import sweep_effects
+from turnout.sweep.effects import sweep_effects
 
 PLACES, SIZES, FRICTION = ("drive 1", "sleeper 6"), (0.005, 0.013, 0.031), (0.2, 0.3, 0.4, 0.5)
 

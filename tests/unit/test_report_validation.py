@@ -10,12 +10,11 @@ from tests.unit.test_study_validation import hand_made
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.plot.validation import compared_movements
-from turnout.plot.validation_sheet import comparison_sheet
+from turnout.plot.validation import compared_movements, comparison_sheet
 from turnout.report.page import page_html
 from turnout.report.validation import validation_findings, validation_page
 from turnout.response.store import save_response
-from turnout.study.validation.verdict import judge
+from turnout.validation.verdict import judge
 
 
 def test_findings_begin_with_the_verdict() -> None:

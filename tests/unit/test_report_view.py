@@ -7,14 +7,14 @@ import xarray as xr
 from tests.unit.campaigns import made
 from tests.unit.simulated import sb2_dataset
 
-import turnout
 from turnout.metric.finding import findings
+from turnout.report.view import view
 from turnout.response.store import open_response
 
 
 def test_a_run_shows_every_finding_and_a_picture() -> None:
     dataset = sb2_dataset()
-    shown = turnout.view(dataset)
+    shown = view(dataset)
     html = shown._repr_html_()
     for item in findings(dataset):
         assert f"<b>{item.answer}</b>" in html
@@ -26,21 +26,21 @@ def test_a_run_shows_every_finding_and_a_picture() -> None:
 
 
 def test_simulate_still_returns_a_dataset() -> None:
-    assert isinstance(turnout.view(sb2_dataset()).dataset, xr.Dataset)
+    assert isinstance(view(sb2_dataset()).dataset, xr.Dataset)
 
 
 def test_a_campaign_shows_its_findings() -> None:
-    html = turnout.view(open_response(made() / "truth.nc"))._repr_html_()
+    html = view(open_response(made() / "truth.nc"))._repr_html_()
     assert "Objects that make a drive slip, closing" in html
     assert "<img" not in html
 
 
 @pytest.mark.parametrize("fields", [["drive_force"], ["energy_kinetic"]])
 def test_what_a_result_lacks_is_left_out(fields: list[str]) -> None:
-    html = turnout.view(sb2_dataset()[fields])._repr_html_()
+    html = view(sb2_dataset()[fields])._repr_html_()
     assert ("<img" in html) == (fields == ["drive_force"])
 
 
 def test_names_cannot_become_markup() -> None:
     dataset = sb2_dataset()[["drive_force"]].assign_attrs(panel="<script>alert(1)</script>")
-    assert "<script>" not in turnout.view(dataset)._repr_html_()
+    assert "<script>" not in view(dataset)._repr_html_()

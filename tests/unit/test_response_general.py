@@ -7,8 +7,8 @@ import pytest
 import xarray as xr
 from tests.unit.simulated import OBJECT, sb1_panel, sb2_panel
 
+from turnout.core.toml import parse_toml
 from turnout.errors import ResponseError
-from turnout.files.toml import parse_toml
 from turnout.metric.summary import summary
 from turnout.panel.load import LoadedPanel, library_text, panel_from_file
 from turnout.plot.throw import plot_throw

@@ -8,10 +8,10 @@ import xarray as xr
 from tests.verification.prismatic_panel import TEXT
 from typer.testing import CliRunner
 
+from turnout.analysis.modes import modes, reduction_texts
 from turnout.cli.main import app
 from turnout.errors import ResponseError
 from turnout.panel.load import load_panel
-from turnout.response.modes import modes, reduction_texts
 from turnout.response.store import open_response, save_response
 
 COUNT = 3

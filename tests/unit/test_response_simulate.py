@@ -12,12 +12,12 @@ from tests.unit.simulated import OBJECT, sb1_dataset, sb1_panel, sb2_dataset, sb
 
 from turnout.errors import PanelError, ResponseError
 from turnout.integrate.outcome import Code, NotConverged
-from turnout.integrate.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.response.compilation import must_compile
 from turnout.response.save import Save
 from turnout.response.simulate import compile_kernels, simulate
 from turnout.schema.check import schema_problems
+from turnout.scheme import Scheme
 
 STUBBORN = Scheme(iterations=1, halvings=0, follow_path=False)
 

@@ -2,14 +2,14 @@
 
 import pytest
 
-from turnout.errors import ResponseError
-from turnout.panel.load import load_panel
-from turnout.response.stability import (
+from turnout.analysis.stability import (
     FrictionStability,
     SlidingCase,
     friction_stability,
     sliding_places,
 )
+from turnout.errors import ResponseError
+from turnout.panel.load import load_panel
 
 NAN = float("nan")
 

@@ -1,15 +1,15 @@
 """Studies: scenarios by their number, in any order, with what they change and trap."""
 
-import json
 import pickle
 from pathlib import Path
 
 import pytest
 
-from turnout.files.toml import parse_toml
+from turnout.core.json_files import to_plain
+from turnout.core.toml import parse_toml
 from turnout.panel.foreign_object import ForeignObject
+from turnout.study.read import study_names
 from turnout.study.study import Study, load_study, study_from_file
-from turnout.study.study_library import study_names
 
 HEAD = 'schema_version = 1\nname = "test"\npanel = "sb2"\nseed = 7\n'
 DRAWN = """
@@ -75,7 +75,7 @@ def test_every_library_study_loads() -> None:
 
 def test_a_design_says_what_an_analysis_must_know() -> None:
     design = study(DRAWN + "[sampling]\ncount = 3\n").design.described()
-    assert json.loads(json.dumps(design)) == {
+    assert to_plain(design) == {
         "method": "random",
         "draws": 3,
         "states": 3,

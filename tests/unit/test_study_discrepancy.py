@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from turnout.calibration.drive_law.candidates import drive_laws, lagged, table
+from turnout.calibration.drive_law.compare import LawComparison, LawResult, law_lines
+from turnout.calibration.drive_law.likelihood import criteria
+from turnout.calibration.evaluate import Response
 from turnout.errors import PanelError
 from turnout.panel.load import load_panel
-from turnout.study.calibration.evaluate import Response
-from turnout.study.discrepancy.compare import LawComparison, LawResult
-from turnout.study.discrepancy.laws import drive_laws, lagged, table
-from turnout.study.discrepancy.likelihood import criteria
-from turnout.study.discrepancy.lines import law_lines
 
 PANEL = load_panel("sb1")
 VALUES = {"drive.2.stiffness": 800e3, "drive.2.saturation_force": 4e3}

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from tests.unit.calibrations import calibration, fitted
 
+from turnout.calibration.comparison import Comparison
+from turnout.calibration.drive_law.candidates import PLAIN, SOFT, WORN, drive_laws, lagged
+from turnout.calibration.drive_law.compare import LawComparison, fitted_laws, judged
+from turnout.calibration.drive_law.fit import _own_levels
+from turnout.calibration.evaluate import CELL, Evaluator, Response, Throw
+from turnout.calibration.fit import fit
+from turnout.calibration.misfit import Misfit
+from turnout.calibration.noise import measured_noise
+from turnout.calibration.observed import BIN, Movement, Signal
+from turnout.calibration.parameter import Parameter
+from turnout.calibration.predict import predicted
 from turnout.panel.load import load_panel
-from turnout.study.calibration.evaluate import CELL, Evaluator, Response, Throw
-from turnout.study.calibration.fit import fit
-from turnout.study.calibration.misfit import Misfit
-from turnout.study.calibration.noise import measured_noise
-from turnout.study.calibration.observed import BIN, Movement, Signal
-from turnout.study.calibration.parameter import Parameter
-from turnout.study.calibration.predict import predicted
-from turnout.study.calibration.view import Comparison
-from turnout.study.discrepancy.chain import _own_levels
-from turnout.study.discrepancy.compare import LawComparison, fitted_laws, judged
-from turnout.study.discrepancy.laws import PLAIN, SOFT, WORN, drive_laws, lagged
 
 FRICTION, STIFFNESS, LEVEL = (
     "chair.friction_coefficient",

@@ -5,9 +5,8 @@ import xarray as xr
 from tests.unit.simulated import sb1_dataset, sb1_panel, sb2_panel
 from tests.verification.flutter import unsymmetric_panel
 
-from turnout.metric.concern import concerns
-from turnout.response.stability import FrictionStability, SlidingCase, friction_stability
-from turnout.study.panel_check import flutter_concerns, panel_concerns
+from turnout.analysis.panel_check import concerns, flutter_concerns, panel_concerns
+from turnout.analysis.stability import FrictionStability, SlidingCase, friction_stability
 
 NONE, USUAL = "0 N s/m", "3.75 kN s/m"
 
@@ -40,7 +39,7 @@ def test_unknown_is_not_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
         for share, settled, rate in ((0.1, True, -0.4), (0.5, False, nan))
     )
     monkeypatch.setattr(
-        "turnout.study.panel_check.friction_stability",
+        "turnout.analysis.panel_check.friction_stability",
         lambda _panel, *, friction_factor: FrictionStability(friction_factor, cases, 600.0),
     )
     (concern,) = flutter_concerns(sb1_panel())
@@ -55,7 +54,7 @@ def test_a_panel_that_never_moves_cannot_flutter() -> None:
 
 def test_all_concerns_are_joined(monkeypatch: pytest.MonkeyPatch) -> None:
     dataset: xr.Dataset = sb1_dataset().assign_attrs(complete=False, outcome_message="stopped")
-    monkeypatch.setattr("turnout.study.panel_check.flutter_concerns", lambda _panel: ["flutter"])
+    monkeypatch.setattr("turnout.analysis.panel_check.flutter_concerns", lambda _panel: ["flutter"])
     joined = panel_concerns(sb1_panel(), dataset)
     assert joined == [*concerns(dataset), "flutter"]
     assert len(joined) >= 2

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from turnout.study.chance import RandomField, TemperatureLaw, correlation_root
 from turnout.study.distribution import Choice, Distribution, parameter_faults
-from turnout.study.random_field import RandomField, correlation_root
 from turnout.study.sampling import copula_factor, correlated, point
-from turnout.study.temperature import TemperatureLaw
 
 SHARES = np.linspace(0.01, 0.99, 23)
 # Distribution, its parameters, and the same one of scipy.

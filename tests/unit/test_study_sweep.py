@@ -14,21 +14,21 @@ import pytest
 import xarray as xr
 from tests.unit.sweeps import batch_names, here, small_study
 
+from turnout.core.json_files import sealed_json
 from turnout.errors import FileError
 from turnout.integrate.outcome import Code, Outcome
-from turnout.integrate.scheme import Scheme
 from turnout.metric.features import FEATURES, features
-from turnout.metric.movement import Span
+from turnout.metric.slip import Span
 from turnout.response.simulate import Solved, simulate, solve_placed
-from turnout.study import sweep_folder, sweep_row
+from turnout.scheme import Scheme
 from turnout.study.study import Study, load_study
-from turnout.study.sweep_batch import batch_variables, batches_of, throw_batch
-from turnout.study.sweep_file import file_bytes
-from turnout.study.sweep_folder import locked_folder
-from turnout.study.sweep_index import index_of, label_arrays
-from turnout.study.sweep_labels import object_labels
-from turnout.study.sweep_read import open_sweep, read_labels
-from turnout.study.sweep_run import State, run_sweep
+from turnout.sweep import folder as sweep_folder
+from turnout.sweep import row as sweep_row
+from turnout.sweep.batch import batch_variables, batches_of, file_bytes, throw_batch
+from turnout.sweep.folder import locked_folder
+from turnout.sweep.labels import object_labels
+from turnout.sweep.read import index_of, label_arrays, open_sweep, read_labels
+from turnout.sweep.run import State, run_sweep
 
 
 @pytest.fixture(scope="module")
@@ -122,11 +122,12 @@ def test_what_is_missing_is_thrown_and_comes_to_the_same_bits(
     (tmp_path / "s" / "batches" / names[1]).unlink()
     torn = tmp_path / "s" / "batches" / names[2]
     torn.write_bytes(torn.read_bytes()[:-200])
-    (tmp_path / "s" / "batches" / ".000001-half.nc").write_bytes(b"half")
+    half = tmp_path / "s" / "batches" / f".{names[1][:-3]}.ab_cd123.nc"
+    half.write_bytes(b"half")
     assert open_sweep(whole).attrs["missing"] == 0
     again = run_sweep(study, tmp_path / "s", pool=here, report=told.append)
     assert again.thrown == 12
-    assert again.torn == (names[2],)
+    assert again.damaged == (tmp_path / "s" / "damaged" / names[2],)
     assert batch_names(tmp_path / "s") == names
     assert not list((tmp_path / "s" / "batches").glob(".*"))
     assert (told[0].done, told[-1].done, told[-1].total) == (8, 20, 20)
@@ -161,8 +162,9 @@ def test_another_version_is_refused(
     with pytest.raises(FileError, match=r"begun with turnout .* this is 9\.9"):
         run_sweep(study, whole, pool=here)
     known = json.loads((whole / "sweep.json").read_text(encoding="utf-8"))
-    (tmp_path / "sweep.json").write_text(json.dumps(known | {"store_version": 99}))
-    with pytest.raises(FileError, match="stored in form 99, this turnout has form 1"):
+    known.pop("checksum")
+    (tmp_path / "sweep.json").write_text(sealed_json(known | {"store_version": 99}))
+    with pytest.raises(FileError, match="stored in form 99, this turnout has form 2"):
         open_sweep(tmp_path)
 
 
@@ -351,10 +353,10 @@ def test_a_worker_loads_only_what_it_needs(study: Study, whole: Path) -> None:
     """Each worker waits for what it imports, so what only others need would cost every sweep."""
     script = f"""
 import sys
-from turnout.study.sweep_file import file_bytes
-from turnout.study.sweep_batch import batch_variables, throw_batch
-from turnout.study.sweep_folder import kept_study
-from turnout.study.sweep_work import make_batch
+from turnout.sweep.batch import file_bytes
+from turnout.sweep.batch import batch_variables, throw_batch
+from turnout.sweep.stored_study import kept_study
+from turnout.sweep.worker import make_batch
 from pathlib import Path
 study = kept_study(Path({str(whole)!r}), {study.digest!r})
 print(len(file_bytes(batch_variables(study, throw_batch(study, [[0]])))) > 1000)

@@ -15,12 +15,12 @@ from tests.unit.sweeps import batch_names, here, small_study
 
 from turnout.errors import FileError
 from turnout.study.study import Study
-from turnout.study.sweep_cluster import (
+from turnout.sweep.cluster import (
     make_slurm_cluster,
     read_profile,
     scheduler_cluster,
 )
-from turnout.study.sweep_run import run_sweep
+from turnout.sweep.run import run_sweep
 
 distributed = pytest.importorskip("distributed", reason="pip install 'turnout[sweep]'")
 
@@ -115,7 +115,7 @@ def test_what_is_no_address_is_told_at_once(address: str) -> None:
 
 
 def test_nobody_at_the_address_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("turnout.study.sweep_cluster.ANSWER", 0.5)
+    monkeypatch.setattr("turnout.sweep.cluster.ANSWER", 0.5)
     with (
         pytest.raises(FileError, match=r"--scheduler tcp://127\.0\.0\.1:9: does not answer"),
         scheduler_cluster("tcp://127.0.0.1:9"),

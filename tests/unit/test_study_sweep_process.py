@@ -7,10 +7,10 @@ from concurrent.futures import ProcessPoolExecutor
 
 import pytest
 
-from turnout.study import sweep_work
-from turnout.study.sweep_process import worker_processes
+from turnout.sweep import worker as sweep_work
+from turnout.sweep.worker import worker_processes
 
-LOADED = "import sys, turnout.study.sweep_process; print(*sorted(sys.modules))"
+LOADED = "import sys, turnout.sweep.worker; print(*sorted(sys.modules))"
 
 
 def test_what_a_process_loads_first_is_light() -> None:
@@ -18,7 +18,7 @@ def test_what_a_process_loads_first_is_light() -> None:
         [sys.executable, "-c", LOADED], check=True, capture_output=True, text=True
     )
     ours = {name for name in told.stdout.split() if name.split(".")[0] in ("turnout", "numpy")}
-    assert ours == {"turnout", "turnout.study", "turnout.study.sweep_process"}
+    assert ours == {"turnout", "turnout.study", "turnout.sweep.worker"}
 
 
 @pytest.mark.usefixtures("worker_processes")
@@ -28,5 +28,5 @@ def test_the_collector_rests_until_all_is_loaded() -> None:
         assert not pool.submit(gc.isenabled).result()
         pool.submit(sweep_work.get_ready).result()
         assert pool.submit(gc.isenabled).result()
-        assert pool.submit(gc.get_threshold).result()[0] == sweep_work.SELDOM
+        assert pool.submit(gc.get_threshold).result()[0] == sweep_work.GC_THRESHOLD
         assert pool.submit(gc.get_freeze_count).result() > 10_000

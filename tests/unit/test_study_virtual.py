@@ -12,17 +12,16 @@ from tests.unit.recorded import FIELDS, clean, run
 from tests.unit.simulated import sb1_panel, sb2_panel
 
 from turnout.errors import FileError, PanelError
-from turnout.measurement.read import read_recording
-from turnout.measurement.sheet import read_sheet
-from turnout.measurement.write import WRITERS
-from turnout.response.scheme import Scheme
+from turnout.measurement.campaign.sheet import read_sheet
+from turnout.measurement.formats.files import WRITERS, read_recording
 from turnout.response.store import open_response
 from turnout.schema.check import schema_problems
-from turnout.study import virtual_series
-from turnout.study.virtual_campaign import make_virtual_campaign
-from turnout.study.virtual_files import Thrown, mistype
-from turnout.study.virtual_noise import QUIET, Disturbance, Transducer, disturbed
-from turnout.study.virtual_plan import (
+from turnout.scheme import Scheme
+from turnout.virtual import series as virtual_series
+from turnout.virtual.campaign import make_virtual_campaign
+from turnout.virtual.files import Thrown, mistype
+from turnout.virtual.noise import QUIET, Disturbance, Transducer, disturbed
+from turnout.virtual.plan import (
     Case,
     Defects,
     Plan,
@@ -32,8 +31,13 @@ from turnout.study.virtual_plan import (
     series_of,
     virtual_plan,
 )
-from turnout.study.virtual_throw import CurrentLaw, assumed_current, record_throw
-from turnout.study.virtual_truth import finer_panel, finer_scheme
+from turnout.virtual.throw import (
+    CurrentLaw,
+    assumed_current,
+    finer_panel,
+    finer_scheme,
+    record_throw,
+)
 
 
 def test_the_default_is_the_published_campaign() -> None:

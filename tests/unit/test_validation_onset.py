@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from turnout.study.calibration.evaluate import Response
-from turnout.study.calibration.observed import Movement, Signal
-from turnout.study.validation.onset import onset_shifts
+from turnout.calibration.evaluate import Response
+from turnout.calibration.observed import Movement, Signal
+from turnout.validation.onset import onset_shifts
 
 TIME = np.arange(-0.99, 3.2, 0.02)
 CELLS = np.arange(0.002, 6.0, 0.004)

@@ -8,7 +8,7 @@ from tests.faults.test_studio_faults import resident
 from tests.unit.served import Client, Reply, served
 from tests.unit.simulated import sb2_dataset, sb2_panel
 
-from turnout.web.studio import MOST_RUNS
+from turnout.web.desk import MOST_RUNS
 
 RATE = 20.0
 SETTLED = 3.0

@@ -10,12 +10,12 @@ import xarray as xr
 from tests.unit.served import Client, served
 from tests.unit.simulated import OBJECT, sb2_dataset, sb2_panel
 
+from turnout.analysis.panel_check import concern_lines
 from turnout.metric.key_figure import key_figures
 from turnout.panel.load import library_text, load_panel
 from turnout.response.save import Save
-from turnout.response.scheme import Scheme
 from turnout.response.simulate import simulate
-from turnout.study.panel_check import concern_lines
+from turnout.scheme import Scheme
 from turnout.web.controls import controls
 
 OBJECT_ASKED = {"size": "13 mm", "at": "sleeper 6"}

@@ -1,137 +1,232 @@
-"""The last question wins; nobody waits for what no one wants any more."""
+"""The last question wins, nobody waits for what no one wants, and no task stops the others."""
 
 import asyncio
-import threading
+import json
+import os
+import sys
 import time
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
 
 import pytest
+from tests.unit import answering
 
 from turnout.errors import FileError
-from turnout.web import worker
-from turnout.web.worker import Question, Superseded, Worker
+from turnout.web import process
+from turnout.web.question import PATIENCE, Question, Reply, Superseded, Task
+from turnout.web.worker import ClosedError, Worker
+
+Asking = Callable[[Worker], Coroutine[Any, Any, Any]]
+BYTES = 500_000_000
 
 
-def run(coroutine_of: Callable[[Worker], object]) -> object:
-    async def inner() -> object:
-        desk = Worker()
+def run(asking: Asking, *, prepare: Any = answering.prepared) -> Any:
+    """Let processes start, ask them, and end them."""
+
+    async def inner() -> Any:
+        worker = Worker(prepare, memory=BYTES)
+        worker.start()
         try:
-            return await coroutine_of(desk)  # type: ignore[misc]
+            return await asking(worker)
         finally:
-            desk.close()
+            worker.close()
 
     return asyncio.run(inner())
 
 
+def record(reply: Reply) -> Any:
+    return json.loads(reply.content)
+
+
+async def both(worker: Worker) -> list[int]:
+    """Wait until both processes answer; return their numbers."""
+    while True:
+        waits = [worker.answer(Task("wait", b"1.2")) for _ in range(2)]
+        found = {record(reply)["process"] for reply in await asyncio.gather(*waits)}
+        if len(found) == 2:
+            return sorted(found)
+
+
+def there(pid: int) -> bool:
+    """Tell whether a process runs; one that ended and waits to be asked for its code does not."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text(encoding="ascii")
+    except OSError:
+        return False
+    return stat.rpartition(")")[2].split()[0] != "Z"
+
+
+def gone(pids: list[int]) -> bool:
+    until = time.monotonic() + 5
+    while any(map(there, pids)) and time.monotonic() < until:
+        time.sleep(0.02)
+    return not any(map(there, pids))
+
+
+@pytest.fixture(autouse=True)
+def _needs_proc() -> None:
+    if not Path("/proc/self/stat").exists():
+        pytest.skip("no /proc to see processes in")
+
+
 def test_what_waits_is_dropped_for_the_newest() -> None:
-    worked: list[int] = []
-    hold = threading.Event()
-
-    def work(number: int) -> Callable[[Question], int]:
-        def inner(_question: Question) -> int:
-            worked.append(number)
-            hold.wait(5)
-            return number
-
-        return inner
-
-    async def ask(desk: Worker) -> object:
+    async def ask(worker: Worker) -> Any:
+        await worker.answer(Task("echo"))
         tasks = []
         for number in range(5):
-            tasks.append(asyncio.create_task(desk.answer(work(number), kind="live")))
+            asked = Task("wait", b"0.3" + b"0" * number)
+            tasks.append(asyncio.create_task(worker.answer(asked, kind="live")))
             await asyncio.sleep(0.02)
-        hold.set()
         return await asyncio.gather(*tasks, return_exceptions=True)
 
-    found = run(ask)
-    assert worked == [0, 4]
-    assert [type(item) for item in found] == [int, Superseded, Superseded, Superseded, int]  # type: ignore[attr-defined]
+    first, *dropped, last = run(ask)
+    assert record(first)["content"] == "0.3", "what is computed is soon done, and is answered"
+    assert [type(item) for item in dropped] == [Superseded] * 3
+    assert record(last)["content"] == "0.30000"
 
 
 def test_a_file_is_made_whatever_is_asked_after_it() -> None:
-    async def ask(desk: Worker) -> object:
-        kept = asyncio.create_task(desk.answer(lambda _: "file"))
-        live = asyncio.create_task(desk.answer(lambda _: "throw", kind="live"))
+    async def ask(worker: Worker) -> Any:
+        kept = asyncio.create_task(worker.answer(Task("wait", b"0.2")))
+        live = asyncio.create_task(worker.answer(Task("echo", b"throw"), kind="live"))
         return await asyncio.gather(kept, live)
 
-    assert run(ask) == ["file", "throw"]
+    assert [record(item)["content"] for item in run(ask)] == ["0.2", "throw"]
 
 
-def test_a_long_run_gives_way(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(worker, "PATIENCE", 0.05)
+def test_a_long_run_gives_way() -> None:
+    async def ask(worker: Worker) -> Any:
+        await worker.answer(Task("echo"))
+        slow = asyncio.create_task(worker.answer(Task("wait", b"9"), kind="live"))
+        await asyncio.sleep(0.05)
+        began = time.monotonic()
+        quick = asyncio.create_task(worker.answer(Task("echo", b"new"), kind="live"))
+        return *await asyncio.gather(slow, quick, return_exceptions=True), time.monotonic() - began
 
-    def endless(question: Question) -> None:
-        try:
-            for _ in range(1000):
-                time.sleep(0.01)
-                question.hear()
-        except KeyboardInterrupt:
-            raise Superseded from None
-
-    async def ask(desk: Worker) -> object:
-        slow = asyncio.create_task(desk.answer(endless, kind="live"))
-        await asyncio.sleep(0.02)
-        quick = asyncio.create_task(desk.answer(lambda _: "new", kind="live"))
-        return await asyncio.gather(slow, quick, return_exceptions=True)
-
-    began = time.monotonic()
-    slow, quick = run(ask)  # type: ignore[misc]
+    slow, quick, took = run(ask)
     assert isinstance(slow, Superseded)
-    assert quick == "new"
-    assert time.monotonic() - began < 5
+    assert record(quick)["content"] == "new"
+    assert took < 5
 
 
 def test_a_short_run_is_finished_although_something_newer_waits() -> None:
-    question = Question()
-    question.began = time.monotonic()
+    question = Question(began=time.monotonic())
     question.overtaken.set()
     question.hear(1, 2)
+    question.began -= 2 * PATIENCE
+    with pytest.raises(KeyboardInterrupt):
+        question.hear(1, 2)
 
 
-def test_leaving_stops_what_is_computed_and_drops_what_waits() -> None:
-    def endless(question: Question) -> None:
-        try:
-            for _ in range(1000):
-                time.sleep(0.01)
-                question.hear()
-        except KeyboardInterrupt:
-            raise Superseded from None
-
-    async def ask(desk: Worker) -> object:
-        tasks = [asyncio.create_task(desk.answer(endless)) for _ in range(3)]
-        await asyncio.sleep(0.05)
-        desk.close()
-        return await asyncio.gather(*tasks, return_exceptions=True)
-
-    began = time.monotonic()
-    assert [type(item) for item in run(ask)] == [Superseded] * 3  # type: ignore[attr-defined]
-    assert time.monotonic() - began < 5
-
-
-def test_work_ahead_gives_way_to_a_question() -> None:
-    done: list[int] = []
-
-    def piece(number: int) -> None:
-        if number == 1:
-            message = "does not fit"
-            raise FileError(message)
-        time.sleep(0.02)
-        done.append(number)
-
-    async def until(number: int) -> None:
-        while number not in done:
-            await asyncio.sleep(0.005)
-
-    async def ask(desk: Worker) -> None:
-        desk.ahead([partial(piece, number) for number in range(3)])
-        await until(2)
-        assert done == [0, 2]
-        desk.ahead([partial(piece, number) for number in range(10, 200)])
-        await until(10)
-        await desk.answer(lambda _: done.append(-1))
+def test_a_hanging_task_is_stopped_and_others_are_answered_meanwhile() -> None:
+    async def ask(worker: Worker) -> Any:
+        before = await both(worker)
+        stopped = asyncio.create_task(worker.answer(Task("hang", seconds=2.0)))
         await asyncio.sleep(0.1)
-        assert done[-1] == -1, "a question ends the work ahead"
-        assert 199 not in done
+        meanwhile = [await worker.answer(Task("echo", b"still here")) for _ in range(3)]
+        assert not stopped.done()
+        return before, await stopped, meanwhile, await both(worker)
+
+    before, stopped, meanwhile, after = run(ask)
+    assert stopped.status == 422
+    assert "longer than 2 s" in record(stopped)["message"]
+    assert [record(reply)["content"] for reply in meanwhile] == ["still here"] * 3
+    assert len({*before, *after}) == 3, "one process was replaced"
+    assert gone([*before, *after])
+
+
+@pytest.mark.parametrize(
+    ("name", "status", "words"),
+    [
+        ("crash", 500, "ended (SIGABRT)"),
+        ("much", 422, "of memory, so it was stopped"),
+        ("refuse", 422, "panel.toml: is a folder"),
+        ("fail", 500, "ValueError); see its terminal"),
+    ],
+)
+def test_whatever_goes_wrong_is_one_message(name: str, status: int, words: str) -> None:
+    async def ask(worker: Worker) -> Any:
+        reply = await worker.answer(Task(name))
+        return reply, await worker.answer(Task("echo", b"next"))
+
+    reply, following = run(ask)
+    assert reply.status == status
+    assert words in record(reply)["message"]
+    assert "anna" not in record(reply)["message"]
+    assert record(following)["content"] == "next"
+
+
+def test_what_a_process_knew_is_known_to_its_successor() -> None:
+    async def ask(worker: Worker) -> Any:
+        options = {"mark": "m"}
+        first = record(await worker.answer(Task("keep", b"panel", options)))["process"]
+        os.kill(first, 9)
+        await asyncio.sleep(0.1)
+        found = record(await worker.answer(Task("know", b"", options)))
+        other = await worker.answer(Task("know", b"", {"mark": "other"}))
+        return first, found, other
+
+    first, found, other = run(ask)
+    assert found["content"] == "panel"
+    assert found["process"] != first
+    assert (other.status, record(other)["message"]) == (422, "never heard of it")
+
+
+def test_leaving_ends_what_hangs_with_all_that_it_started(tmp_path: Path) -> None:
+    number = tmp_path / "pid"
+
+    async def ask(worker: Worker) -> Any:
+        pids = await both(worker)
+        asked = Task("child", str(number).encode())
+        waits = [asyncio.create_task(worker.answer(asked)) for _ in range(4)]
+        while not number.exists() or not number.read_text():
+            await asyncio.sleep(0.02)
+        began = time.monotonic()
+        worker.close()
+        ended = await asyncio.gather(*waits, return_exceptions=True)
+        return [*pids, int(number.read_text())], ended, time.monotonic() - began, worker.folder
+
+    pids, ended, took, folder = run(ask)
+    assert [type(item) for item in ended] == [ClosedError] * 4
+    assert took < 2
+    assert gone(pids)
+    assert not folder.exists()
+
+
+def test_processes_that_do_not_start_are_told() -> None:
+    async def ask(worker: Worker) -> Any:
+        return await asyncio.gather(
+            *(worker.answer(Task("echo")) for _ in range(2)), return_exceptions=True
+        )
+
+    for error in run(ask, prepare=answering.unprepared):
+        assert isinstance(error, FileError)
+        assert "does not start (OSError: nothing to compute with)" in str(error)
+
+
+def test_work_ahead_is_done_and_gives_way(tmp_path: Path) -> None:
+    done = tmp_path / "done"
+
+    async def ask(worker: Worker) -> None:
+        await worker.answer(Task("begin", str(done).encode()))
+        while not done.exists() or len(done.read_text()) < 5:
+            await asyncio.sleep(0.02)
 
     run(ask)
+    assert done.read_text() == "xxxxx"
+
+
+def test_a_process_that_has_grown_since_its_first_answers_is_replaced(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    megabytes = 0.0
+    monkeypatch.setattr(process, "_pages", lambda: [0, round(megabytes * 1e6)])
+    monkeypatch.setattr(process, "_page_size", lambda: 1)
+    for first, most in ((400.0, 800.0), (1000.0, 1300.0)):
+        use, megabytes = process._MemoryUse(), first
+        assert not any(use.has_grown() for _ in range(process.FIRST_ANSWERS))
+        megabytes = most - 1
+        assert not use.has_grown()
+        megabytes = most + 1
+        assert use.has_grown() is (sys.platform == "linux")

@@ -9,8 +9,7 @@ from tests.verification.hand_made import ALL_MODES
 
 from turnout.beam.material import Material
 from turnout.law.table import LawTableBuilder
-from turnout.mechanism.mechanism import Mechanism
-from turnout.mechanism.rail import Point, RailData, ReducedRail, Support
+from turnout.mechanism.mechanism import Mechanism, Point, RailData, ReducedRail, Support
 from turnout.mechanism.reduce import reduce_rail
 from turnout.section.properties import SectionProperties
 

@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 from tests.verification.resumable import Record, command_line, put_section
 from tests.verification.twin_campaigns import WINDOW, Twin, campaign, short_sb1
 
+from turnout.calibration.calibrate import calibrate
+from turnout.calibration.comparison import Doubt
+from turnout.calibration.stage import Plan as Stages
+from turnout.calibration.stage import default_plan
 from turnout.errors import TurnoutError
-from turnout.response.scheme import Scheme
-from turnout.study.calibration.calibrate import calibrate
-from turnout.study.calibration.stage import Plan as Stages
-from turnout.study.calibration.stage import default_plan
-from turnout.study.calibration.view import Doubt
-from turnout.study.virtual_noise import Disturbance
-from turnout.study.virtual_plan import Plan
-from turnout.study.virtual_truth import finer_panel, finer_scheme
+from turnout.scheme import Scheme
+from turnout.virtual.noise import Disturbance
+from turnout.virtual.plan import Plan
+from turnout.virtual.throw import finer_panel, finer_scheme
 
 SEED = 20261122
 CASES = (

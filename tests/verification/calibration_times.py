@@ -21,8 +21,8 @@ from pathlib import Path
 
 from tests.verification.resumable import Record, put_section
 
+from turnout.calibration.result import load_calibration
 from turnout.response.store import open_response
-from turnout.study.calibration.record import load_calibration
 
 PANEL = "uic60-760-1-15"
 PAGE = Path(__file__).parents[2] / "docs" / "calibration.md"

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from turnout.files.toml import parse_toml
-from turnout.integrate.scheme import Scheme
+from turnout.core.toml import parse_toml
 from turnout.mechanism.rail_sections import FOOT_EDGES, station_columns
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, library_text, load_panel, panel_from_file
 from turnout.response.simulate import simulate
+from turnout.scheme import Scheme
 
 DEFAULT = "uic60-760-1-15"
 DOCS = Path(__file__).parents[2] / "docs"

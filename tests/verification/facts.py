@@ -10,7 +10,7 @@ import xarray as xr
 from tests.verification.agreement import Check, filtered
 from tests.verification.runs import DEFAULT, end_force, throw
 
-from turnout.files.toml import parse_toml
+from turnout.core.toml import parse_toml
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, library_text, load_panel, panel_from_file
 from turnout.response.simulate import simulate

@@ -34,22 +34,22 @@ from scipy.signal import butter, hilbert, sosfiltfilt
 from tests.verification.agreement import Check
 from tests.verification.hand_made import hand_made
 
-from turnout.integrate.run import History, integrate
-from turnout.integrate.scheme import Scheme
-from turnout.law.table import LawTableBuilder
-from turnout.mechanism.build import build_mechanism
-from turnout.mechanism.condense import condense
-from turnout.mechanism.mechanism import Mechanism
-from turnout.mechanism.modal import ModalModel
-from turnout.mechanism.sliding import (
+from turnout.analysis.sliding import (
     ComplexModes,
     Floats,
     complex_modes,
     law_coupling,
     steady_sliding,
 )
+from turnout.analysis.stability import sliding_places
+from turnout.condense.condense import condense
+from turnout.condense.modal import ModalModel
+from turnout.integrate.run import History, integrate
+from turnout.law.table import LawTableBuilder
+from turnout.mechanism.build import build_mechanism
+from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.response.stability import sliding_places
+from turnout.scheme import Scheme
 
 MASS, DASHPOT, PLATE, PRESS = 2.0, 3.0, 4e5, 200.0
 ALONG, ACROSS, BETWEEN = 6e5, 3e5, -9e4

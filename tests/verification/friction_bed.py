@@ -35,7 +35,7 @@ from tests.verification.beams_by_hand import AREA, EI, RHO, Floats, joined, pris
 from tests.verification.hand_made import energy_residual, linear_spring, run
 
 from turnout.law.table import LawTableBuilder
-from turnout.mechanism.rail import Point
+from turnout.mechanism.mechanism import Point
 
 BETA = 1.0
 BED = 4 * EI * BETA**4

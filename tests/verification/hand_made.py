@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 
 from turnout.integrate.run import History, integrate
-from turnout.integrate.scheme import Scheme
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
+from turnout.scheme import Scheme
 
 LEDGER = ("markers", "friction", "damping", "switched", "algorithmic", "segments")
 STORED = ("kinetic", "strain", "contact", "gravity")

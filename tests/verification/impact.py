@@ -50,7 +50,7 @@ from tests.verification.hand_made import energy_residual, linear_spring, run
 
 from turnout.integrate.run import History
 from turnout.law.table import LawTableBuilder
-from turnout.mechanism.rail import Point, ReducedRail, Support
+from turnout.mechanism.mechanism import Point, ReducedRail, Support
 
 LENGTH = 3.0
 MASS = LINE_MASS * LENGTH

@@ -18,14 +18,14 @@ from tests.verification.calibration_coverage import START, TRUTH
 from tests.verification.resumable import Record, command_line, put_section
 from tests.verification.twin_campaigns import SB1_CASES, WINDOW, Twin, campaign, short_sb1
 
-from turnout.response.scheme import Scheme
-from turnout.study.calibration.evaluate import Evaluator
-from turnout.study.calibration.record import Calibration, Fitted
-from turnout.study.calibration.stage import default_plan
-from turnout.study.discrepancy.compare import compare_laws
-from turnout.study.discrepancy.laws import PLAIN, SOFT, WORN
-from turnout.study.virtual_plan import Defects, Plan
-from turnout.study.virtual_truth import finer_panel, finer_scheme
+from turnout.calibration.drive_law.candidates import PLAIN, SOFT, WORN
+from turnout.calibration.drive_law.compare import compare_laws
+from turnout.calibration.evaluate import Evaluator
+from turnout.calibration.result import Calibration, Fitted
+from turnout.calibration.stage import default_plan
+from turnout.scheme import Scheme
+from turnout.virtual.plan import Defects, Plan
+from turnout.virtual.throw import finer_panel, finer_scheme
 
 SEED = 20261123
 WANTED = (PLAIN, WORN, SOFT)

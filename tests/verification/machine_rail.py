@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.integrate.arrange import arranged
-from turnout.integrate.interrupt import one_thread
+from turnout.core.threads import one_blas_thread
+from turnout.integrate.arrange import arrange, prepare, start
 from turnout.integrate.march import march, store
-from turnout.integrate.prepare import prepare, start
 from turnout.integrate.run import History, integrate
-from turnout.integrate.scheme import Scheme
+from turnout.kernels.interrupt import one_thread
 from turnout.machine.compute import places as at
 from turnout.machine.compute.couple import Machines, Room, accept_machines, try_machines
 from turnout.machine.load import load_machines
@@ -24,8 +23,8 @@ from turnout.machine.records import Machine
 from turnout.machine.rows import command_rows, machine_row, start_state, stroke_table, work_rows
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
-from turnout.mechanism.threads import one_blas_thread
 from turnout.panel.load import load_panel
+from turnout.scheme import Scheme
 
 Floats = NDArray[np.float64]
 RODS = {"1": 750e3, "2": 810e3}
@@ -154,7 +153,7 @@ def throw_staggered(*, step: float) -> tuple[Floats, Floats]:
     mode = "waveform" if step <= 1e-3 else "quick"
     scheme = Scheme.of(mode, step=step, output_interval=step)
     run = prepare(
-        arranged(mechanism, scheme), scheme, np.zeros((count + 1, 2)), count + 1, filled_in=False
+        arrange(mechanism, scheme), scheme, np.zeros((count + 1, 2)), count + 1, filled_in=False
     )
     rows = [mechanism.laws.row[mechanism.index.drive[name]] for name in RODS]
     ends = [int(run.system.row_place[row]) for row in rows]

@@ -23,13 +23,13 @@ from scipy.optimize import brentq
 from tests.verification.agreement import Check
 from tests.verification.beams_by_hand import AREA, I_LATERAL, RHO, E, Floats, G
 
+from turnout.condense.condense import condense
 from turnout.integrate.run import integrate
-from turnout.integrate.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
-from turnout.mechanism.condense import condense
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.panel.motion import marker_positions
+from turnout.panel.markers import marker_positions
+from turnout.scheme import Scheme
 
 ELEMENT_LENGTHS = (0.3, 0.15, 0.075)
 MODES = 4

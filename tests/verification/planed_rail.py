@@ -93,7 +93,7 @@ def page() -> str:
 
 def write() -> None:
     """Write the tables and the figure."""
-    from turnout.plot.section_outlines import plot_section_outlines
+    from turnout.plot.sections import plot_section_outlines
 
     (FIGURES / "sections.txt").write_text(page(), encoding="utf-8")
     sections = cuts()

@@ -15,9 +15,9 @@ import numpy as np
 import xarray as xr
 from tests.unit.recorded import changed, noisy, samples, typical
 
-from turnout.measurement.movement import find_throws
-from turnout.measurement.quality import Expected, Verdict, judge
-from turnout.measurement.quality_record import Limits
+from turnout.measurement.campaign.throws import find_throws
+from turnout.measurement.quality.channel import Limits
+from turnout.measurement.quality.judge import Expected, Verdict, judge
 
 PAGE = Path(__file__).parents[2] / "docs" / "measurement-quality.md"
 FIRST_SEED, TRIALS, SOUND = 13_000, 24, 144
@@ -255,7 +255,7 @@ HEAD = """# Quality of recorded throws
 A throw is excluded, with its reason, when a channel is clipped, held, missing or dead, when
 channels have changed places or sign, when it goes the other way than its sheet says, when samples
 came at another rate than stated, when mains hum is strong, or when its start or end was not
-recorded. Limits are fields of `turnout.measurement.quality_record.Limits`; a fault below its limit
+recorded. Limits are fields of `turnout.measurement.quality.channel.Limits`; a fault below its limit
 is meant to pass.
 
 Two things are taken from the rest of the campaign, so at least three sound movements in each
@@ -264,8 +264,15 @@ first 1.5 s, in which no object has a say. Clipping and drop-outs are told by no
 without any cannot be judged. A silent load cell is only remarked upon: an object need not be
 reached.
 
-Not seen: a wrong gain or offset; two faults of one channel that hide each other; one direction
-turned in the sheet as well as both rods reversed.
+Spikes of one or two samples (above 500 N or 2 A, from 500 Hz on) and a zero that drifts by more
+than 200 N, alike before and after the motion, exclude a throw too; both are looked past when its
+start and end are found. Only remarked upon are a zero offset (a rod that carries 750 N more or
+less with the rail open than in the rest of the campaign, a current above 0.15 A or a load cell
+above 200 N at rest) and steps of a converter above 50 N or 0.05 A.
+
+Not seen: a wrong gain; an offset of a rod that the whole campaign has, as rods may carry
+kilonewtons at rest; two faults of one channel that hide each other; one direction turned in the
+sheet as well as both rods reversed.
 
 `python -m tests.verification.quality_sweep` writes the tables below on virtual recordings of panel
 SB2 (0, 13 and 26 mm at sleeper 6, friction 0.38 to 0.42, with the noise, drift and hum of the

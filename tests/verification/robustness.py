@@ -30,8 +30,8 @@ from tests.verification.robustness_report import write_page
 from tests.verification.robustness_scenarios import SEED, Scenario, numbered_scenario
 
 from turnout.errors import TurnoutError
-from turnout.law.compiled import kernel_cache_folder
-from turnout.metric.books import numerical_share, residual_share
+from turnout.kernels.compiled import kernel_cache_folder
+from turnout.metric.summary import numerical_share, residual_share
 
 Record = dict[str, Any]
 FINE_STEP = 1e-4

@@ -9,11 +9,11 @@ from tests.verification.reference import full, thinned
 from tests.verification.runs import books, throw
 
 from turnout.integrate.run import integrate
-from turnout.integrate.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
-from turnout.panel.motion import marker_positions
+from turnout.panel.markers import marker_positions
+from turnout.scheme import Scheme
 
 RUNS = {
     "sb1_A": ("sb1", None),

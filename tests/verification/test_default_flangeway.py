@@ -11,8 +11,8 @@ import pytest
 import xarray as xr
 from tests.verification.runs import DEFAULT, throw
 
-from turnout.metric.concern import concerns
-from turnout.metric.movement import settled
+from turnout.analysis.panel_check import concerns
+from turnout.metric.slip import settled
 from turnout.metric.summary import summary
 from turnout.panel.load import load_panel
 

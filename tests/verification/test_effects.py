@@ -19,9 +19,9 @@ from tests.verification.effects import (
     tabulated,
 )
 
-from turnout.integrate.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.load import LoadedPanel, load_panel
+from turnout.scheme import Scheme
 
 PANEL = load_panel(DEFAULT)
 

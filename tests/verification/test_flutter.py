@@ -12,9 +12,9 @@ from tests.verification.flutter import (
     unsymmetric_panel,
 )
 
-from turnout.mechanism.condense import condense
-from turnout.mechanism.sliding import complex_modes, steady_sliding
-from turnout.response.stability import friction_stability
+from turnout.analysis.sliding import complex_modes, steady_sliding
+from turnout.analysis.stability import friction_stability
+from turnout.condense.condense import condense
 
 NONE = np.zeros(0)
 

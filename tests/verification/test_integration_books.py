@@ -197,5 +197,5 @@ def test_an_error_planted_in_the_books_is_seen(
     plain_march(monkeypatch)
     assert energy_residual(throw(end=0.5)) < CLOSED
     monkeypatch.setattr(march, name, tamper(getattr(march, name)))
-    with pytest.raises(AssertionError, match="inaccurate.*books of energy do not close"):
+    with pytest.raises(AssertionError, match="inaccurate.*the energy balance does not close"):
         throw(end=0.5)  # the run itself refuses, and `throw` asks for a complete one

@@ -13,9 +13,9 @@ from tests.verification.hand_made import ALL_MODES, hand_made, linear_spring
 
 from turnout.errors import MechanicsError
 from turnout.integrate.run import History, integrate
-from turnout.integrate.scheme import Scheme
 from turnout.law.table import LawTable, LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
+from turnout.scheme import Scheme
 
 SOFT, BEND = 1e3, 0.01
 

@@ -11,9 +11,9 @@ import pytest
 from tests.verification.hand_made import ALL_MODES, energy_residual, hand_made
 
 from turnout.integrate.run import History, integrate
-from turnout.integrate.scheme import Scheme
 from turnout.law.table import LawTable, LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
+from turnout.scheme import Scheme
 
 SEEDS = range(200)
 

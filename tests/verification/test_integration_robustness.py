@@ -16,9 +16,9 @@ from tests.verification.hand_made import (
 
 from turnout.integrate.outcome import Code
 from turnout.integrate.run import History, integrate
-from turnout.integrate.scheme import Scheme
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
+from turnout.scheme import Scheme
 
 N_FEET = 8
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from turnout.integrate.run import History
-from turnout.integrate.scheme import Scheme
 from turnout.mechanism import build
-from turnout.mechanism.between import row_between, stands_between
 from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.offnode_objects import is_off_node, offnode_row
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.response.simulate import solve_placed
+from turnout.scheme import Scheme
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +69,7 @@ def test_rails_stay_the_same_for_all_places_between(panel: LoadedPanel) -> None:
 def test_an_object_at_a_place_and_one_between_are_both_there(panel: LoadedPanel) -> None:
     given = [ForeignObject(0.01, "x = 3.37 m"), ForeignObject(0.013, "sleeper 8")]
     objects = resolve_objects(panel, given)
-    assert [stands_between(panel, item) for item in objects] == [True, False]
+    assert [is_off_node(panel, item) for item in objects] == [True, False]
     mechanism, history = thrown(panel, objects)
     law = mechanism.index.object
     assert mechanism.law_names[law["1"]] == "object 1"
@@ -83,7 +83,7 @@ def test_an_object_at_a_place_and_one_between_are_both_there(panel: LoadedPanel)
 
 def test_a_point_between_follows_what_a_rigid_rail_does() -> None:
     nodes = np.array([0.0, 0.2, 0.5])
-    at, weights = row_between(nodes, x=0.31, z=0.15)
+    at, weights = offnode_row(nodes, x=0.31, z=0.15)
     moved = np.zeros((nodes.size, 6))
     moved[:, 1] = 0.02 + 0.3 * nodes  # aside, and turned about z
     moved[:, 5] = 0.3

@@ -12,8 +12,8 @@ import pytest
 from tests.verification.outsider import CASES, Case, Habits, Truth, write_campaign
 from typer.testing import CliRunner
 
+from turnout.calibration.result import load_calibration
 from turnout.cli.main import app
-from turnout.study.calibration.record import load_calibration
 
 FRICTION = "chair.friction_coefficient"
 HELD_BACK = "run05-closing"

@@ -12,10 +12,10 @@ from tests.verification.hand_made import energy_residual, hand_made, linear_spri
 
 from turnout.integrate.outcome import Code
 from turnout.integrate.run import History, integrate
-from turnout.integrate.scheme import Scheme
 from turnout.law.table import LawTableBuilder
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.response.simulate import simulate
+from turnout.scheme import Scheme
 
 STATIC = Scheme.of("quasi-static")
 

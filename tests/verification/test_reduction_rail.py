@@ -14,7 +14,7 @@ from turnout.beam.assembly import assemble_beam, dof_index, point_row
 from turnout.beam.material import Material
 from turnout.beam.mesh import mesh_nodes
 from turnout.reduction.craig_bampton import craig_bampton, reduce_vector
-from turnout.reduction.report import reduction_report
+from turnout.reduction.truncation import reduction_report
 from turnout.section.properties import SectionProperties, interpolate_sections
 
 STEEL = Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.measurement.campaign import build_campaign
+from turnout.calibration.calibrate import calibrate
+from turnout.measurement.campaign.build import build_campaign
 from turnout.panel.load import load_panel
-from turnout.study.calibration.calibrate import calibrate
 
 TRUE = {
     "chair.friction_coefficient": 0.4,

@@ -21,9 +21,9 @@ from tests.verification.robustness_scenarios import (
 )
 
 from turnout.integrate.outcome import Code, NotConverged
-from turnout.integrate.scheme import Scheme
 from turnout.panel.load import library_names, load_panel
 from turnout.response.simulate import simulate
+from turnout.scheme import Scheme
 
 QUICK: dict[str, float | None] = {
     "movement.throw.start": 0.1,

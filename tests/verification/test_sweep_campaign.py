@@ -15,8 +15,8 @@ import xarray as xr
 
 from turnout.metric.sweep_map import SLIPS, STATES, sweep_map
 from turnout.study.study import load_study
-from turnout.study.sweep_read import read_labels
-from turnout.study.sweep_run import run_sweep
+from turnout.sweep.read import read_labels
+from turnout.sweep.run import run_sweep
 
 
 @pytest.fixture(scope="module")

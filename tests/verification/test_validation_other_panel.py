@@ -9,14 +9,14 @@ from pathlib import Path
 
 from tests.verification.twin_campaigns import WINDOW, Twin, campaign, short_sb1
 
+from turnout.calibration.calibrate import calibrate
+from turnout.calibration.evaluate import Evaluator
+from turnout.calibration.stage import Plan as Stages
+from turnout.calibration.stage import default_plan
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.study.calibration.calibrate import calibrate
-from turnout.study.calibration.evaluate import Evaluator
-from turnout.study.calibration.stage import Plan as Stages
-from turnout.study.calibration.stage import default_plan
-from turnout.study.validation.validate import validate
-from turnout.study.validation.verdict import Verdict, judge
-from turnout.study.virtual_plan import Plan
+from turnout.validation.validate import validate
+from turnout.validation.verdict import Verdict, judge
+from turnout.virtual.plan import Plan
 
 LIBRARY = Path(__file__).parents[2] / "src" / "turnout" / "panel" / "library" / "sb1.toml"
 CASES = (

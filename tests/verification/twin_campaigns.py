@@ -12,19 +12,19 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.measurement.campaign_dataset import stacked
-from turnout.measurement.movement import Throw
-from turnout.measurement.piece import Piece
+from turnout.measurement.campaign.build import stacked
+from turnout.measurement.campaign.piece import Piece
+from turnout.measurement.campaign.throws import Throw
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.response.save import Save
-from turnout.response.scheme import Scheme
 from turnout.response.simulate import simulate
-from turnout.study.virtual_files import Thrown, true_run
-from turnout.study.virtual_noise import disturbed
-from turnout.study.virtual_plan import Case, Plan, chance_for, overrides_for
-from turnout.study.virtual_series import FIELDS
-from turnout.study.virtual_throw import Window, record_throw
+from turnout.scheme import Scheme
+from turnout.virtual.files import Thrown, true_run
+from turnout.virtual.noise import disturbed
+from turnout.virtual.plan import Case, Plan, chance_for, overrides_for
+from turnout.virtual.series import FIELDS
+from turnout.virtual.throw import Window, record_throw
 
 WINDOW = Window(lead=1.0, length=5.0)
 # Each drive is loaded by an object beside it and by others; two throws are free.

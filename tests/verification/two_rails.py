@@ -31,7 +31,7 @@ from tests.verification.beams_by_hand import AREA, EI, LINE_MASS, Floats, G, joi
 from tests.verification.hand_made import energy_residual, linear_spring, run
 
 from turnout.law.table import LawTableBuilder
-from turnout.mechanism.rail import Point
+from turnout.mechanism.mechanism import Point
 
 LONG, SHORT, SHEAR = 4.0, 2.5, 0.6
 DRIVE_X, OBJECT_X, OTHER_X = 0.4, 1.2, 0.3

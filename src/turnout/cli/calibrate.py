@@ -7,15 +7,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.campaign import INTERRUPTED, dataset_of
-from turnout.cli.options import DEFAULT_PANEL, SetOption, opened_panel
-from turnout.cli.outputs import check_outputs, made_folder, write_told
+from turnout.cli.campaign import INTERRUPTED, OutsideOption, dataset_of
+from turnout.cli.options import (
+    DEFAULT_PANEL,
+    SetOption,
+    check_outputs,
+    made_folder,
+    opened_panel,
+    write_and_report,
+)
 from turnout.cli.validate import kept_throws
 
 if TYPE_CHECKING:
-    from turnout.study.calibration.calibrate import Outcome
-    from turnout.study.calibration.progress import State
-    from turnout.study.calibration.record import Calibration
+    from turnout.calibration.calibrate import Outcome
+    from turnout.calibration.progress import State
+    from turnout.calibration.result import Calibration
 
 SECONDS_BETWEEN_LINES = 2.0
 NOT_TRUSTED = 1
@@ -64,6 +70,7 @@ def calibrate_command(
         bool,
         typer.Option("--strict", help="Exit code 1 where the result is not to be trusted."),
     ] = False,
+    allow_outside: OutsideOption = False,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")] = False,
 ) -> None:
@@ -77,11 +84,11 @@ def calibrate_command(
     if figures is not None:
         made_folder("--figures", figures)
     loaded = opened_panel(panel, settings)
-    from turnout.study.calibration.stage import default_plan
+    from turnout.calibration.stage import default_plan
 
     plan = default_plan(loaded, free=free, fixed=fix, most=most)
-    dataset = dataset_of(source, None, quiet=quiet)
-    from turnout.study.calibration.calibrate import calibrate
+    dataset = dataset_of(source, None, out=out, allow_outside=allow_outside, quiet=quiet)
+    from turnout.calibration.calibrate import calibrate
 
     try:
         outcome = calibrate(
@@ -188,4 +195,4 @@ def _draw(outcome: "Outcome", folder: Path) -> None:
     for number, item in enumerate(outcome.sweeps, 1):
         name = item.parameter.name.replace(".", "-")
         figure = plot_sweep(item.curves)
-        write_told(folder / f"sweep-{number}-{name}.png", rendered(figure, ".png"))
+        write_and_report(folder / f"sweep-{number}-{name}.png", rendered(figure, ".png"))

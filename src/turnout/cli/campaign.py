@@ -5,15 +5,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.options import CalibrationOption, PanelOption, SetOption, opened_panel
-from turnout.cli.outputs import check_outputs
+from turnout.cli.options import (
+    CalibrationOption,
+    PanelOption,
+    SetOption,
+    check_outputs,
+    opened_panel,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from turnout.measurement.campaign import Campaign
+    from turnout.measurement.campaign.build import Campaign
     from turnout.panel.load import LoadedPanel
-    from turnout.study.virtual_plan import Plan
+    from turnout.virtual.plan import Plan
 
 FIGURES = (".png", ".pdf", ".svg")
 INTERRUPTED = 130
@@ -38,6 +43,12 @@ ChannelsOption = Annotated[
 StrictOption = Annotated[
     bool, typer.Option("--strict", help="A movement that must be excluded is an error.")
 ]
+OutsideOption = Annotated[
+    bool,
+    typer.Option(
+        "--allow-outside", help="Read files that lie outside DIR, or that a recording refers to."
+    ),
+]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")]
 
 
@@ -46,10 +57,13 @@ def check_command(
     folder: FolderArgument,
     channels: ChannelsOption = None,
     strict: StrictOption = False,
+    allow_outside: OutsideOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Check a run sheet against its files, and the quality of every movement."""
-    campaign = built_campaign(folder, channels, strict=strict, quiet=quiet)
+    campaign = built_campaign(
+        folder, channels, strict=strict, allow_outside=allow_outside, quiet=quiet
+    )
     if not quiet:
         _tell(campaign, remarks=True)
 
@@ -63,17 +77,23 @@ def build_command(
     ] = None,
     channels: ChannelsOption = None,
     strict: StrictOption = False,
+    allow_outside: OutsideOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Build one dataset of all usable movements; what was built before is taken up."""
     if out is not None:
         check_outputs({"--out": out}, {"--out": (".nc",)})
-    campaign = built_campaign(folder, channels, strict=strict, quiet=quiet)
+    from turnout.measurement.campaign.inside import refuse_to_leave
+
+    target = out if out is not None else folder / "campaign.nc"
+    refuse_to_leave(target, folder)
+    campaign = built_campaign(
+        folder, channels, strict=strict, allow_outside=allow_outside, quiet=quiet
+    )
     if not quiet:
         _tell(campaign, remarks=False)
     from turnout.response.store import save_response
 
-    target = out if out is not None else folder / "campaign.nc"
     save_response(usable_dataset(campaign, folder), target)
     if not quiet:
         typer.echo(f"{'written':<12}{target} ({round(target.stat().st_size / 1e6)} MB)")
@@ -96,6 +116,7 @@ def plot_command(
         ),
     ] = None,
     channels: ChannelsOption = None,
+    allow_outside: OutsideOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Draw channels by object size at one place, or places against sizes."""
@@ -107,8 +128,8 @@ def plot_command(
         message = f"--direction {direction}: must be closing or opening"
         raise FileError(message)
     place = None if place is None else _place(place)
-    dataset = dataset_of(source, channels, quiet=quiet)
-    from turnout.files.atomic import write_atomic
+    dataset = dataset_of(source, channels, out=target, allow_outside=allow_outside, quiet=quiet)
+    from turnout.core.atomic import write_atomic
     from turnout.plot.campaign import plot_overview, plot_stacked
     from turnout.plot.style import rendered
 
@@ -158,8 +179,8 @@ def virtual_command(
     quiet: QuietOption = False,
 ) -> None:
     """Make a campaign of simulated throws as a data acquisition system would have recorded it."""
-    from turnout.study.virtual_plan import virtual_plan
-    from turnout.study.virtual_truth import finer_panel, finer_scheme
+    from turnout.virtual.plan import virtual_plan
+    from turnout.virtual.throw import finer_panel, finer_scheme
 
     loaded = opened_panel(panel, settings, calibration)
     if finer:
@@ -181,7 +202,7 @@ def virtual_command(
 
 def _place(text: str) -> str:
     from turnout.errors import FileError
-    from turnout.measurement.sheet_value import normal_place
+    from turnout.measurement.campaign.sheet import normal_place
 
     try:
         return normal_place(text)
@@ -193,7 +214,7 @@ def _place(text: str) -> str:
 def _make(panel: "LoadedPanel", out: Path, plan: "Plan", *, workers: int, quiet: bool) -> None:
     from turnout.cli.watch import Watch
     from turnout.response.compilation import must_compile
-    from turnout.study.virtual_campaign import make_virtual_campaign
+    from turnout.virtual.campaign import make_virtual_campaign
 
     text = f"throwing {panel.name}"
     try:
@@ -218,14 +239,27 @@ def _make(panel: "LoadedPanel", out: Path, plan: "Plan", *, workers: int, quiet:
         typer.echo(f"{'written':<12}{out} (run sheet runs.csv, truth truth.nc; all synthetic)")
 
 
-def built_campaign(folder: Path, channels: str | None, *, strict: bool, quiet: bool) -> "Campaign":
+def built_campaign(
+    folder: Path,
+    channels: str | None,
+    *,
+    strict: bool,
+    allow_outside: bool = False,
+    quiet: bool,
+) -> "Campaign":
     """Read a campaign's folder with its progress shown; Ctrl-C loses nothing."""
     from turnout.cli.watch import Watch
-    from turnout.measurement.campaign import build_campaign
+    from turnout.measurement.campaign.build import build_campaign
 
     try:
         with Watch(f"reading {folder.name or folder}", compiling=False, quiet=quiet) as watch:
-            return build_campaign(folder, channels=channels, strict=strict, report=watch.report)
+            return build_campaign(
+                folder,
+                channels=channels,
+                strict=strict,
+                allow_outside=allow_outside,
+                report=watch.report,
+            )
     except KeyboardInterrupt:
         typer.echo(
             "turnout: interrupted; the movements read so far are kept, the same command goes on",
@@ -234,8 +268,25 @@ def built_campaign(folder: Path, channels: str | None, *, strict: bool, quiet: b
         raise typer.Exit(INTERRUPTED) from None
 
 
-def dataset_of(source: Path, channels: str | None, *, quiet: bool) -> "xr.Dataset":
-    """Return the dataset of a campaign from its file, or built from its folder."""
+def dataset_of(
+    source: Path,
+    channels: str | None,
+    *,
+    out: Path | None = None,
+    allow_outside: bool = False,
+    quiet: bool,
+) -> "xr.Dataset":
+    """Return the dataset of a campaign from its file, or built from its folder.
+
+    What is to be written, `out`, must not leave the folder by a link in it.
+    """
+    from turnout.measurement.campaign.inside import refuse_links_out, refuse_to_leave
+    from turnout.measurement.campaign.piece import STORE
+
+    received = source if source.is_dir() else source.parent
+    refuse_links_out(received / STORE, received)
+    if out is not None:
+        refuse_to_leave(out, received)
     if source.suffix.lower() == ".nc":
         from turnout.response.store import open_response
 
@@ -246,7 +297,9 @@ def dataset_of(source: Path, channels: str | None, *, quiet: bool) -> "xr.Datase
             message = f"{source}: holds one run, not a campaign; `turnout simulate --plot` draws it"
             raise FileError(message)
         return dataset
-    campaign = built_campaign(source, channels, strict=False, quiet=quiet)
+    campaign = built_campaign(
+        source, channels, strict=False, allow_outside=allow_outside, quiet=quiet
+    )
     dataset = usable_dataset(campaign, source)
     for who, reasons in [] if quiet else excluded_movements(campaign):
         typer.echo(f"turnout: left out {who}: {'; '.join(reasons)}", err=True)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from turnout.cli.outputs import FIGURES, check_outputs
+from turnout.cli.options import FIGURES, check_outputs
 from turnout.errors import SolverError
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ def _write(throw: "MachineThrow", out: Path | None, plot: Path | None) -> None:
 
         save_response(dataset, out)
     if plot is not None:
-        from turnout.files.atomic import write_atomic
+        from turnout.core.atomic import write_atomic
         from turnout.plot.machine import plot_machine
         from turnout.plot.style import rendered
 
@@ -159,7 +159,7 @@ def _leaves(prefix: str, value: Any) -> list[tuple[str, Any]]:
 
 
 def _shown(value: Any) -> str:
-    from turnout.files.problems import show_value
+    from turnout.core.problems import show_value
 
     return show_value(value)
 

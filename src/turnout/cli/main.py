@@ -43,7 +43,7 @@ app.add_typer(sweep.app, name="sweep")
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from turnout.files.provenance import version
+        from turnout.core.provenance import version
 
         typer.echo(f"turnout {version()}")
         raise typer.Exit

@@ -6,8 +6,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.options import CalibrationOption, PanelArgument, SetOption, opened_panel
-from turnout.cli.outputs import FIGURES, check_outputs, write_told
+from turnout.cli.options import (
+    FIGURES,
+    CalibrationOption,
+    PanelArgument,
+    SetOption,
+    check_outputs,
+    opened_panel,
+    write_and_report,
+)
 from turnout.errors import FileError
 
 if TYPE_CHECKING:
@@ -54,7 +61,7 @@ def modes_command(
         raise FileError(message)
     loaded = opened_panel(panel, settings, calibration)
 
-    from turnout.response.modes import modes
+    from turnout.analysis.modes import modes
 
     dataset = modes(loaded, count=count)
     figure = b""
@@ -68,7 +75,7 @@ def modes_command(
     for line in stability_lines(loaded):
         typer.echo(line)
     if reduction:
-        from turnout.response.modes import reduction_texts
+        from turnout.analysis.modes import reduction_texts
 
         for name, text in reduction_texts(loaded).items():
             typer.echo(f"\nreduction of rail {name}\n{text}")
@@ -78,7 +85,7 @@ def modes_command(
         save_response(dataset, out)
         typer.echo(f"{out}: written")
     if plot is not None:
-        write_told(plot, figure)
+        write_and_report(plot, figure)
 
 
 def mode_lines(dataset: "xr.Dataset") -> Iterator[str]:
@@ -106,7 +113,7 @@ def mode_lines(dataset: "xr.Dataset") -> Iterator[str]:
 
 def stability_lines(panel: "LoadedPanel") -> Iterator[str]:
     """Yield what friction does while the rails slide, at its value and a quarter above."""
-    from turnout.response.stability import friction_stability
+    from turnout.analysis.stability import friction_stability
 
     if not panel.movement or not panel.chair:
         return

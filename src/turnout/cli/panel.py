@@ -6,8 +6,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from turnout.cli.modes import modes_command
-from turnout.cli.options import CalibrationOption, PanelArgument, SetOption, opened_panel
-from turnout.cli.outputs import FIGURES, check_outputs, tell_schema, write_told
+from turnout.cli.options import (
+    FIGURES,
+    CalibrationOption,
+    PanelArgument,
+    SetOption,
+    check_outputs,
+    end_code,
+    opened_panel,
+    print_schema,
+    write_and_report,
+)
 
 if TYPE_CHECKING:
     pass
@@ -53,8 +62,7 @@ def show_command(
 ) -> None:
     """Show a panel: plan, closed gap, force margins, test piece, and what is assumed."""
     check_outputs({"--plot": plot}, {"--plot": FIGURES})
-    from turnout.cli.show import panel_lines
-    from turnout.cli.throwing import thrown
+    from turnout.cli.show import panel_lines, thrown
 
     opened = opened_panel(panel, settings, calibration)
     found = thrown(opened) if throw else None
@@ -65,7 +73,9 @@ def show_command(
         from turnout.plot.style import rendered
 
         figure = plot_plan(opened, dataset=found.dataset if found else None)
-        write_told(plot, rendered(figure, plot.suffix))
+        write_and_report(plot, rendered(figure, plot.suffix))
+    if found and (code := end_code(found.dataset)):
+        raise typer.Exit(code)
 
 
 @app.command("check")
@@ -81,17 +91,21 @@ def check_command(
         bool, typer.Option("--strict", help="End with exit code 2 where there are warnings.")
     ] = False,
 ) -> None:
-    """Check a panel file: all that is wrong with it; then throw it, and warn of what comes near."""
+    """Check a panel file: all that is wrong with it; then throw it, and warn of what comes near.
+
+    Ends with exit code 3 where its throw does not converge or is inaccurate.
+    """
     panel = opened_panel(file, settings, calibration)
     typer.echo(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
-    if not throw:
-        return
-    from turnout.cli.throwing import thrown_alone
-    from turnout.study.panel_check import concern_lines, panel_concerns
+    from turnout.analysis.panel_check import concern_lines, panel_concerns, unusual_concerns
+    from turnout.cli.show import thrown_alone
 
-    found = panel_concerns(panel, thrown_alone(panel))
-    for line in concern_lines(panel, found):
+    dataset = thrown_alone(panel) if throw else None
+    found = unusual_concerns(panel) if dataset is None else panel_concerns(panel, dataset)
+    for line in concern_lines(panel, found) if throw or found else ():
         typer.echo(line)
+    if dataset is not None and (code := end_code(dataset)):
+        raise typer.Exit(code)
     if found and strict:
         raise typer.Exit(BAD_INPUT)
 
@@ -114,11 +128,11 @@ def sections_command(
     for line in section_lines(opened):
         typer.echo(line)
     if plot is not None:
-        from turnout.cli.section_figure import section_figure
+        from turnout.cli.sections import section_figure
         from turnout.plot.style import rendered
 
         figure = section_figure(opened, opened.instrumented_rail)
-        write_told(plot, rendered(figure, plot.suffix))
+        write_and_report(plot, rendered(figure, plot.suffix))
 
 
 @app.command("export")
@@ -133,13 +147,13 @@ def export_command(
     calibration: CalibrationOption = None,
 ) -> None:
     """Write the matrices of every rail, whole and reduced, for other programs (.mat)."""
-    from turnout.cli.outputs import made_folder
-    from turnout.response.export import export_matrices
+    from turnout.analysis.export import export_matrices
+    from turnout.cli.options import made_folder
 
     opened = opened_panel(panel, settings, calibration)
     folder = made_folder("--out", out)
     for name, content in export_matrices(opened).items():
-        write_told(folder / name, content)
+        write_and_report(folder / name, content)
 
 
 @app.command("schema")
@@ -153,4 +167,4 @@ def schema_command(
 
     from turnout.panel.schema import panel_schema
 
-    tell_schema(panel_schema(), out)
+    print_schema(panel_schema(), out)

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from turnout.cli.options import DatasetOption, FigureOption
-from turnout.cli.outputs import check_outputs
+from turnout.cli.options import DatasetOption, FigureOption, check_outputs
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from turnout.measurement.channel_map import ChannelMap
+    from turnout.measurement.chain.channel_map import ChannelMap
     from turnout.measurement.recording import Recording
 
 FIGURES = (".png", ".pdf", ".svg")
@@ -54,6 +53,10 @@ def import_command(
             help="Centred moving average, such as 0.1s; the unfiltered channels stay beside.",
         ),
     ] = None,
+    allow_outside: Annotated[
+        bool,
+        typer.Option("--allow-outside", help="Read other files that FILE takes its samples from."),
+    ] = False,
 ) -> None:
     """Read a measurement: list and preview it, or turn it into forces and currents."""
     check_outputs(
@@ -61,12 +64,16 @@ def import_command(
         {"--out": (".nc",), "--plot": FIGURES, "--suggest": (".toml",)},
     )
     window = _checked(channels, out=out, suggest=suggest, smooth=smooth)
-    from turnout.measurement.chain import load_channel_map
-    from turnout.measurement.read import format_of, read_recording
+    from turnout.measurement.campaign.inside import refuse_to_leave
+    from turnout.measurement.chain.apply import load_channel_map
+    from turnout.measurement.formats.files import format_of, read_recording
 
+    for target in (out, plot, suggest):
+        if target is not None:
+            refuse_to_leave(target, file.parent)
     channel_map = load_channel_map(channels) if channels is not None else None
     kind = format_of(file).name
-    recording = read_recording(file)
+    recording = read_recording(file, allow_outside=allow_outside)
     if channel_map is None:
         _list(recording, kind, plot=plot, suggest=suggest)
     else:
@@ -77,8 +84,8 @@ def _checked(
     channels: str | None, *, out: Path | None, suggest: Path | None, smooth: str | None
 ) -> float | None:
     """Refuse options that do not go together, all at once; return the window [s]."""
+    from turnout.core.units import TIME, parse_quantity
     from turnout.errors import FileError
-    from turnout.files.units import TIME, parse_quantity
 
     problems = []
     if channels is None:
@@ -104,12 +111,12 @@ def _checked(
 
 
 def _list(recording: "Recording", kind: str, *, plot: Path | None, suggest: Path | None) -> None:
-    from turnout.measurement.skeleton import skeleton
+    from turnout.measurement.chain.skeleton import skeleton
 
     for line in listing(recording, kind):
         typer.echo(line)
     if plot is not None:
-        from turnout.files.atomic import write_atomic
+        from turnout.core.atomic import write_atomic
         from turnout.plot.recording import Trace, plot_columns
         from turnout.plot.style import rendered
 
@@ -118,7 +125,7 @@ def _list(recording: "Recording", kind: str, *, plot: Path | None, suggest: Path
         write_atomic(plot, rendered(plot_columns(traces, title=title), plot.suffix))
         _written(plot)
     if suggest is not None:
-        from turnout.files.atomic import write_atomic
+        from turnout.core.atomic import write_atomic
 
         write_atomic(suggest, skeleton(recording))
         _written(suggest)
@@ -130,7 +137,7 @@ def _list(recording: "Recording", kind: str, *, plot: Path | None, suggest: Path
 
 def listing(recording: "Recording", kind: str) -> Iterator[str]:
     """Yield what is in a recording: a row a channel, its course, and what could not be read."""
-    from turnout.measurement.overview import overview
+    from turnout.measurement.recording import overview
 
     started = f", started {recording.start_time}" if recording.start_time else ""
     yield _plain(f"{recording.source}: {kind}{started}")
@@ -161,8 +168,8 @@ def _convert(
     out: Path | None,
     plot: Path | None,
 ) -> None:
-    from turnout.measurement.chain import apply_chain
-    from turnout.measurement.condition import condition
+    from turnout.measurement.chain.apply import apply_chain
+    from turnout.measurement.chain.condition import condition
 
     dataset = apply_chain(recording, channel_map)
     if window is not None:
@@ -175,7 +182,7 @@ def _convert(
         save_response(dataset, out)
         _written(out)
     if plot is not None:
-        from turnout.files.atomic import write_atomic
+        from turnout.core.atomic import write_atomic
         from turnout.plot.recording import plot_measured
         from turnout.plot.style import rendered
 
@@ -186,7 +193,7 @@ def _convert(
 
 def summary(dataset: "xr.Dataset", channel_map: "ChannelMap") -> Iterator[str]:
     """Yield what was made of a recording: a row a quantity with its sensor, and what was mended."""
-    from turnout.measurement.report import channel_rows
+    from turnout.measurement.chain.apply import channel_rows
 
     rate = 1.0 / float(dataset["time"][1] - dataset["time"][0])
     first, last = float(dataset["time"][0]), float(dataset["time"][-1])

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from turnout.cli.campaign import ChannelsOption, built_campaign, excluded_movements, usable_dataset
-from turnout.cli.options import opened_panel
-from turnout.cli.outputs import check_outputs, made_folder, write_told
+from turnout.cli.options import check_outputs, made_folder, opened_panel, write_and_report
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -57,7 +56,7 @@ def report_command(
         page, files = _folder_page(source, channels, drawn=folder is not None, quiet=quiet)
     else:
         page, files = _file_page(source, panel, drawn=folder is not None)
-    from turnout.files.atomic import write_atomic
+    from turnout.core.atomic import write_atomic
     from turnout.report.page import page_html
 
     if folder is not None:
@@ -66,7 +65,7 @@ def report_command(
     if quiet:
         write_atomic(out, page_html(page))
     else:
-        write_told(out, page_html(page))
+        write_and_report(out, page_html(page))
 
 
 def _pictures(page: "Page") -> dict[str, bytes]:
@@ -83,8 +82,8 @@ def _sweep_page(source: Path, *, drawn: bool) -> "tuple[Page, Mapping[str, bytes
     """Return the page of a sweep's folder, with what decides where the throws tell it."""
     from turnout.errors import ResponseError
     from turnout.report.sweep import sweep_figures, sweep_page
-    from turnout.study.sweep_effects import sweep_effects
-    from turnout.study.sweep_read import read_labels
+    from turnout.sweep.effects import sweep_effects
+    from turnout.sweep.read import read_labels
 
     labels = read_labels(source)
     try:
@@ -117,10 +116,10 @@ def _calibration_page(
     source: Path, panel: str | None, *, drawn: bool
 ) -> "tuple[Page, Mapping[str, bytes]]":
     """Return the page of a calibration, with the inputs of its panel where that is at hand."""
+    from turnout.calibration.result import load_calibration
     from turnout.errors import FileError, PanelError
     from turnout.panel.load import load_panel
     from turnout.report.calibration import calibration_page
-    from turnout.study.calibration.record import load_calibration
 
     calibration = load_calibration(source)
     used: LoadedPanel | None = None

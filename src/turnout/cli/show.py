@@ -1,22 +1,136 @@
-"""The screen of `turnout panel show`, in the order in which a switch engineer looks at a panel."""
+"""The screen of `turnout panel show`, with the plan in characters and the throws behind it.
+
+A panel's plan in characters: what stands where along each rail. The screen of `turnout panel show`,
+in the order in which a switch engineer looks at a panel. Throws that commands make to look at a
+panel, with their progress.
+"""
 
 import math
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from turnout.cli.plan import plan_lines
-from turnout.panel.layout import resting_gap
+from turnout.panel.layout import extent, resting_gap, stands_at
+from turnout.panel.unusual import unusual_values
 from turnout.report.values import assumption_lines, value_lines
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from turnout.analysis.test_piece import PieceResult
     from turnout.panel.load import LoadedPanel
-    from turnout.study.test_piece import PieceResult
+    from turnout.panel.model import Panel
+    from turnout.panel.records import Rail
+
+
+HEADING, COLUMNS = 14, 86
+LEGEND = (
+    "o chair, # fastening, : stop of the close fit, ^ stud, | link, numbers: sleepers and drives"
+)
+
+
+class _Row:
+    """One line of characters over the length of the panel."""
+
+    def __init__(self, start: float, end: float) -> None:
+        self._start, self._step = start, (end - start) / (COLUMNS - 1)
+        self._cells = [" "] * COLUMNS
+
+    def column(self, x: float) -> int:
+        return min(max(round((x - self._start) / self._step), 0), COLUMNS - 1)
+
+    def line(self, start: float, end: float, mark: str) -> "_Row":
+        first, last = self.column(start), self.column(end)
+        self._cells[first : last + 1] = [mark] * (last + 1 - first)
+        return self
+
+    def put(self, places: Iterable[tuple[float, str]]) -> "_Row":
+        """Write a text centred at each place; texts that would touch another one are left out."""
+        for x, text in places:
+            first = min(max(self.column(x) - (len(text) - 1) // 2, 0), COLUMNS - len(text))
+            around = self._cells[max(first - 1, 0) : first + len(text) + 1]
+            if len(text) == 1 or all(cell in " :|" for cell in around):
+                self._cells[first : first + len(text)] = text
+        return self
+
+    def __str__(self) -> str:
+        return "".join(self._cells)
+
+
+def plan_lines(panel: "Panel") -> Iterator[str]:
+    """Yield a plan of a panel in characters, +y (the instrumented rail closes) upwards.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> lines = list(plan_lines(load_panel("uic60-760-1-15")))
+    >>> [line.split()[:2] for line in lines if line.startswith("drive")]
+    [['drive', '1']]
+    """
+    start, end = extent(panel)
+    rails = sorted(panel.rail.items(), key=lambda item: item[1].closes)  # "+y" comes first
+
+    def shown(heading: str, row: _Row) -> Iterator[str]:
+        if str(row).strip():
+            yield f"{heading[: HEADING - 1]:<{HEADING}}{row}".rstrip()
+
+    def blank() -> _Row:
+        return _Row(start, end)
+
+    yield from shown("x [m]", blank().put(_ticks(start, end)))
+    yield from shown("sleeper", blank().put((s.x, name) for name, s in panel.sleeper.items()))
+    for number, (name, rail) in enumerate(rails):
+        rows = _side(panel, name, rail, blank)
+        for heading, row in rows if rail.closes == "+y" else reversed(rows):
+            yield from shown(heading, row)
+        if number == 0:
+            middle = blank().put((link.x, "|") for link in panel.link.values())
+            yield from shown("link", middle)
+            drives = blank().put((drive.x, name) for name, drive in panel.drive.items())
+            yield from shown("drive", drives)
+    yield LEGEND
+
+
+def _side(
+    panel: "Panel", name: str, rail: "Rail", blank: Callable[[], _Row]
+) -> list[tuple[str, _Row]]:
+    """Return the lines of one switch rail, from its stock rail to the middle of the track."""
+    stock = blank()
+    flexible = [item for item in panel.stock_rail.values() if item.faces == name]
+    for item in flexible:
+        stock.line(item.start, item.end, "=")
+    if not flexible and rail.stock_rail_gap is not None:
+        stock.line(*extent(panel), "=")
+    against = blank()
+    against.put((item.x, ":") for item in panel.stop.values() if stands_at(item, name))
+    against.put((item.x, "^") for item in panel.stud.values() if stands_at(item, name))
+    supports = blank()
+    supports.put((item.x, "o") for item in panel.chair.values() if stands_at(item, name))
+    supports.put((item.x, "#") for item in panel.fastening.values() if stands_at(item, name))
+    sensors = blank().put((s.x, key) for key, s in panel.sensor.items() if s.rail == name)
+    return [
+        ("stock rail", stock),
+        ("stops, studs", against),
+        (f"{name}", blank().line(rail.start, rail.end, "-")),
+        ("chairs", supports),
+        ("TKK", sensors),
+    ]
+
+
+def _ticks(start: float, end: float) -> Iterator[tuple[float, str]]:
+    step = 2 if end - start > 10 else 1
+    first = -(-start // step) * step
+    for number in range(int((end - first) // step) + 1):
+        yield first + number * step, f"{first + number * step:g}"
+
 
 WIDTH = 100
 GAPS_IN_A_LINE, GAP_WIDTH = 12, 7
@@ -51,9 +165,11 @@ def panel_lines(
     yield from plan_lines(panel)
     yield ""
     if thrown is not None and not thrown.dataset.attrs["complete"]:
-        yield f"THROW NOT COMPLETE: {thrown.dataset.attrs['outcome_message']}"
+        what = "INACCURATE" if thrown.dataset.attrs["outcome"] == "inaccurate" else "NOT COMPLETE"
+        yield f"THROW {what}: {thrown.dataset.attrs['outcome_message']}"
         if not thrown.dataset.sizes["time"]:
             thrown = None
+    yield from _unusual(panel)
     yield from _closed_gap(panel, thrown)
     yield ""
     yield from _margins(thrown)
@@ -72,6 +188,14 @@ def panel_lines(
         yield from list(assumption_lines(panel)) or ["nothing that the file says"]
 
 
+def _unusual(panel: "LoadedPanel") -> Iterator[str]:
+    found = unusual_values(panel)
+    if found:
+        yield "UNUSUAL VALUES, which no switch has: check value and unit"
+        yield from (f"  {item.text}" for item in found)
+        yield ""
+
+
 def gap_places(panel: "LoadedPanel") -> "np.ndarray":
     """Return where gaps are told, chairs and drives, rising [m]."""
     places = [item.x for family in (panel.chair, panel.drive) for item in family.values()]
@@ -88,7 +212,7 @@ def _closed_gap(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
             if gap is not None:
                 rails[name] = gap
     else:
-        from turnout.metric.movement import settled
+        from turnout.metric.slip import settled
 
         yield "CLOSED GAP [mm] at contact height, simulated, each rail when it lies closed"
         x = thrown.dataset["x"].values
@@ -113,7 +237,7 @@ def _margins(thrown: Thrown | None) -> Iterator[str]:
     if thrown is None:
         yield f"  {NEEDS_THROW}"
         return
-    from turnout.metric.movement import margins
+    from turnout.metric.slip import margins
 
     yield f"  {'drive':<8}{'direction':<12}{'largest':>10}{'slip level':>12}{'margin':>11}{'':>9}"
     for item in margins(thrown.dataset):
@@ -191,3 +315,35 @@ def _bushing_note(panel: "LoadedPanel") -> Iterator[str]:
         "'raw gap' asks for the gap itself."
     )
     yield from textwrap.wrap(text, WIDTH)
+
+
+def thrown_alone(panel: "LoadedPanel", *, quiet: bool = False) -> "xr.Dataset":
+    """Throw a panel without a foreign object; a run that ends early comes back as it is."""
+    from turnout.cli.watch import watched
+    from turnout.response.simulate import simulate
+
+    with watched(f"throwing {panel.name}", quiet=quiet) as watch:
+        return simulate(panel, throw=False, report=watch.report)
+
+
+def thrown_on_pieces(panel: "LoadedPanel") -> "list[PieceResult]":
+    """Throw a panel on a test piece at each of its drives."""
+    from turnout.analysis.test_piece import PieceResult, check_piece
+    from turnout.cli.watch import watched
+    from turnout.errors import PanelError
+
+    size = panel.lock.gap_limit
+    results = []
+    for drive in panel.drive:
+        text = f"throwing {panel.name} on {1e3 * size:g} mm at drive {drive}"
+        with watched(text) as watch:
+            try:
+                results.append(check_piece(panel, drive, report=watch.report))
+            except PanelError as error:
+                results.append(PieceResult.without(drive, size, "; ".join(error.problems)))
+    return results
+
+
+def thrown(panel: "LoadedPanel") -> Thrown:
+    """Throw a panel without an object, then on each test piece."""
+    return Thrown(thrown_alone(panel), thrown_on_pieces(panel))

@@ -11,22 +11,23 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from turnout.cli.options import (
+    FIGURES,
+    INTERRUPTED,
     CalibrationOption,
     DatasetOption,
     FigureOption,
     PanelArgument,
     SetOption,
-    all_told,
+    check_outputs,
+    collect_errors,
+    end_code,
     opened_panel,
 )
-from turnout.cli.outputs import FIGURES, check_outputs
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from turnout.response.scheme import Scheme
-
-INCOMPLETE, INTERRUPTED = 3, 130
+    from turnout.scheme import Scheme
 
 
 def simulate_command(
@@ -109,14 +110,13 @@ def simulate_command(
         typer.echo("turnout: interrupted before there was anything to keep", err=True)
         raise typer.Exit(INTERRUPTED) from None
     if not quiet:
-        _tell(dataset, written)
+        _print_summary(dataset, written)
     if failed:
         typer.echo(f"turnout: {dataset.attrs['outcome_message']}", err=True)
-        interrupted = dataset.attrs["outcome"] == "interrupted"
-        raise typer.Exit(INTERRUPTED if interrupted else INCOMPLETE)
+        raise typer.Exit(end_code(dataset))
 
 
-def _rehearse(plots: bool) -> None:
+def preload_writers(plots: bool) -> None:
     """Write a small dataset to nowhere, so that all that loads for it does while kernels work.
 
     It begins with the steps and not before: what loads at the same time only waits for each other.
@@ -148,17 +148,17 @@ def _run(
     from turnout.panel.foreign_object import parse_objects, resolve_objects
     from turnout.response.save import Save
 
-    panel, foreign, (chosen, save, _) = all_told(
+    panel, foreign, (chosen, save, _) = collect_errors(
         lambda: opened_panel(name, settings, calibration),
         lambda: parse_objects(objects),
-        lambda: all_told(scheme, lambda: Save(also=tuple(also)), lambda: None),
+        lambda: collect_errors(scheme, lambda: Save(also=tuple(also)), lambda: None),
     )
     resolve_objects(panel, foreign)
 
     from turnout.response.placed import check_placed
     from turnout.response.simulate import simulate
 
-    rehearsal = threading.Thread(target=_rehearse, args=(plots,), daemon=True)
+    rehearsal = threading.Thread(target=preload_writers, args=(plots,), daemon=True)
 
     with watched(f"simulating {panel.name}", quiet=quiet) as watch:
 
@@ -190,16 +190,16 @@ def _overlaid(overlay: Path | None, plot: Path | None) -> "xr.Dataset | None":
 
         message = f"--overlay {overlay}: is drawn in the figure; name one with --plot"
         raise FileError(message)
-    from turnout.measurement.history import read_history
+    from turnout.measurement.formats.history import read_history
 
     return read_history(overlay)
 
 
 def _scheme(mode: str, *, step: str, cutoff: str, every: str) -> "Scheme":
     """Return the scheme of a mode, with what is given instead of its own choices."""
+    from turnout.core.units import FREQUENCY, TIME, parse_quantity
     from turnout.errors import FileError
-    from turnout.files.units import FREQUENCY, TIME, parse_quantity
-    from turnout.response.scheme import Scheme
+    from turnout.scheme import Scheme
 
     changes: dict[str, float] = {}
     problems = []
@@ -236,14 +236,14 @@ def _write(
         save_response(dataset, out)
         written.append(out)
     if plot is not None and figure:
-        from turnout.files.atomic import write_atomic
+        from turnout.core.atomic import write_atomic
 
         write_atomic(plot, figure)
         written.append(plot)
     return written
 
 
-def _tell(dataset: "xr.Dataset", written: list[Path]) -> None:
+def _print_summary(dataset: "xr.Dataset", written: list[Path]) -> None:
     from turnout.metric.summary import summary
 
     for heading, text in summary(dataset):

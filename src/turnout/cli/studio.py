@@ -1,5 +1,6 @@
 """The command `turnout studio`."""
 
+import gc
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -41,6 +42,9 @@ def studio_command(
     except KeyboardInterrupt:
         typer.echo("turnout: the studio has ended", err=True)
         raise typer.Exit(INTERRUPTED) from None
+    finally:
+        # Else the interpreter looks for garbage in all libraries, for a second or more, to end.
+        gc.freeze()
 
 
 def _opened(folder: Path) -> "Opened":

@@ -5,16 +5,21 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from turnout.cli.campaign import INTERRUPTED, dataset_of
-from turnout.cli.options import SetOption, calibrated_panel, opened_panel
-from turnout.cli.outputs import made_folder, write_told
+from turnout.cli.campaign import INTERRUPTED, OutsideOption, dataset_of
+from turnout.cli.options import (
+    SetOption,
+    calibrated_panel,
+    made_folder,
+    opened_panel,
+    write_and_report,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from turnout.calibration.result import Calibration
     from turnout.panel.load import LoadedPanel
-    from turnout.study.calibration.record import Calibration
-    from turnout.study.validation.verdict import Verdict
+    from turnout.validation.verdict import Verdict
 
 NOT_VALID = 1
 PAGE, TABLE, DATASET = "validation.md", "movements.csv", "validation.nc"
@@ -47,6 +52,7 @@ def validate_command(
             "--drive-laws", metavar="DRIVE", help="Also ask which law this drive follows."
         ),
     ] = None,
+    allow_outside: OutsideOption = False,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 2,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show only the verdict.")] = False,
 ) -> None:
@@ -54,29 +60,30 @@ def validate_command(
 
     Exit code 1 where the calibration is not valid for the campaign.
     """
-    from turnout.study.calibration.belongs import doubts_on
-    from turnout.study.calibration.record import load_calibration
+    from turnout.calibration.movements import check_provenance
+    from turnout.calibration.result import load_calibration
 
     known = load_calibration(calibration)
     given = opened_panel(panel, []) if panel is not None else calibrated_panel(known, calibration)
     loaded = given.with_settings(settings) if settings else given
     if out is not None:
         made_folder("--out", out)
-    dataset = dataset_of(source, None, quiet=quiet)
+    written = None if out is None else out / PAGE
+    dataset = dataset_of(source, None, out=written, allow_outside=allow_outside, quiet=quiet)
     if place is not None:
         _check_place(dataset, place)
     if laws is not None:
-        from turnout.study.discrepancy.laws import drive_laws
+        from turnout.calibration.drive_law.candidates import drive_laws
 
         drive_laws(loaded, laws)
-    for text in doubts_on(known, loaded):
+    for text in check_provenance(known, loaded):
         typer.echo(f"turnout: {calibration}: {text}", err=True)
-    from turnout.study.validation.verdict import judge, verdict_lines
+    from turnout.validation.verdict import judge, verdict_lines
 
     found = _validated(source, dataset, loaded, known, workers=workers, quiet=quiet)
     verdict = judge(found)
     if not quiet:
-        from turnout.study.validation.report import notes
+        from turnout.validation.text import notes
 
         for line in (*verdict_lines(verdict), *notes(found)):
             typer.echo(line)
@@ -91,8 +98,8 @@ def validate_command(
 
 def _check_place(dataset: "xr.Dataset", place: str) -> None:
     """Refuse a place without movements before anything is thrown."""
+    from turnout.core.problems import choices
     from turnout.errors import FileError
-    from turnout.files.problems import choices
     from turnout.metric.campaign import places_of
 
     known = places_of(dataset)
@@ -116,9 +123,9 @@ def _validated(
     workers: int,
     quiet: bool,
 ) -> "xr.Dataset":
+    from turnout.calibration.evaluate import Evaluator
     from turnout.cli.watch import watched
-    from turnout.study.calibration.evaluate import Evaluator
-    from turnout.study.validation.validate import validate
+    from turnout.validation.validate import validate
 
     total = dataset.sizes["movement"] * (1 + len(known.fitted))
     try:
@@ -142,10 +149,9 @@ def _compare_laws(
     workers: int,
     quiet: bool,
 ) -> None:
+    from turnout.calibration.drive_law.compare import compare_laws, law_lines
+    from turnout.calibration.evaluate import Evaluator
     from turnout.cli.watch import watched
-    from turnout.study.calibration.evaluate import Evaluator
-    from turnout.study.discrepancy.compare import compare_laws
-    from turnout.study.discrepancy.lines import law_lines
 
     try:
         with (
@@ -171,19 +177,19 @@ def _write(out: Path, found: "xr.Dataset", verdict: "Verdict", *, place: str | N
     from turnout.plot.style import rendered
     from turnout.plot.validation import plot_comparison, plot_error_map
     from turnout.response.store import save_response
-    from turnout.study.validation.report import page_text, table_text
+    from turnout.validation.text import page_text, table_text
 
     figures = [MAP]
-    write_told(out / MAP, rendered(plot_error_map(found), ".png"))
+    write_and_report(out / MAP, rendered(plot_error_map(found), ".png"))
     places = places_of(found)
     if places:
         chosen = place if place is not None else _middle(places)
-        write_told(out / COMPARISON, rendered(plot_comparison(found, place=chosen), ".png"))
+        write_and_report(out / COMPARISON, rendered(plot_comparison(found, place=chosen), ".png"))
         figures.append(COMPARISON)
-    write_told(out / TABLE, table_text(found))
+    write_and_report(out / TABLE, table_text(found))
     save_response(found, out / DATASET)
     typer.echo(f"{out / DATASET}: written")
-    write_told(out / PAGE, page_text(found, verdict, figures=figures))
+    write_and_report(out / PAGE, page_text(found, verdict, figures=figures))
 
 
 def _middle(places: list[str]) -> str:

@@ -13,6 +13,7 @@ in the step that the books of energy would notice, `LARGEST_LEAK`.
 """
 
 from turnout.integrate.energy import MARKERS
+from turnout.integrate.scratch import Work
 from turnout.integrate.solution import (
     derive,
     deviation_forces,
@@ -22,9 +23,8 @@ from turnout.integrate.solution import (
 from turnout.integrate.solve import row_forces
 from turnout.integrate.state import COUNT_JOINING, State
 from turnout.integrate.system import Floats, System
-from turnout.integrate.vector import add, add_rows, copy, dot
-from turnout.integrate.work import Work
-from turnout.law.compiled import compiled, compiled_part
+from turnout.kernels.compiled import compiled, compiled_part
+from turnout.kernels.vector import add, add_rows, copy, dot
 from turnout.law.table import LawTable
 
 DRIFTS = 100.0

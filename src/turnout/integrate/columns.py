@@ -1,4 +1,22 @@
-r"""Solved columns of the implicit step and their rank-one updates.
+r"""Solved columns of the implicit step, their rank-one updates, and the rows that join blocks.
+
+What a unit force on an end or a mode does to the ends and modes of its block.
+
+It depends on the length of the step alone; see `turnout.integrate.columns`. Sums run entry by entry
+in an order that does not depend on how many ends there are, so that an end more changes no bit of
+the others.
+
+The small dense system of the rows that join two blocks.
+
+With the compliance :math:`H` between the joining rows, gathered from the columns of their ends, and
+their deviations :math:`\lambda = D g + b`
+
+.. math:: (I - D H)\,\lambda = D g_0 + b
+
+where :math:`g_0` are the joining displacements without the joining forces. The matrix is factorised
+by rows with partial pivoting, and kept until a column of an end changes.
+
+Solved columns of the implicit step and their rank-one updates.
 
 The implicit step asks for
 
@@ -44,10 +62,138 @@ from turnout.integrate.state import (
     State,
 )
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import add, copy, spread
-from turnout.law.compiled import compiled
+from turnout.kernels.compiled import compiled, compiled_with_memory
+from turnout.kernels.vector import add, add_rows, copy, spread
 from turnout.law.kernel import STICK
 from turnout.law.table import LawTable
+
+
+@compiled_with_memory
+def make_level(system: System, state: State, level: int, inertia: float, viscosity: float) -> None:
+    """Invert ``inertia I + viscosity C + K`` block by block, and what follows from it.
+
+    Once for each length of a step. Where the matrix is singular everything is NaN.
+    """
+    if state.made[level]:
+        return
+    state.made[level] = 1
+    compliance = state.compliance[level]
+    for block in range(system.end_stop.size):
+        first, last = system.mode_start[block], system.mode_start[block + 1]
+        n = last - first
+        matrix = system.stiffness[first:last, :n].copy()
+        for i in range(n):
+            matrix[i, i] += inertia + viscosity * system.damping[first + i]
+        inverse = np.full_like(matrix, np.nan)
+        try:
+            inverse[:] = np.linalg.inv(matrix)
+        except Exception:  # the only kind a kernel can name; a body that floats, or NaN before it
+            inverse[:] = np.nan
+        start, stop = system.end_start[block], system.end_stop[block]
+        width = stop - start
+        modes = system.mode_ends[first:last]
+        for end in range(start, stop):
+            column = compliance[end]
+            _write_column(system, end, inverse, modes, column[: width + n])
+            for i in range(n):
+                compliance[stop + i, end - start] = column[width + i]
+        for end in range(system.follower_start[block], system.follower_start[block + 1]):
+            _write_column(system, end, inverse, modes, compliance[end, : width + n])
+        compliance[stop : stop + n, width : width + n] = inverse
+
+
+@compiled
+def _write_column(system: System, end: int, inverse: Floats, modes: Floats, column: Floats) -> None:
+    """Write what a unit force on an end does to leading ends and modes."""
+    n = inverse.shape[0]
+    width = column.size - n
+    of_ends, of_modes = column[:width], column[width:]
+    of_modes[:] = 0.0
+    add_rows(system.end_modes[end, :n], inverse, of_modes)
+    copy(system.flexibility[end], of_ends)
+    add_rows(of_modes, modes, of_ends)
+
+
+@compiled
+def couple(system: System, state: State) -> None:
+    """Gather and factorise the matrix of the joining rows."""
+    count = state.counters[COUNT_JOINING]
+    matrix = state.coupling
+    for i in range(count):
+        row = state.joining[i]
+        entry = state.entries[system.pattern_start[row]]
+        for j in range(count):
+            total = 0.0
+            for side in range(2):
+                end = system.row_ends[row, side]
+                block = system.block_of_end[end]
+                for other_side in range(2):
+                    other = system.row_ends[state.joining[j], other_side]
+                    if system.block_of_end[other] == block:
+                        total += at_end(system, state.columns[state.slot_of_end[other]], end)
+            matrix[i, j] = (1.0 if i == j else 0.0) - entry * total
+    _factorise(matrix, state.exchange, count)
+    state.counters[COUPLED] = 1
+
+
+@compiled
+def at_end(system: System, column: Floats, end: int) -> float:
+    """Return a column of a block at one of its ends."""
+    start, follower = system.end_start[system.block_of_end[end]], end - system.follower_start[0]
+    if follower < 0:
+        value: float = column[end - start]
+        return value
+    total = 0.0
+    for term in range(system.follower_list.shape[0]):
+        weight = system.follower_weight[term, follower]
+        if weight != 0.0:
+            total += weight * column[np.int64(system.follower_list[term, follower]) - start]
+    return total
+
+
+@compiled
+def _factorise(matrix: Floats, exchange: Ints, count: int) -> None:
+    """Factorise a matrix in place; a singular one becomes NaN or infinite."""
+    for k in range(count):
+        pivot = k
+        for i in range(k + 1, count):
+            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
+                pivot = i
+        exchange[k] = pivot
+        if pivot != k:
+            for j in range(count):
+                kept = matrix[k, j]
+                matrix[k, j] = matrix[pivot, j]
+                matrix[pivot, j] = kept
+        for i in range(k + 1, count):
+            share = matrix[i, k] / matrix[k, k]
+            matrix[i, k] = share
+            if share != 0.0:
+                for j in range(k + 1, count):
+                    matrix[i, j] -= share * matrix[k, j]
+
+
+@compiled
+def solve_coupling(matrix: Floats, exchange: Ints, force: Floats) -> None:
+    """Solve the factorised system in place for one right side."""
+    count = force.size
+    for k in range(count):
+        pivot = exchange[k]
+        if pivot != k:
+            kept = force[k]
+            force[k] = force[pivot]
+            force[pivot] = kept
+    for i in range(count):
+        total = force[i]
+        for j in range(i):
+            total -= matrix[i, j] * force[j]
+        force[i] = total
+    for i in range(count - 1, -1, -1):
+        total = force[i]
+        for j in range(i + 1, count):
+            total -= matrix[i, j] * force[j]
+        force[i] = total / matrix[i, i]
+
 
 # After so many flips columns are made anew after the step, whatever they look like.
 REBUILD_AFTER = 500

@@ -1,4 +1,6 @@
-r"""The books of energy of a step, every term from its own state or force history.
+r"""Energy of a run: work of a step, and what is stored at an instant.
+
+The books of energy of a step, every term from its own state or force history.
 
 With forces in balance at both ends of a step, the identity
 
@@ -9,66 +11,63 @@ holds to rounding when work is the mean of the forces at both ends times the dis
 them. None of the terms is computed as what is left of the others, so a term that is wrong leaves a
 residual. The numerical loss is the scheme's (`algorithmic`) and, law by law, the work absorbed less
 the change of potential where a law changes its segment within a step.
+
+The energy of an instant: kinetic, in beams and supports, in the laws, and of height.
 """
 
 import math
 
-import numpy as np
-
+from turnout.integrate.scratch import Work
 from turnout.integrate.solve import mark_law
 from turnout.integrate.state import State, set_segment
-from turnout.integrate.system import Floats, System
-from turnout.integrate.work import Work
-from turnout.law.compiled import compiled, compiled_loop, compiled_part
+from turnout.integrate.system import Floats, Ints, System
+from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
+from turnout.kernels.lanes import (
+    LANES,
+    absolute,
+    broadcast,
+    gather,
+    greater,
+    horizontal_sum,
+    load,
+    select,
+    store,
+)
+from turnout.kernels.vector import add_rows, copy, dot
 from turnout.law.kernel import law_argument, law_energy, law_force, segment_for
-from turnout.law.lanes import LANES, choose, every, load, magnitude, over, store, total
 from turnout.law.table import LawTable
 
 MARKERS, FRICTION, DAMPING, SWITCHED, ALGORITHMIC, SEGMENTS = range(6)
 
-LEAST_SCALE = 0.1
-"""Where less than this has moved, rounding is compared with it: forces of 10 kN times 1e-12 m are a
-share of 1e-7 [J]."""
-ROUNDING = 1e-12
-"""What the books may be off besides, as a share of the energy in the folded linear system [-]."""
 
-
-def closing_error(stored: Floats, ledger: Floats, *, folded: float = 0.0) -> float:
-    """Return the largest residual of the books over the scale of a run (work and stored) [-].
+@compiled
+def energy_balance(stored: Floats, ledger: Floats) -> tuple[float, float]:
+    """Return how far the energy balance of a run is open, and its scale [J].
 
     Parameters
     ----------
     stored, ledger : ndarray, shape (n, 4), (n, 6)
         Energies at the stored instants [J].
-    folded : float
-        Largest energy of the linear system with the base segments of all laws [J], of which the
-        books are a small difference where a chair is far from its rail; `ROUNDING` of it is
-        overlooked.
+
+    Returns
+    -------
+    tuple of float
+        Largest residual of all instants, NaN if one is; largest sum of the work of the markers and
+        the change of stored energy, both without their signs.
     """
-    residual, scale = _open_books(stored, ledger)
-    scale = max(scale, LEAST_SCALE)
-    return max(residual - ROUNDING * folded, 0.0) / scale if np.isfinite(residual) else residual
-
-
-@compiled
-def _open_books(stored: Floats, ledger: Floats) -> tuple[float, float]:
-    """Return the largest residual and the largest scale of all instants [J]; NaN if one is."""
-    residual, scale, start = 0.0, 0.0, 0.0
+    residual, scale = 0.0, 0.0
     for n in range(stored.shape[0]):
-        now, turned = 0.0, 0.0
+        change = 0.0
         for column in range(stored.shape[1]):
-            now += stored[n, column]
-            turned += abs(stored[n, column] - stored[0, column])
-        if n == 0:
-            start = now
+            change += stored[n, column] - stored[0, column]
         gained = ledger[n, MARKERS] + ledger[n, SWITCHED]
         lost = ledger[n, FRICTION] + ledger[n, DAMPING]
         lost += ledger[n, ALGORITHMIC] + ledger[n, SEGMENTS]
-        off = abs(now - start - gained + lost)
+        off = abs(change - gained + lost)
         if math.isnan(off):
             return off, scale
         residual = max(residual, off)
-        scale = max(scale, abs(ledger[n, MARKERS]) + turned)
+        scale = max(scale, abs(ledger[n, MARKERS]) + abs(change))
     return residual, scale
 
 
@@ -138,18 +137,18 @@ def _slip(
     forces: Floats,
     anchor: Floats,
 ) -> tuple[float, float]:
-    zero, half = every(0.0), every(0.5)
+    zero, half = broadcast(0.0), broadcast(0.5)
     lost, turned = zero, zero
     for i in range(0, trials.size, LANES):
         branch, old, trial = load(branches, i), load(forces, i), load(trials, i)
-        force = choose(over(magnitude(branch), zero), branch * load(limits, i), trial)
+        force = select(greater(absolute(branch), zero), branch * load(limits, i), trial)
         way = (trial - force) * load(flexibility, i)
-        kept = choose(over(zero, old * way), force, old)
+        kept = select(greater(zero, old * way), force, old)
         lost = lost + half * (force + kept) * way
         turned = turned + half * (old - kept) * way
         store(force, forces, i)
         store(load(anchor, i) + way, anchor, i)
-    return total(lost), total(turned)
+    return horizontal_sum(lost), horizontal_sum(turned)
 
 
 @compiled_part
@@ -186,3 +185,129 @@ def _present_law(state: State, law: int, e: float) -> tuple[float, float]:
     """Return force [N] and energy [J] of a law as it is; both are 0 where it is absent."""
     slope, intercept = state.slope[law], state.intercept[law]
     return slope * e + intercept, (0.5 * slope * e + intercept) * e + state.potential[law]
+
+
+KINETIC, STRAIN, CONTACT, GRAVITY = range(4)
+
+
+@compiled
+def rest_at(system: System, table: LawTable, state: State, work: Work) -> None:
+    """Take the present modal coordinates for those from which modes are counted.
+
+    Accelerations are small differences of coordinates over the square of the step. Rounding in them
+    would count with the whole sag of a rail otherwise.
+    """
+    by_modes, ends = work.found, system.joining_ends
+    by_modes[:] = 0.0
+    for block in range(system.end_stop.size):
+        q = state.q[system.mode_start[block] : system.mode_start[block + 1]]
+        for end in range(system.end_start[block], system.end_stop[block]):
+            by_modes[end] = dot(q, system.end_modes[end])
+        for end in range(system.follower_start[block], system.follower_start[block + 1]):
+            by_modes[end] = dot(q, system.end_modes[end])
+    for row in range(ends.shape[1]):
+        joined = by_modes[ends[0, row]] + by_modes[ends[1, row]]
+        by_modes[system.follower_start[-1] + row] = joined
+    copy(state.q, state.resting)
+    _holding_forces(system, state.q, state.held_at_rest)
+    for law in range(table.row.size):
+        state.law_apart[law] = system.law_load[law] - by_modes[table.row[law]]
+    for friction in range(table.friction_row.size):
+        row = table.friction_row[friction]
+        state.friction_apart[friction] = system.friction_load[friction] - by_modes[row]
+
+
+@compiled
+def _holding_forces(system: System, q: Floats, force: Floats) -> None:
+    """Write the forces that hold the modes at `q`."""
+    force[:] = 0.0
+    for block in range(system.mode_start.size - 1):
+        first, last = system.mode_start[block], system.mode_start[block + 1]
+        add_rows(q[first:last], system.stiffness[first:last], force[first:last])
+
+
+@compiled_part
+def store_energy(system: System, table: LawTable, state: State, work: Work, stored: Floats) -> None:
+    """Write the energies of the present instant [J].
+
+    Strain is that of beams and linear supports, by Clapeyron's theorem: half of what all forces on
+    a linear body in balance, those of inertia and damping included, do on its displacement. What
+    modes do is counted from where they rested at first, and the laws push at their rows, where the
+    load has moved what lies above the modes by `r`; see `rest_at`. Gravity and strain leave out the
+    same constant. ``work.argument`` and ``work.force`` are those of the solution.
+    """
+    motion = (state.q, state.v, state.acceleration)
+    rest = (state.resting, state.held_at_rest)
+    of_modes, lifted, moving = _modal_work(motion, rest, system.load, system.damping)
+    energy = (state.slope, state.intercept, state.potential)
+    rows = (table.offset, work.law_input, state.law_apart, system.law_load)
+    of_laws, of_contacts, raised = _law_work(
+        work.argument, work.force, energy, rows, system.base_slope
+    )
+    held = (state.friction_apart, system.friction_load, system.stick_flexibility)
+    of_frictions, of_springs, lowered = _friction_work(
+        state.g, table.friction_row, state.friction_force, held
+    )
+    stored[KINETIC] = 0.5 * moving
+    stored[STRAIN] = 0.5 * (of_modes - of_laws - of_frictions)
+    stored[CONTACT] = of_contacts + 0.5 * of_springs
+    stored[GRAVITY] = lowered - raised - lifted
+
+
+@compiled_loop
+def _modal_work(
+    motion: tuple[Floats, Floats, Floats],
+    rest: tuple[Floats, Floats],
+    constant: Floats,
+    damping: Floats,
+) -> tuple[float, float, float]:
+    """Return what forces on the modes do on their way, and the load; and twice kinetic energy."""
+    q, v, acceleration = motion
+    resting, held = rest
+    done, height, moving = broadcast(0.0), broadcast(0.0), broadcast(0.0)
+    for i in range(0, q.size, LANES):
+        at, speed, weight = load(q, i), load(v, i), load(constant, i)
+        force = weight - load(acceleration, i) - load(damping, i) * speed
+        done = done + (load(held, i) * at + force * (at - load(resting, i)))
+        height = height + weight * at
+        moving = moving + speed * speed
+    return horizontal_sum(done), horizontal_sum(height), horizontal_sum(moving)
+
+
+@compiled_loop
+def _law_work(
+    arguments: Floats,
+    forces: Floats,
+    energy: tuple[Floats, Floats, Floats],
+    rows: tuple[Floats, Floats, Floats, Floats],
+    base_slope: Floats,
+) -> tuple[float, float, float]:
+    """Return what laws do on their way, their energy, and what they raise."""
+    slope, intercept, potential = energy
+    offset, inputs, aparts, loads = rows
+    half = broadcast(0.5)
+    done, contacts, raised = broadcast(0.0), broadcast(0.0), broadcast(0.0)
+    for i in range(0, forces.size, LANES):
+        argument, force, apart = load(arguments, i), load(forces, i), load(aparts, i)
+        e, at = argument - load(offset, i), argument + load(inputs, i)
+        stored = (half * load(slope, i) * e + load(intercept, i)) * e
+        contacts = contacts + (stored + load(potential, i))
+        held = load(base_slope, i) * at
+        raised = raised + (held - force) * load(loads, i)
+        done = done + (force * (at + apart) - held * apart)
+    return horizontal_sum(done), horizontal_sum(contacts), horizontal_sum(raised)
+
+
+@compiled_loop
+def _friction_work(
+    g: Floats, row: Ints, forces: Floats, held: tuple[Floats, Floats, Floats]
+) -> tuple[float, float, float]:
+    """Return what frictions do on their way, twice the energy of their springs, and the height."""
+    aparts, loads, flexibility = held
+    done, springs, lowered = broadcast(0.0), broadcast(0.0), broadcast(0.0)
+    for i in range(0, forces.size, LANES):
+        force = load(forces, i)
+        done = done + force * (gather(g, row, i) + load(aparts, i))
+        springs = springs + force * force * load(flexibility, i)
+        lowered = lowered + force * load(loads, i)
+    return horizontal_sum(done), horizontal_sum(springs), horizontal_sum(lowered)

@@ -9,16 +9,14 @@ its lowest point from anywhere, on all coordinates.
 import numpy as np
 
 from turnout.integrate.accuracy import correct, measure
-from turnout.integrate.columns import rebuild
-from turnout.integrate.compliance import make_level
-from turnout.integrate.energy import account_friction, account_laws
+from turnout.integrate.columns import make_level, rebuild
+from turnout.integrate.energy import account_friction, account_laws, rest_at
+from turnout.integrate.scratch import Work
 from turnout.integrate.solve import CONVERGED, Tolerances, evaluate, settle
 from turnout.integrate.state import State
-from turnout.integrate.stored import rest_at
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import copy
-from turnout.integrate.work import Work
-from turnout.law.compiled import compiled
+from turnout.kernels.compiled import compiled
+from turnout.kernels.vector import copy
 from turnout.law.kernel import STICK
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism

@@ -7,6 +7,7 @@ is changed, and the walk goes on. Nothing is guessed, so nothing can cycle but w
 turns back, which ends in an outcome.
 """
 
+from turnout.integrate.scratch import Work
 from turnout.integrate.solution import deviation_forces, set_modes, solve_set
 from turnout.integrate.solve import (
     CONVERGED,
@@ -20,9 +21,8 @@ from turnout.integrate.solve import (
 )
 from turnout.integrate.state import State, set_segment
 from turnout.integrate.system import Floats, System
-from turnout.integrate.vector import add, copy, dot
-from turnout.integrate.work import Work
-from turnout.law.compiled import compiled
+from turnout.kernels.compiled import compiled
+from turnout.kernels.vector import add, copy, dot
 from turnout.law.kernel import SLIP_BACKWARD, SLIP_FORWARD, STICK
 from turnout.law.table import LawTable
 

@@ -6,15 +6,16 @@ Kernels change `State` in place and return an outcome code; they never raise and
 from typing import NamedTuple
 
 from turnout.integrate.accuracy import DRIFTS, correct, equilibrium_residual, is_inaccurate, measure
-from turnout.integrate.columns import REBUILD_AFTER, rebuild
-from turnout.integrate.compliance import make_level
+from turnout.integrate.columns import REBUILD_AFTER, make_level, rebuild
 from turnout.integrate.energy import (
     account_friction,
     account_laws,
+    store_energy,
     switch_laws,
 )
 from turnout.integrate.follow import follow_path
 from turnout.integrate.quasistatic import advance_static
+from turnout.integrate.scratch import Work
 from turnout.integrate.solve import (
     CONVERGED,
     NOT_CONVERGED,
@@ -28,18 +29,14 @@ from turnout.integrate.solve import (
 )
 from turnout.integrate.state import COUNT_HALVED, COUNT_RECENT, LEVEL, State
 from turnout.integrate.step import Factors, Stepping, begin_step, complete_step, factors_of
-from turnout.integrate.stored import folded_energy, store_energy
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import copy
-from turnout.integrate.work import Work
-from turnout.law.compiled import compiled, compiled_loop, compiled_part
-from turnout.law.lanes import LANES, load, pick, stream
+from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
+from turnout.kernels.lanes import LANES, gather, load, store_nontemporal
+from turnout.kernels.vector import copy
 from turnout.law.table import LawTable
 
 MEASURE_EVERY = 100
 """After so many steps a solution is measured whatever has happened."""
-FOLDED_EVERY = 25
-"""Of so many stored instants one tells the energy in the folded linear system, which is slow."""
 
 
 class Record(NamedTuple):
@@ -56,7 +53,6 @@ class Record(NamedTuple):
     stored: Floats
     ledger: Floats
     residual: Floats
-    folded: Floats
     v: Floats
 
 
@@ -172,13 +168,13 @@ def _advance(
 @compiled_loop
 def _gather(g: Floats, places: Ints, to: Floats) -> None:
     for i in range(0, places.size, LANES):
-        stream(pick(g, places, i), to, i)
+        store_nontemporal(gather(g, places, i), to, i)
 
 
 @compiled_loop
 def _write(values: Floats, to: Floats) -> None:
     for i in range(0, values.size, LANES):
-        stream(load(values, i), to, i)
+        store_nontemporal(load(values, i), to, i)
 
 
 @compiled_part
@@ -193,8 +189,6 @@ def store(
     _write(state.friction_force, record.friction[at])
     _write(work.force, record.law[at])
     store_energy(system, table, state, work, record.stored[at])
-    if at % FOLDED_EVERY == 0:
-        record.folded[0] = max(record.folded[0], folded_energy(system, state, work))
     for column in range(state.ledger.size):
         record.ledger[at, column] = state.ledger[column]
 

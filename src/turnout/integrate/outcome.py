@@ -1,9 +1,16 @@
 """How a run ended, in words that help."""
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
 from turnout.errors import SolverError
+
+CLOSES = 1e-6
+"""Largest residual of the energy balance of a complete run, as a share of its scale [-]."""
+LEAST_SCALE = 0.1
+"""Where less than this has moved, rounding is compared with it: forces of 10 kN times 1e-12 m are a
+share of 1e-7 [J]."""
 
 
 class Code(IntEnum):
@@ -32,8 +39,9 @@ ADVICE = {
         "do not press against each other in the stress-free position"
     ),
     Code.INACCURATE: (
-        "the books of energy do not close, so the numbers are not to be trusted; look for a "
-        "stiffness that is far out of range, or take a smaller step"
+        "the energy balance does not close, so the numbers are not to be trusted; look for a "
+        "stiffness, mass or length that is far out of range (`turnout panel check` names unusual "
+        "values), or take a smaller step"
     ),
     Code.NO_STATIC_CONTINUATION: (
         "without inertia the motion does not go on from here, since a foot can neither stick nor "
@@ -41,6 +49,22 @@ ADVICE = {
     ),
     Code.INTERRUPTED: "the run was interrupted; what was computed until then is kept",
 }
+
+
+def is_closed(residual: float, scale: float) -> bool:
+    """Return whether the energy balance of a run closes.
+
+    Parameters
+    ----------
+    residual, scale : float
+        From `turnout.integrate.energy.energy_balance` [J].
+
+    Examples
+    --------
+    >>> is_closed(1e-4, 700.0), is_closed(1e-3, 700.0), is_closed(float("nan"), 700.0)
+    (True, False, False)
+    """
+    return residual <= CLOSES * max(scale, LEAST_SCALE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +83,9 @@ class Outcome:
         Largest disagreement of the rows with the base system, see `equilibrium_residual` [m].
     contacts : tuple of str
         Names of the laws that changed last or were not settled.
+    energy_residual, energy_scale : float
+        Largest residual of the energy balance and its scale, see
+        `turnout.integrate.energy.energy_balance` [J].
     """
 
     code: Code
@@ -66,6 +93,8 @@ class Outcome:
     step: int
     residual: float
     contacts: tuple[str, ...] = ()
+    energy_residual: float = math.nan
+    energy_scale: float = math.nan
 
     @property
     def complete(self) -> bool:
@@ -80,6 +109,11 @@ class Outcome:
             f"{self.code.name.lower().replace('_', ' ')} at t = {self.time:.4f} s "
             f"(step {self.step}, residual {self.residual:.1e} m): {ADVICE[self.code]}"
         )
+        if self.code is Code.INACCURATE:
+            return (
+                f"{text}; energy residual {self.energy_residual:.1e} J of {self.energy_scale:.3g} J"
+                f", allowed is {CLOSES:g} of it or of {LEAST_SCALE:g} J"
+            )
         if self.contacts:
             shown = ", ".join(self.contacts[:6])
             more = len(self.contacts) - 6

@@ -14,9 +14,9 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.law.lanes import LANES
+from turnout.condense.condense import BlockModel
+from turnout.kernels.lanes import LANES
 from turnout.law.table import LawTable
-from turnout.mechanism.condense import BlockModel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -115,7 +115,7 @@ def number_places(parts: Sequence[BlockModel]) -> Places:
     )
 
 
-def placed(laws: LawTable, of_row: Ints) -> LawTable:
+def place_laws(laws: LawTable, of_row: Ints) -> LawTable:
     """Return laws for the kernels, whose rows are places, given the place of every row."""
     return laws._replace(
         row=unsigned(of_row[laws.row]),

@@ -12,6 +12,7 @@ place and the time.
 
 from turnout.integrate.energy import account_friction, account_laws
 from turnout.integrate.follow import EVENTS_AT_ONE_PLACE, next_event, take_event
+from turnout.integrate.scratch import Work
 from turnout.integrate.solution import set_modes, solve_set
 from turnout.integrate.solve import (
     CONVERGED,
@@ -23,9 +24,8 @@ from turnout.integrate.solve import (
 )
 from turnout.integrate.state import COUNT_ITERATIONS, State
 from turnout.integrate.system import Floats, System
-from turnout.integrate.vector import copy
-from turnout.integrate.work import Work
-from turnout.law.compiled import compiled
+from turnout.kernels.compiled import compiled
+from turnout.kernels.vector import copy
 from turnout.law.kernel import any_not_finite
 from turnout.law.table import LawTable
 

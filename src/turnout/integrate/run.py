@@ -9,35 +9,33 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.condense.modal import ModalModel
+from turnout.core.threads import one_blas_thread
 from turnout.errors import SolverError
 from turnout.integrate.accuracy import equilibrium_residual
-from turnout.integrate.arrange import arranged
+from turnout.integrate.arrange import Run, arrange, instants_of, prepare, start
 from turnout.integrate.dense import fill_in
-from turnout.integrate.energy import closing_error
-from turnout.integrate.interrupt import heard, one_thread
+from turnout.integrate.energy import energy_balance
 from turnout.integrate.march import Record, march, store
-from turnout.integrate.outcome import Code, Outcome
-from turnout.integrate.prepare import Run, instants_of, prepare, start
-from turnout.integrate.scheme import Scheme
+from turnout.integrate.outcome import Code, Outcome, is_closed
 from turnout.integrate.state import (
     COUNT_FLIPS,
     COUNT_HALVED,
     COUNT_ITERATIONS,
 )
+from turnout.kernels.interrupt import call_interruptible, one_thread
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
-from turnout.mechanism.modal import ModalModel
-from turnout.mechanism.threads import one_blas_thread
+from turnout.scheme import Scheme
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 # Progress is told after so many seconds, and at the first after so many steps.
-BREATH, FIRST_CHUNK = 0.1, 2200
-# Books of energy that are further open than this share of their scale are not to be trusted.
-CLOSES = 1e-5
-# A history may take so much memory [bytes].
-MOST_MEMORY = 64e9
+INTERRUPT_INTERVAL, FIRST_CHUNK = 0.1, 2200
+# A history may take so much memory [bytes], and so many steps.
+MOST_MEMORY = 2e9
+MOST_STEPS = 2_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +55,7 @@ class History:
     law_force, friction_force : ndarray, shape (n, n_laws), (n, n_frictions)
         Forces with which laws and frictions resist [N].
     stored, ledger : ndarray, shape (n, 4), (n, 6)
-        Energies, see `turnout.integrate.stored` and `turnout.integrate.energy` for the columns [J].
+        Energies, see `turnout.integrate.energy` and `turnout.integrate.energy` for the columns [J].
     law_placed, law_first : ndarray, shape (n_laws,)
         When a law began to act (nan: there was never room for it), and when it first had a force,
         from every step; of laws that do not act all the time (objects), nan for all others [s].
@@ -130,7 +128,7 @@ def _integrate(
 ) -> History:
     grid = _grid(mechanism, scheme, end)
     stride = grid.stride
-    made = arranged(mechanism, scheme)
+    made = arrange(mechanism, scheme)
     times = scheme.step * np.arange(grid.n_steps + 1, dtype=np.float64)
     positions = np.ascontiguousarray(inputs(times).T)
     run = prepare(made, scheme, positions, grid.n_stored, filled_in=grid.filled_in)
@@ -140,7 +138,9 @@ def _integrate(
         if code == Code.COMPLETE:
             store(run.system, run.table, run.state, run.work, run.record, 0)
             code, done = _march_in_chunks(run, report, thread)
-    if code == Code.COMPLETE and not _books_close(run):
+    kept = 0 if code == Code.NO_EQUILIBRIUM else done // stride + 1
+    balance = energy_balance(run.record.stored[:kept], run.record.ledger[:kept])
+    if code == Code.COMPLETE and not is_closed(*balance):
         code = Code.INACCURATE
     residual = equilibrium_residual(run.system, run.table, run.state, run.work)
     outcome = Outcome(
@@ -149,8 +149,9 @@ def _integrate(
         step=done,
         residual=max(float(run.record.residual[0]), float(residual)),
         contacts=_unsettled(mechanism, run),
+        energy_residual=balance[0],
+        energy_scale=balance[1],
     )
-    kept = 0 if code == Code.NO_EQUILIBRIUM else done // stride + 1
     record = instants_of(run, kept)
     instants = scheme.step * stride * np.arange(kept, dtype=np.float64)
     positions = positions[::stride][:kept]
@@ -176,6 +177,13 @@ class _Grid:
 
 def _grid(mechanism: Mechanism, scheme: Scheme, end: float) -> _Grid:
     """Choose the steps, and refuse what cannot be held."""
+    for interval, what in ((scheme.step, "steps"), (scheme.output_interval, "stored instants")):
+        if end / interval > MOST_STEPS:
+            msg = (
+                f"end = {end:g} s with {what} every {interval:g} s makes {end / interval:.3g} of "
+                f"them, at most {MOST_STEPS} are made; end sooner (schedule.end) or less often"
+            )
+            raise SolverError(msg)
     n_out = round(end / scheme.output_interval) + 1
     if n_out < 2:
         msg = f"end = {end:g} s is shorter than one output interval"
@@ -183,10 +191,10 @@ def _grid(mechanism: Mechanism, scheme: Scheme, end: float) -> _Grid:
     stride, filled_in = max(scheme.stride, 1), scheme.stride == 0
     last = (n_out - 1) * scheme.output_interval
     share = last / scheme.step
-    n_steps = math.ceil(share - 1e-6) if filled_in and share < 1e15 else (n_out - 1) * stride
+    n_steps = math.ceil(share - 1e-6) if filled_in else (n_out - 1) * stride
     n_stored = n_steps // stride + 1
     a_row = 8 * (mechanism.rows.shape[0] + mechanism.laws.row.size + mechanism.rows.shape[1])
-    if max(n_stored, n_out) * a_row > MOST_MEMORY or end / scheme.step > 1e9:
+    if max(n_stored, n_out) * a_row > MOST_MEMORY:
         msg = (
             f"end = {end:g} s with an output interval of {scheme.output_interval:g} s makes "
             f"{max(n_stored, n_out):.3g} instants, too many to hold; end sooner or store less often"
@@ -249,22 +257,16 @@ def _march_in_chunks(
         while done < n_steps:
             began = time.perf_counter()
             last = min(done + chunk, n_steps)
-            number, done = heard(thread, run.work.stop, _march, run, done, last)
+            number, done = call_interruptible(thread, run.work.stop, _march, run, done, last)
             if number != Code.COMPLETE:
                 return Code(number), done
             took = max(time.perf_counter() - began, 1e-3)
-            chunk = max(1, round(chunk * min(BREATH / took, 4.0)))
+            chunk = max(1, round(chunk * min(INTERRUPT_INTERVAL / took, 4.0)))
             if report is not None:
                 report(done, n_steps)
     except KeyboardInterrupt:  # between two kernels
         return Code.INTERRUPTED, done
     return Code.COMPLETE, done
-
-
-def _books_close(run: Run) -> bool:
-    record = run.record
-    error = closing_error(record.stored, record.ledger, folded=float(record.folded[0]))
-    return error < CLOSES
 
 
 def _unsettled(mechanism: Mechanism, run: Run) -> tuple[str, ...]:

@@ -1,12 +1,12 @@
 """The solution of one implicit step for a given contact set; see `turnout.integrate.columns`."""
 
-from turnout.integrate.coupling import at_end, couple, solve_coupling
+from turnout.integrate.columns import at_end, couple, solve_coupling
+from turnout.integrate.scratch import Work
 from turnout.integrate.state import COUNT_JOINING, COUPLED, State
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import add, add_two, gather, sum_rows
-from turnout.integrate.work import Work
-from turnout.law.compiled import compiled, compiled_loop, compiled_part
-from turnout.law.lanes import LANES, every, load, pick, store
+from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
+from turnout.kernels.lanes import LANES, broadcast, gather, load, store
+from turnout.kernels.vector import add, add_two, gather_all, sum_rows
 from turnout.law.table import LawTable
 
 
@@ -21,7 +21,7 @@ def solve_set(system: System, table: LawTable, state: State, work: Work) -> None
         start, stop = end_start[block], end_start[block + 1]
         sum_rows(constant[start:stop], force[first:last], columns[first:last], g[start:stop])
     _push(system, table, state, work)
-    gather(work.push, system.pushed_end, work.pushed)
+    gather_all(work.push, system.pushed_end, work.pushed)
     _move_blocks(system, state, system.pushed_end, work.pushed)
     if state.counters[COUNT_JOINING]:
         exchange_forces(system, state, work, 1.0)
@@ -41,7 +41,7 @@ def _push(system: System, table: LawTable, state: State, work: Work) -> None:
         work.given[k] = state.inputs[k - 1]
     for k in range(system.input_group.size):
         at = system.input_group[k]
-        store(pick(work.given, system.input_place, at), work.law_input, at)
+        store(gather(work.given, system.input_place, at), work.law_input, at)
 
 
 @compiled_part
@@ -55,16 +55,16 @@ def derive(system: System, state: State) -> None:
 @compiled_loop
 def _follow(g: Floats, leaders: Ints, weights: Floats, following: Floats) -> None:
     for i in range(0, leaders.shape[1], LANES):
-        sums = every(0.0)
+        sums = broadcast(0.0)
         for term in range(leaders.shape[0]):
-            sums = sums + load(weights[term], i) * pick(g, leaders[term], i)
+            sums = sums + load(weights[term], i) * gather(g, leaders[term], i)
         store(sums, following, i)
 
 
 @compiled_loop
 def _join(g: Floats, ends: Ints, joining: Floats) -> None:
     for i in range(0, ends.shape[1], LANES):
-        store(pick(g, ends[0], i) + pick(g, ends[1], i), joining, i)
+        store(gather(g, ends[0], i) + gather(g, ends[1], i), joining, i)
 
 
 @compiled_part
@@ -143,4 +143,4 @@ def set_modes(system: System, state: State) -> None:
 @compiled_loop
 def _pick_all(values: Floats, places: Ints, to: Floats) -> None:
     for i in range(0, places.size, LANES):
-        store(pick(values, places, i), to, i)
+        store(gather(values, places, i), to, i)

@@ -11,29 +11,29 @@ from typing import NamedTuple
 import numpy as np
 
 from turnout.integrate.columns import update_row
+from turnout.integrate.scratch import Work
 from turnout.integrate.solution import set_modes, solve_set
 from turnout.integrate.state import COUNT_ITERATIONS, State, set_segment
 from turnout.integrate.system import Floats, Ints, System
-from turnout.integrate.vector import copy
-from turnout.integrate.work import Work
-from turnout.law.compiled import compiled, compiled_loop, compiled_part
+from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
+from turnout.kernels.lanes import (
+    LANES,
+    absolute,
+    any_true,
+    broadcast,
+    gather,
+    greater,
+    load,
+    logical_or,
+    select,
+    store,
+)
+from turnout.kernels.vector import copy
 from turnout.law.kernel import (
     STICK,
     any_not_finite,
     friction_state,
     segment_for,
-)
-from turnout.law.lanes import (
-    LANES,
-    choose,
-    either,
-    every,
-    load,
-    magnitude,
-    over,
-    pick,
-    some,
-    store,
 )
 from turnout.law.table import LawTable
 
@@ -108,15 +108,15 @@ def _try_laws(
 ) -> bool:
     slope, constant = line
     lower, upper = bounds
-    overlooked = every(gap)
-    outside = over(overlooked, overlooked)
+    overlooked = broadcast(gap)
+    outside = greater(overlooked, overlooked)
     for i in range(0, forces.size, LANES):
-        at = pick(g, row, i) - load(inputs, i)
+        at = gather(g, row, i) - load(inputs, i)
         store(at, arguments, i)
         store(load(slope, i) * at + load(constant, i), forces, i)
-        above = over(at, load(upper, i) + overlooked)
-        outside = either(outside, either(above, over(load(lower, i) - overlooked, at)))
-    return some(outside)
+        above = greater(at, load(upper, i) + overlooked)
+        outside = logical_or(outside, logical_or(above, greater(load(lower, i) - overlooked, at)))
+    return any_true(outside)
 
 
 @compiled_part
@@ -147,20 +147,22 @@ def _try_frictions(
 ) -> bool:
     force, normal, coefficient = of_normals
     anchor, stiffness = springs
-    zero, never, trace = every(0.0), every(-np.inf), every(overlooked)
-    contradicted = over(zero, zero)
+    zero, never, trace = broadcast(0.0), broadcast(-np.inf), broadcast(overlooked)
+    contradicted = greater(zero, zero)
     for i in range(0, trials.size, LANES):
-        limit = load(coefficient, i) * pick(force, normal, i)
-        trial = load(stiffness, i) * (pick(g, row, i) - load(anchor, i))
+        limit = load(coefficient, i) * gather(force, normal, i)
+        trial = load(stiffness, i) * (gather(g, row, i) - load(anchor, i))
         store(limit, limits, i)
         store(trial, trials, i)
         branch = load(branches, i)
-        slips, presses = over(magnitude(branch), zero), over(limit, zero)
-        most = choose(presses, limit, zero)
+        slips, presses = greater(absolute(branch), zero), greater(limit, zero)
+        most = select(presses, limit, zero)
         # who sticks contradicts by holding too much, who slips by being held by less than the limit
-        more = choose(slips, choose(presses, most - trace, never), magnitude(trial))
-        contradicted = either(contradicted, over(more, choose(slips, branch * trial, most + trace)))
-    return some(contradicted)
+        more = select(slips, select(presses, most - trace, never), absolute(trial))
+        contradicted = logical_or(
+            contradicted, greater(more, select(slips, branch * trial, most + trace))
+        )
+    return any_true(contradicted)
 
 
 @compiled

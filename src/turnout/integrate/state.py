@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from turnout.integrate.system import Floats, Ints, System
-from turnout.law.compiled import compiled
+from turnout.kernels.compiled import compiled
+from turnout.kernels.lanes import zeros_in_lines
+from turnout.kernels.records import clone_record, shared_record
 from turnout.law.kernel import segment_for
-from turnout.law.lanes import zeros_in_lines
-from turnout.law.shared import another, shared
 from turnout.law.table import LawTable
 
 
@@ -28,7 +28,7 @@ class State(NamedTuple):
     ``drift`` is the growth of rounding since it was last measured. ``push_force`` are the forces of
     the driven laws at the last instant, ``jump`` is what a law that was switched lost there.
     ``resting``, ``held_at_rest``, ``law_apart`` and ``friction_apart`` are those of
-    `turnout.integrate.stored`. ``law_placed`` and ``law_first`` are of laws that do not act all the
+    `turnout.integrate.energy`. ``law_placed`` and ``law_first`` are of laws that do not act all the
     time.
     """
 
@@ -140,7 +140,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
     n_laws, n_frictions = table.row.size, table.friction_row.size
     n_joining = int(np.sum(system.row_ends[:, 1] >= 0))
     modal, of_laws, of_frictions = np.zeros(n_modes), np.zeros(n_laws), np.zeros(n_frictions)
-    state = shared(
+    state = shared_record(
         State(
             segment=np.zeros(n_laws, dtype=np.int64),
             present=np.ones(n_laws, dtype=np.int64),
@@ -202,7 +202,7 @@ def fresh_copy(state: State, table: LawTable) -> State:
     table : LawTable
         Laws in the same order on the same rows; their values may differ.
     """
-    copied = another(
+    copied = clone_record(
         state,
         columns=zeros_in_lines(*state.columns.shape),
         coupling=np.zeros(state.coupling.shape),

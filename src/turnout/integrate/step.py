@@ -10,11 +10,11 @@ follows from the predicted coordinates :math:`\tilde q` and velocities :math:`\t
 from typing import NamedTuple
 
 from turnout.integrate.energy import ALGORITHMIC, DAMPING
+from turnout.integrate.scratch import Work
 from turnout.integrate.state import State
 from turnout.integrate.system import Floats, System
-from turnout.integrate.work import Work
-from turnout.law.compiled import compiled, compiled_loop, compiled_part
-from turnout.law.lanes import LANES, every, load, store, total
+from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
+from turnout.kernels.lanes import LANES, broadcast, horizontal_sum, load, store
 
 
 class Stepping(NamedTuple):
@@ -84,12 +84,12 @@ def _predict(
     velocity: Floats,
     side: Floats,
 ) -> None:
-    inertia, viscosity = every(factors.inertia), every(factors.viscosity)
+    inertia, viscosity = broadcast(factors.inertia), broadcast(factors.viscosity)
     share = factors.share
-    old, older = every(share * stepping.alpha_f), every(-share * stepping.alpha_m)
-    rest, new = every(0.5 - stepping.beta), every(stepping.beta)
-    early, late = every(1.0 - stepping.gamma), every(stepping.gamma)
-    step, square = every(h), every(h * h)
+    old, older = broadcast(share * stepping.alpha_f), broadcast(-share * stepping.alpha_m)
+    rest, new = broadcast(0.5 - stepping.beta), broadcast(stepping.beta)
+    early, late = broadcast(1.0 - stepping.gamma), broadcast(stepping.gamma)
+    step, square = broadcast(h), broadcast(h * h)
     q, v, a, acceleration = motion
     for i in range(0, side.size, LANES):
         now, speed, last = load(q, i), load(v, i), load(a, i)
@@ -130,11 +130,15 @@ def _complete(
     a: Floats,
     acceleration: Floats,
 ) -> tuple[float, float]:
-    inertia, viscosity, half = every(factors.inertia), every(factors.viscosity), every(0.5)
-    share, new = every(factors.share), every(1.0 - stepping.alpha_f)
-    old, older = every(stepping.alpha_f), every(stepping.alpha_m)
+    inertia, viscosity, half = (
+        broadcast(factors.inertia),
+        broadcast(factors.viscosity),
+        broadcast(0.5),
+    )
+    share, new = broadcast(factors.share), broadcast(1.0 - stepping.alpha_f)
+    old, older = broadcast(stepping.alpha_f), broadcast(stepping.alpha_m)
     saved, predicted, velocity = before
-    damped, lost = every(0.0), every(0.0)
+    damped, lost = broadcast(0.0), broadcast(0.0)
     for i in range(0, q.size, LANES):
         now, speed, last = load(q, i), load(v, i), load(acceleration, i)
         change, way = now - load(predicted, i), now - load(saved, i)
@@ -145,4 +149,4 @@ def _complete(
         store(share * (new * push + old * last - older * load(a, i)), a, i)
         store(fast, v, i)
         store(push, acceleration, i)
-    return total(damped), total(lost)
+    return horizontal_sum(damped), horizontal_sum(lost)

@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.condense.condense import BlockModel, base_stiffness
 from turnout.errors import MechanicsError
 from turnout.integrate.places import Places, Terms, number_places, unsigned
-from turnout.law.lanes import LANES
-from turnout.law.shared import shared
+from turnout.kernels.lanes import LANES
+from turnout.kernels.records import shared_record
 from turnout.law.table import LawTable
-from turnout.mechanism.condense import BlockModel, base_stiffness
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -155,7 +155,7 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
             np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1)
         ),
     )
-    return shared(system)
+    return shared_record(system)
 
 
 def _of_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Any]:

@@ -1,14 +1,14 @@
 """Compiled evaluation of the law table: arguments, segments, forces, friction.
 
 Arrays are float64, the branches of frictions too, indices int64. In the table for the kernels,
-`turnout.integrate.places.placed`, rows are places, and they and the normals of frictions are
+`turnout.integrate.places.place_laws`, rows are places, and they and the normals of frictions are
 unsigned. Arguments grow in the direction that a contact closes; forces `F` are what the law resists
 with, so that the structure feels ``-F`` along the law's row.
 """
 
 import numpy as np
 
-from turnout.law.compiled import compiled, compiled_loop
+from turnout.kernels.compiled import compiled, compiled_loop
 from turnout.law.table import Floats, LawTable
 
 STICK = 0

@@ -9,7 +9,7 @@ from typing import Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from turnout.files.quantity import (
+from turnout.core.quantity import (
     Angle,
     AngularStiffness,
     Current,
@@ -35,7 +35,7 @@ from turnout.files.quantity import (
     Torque,
     Voltage,
 )
-from turnout.files.units import SI
+from turnout.core.units import SI
 
 COPPER_REFERENCE = 293.15
 """Temperature at which resistances are given [K]."""

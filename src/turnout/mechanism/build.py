@@ -1,27 +1,103 @@
-"""From panel records to a mechanism; see `build_rails` for the rails, `laws` for what acts on them.
+"""From panel records to a mechanism, kept in memory by what shapes it.
+
+What of a panel shapes rails and rows of its mechanism, as a key to keep these by.
+
+Friction, contact and drive parameters and the motion are no part of it. Whatever is not known to
+be without influence counts, so that a new field of a panel can cost time but never a result.
+
+From panel records to a mechanism; see `build_rails` for the rails, `laws` for what acts on them.
 
 These files alone see both definition and mechanics.
 """
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from turnout.files.latest import Latest
-from turnout.mechanism.between import approach_row, stands_between, yield_between
+from turnout.core.lru_cache import LRUCache
+from turnout.core.threads import one_blas_thread
 from turnout.mechanism.build_rails import stock_rail_data, switch_rail_data
 from turnout.mechanism.laws import Layout, Rows, law_table, lay_out
-from turnout.mechanism.mechanism import Mechanism, RailBody
-from turnout.mechanism.rail import RailData, ReducedRail
+from turnout.mechanism.mechanism import Mechanism, RailBody, RailData, ReducedRail
+from turnout.mechanism.offnode_objects import approach_row, is_off_node, local_flexibility
 from turnout.mechanism.reduce import reduce_rail
-from turnout.mechanism.shape import shape_of
-from turnout.mechanism.threads import one_blas_thread
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
+from turnout.panel.records import Chair, Drive, Record
+
+_NO_SHAPE = frozenset(
+    ("schema_version", "name", "description", "instrumented_rail", "schedule", "movement")
+    + ("object_defaults", "object", "lock", "flangeway", "chair", "drive")
+)
+_LAW_ALONE = {
+    Chair: frozenset(("friction_coefficient", "normal_stiffness", "stick_stiffness", "clearance")),
+    Drive: frozenset(
+        ("stiffness", "saturation_force", "saturated_stiffness", "extension", "force")
+    ),
+}
+"""Fields that end up in laws, whose rows do not depend on them."""
+
+
+def shape_of(
+    panel: LoadedPanel, objects: Sequence[PlacedObject]
+) -> tuple[Hashable, tuple[object, ...]]:
+    """Return a key of all that shapes rails and rows, and the records that it names.
+
+    Records are named by identity: those that an override leaves alone stay the same. Whoever keeps
+    something by the key must keep the records too, so that no other takes their place.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        The panel.
+    objects : sequence of PlacedObject
+        Foreign objects, of which names and places count.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> panel = load_panel("sb1")
+    >>> dry = panel.with_overrides({"chair.friction_coefficient": 0.5})
+    >>> shape_of(dry, ()) [0] == shape_of(panel, ())[0]
+    True
+    >>> damped = panel.with_overrides({"chair.damping": 7.0})
+    >>> shape_of(damped, ()) [0] == shape_of(panel, ())[0]
+    False
+    """
+    key: list[Hashable] = [given.digest for given in panel.matrices.values()]
+    named: list[object] = []
+    for field in _shaping(type(panel)):
+        value = getattr(panel, field)
+        records = list(value.values()) if isinstance(value, dict) else [value]
+        names = tuple(value) if isinstance(value, dict) else ()
+        key.append((field, names, tuple(map(id, records))))
+        named += records
+    for family, record in ((panel.chair, Chair), (panel.drive, Drive)):
+        fields = _geometry(record)
+        for name, member in family.items():
+            key.append((name, *(_plain(getattr(member, field)) for field in fields)))
+    key += [(item.name, item.rail, item.x, item.height) for item in objects]
+    return tuple(key), tuple(named)
+
+
+def _plain(value: object) -> Hashable:
+    return tuple(value) if isinstance(value, list) else value
+
+
+@cache
+def _shaping(panel: type[Record]) -> tuple[str, ...]:
+    return tuple(name for name in panel.model_fields if name not in _NO_SHAPE)
+
+
+@cache
+def _geometry(record: type[Record]) -> tuple[str, ...]:
+    return tuple(name for name in record.model_fields if name not in _LAW_ALONE[record])
+
 
 Floats = NDArray[np.float64]
 
@@ -44,7 +120,7 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
     Mechanism
         One input a drive, in the order of ``panel.drive``: its marker position [m].
     """
-    between = tuple(item for item in objects if stands_between(panel, item))
+    between = tuple(item for item in objects if is_off_node(panel, item))
     standing = tuple(item for item in objects if item not in between)
     kept = _kept(panel, standing)
     layout, linear, rows = kept.layout, kept.linear, kept.linear.rows
@@ -110,8 +186,8 @@ class _Between:
         ]
 
 
-_memory = Latest[_Kept](MOST_LINEAR)
-_objects = Latest[_Between](MOST_LINEAR)
+_memory = LRUCache[_Kept](MOST_LINEAR)
+_objects = LRUCache[_Between](MOST_LINEAR)
 
 
 def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
@@ -125,7 +201,7 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
         linear = made.linear
         for array in (linear.stiffness, linear.mass, linear.damping, linear.load, linear.rows):
             array.flags.writeable = False
-        _memory.keep(key, made)
+        _memory.put(key, made)
     return made
 
 
@@ -146,7 +222,7 @@ def _with_between(
     key = (id(kept), places)
     found = _objects.get(key)
     if found is None:
-        found = _objects.keep(key, _made_between(kept, panel, standing, between))
+        found = _objects.put(key, _made_between(kept, panel, standing, between))
     return found
 
 
@@ -170,7 +246,7 @@ def _made_between(
     )
     with one_blas_thread():
         yields = tuple(
-            yield_between(
+            local_flexibility(
                 panel, item, rails=lambda: _rail_data(panel, layout.rows, standing), owner=kept
             )
             for item in between
@@ -206,7 +282,7 @@ def rail_data(panel: Panel, objects: Sequence[PlacedObject] = ()) -> list[RailDa
     objects : sequence of PlacedObject
         Foreign objects; those at places of the panel become nodes.
     """
-    objects = [item for item in objects if not stands_between(panel, item)]
+    objects = [item for item in objects if not is_off_node(panel, item)]
     return _rail_data(panel, lay_out(panel, objects).rows, objects)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from turnout.beam.material import Material
 from turnout.beam.mesh import mesh_nodes
 from turnout.errors import MechanicsError
-from turnout.mechanism.rail import Point, RailData, Support, rayleigh_factors
+from turnout.mechanism.mechanism import Point, RailData, Support, rayleigh_factors
 from turnout.mechanism.rail_sections import (
     FOOT_EDGES,
     foot_spans,
@@ -23,9 +23,7 @@ from turnout.mechanism.rail_sections import (
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
-from turnout.panel.rail_matrices import RailMatrices
-from turnout.panel.rail_records import Rail
-from turnout.panel.support_records import Chair, Fastening
+from turnout.panel.records import Chair, Fastening, Rail, RailMatrices
 
 Floats = NDArray[np.float64]
 SIGN = {"+y": 1.0, "-y": -1.0}

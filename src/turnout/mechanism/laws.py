@@ -13,15 +13,12 @@ from numpy.typing import NDArray
 from turnout.errors import MechanicsError
 from turnout.law.table import LawTable, LawTableBuilder
 from turnout.mechanism.build_rails import SIGN, rail_feet, stands_on, stock_body
-from turnout.mechanism.mechanism import LawIndex
-from turnout.mechanism.rail import Point
-from turnout.panel.drive_records import Drive, Link
+from turnout.mechanism.mechanism import LawIndex, Point
 from turnout.panel.foreign_object import PlacedObject
+from turnout.panel.markers import start_offset
 from turnout.panel.model import Panel
-from turnout.panel.motion import start_offset
 from turnout.panel.profile import stock_rail_gap
-from turnout.panel.rail_records import Rail
-from turnout.panel.support_records import Chair, Stop
+from turnout.panel.records import Chair, Drive, Link, Rail, Stop
 
 Ints = NDArray[np.int64]
 

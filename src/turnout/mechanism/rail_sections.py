@@ -1,6 +1,6 @@
 """Sections of a panel's rails as numbers along them, whether tabulated or drawn as outlines.
 
-Columns are those of `turnout.panel.section_records.SectionTable`: y positive TOWARDS the stock
+Columns are those of `turnout.panel.records.SectionTable`: y positive TOWARDS the stock
 rail, from the rail's reference line. An outline adds the edges of its underside, where the chairs
 carry it. What is computed from outlines is kept by its content.
 """
@@ -11,11 +11,16 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
+from turnout.core.content_cache import cached_arrays
 from turnout.errors import MechanicsError
-from turnout.mechanism.cache import remembered
 from turnout.panel.model import Panel
-from turnout.panel.profile import between_stations, outline_points, section_columns
-from turnout.panel.section_records import PlanedSection
+from turnout.panel.profile import (
+    between_stations,
+    outline_points,
+    section_columns,
+    section_stations,
+)
+from turnout.panel.records import PlanedSection
 from turnout.section.outline import Outline, make_outline
 from turnout.section.properties import SectionProperties
 
@@ -24,6 +29,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
+NEAR = 1e-3  # m
 FOOT_EDGES = ("foot_edge_stock", "foot_edge_track")
 """Columns of the underside's edges: the one beside the stock rail, and the other."""
 
@@ -85,7 +91,7 @@ def station_columns(panel: Panel, section: str) -> dict[str, Floats]:
             *planed.model_dump(exclude={"outline", "stock_outline"}).values(),
             poisson,
         ]
-    return remembered("section", parts, lambda: _computed(panel, section))
+    return cached_arrays("section", parts, lambda: _computed(panel, section))
 
 
 def section_outlines(panel: Panel, section: str) -> list[tuple[Outline, Outline | None]]:
@@ -196,7 +202,7 @@ def _planing(panel: Panel, planed: PlanedSection) -> "Planing":
 def _computed(panel: Panel, section: str) -> dict[str, Floats]:
     """Analyse the outlines of a section and turn them to y towards the stock rail."""
     from turnout.section.analyse import analyse_outlines
-    from turnout.section.foot import foot_edges
+    from turnout.section.geometry import foot_edges
 
     outlines = [outline for outline, _ in section_outlines(panel, section)]
     found = analyse_outlines(outlines, poisson_ratio=panel.material.poisson_ratio).properties
@@ -216,3 +222,14 @@ def _computed(panel: Panel, section: str) -> dict[str, Floats]:
         FOOT_EDGES[0]: edges[:, 0].copy(),
         FOOT_EDGES[1]: edges[:, 1].copy(),
     }
+
+
+def rail_stations(panel: Panel, rail: str) -> Floats:
+    """Return the ends of a rail and the stations of its section between them, rising [m].
+
+    A station within a millimetre of an end is left out: it would be the same row of a table.
+    """
+    record = panel.rail[rail]
+    stations = np.unique(np.round(section_stations(panel, rail), 6))
+    inside = (stations > record.start + NEAR) & (stations < record.end - NEAR)
+    return np.concatenate([[record.start], stations[inside], [record.end]])

@@ -1,33 +1,31 @@
 """One rail from its structure to a superelement with the points where laws act."""
 
-import pickle
-from collections.abc import Iterator
-from dataclasses import fields, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from turnout.files.latest import Latest
-from turnout.mechanism.cache import digest, remembered
-from turnout.mechanism.mechanism import RailBody
-from turnout.mechanism.rail import RailData, ReducedRail
+from turnout.core.content_cache import cached_arrays, digest
+from turnout.core.lru_cache import LRUCache
+from turnout.mechanism.mechanism import RailBody, RailData, ReducedRail
 from turnout.mechanism.structure import Structure, point_rows, rail_structure
-from turnout.panel.rail_matrices import RailMatrices
+from turnout.panel.records import RailMatrices
 from turnout.reduction.craig_bampton import (
     Superelement,
     craig_bampton,
     reduce_matrix,
     reduce_vector,
 )
-from turnout.reduction.report import ReductionReport, reduction_report
+from turnout.reduction.truncation import ReductionReport, reduction_report
 from turnout.section.properties import SectionProperties
 
 Floats = NDArray[np.float64]
 MOST_RAILS = 48
 """So many reduced rails are kept in memory, the latest used."""
 
-_rails = Latest[ReducedRail](MOST_RAILS)
+_rails = LRUCache[ReducedRail](MOST_RAILS)
 _FIELDS = ("stiffness", "mass", "transformation", "frequencies_kept", "frequency_first_omitted")
 
 
@@ -52,7 +50,7 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
     key = digest(_parts(data))
     found = _rails.get(key)
     if found is None:
-        found = _rails.keep(key, _reduced(data, first=0))
+        found = _rails.put(key, _reduced(data, first=0))
         for array in (found.stiffness, found.mass, found.damping, found.load, found.rows):
             array.flags.writeable = False
     return replace(found, body=replace(found.body, first=first))
@@ -71,10 +69,20 @@ def _parts(data: RailData) -> Iterator[object]:
             yield from (getattr(value, part.name) for part in fields(value))
         elif isinstance(value, RailMatrices):
             yield value.digest
-        elif isinstance(value, tuple):  # hundreds of points, whose text takes ten times as long
-            yield pickle.dumps(value)
+        elif isinstance(value, tuple) and value and is_dataclass(value[0]):
+            yield from _columns(value)
         else:
             yield value
+
+
+def _columns(records: Sequence[object]) -> Iterator[object]:
+    """Yield each field of equal records as one array: there are hundreds, and texts are slow."""
+    for item in fields(records[0]):  # type: ignore[arg-type]
+        column = [getattr(record, item.name) for record in records]
+        if is_dataclass(column[0]):
+            yield from _columns(column)
+        else:
+            yield np.array(column)
 
 
 def _reduced(data: RailData, *, first: int) -> ReducedRail:
@@ -160,7 +168,7 @@ def _kept_superelement(
 
     matrices = (stiffness.tocsr(), mass.tocsr())
     parts = [array for m in matrices for array in (m.data, m.indices, m.indptr)]
-    kept = remembered("superelement", [*parts, interface, float(cutoff_frequency)], made)
+    kept = cached_arrays("superelement", [*parts, interface, float(cutoff_frequency)], made)
     return Superelement(
         stiffness=kept["stiffness"],
         mass=kept["mass"],

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from turnout.beam.assembly import DOF, assemble_beam
 from turnout.beam.mesh import MERGE_DISTANCE
 from turnout.errors import MechanicsError
-from turnout.mechanism.rail import Point, RailData, Support
-from turnout.panel.rail_matrices import RailMatrices
+from turnout.mechanism.mechanism import Point, RailData, Support
+from turnout.panel.records import RailMatrices
 
 Floats = NDArray[np.float64]
 ARMS: dict[str, tuple[tuple[str, str, float], ...]] = {

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import ResponseError
-from turnout.metric.movement import TIME_TOLERANCE, Span, movements
 from turnout.metric.signal import FILTER_WINDOW, filtered_values
+from turnout.metric.slip import TIME_TOLERANCE, Span, movements
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -7,10 +7,9 @@ from typing import Any, Literal
 
 import xarray as xr
 
-from turnout.metric.books import numerical_warning
-from turnout.metric.movement import Slip, margins, slips
 from turnout.metric.signal import at_end
-from turnout.metric.words import kilo, milli
+from turnout.metric.slip import Slip, margins, slips
+from turnout.metric.summary import is_inaccurate, kilo, milli, numerical_warning
 
 HEADLINE = "Outcome"
 """The question that the headline of a run answers; it goes without being asked."""
@@ -83,6 +82,8 @@ def _complete(dataset: xr.Dataset) -> list[Finding]:
     if dataset.attrs.get("complete", True):
         return []
     message = str(dataset.attrs.get("outcome_message", "ended early"))
+    if is_inaccurate(dataset):
+        return [Finding("bad", "Can the numbers be trusted?", "No", message)]
     return [Finding("bad", "Is the run whole?", "No", f"{message}; what follows holds until then")]
 
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import xarray as xr
 
-from turnout.metric.movement import margins
 from turnout.metric.signal import at_end
+from turnout.metric.slip import margins
 
 
 @dataclass(frozen=True, slots=True)

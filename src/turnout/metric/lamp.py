@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.metric.movement import TIME_TOLERANCE, movements
+from turnout.metric.slip import TIME_TOLERANCE, movements
 
 Flags = NDArray[np.bool_]
 

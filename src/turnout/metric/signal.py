@@ -1,12 +1,18 @@
-"""Features of single channels."""
+"""Features of single channels, and of a movement: contact, build-up, peak, plateau.
+
+Features of single channels. Features of a movement: contact, build-up, peak and plateau of each
+force.
+"""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     import xarray as xr
+
 
 Floats = NDArray[np.float64]
 
@@ -103,3 +109,137 @@ def first_time(flag: "xr.DataArray", *, after: float = -np.inf) -> "xr.DataArray
 def at_end(channel: "xr.DataArray") -> "xr.DataArray":
     """Return the last value of a channel."""
     return channel.isel(time=-1)
+
+
+# A force is taken to begin where it leaves this behind: above noise, below what matters [N].
+CONTACT_FORCE = 100.0
+# Part of the rise over which the slope is taken; the ends are rounded by filters and knees.
+RISE = (0.2, 0.8)
+PLATEAU = 0.3
+
+
+def contact_time(squeezed: xr.DataArray, *, threshold: float = CONTACT_FORCE) -> xr.DataArray:
+    """Return when the force on the object exceeds a threshold for good.
+
+    Parameters
+    ----------
+    squeezed : xarray.DataArray, dims (..., time)
+        Force on the object [N].
+    threshold : float
+        [N]
+
+    Returns
+    -------
+    xarray.DataArray, dims (...)
+        Where a straight line between samples crosses the threshold for the last time [s]; NaN
+        where the force does not end above it, or begins there.
+
+    Examples
+    --------
+    >>> force = xr.DataArray([0.0, 150.0, 50.0, 250.0, 900.0], {"time": np.arange(5.0)}, ("time",))
+    >>> float(contact_time(force))
+    2.25
+    """
+    ordered = squeezed.transpose(..., "time")
+    time = ordered["time"].values
+    rows = ordered.values.reshape(-1, time.size)
+    found = np.array([_last_crossing(row, time, threshold) for row in rows])
+    return ordered.isel(time=0, drop=True).copy(data=found.reshape(ordered.shape[:-1]))
+
+
+def _last_crossing(force: Floats, time: Floats, threshold: float) -> float:
+    known = np.flatnonzero(np.isfinite(force))
+    force, time = force[known], time[known]
+    below = np.flatnonzero(force <= threshold)
+    if not below.size or below[-1] + 1 >= force.size:
+        return float("nan")
+    pair = slice(below[-1], below[-1] + 2)
+    return float(np.interp(threshold, force[pair], time[pair]))
+
+
+def build_up_slope(force: xr.DataArray, *, contact: float, end: float) -> float:
+    """Return the slope with which a force builds up after contact.
+
+    The straight line through the samples between 20 and 80 % of the rise from the contact to the
+    first instant at the largest force (within 2 %).
+
+    Parameters
+    ----------
+    force : xarray.DataArray, dims (time)
+        [N]
+    contact, end : float
+        From when to when [s].
+
+    Returns
+    -------
+    float
+        [N/s]; NaN without a contact or with a rise below 100 N.
+
+    Examples
+    --------
+    >>> time = np.linspace(0.0, 2.0, 201)
+    >>> force = xr.DataArray(np.clip(1e3 * time, 0, 1e3), {"time": time}, ("time",))
+    >>> round(build_up_slope(force, contact=0.0, end=2.0))
+    1000
+    """
+    if not np.isfinite(contact):
+        return float("nan")
+    part = force.sel(time=slice(contact, end)).dropna("time")
+    values, time = part.values, part["time"].values
+    if values.size < 3:
+        return float("nan")
+    rise = values.max() - values[0]
+    if rise < CONTACT_FORCE:
+        return float("nan")
+    share = (values - values[0]) / rise
+    first_top = int(np.argmax(share >= 0.98))
+    rising = share[: first_top + 1]
+    inside = np.flatnonzero((rising >= RISE[0]) & (rising <= RISE[1]))
+    if inside.size < 2:
+        return float("nan")
+    line = np.polyfit(time[inside] - time[inside[0]], values[inside], 1)
+    return float(line[0])
+
+
+def features(channels: xr.DataArray, *, contact: xr.DataArray, end: float) -> xr.Dataset:
+    """Return slope of the build-up, peak and plateau of each channel and movement.
+
+    Parameters
+    ----------
+    channels : xarray.DataArray, dims (channel, movement, time)
+        [N]
+    contact : xarray.DataArray, dims (movement)
+        When the object is first touched [s].
+    end : float
+        Of the movement; the plateau is the mean over the 0.3 s before, or before the last known
+        sample of a movement that ends earlier [s].
+
+    Returns
+    -------
+    xarray.Dataset, dims (channel, movement)
+        `slope` [N/s], `peak` [N], `plateau` [N], and `contact` [s] (movement).
+
+    Examples
+    --------
+    >>> time = np.linspace(0.0, 2.0, 201)
+    >>> one = xr.DataArray(np.clip(1e3 * time, 0, 1e3)[None, None], {"time": time},
+    ...                    ("channel", "movement", "time"))
+    >>> found = features(one, contact=xr.DataArray([0.0], dims="movement"), end=2.0)
+    >>> round(float(found["peak"][0, 0])), round(float(found["plateau"][0, 0]))
+    (1000, 1000)
+    """
+    ordered = channels.transpose("channel", "movement", "time").sel(time=slice(None, end))
+    slope = np.full(ordered.shape[:2], np.nan)
+    for row, number in np.ndindex(*slope.shape):
+        force = ordered.isel(channel=row, movement=number)
+        slope[row, number] = build_up_slope(force, contact=float(contact[number]), end=end)
+    dims = ("channel", "movement")
+    last = ordered["time"].where(ordered.notnull().any("channel")).max("time")
+    held = ordered.where(ordered["time"] >= last - PLATEAU)
+    found = {
+        "slope": (dims, slope, {"units": "N/s", "long_name": "slope of the build-up"}),
+        "peak": ordered.max("time").assign_attrs(units="N", long_name="largest force"),
+        "plateau": held.mean("time").assign_attrs(units="N", long_name="force at the end"),
+        "contact": contact.assign_attrs(units="s", long_name="contact with the object"),
+    }
+    return xr.Dataset(found)

@@ -1,15 +1,106 @@
-"""What a run has to say, in plain words and engineers' units."""
+"""What a run has to say in engineers' units, with its energy residual.
+
+Forces and lengths as words of a sentence. How well the books of energy close, relative to the scale
+of the run. What a run has to say, in plain words and engineers' units.
+"""
 
 import json
 import math
+from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
-from turnout.metric.books import numerical_share, numerical_warning, residual_share
-from turnout.metric.movement import Margin, Slip, margins, slips
 from turnout.metric.signal import at_end
-from turnout.metric.words import changed, kilo, milli
+from turnout.metric.slip import Margin, Slip, margins, slips
+
+
+def kilo(force: xr.DataArray | float) -> str:
+    """Return a force [N] in kilonewtons.
+
+    Examples
+    --------
+    >>> kilo(4409.0), kilo(-0.4)
+    ('4.41 kN', '0.00 kN')
+    """
+    # Adding zero turns a negative zero into a plain one.
+    return f"{round(float(force) / 1e3, 2) + 0.0:.2f} kN"
+
+
+def milli(length: xr.DataArray | float) -> str:
+    """Return a length [m] in millimetres.
+
+    Examples
+    --------
+    >>> milli(0.012971)
+    '12.97 mm'
+    """
+    return f"{round(float(length) * 1e3, 2) + 0.0:.2f} mm"
+
+
+def changed(changes: Mapping[str, object]) -> str:
+    """Return what a panel was changed in; calibrated numbers with five digits.
+
+    Examples
+    --------
+    >>> changed({"chair.friction_coefficient": 0.27001253045, "drive.1.stiffness": 640163.2})
+    'chair.friction_coefficient = 0.27001, drive.1.stiffness = 640160'
+    """
+
+    def text(value: object) -> str:
+        return f"{float(f'{value:.5g}'):.12g}" if isinstance(value, float) else str(value)
+
+    return ", ".join(f"{key} = {text(value)}" for key, value in changes.items())
+
+
+MOST_NUMERICAL = 0.02
+"""Share of the energy scale that a scheme may lose or make before a reader should know [-]."""
+
+# Where less than this has moved, shares of the scale would be rounding over rounding [J].
+LEAST_SCALE = 1e-3
+
+
+def is_inaccurate(dataset: xr.Dataset) -> bool:
+    """Return whether a run came to its end with an energy balance that does not close.
+
+    Examples
+    --------
+    >>> is_inaccurate(xr.Dataset(attrs={"complete": False, "outcome": "inaccurate"}))
+    True
+    """
+    return str(dataset.attrs.get("outcome", "")) == "inaccurate"
+
+
+def residual_share(dataset: xr.Dataset) -> float:
+    """Return the largest residual of the books over the run's energy scale, at least 1 mJ [-]."""
+    return _share(dataset, "energy_residual")
+
+
+def numerical_share(dataset: xr.Dataset) -> float:
+    """Return the largest numerical loss over the run's energy scale, at least 1 mJ [-]."""
+    return _share(dataset, "energy_numerical")
+
+
+def numerical_warning(dataset: xr.Dataset) -> str | None:
+    """Return what to say and do where the scheme itself lost or made too much, else None.
+
+    Where less than `LEAST_SCALE` has moved there is nothing to say.
+    """
+    share = numerical_share(dataset)
+    if share <= MOST_NUMERICAL or float(dataset.attrs["energy_scale"]) <= LEAST_SCALE:
+        return None
+    values = dataset["energy_numerical"].to_numpy()
+    lost = "lost" if values[np.abs(values).argmax()] > 0 else "MADE"
+    return (
+        f"the time stepping itself {lost} {100 * share:.3g} % of the energy, more than "
+        f"{100 * MOST_NUMERICAL:g} %; take a smaller step, or a spectral radius below 1 if it is 1"
+    )
+
+
+def _share(dataset: xr.Dataset, name: str) -> float:
+    scale = max(float(dataset.attrs["energy_scale"]), LEAST_SCALE)
+    return float(abs(dataset[name]).max()) / scale
 
 
 def summary(dataset: xr.Dataset) -> list[tuple[str, str]]:
@@ -82,7 +173,8 @@ def _run(dataset: xr.Dataset) -> str:
     if attributes.get("complete", True):
         end = float(dataset["time"][-1])
         return f"complete, {end:g} s of motion in {attributes.get('wall_time', math.nan):.2f} s"
-    return f"NOT COMPLETE: {attributes.get('outcome_message', 'ended early')}"
+    what = "INACCURATE" if is_inaccurate(dataset) else "NOT COMPLETE"
+    return f"{what}: {attributes.get('outcome_message', 'ended early')}"
 
 
 def _state(dataset: xr.Dataset) -> list[tuple[str, str]]:

@@ -1,7 +1,11 @@
-"""Cross checks: what no single record of a panel can know about the others.
+"""Cross checks between the records of a panel, its schedule among them.
+
+Cross checks: what no single record of a panel can know about the others.
 
 Every check works on what could be validated so far, so that its problems are reported together
 with those of single fields. It falls silent where it needs a value that is wrong itself.
+
+Checks of the schedule: order, overlap, ramps, tables.
 """
 
 import itertools
@@ -9,32 +13,130 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import Any
 
-from turnout.files.problems import Problem, show_value
-from turnout.panel.check_schedule import check_schedule
-from turnout.panel.check_section import (
+from turnout.core.problems import Problem, choices, nearest, show_value
+from turnout.core.units import is_finite
+from turnout.panel.check_rails import (
+    ON_ONE_RAIL,
+    check_drive_table,
     check_outline,
     check_outline_section,
     check_planed_section,
+    check_profile,
+    check_section,
     check_section_kinds,
     check_section_name,
-    find_section,
-)
-from turnout.panel.check_stock_rail import (
-    ON_ONE_RAIL,
     check_stock_fastening,
     check_stock_rail,
+    find_section,
     rails_of,
+    rising_fault,
     unknown_name,
 )
-from turnout.panel.check_table import check_drive_table, check_profile, check_section
 from turnout.panel.foreign_object import from_record, object_faults
 from turnout.panel.model import Panel
-from turnout.panel.validate import Draft, Known, Partial, known_part
+from turnout.panel.records import Movement
+from turnout.panel.validate import Draft, Known, Partial, until_unknown
+
+_SAME_TIME = 1e-9
+_TABLE_KEYS = ("table_time", "table_fraction", "table_file")
+
+
+def check_schedule(draft: Draft) -> Iterator[Problem]:
+    """Find problems of the movements, each and among each other."""
+    drives = draft.names["drive"]
+    for name, movement in draft.records["movement"].items():
+        yield from until_unknown(_movement(("movement", name), movement, drives))
+        yield from until_unknown(_table(("movement", name), movement))
+    yield from until_unknown(_sequence(draft, drives))
+    yield from until_unknown(_end(draft, drives))
+
+
+def _times(movement: Movement, drives: tuple[str, ...]) -> list[float]:
+    return [movement.duration + movement.extra_time.get(drive, 0.0) for drive in drives]
+
+
+def _movement(
+    path: tuple[str, str], movement: Movement, drives: tuple[str, ...]
+) -> Iterator[Problem]:
+    for drive, extra in movement.extra_time.items():
+        if drive not in drives:
+            text = f": there is no such drive{nearest(drive, drives)}; there are {choices(drives)}"
+            yield Problem((*path, "extra_time", drive), text)
+        elif movement.duration + extra <= 0:
+            text = f" = {extra:g} s: takes away the whole duration, {movement.duration:g} s"
+            yield Problem((*path, "extra_time", drive), text)
+    shortest = min(_times(movement, drives), default=movement.duration)
+    if movement.shape == "raised cosine" and movement.ramp > shortest / 2:
+        text = f" = {movement.ramp:g} s: must be at most half of the movement, {shortest / 2:g} s"
+        yield Problem((*path, "ramp"), text)
+
+
+def _table(path: tuple[str, ...], movement: Movement) -> Iterator[Problem]:
+    given = [key for key in _TABLE_KEYS if getattr(movement, key) is not None]
+    if movement.shape != "table":
+        for key in given:
+            text = f': only for shape = "table", the shape is {show_value(movement.shape)}'
+            yield Problem((*path, key), text)
+        return
+    time, fraction = movement.table_time, movement.table_fraction
+    if (time is None or fraction is None) and movement.table_file is not None:
+        return  # that file could not be read, which has been reported
+    if time is None or fraction is None:
+        missing = "table_time" if time is None else "table_fraction"
+        text = ': is missing; shape = "table" needs table_time and table_fraction, or table_file'
+        yield Problem((*path, missing), text)
+        return
+    if len(time) != len(fraction) or len(time) < 2:
+        text = f": has {len(fraction)} entries, table_time has {len(time)}; at least 2"
+        yield Problem((*path, "table_fraction"), text)
+        return
+    fault = rising_fault(time, unit="s")
+    if fault or time[0] != 0.0:
+        text = fault or f"must start at 0 s, starts at {time[0]:g} s"
+        yield Problem((*path, "table_time"), f": {text}")
+    elif abs(time[-1] - movement.duration) > 1e-6 * movement.duration:
+        text = f": must end at the duration, {movement.duration:g} s, ends at {time[-1]:g} s"
+        yield Problem((*path, "table_time"), text)
+    falls = any(after < before for before, after in zip(fraction, fraction[1:], strict=False))
+    if falls or fraction[0] != 0.0 or fraction[-1] != 1.0:
+        text = f": must rise from 0 to 1, goes from {fraction[0]:g} to {fraction[-1]:g}"
+        yield Problem((*path, "table_fraction"), text + (" and falls between" if falls else ""))
+
+
+def _in_order(draft: Draft) -> list[tuple[str, Movement]]:
+    return sorted(draft.records["movement"].items(), key=lambda item: float(item[1].start))
+
+
+def _sequence(draft: Draft, drives: tuple[str, ...]) -> Iterator[Problem]:
+    """Refuse movements that overlap or go where the panel already is."""
+    position = draft.records["schedule"].starts
+    before, free_from = "", 0.0
+    for name, movement in _in_order(draft):
+        if before and movement.start < free_from - _SAME_TIME:
+            text = f" = {movement.start:g} s: movement '{before}' only ends at {free_from:g} s"
+            yield Problem(("movement", name, "start"), text)
+        if movement.to == position:
+            text = f' = "{movement.to}": the panel is already {movement.to} then'
+            yield Problem(("movement", name, "to"), text)
+        position = movement.to
+        end = movement.start + max(_times(movement, drives), default=movement.duration)
+        before, free_from = name, max(end, free_from)
+
+
+def _end(draft: Draft, drives: tuple[str, ...]) -> Iterator[Problem]:
+    end = draft.records["schedule"].end
+    for name, movement in _in_order(draft):
+        arrival = movement.start + max(_times(movement, drives), default=movement.duration)
+        if arrival > end + _SAME_TIME:
+            text = f" = {end:g} s: movement '{name}' only ends at {arrival:g} s"
+            yield Problem(("schedule", "end"), text)
+
 
 _HAVE_PLACES = ("chair", "fastening", "stop", "stud", "drive", "link")
 _OPENING_NEEDS = {"rail", "drive", "link", "fastening", "schedule", "movement", "object_defaults"}
 _SAME_PLACE = 1e-6
 _MOST_ELEMENTS = 5000
+_MOST_FEET = 8
 
 
 def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
@@ -68,7 +170,7 @@ def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
         panel = Panel.model_construct(**draft.records)
         for name, record in objects.items():
             sized = not blocked & _OPENING_NEEDS
-            found += known_part(_object(panel, ("object", name), record, sized=sized))
+            found += until_unknown(_object(panel, ("object", name), record, sized=sized))
     return [_shared(draft, problem) for problem in found]
 
 
@@ -76,7 +178,7 @@ def _each(draft: Draft, family: str) -> Iterator[Problem]:
     """Check the members of a family one by one."""
     check_one = _CHECKS[family]
     for name, record in draft.records[family].items():
-        yield from known_part(check_one(draft, (family, name), record))
+        yield from until_unknown(check_one(draft, (family, name), record))
 
 
 def _shared(draft: Draft, problem: Problem) -> Problem:
@@ -92,9 +194,9 @@ def _plain(draft: Draft) -> Iterator[Problem]:
     instrumented = draft.records["instrumented_rail"]
     if not isinstance(instrumented, Partial) and names and instrumented not in names:
         yield Problem(("instrumented_rail",), unknown_name("rail", instrumented, names))
-    yield from known_part(_object_defaults(draft))
-    yield from known_part(_damping(draft))
-    yield from known_part(_lock(draft))
+    yield from until_unknown(_object_defaults(draft))
+    yield from until_unknown(_damping(draft))
+    yield from until_unknown(_lock(draft))
 
 
 def _object_defaults(draft: Draft) -> Iterator[Problem]:
@@ -127,14 +229,14 @@ def _between_rails(draft: Draft) -> Iterator[Problem]:
             text = ': two rails must close opposite ways, one "+y" and one "-y"'
             yield Problem(("rail",), text)
 
-    yield from known_part(ways())
+    yield from until_unknown(ways())
 
 
 def _rail(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
-    yield from known_part(_rail_closes(draft, path, rail))
-    yield from known_part(_rail_section(draft, path, rail))
-    yield from known_part(_rail_support(draft, path, rail))
-    yield from known_part(_rail_elements(draft, rail))
+    yield from until_unknown(_rail_closes(draft, path, rail))
+    yield from until_unknown(_rail_section(draft, path, rail))
+    yield from until_unknown(_rail_support(draft, path, rail))
+    yield from until_unknown(_rail_elements(draft, rail))
     if rail.stock_rail_gap is not None:
         yield from check_profile((*path, "stock_rail_gap"), rail.stock_rail_gap)
     edge = rail.running_edge
@@ -182,7 +284,7 @@ def _rail_elements(draft: Draft, rail: Any) -> Iterator[Problem]:
     length = draft.records["discretisation"].element_length
     count = (rail.end - rail.start) / length
     if count > _MOST_ELEMENTS:
-        text = f" = {length:g} m: makes {count:.0f} elements a rail, at most {_MOST_ELEMENTS}"
+        text = f" = {length:g} m: makes {count:.6g} elements a rail, at most {_MOST_ELEMENTS}"
         yield Problem(("discretisation", "element_length"), text)
 
 
@@ -192,10 +294,12 @@ def _section(draft: Draft, path: tuple[str, str], table: Any) -> Iterator[Proble
 
 def _standing(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
     """Check what stands at one, some or all rails: that these exist and reach there."""
-    yield from known_part(_rails_exist(draft, path, record))
+    yield from until_unknown(_rails_exist(draft, path, record))
     x = record.x
     for name in rails_of(path[0], record, draft):
-        yield from known_part(_on_rail(path, x, name, draft.records["rail"].get(name, Partial())))
+        yield from until_unknown(
+            _on_rail(path, x, name, draft.records["rail"].get(name, Partial()))
+        )
 
 
 def _rails_exist(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
@@ -234,16 +338,19 @@ def _sleeper(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Probl
 
 
 def _chair(draft: Draft, path: tuple[str, str], chair: Any) -> Iterator[Problem]:
-    yield from known_part(_standing(draft, path, chair))
+    yield from until_unknown(_standing(draft, path, chair))
     feet = chair.foot_offsets
-    if feet is not None and len(set(feet)) < len(feet):
+    if feet is not None and len(feet) > _MOST_FEET:
+        text = f": {len(feet)} foot points, at most {_MOST_FEET}; give those of the edges"
+        yield Problem((*path, "foot_offsets"), text)
+    elif feet is not None and len(set(feet)) < len(feet):
         yield Problem((*path, "foot_offsets"), f" = {show_value(feet)}: the same foot point twice")
 
 
 def _drive(draft: Draft, path: tuple[str, str], drive: Any) -> Iterator[Problem]:
-    yield from known_part(_standing(draft, path, drive))
-    yield from known_part(_drive_saturated(path, drive))
-    yield from known_part(check_drive_table(path, drive))
+    yield from until_unknown(_standing(draft, path, drive))
+    yield from until_unknown(_drive_saturated(path, drive))
+    yield from until_unknown(check_drive_table(path, drive))
     reaches = {"open": drive.over_travel_open, "closed": drive.over_travel_closed}
     for place, reach in reaches.items():
         if drive.stroke + reach <= 0:
@@ -282,13 +389,15 @@ _CHECKS = {
 def _same_places(draft: Draft, family: str) -> Iterator[Problem]:
     seen: dict[tuple[str, int], str] = {}
     for name, record in draft.records[family].items():
-        yield from known_part(_same_place(draft, (family, name), record, seen))
+        yield from until_unknown(_same_place(draft, (family, name), record, seen))
 
 
 def _same_place(
     draft: Draft, path: tuple[str, str], record: Any, seen: dict[tuple[str, int], str]
 ) -> Iterator[Problem]:
     family, name = path
+    if not is_finite(record.x / _SAME_PLACE):
+        return  # far off any rail, which is told
     for rail in rails_of(family, record, draft):
         other = seen.setdefault((rail, round(record.x / _SAME_PLACE)), name)
         if other != name:

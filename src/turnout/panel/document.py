@@ -12,14 +12,19 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from turnout.files.problems import Problem, nearest, show_value
-from turnout.files.toml import Origin, TomlFile
-from turnout.files.units import LENGTH, SI, parse_quantities
+from turnout.core.problems import Problem, nearest, show_value
+from turnout.core.toml import Origin, TomlFile
+from turnout.core.units import LENGTH, SI, parse_quantities
 from turnout.panel.model import Panel
-from turnout.panel.rail_matrices import RailMatrices
-from turnout.panel.record import Placed
+from turnout.panel.records import Placed, RailMatrices
 
 Path = tuple[str, ...]
+
+MOST_MEMBERS = 500
+"""Members of one family; the longest switches stand on some 200 sleepers."""
+
+MOST_SHARED = 1_000_000
+"""Values that all members of a family take from it together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +123,11 @@ class _Spread:
             target = defaults if key in record.model_fields or key == "names" else own
             target[key] = value
         positions = self._generate(defaults) if is_generated(family) else {}
-        for name in (*positions, *(name for name in own if name not in positions)):
+        names = (*positions, *(name for name in own if name not in positions))
+        if fault := _too_much(len(names), defaults):
+            self.problems.append(Problem((self.family,), fault))
+            return
+        for name in names:
             self._member(name, own.get(name, {}), defaults, positions)
 
     def _generate(self, defaults: dict[str, Any]) -> dict[str, SI]:
@@ -171,6 +180,20 @@ class _Spread:
                 if key not in generated:
                     self.shared.add(place)
             _collect(place, source, value, self.comments, self.origins)
+
+
+def _too_much(members: int, defaults: dict[str, Any]) -> str:
+    """Say what a family asks for that a short file should not be able to; empty if nothing."""
+    if members > MOST_MEMBERS:
+        return f": makes {members} members, at most {MOST_MEMBERS}; give fewer, or a smaller count"
+    for key, value in defaults.items():
+        values = value.get("values") if isinstance(value, dict) else value
+        if isinstance(values, list) and len(values) * members > MOST_SHARED:
+            return (
+                f".{key}: {len(values)} values for {members} members, at most {MOST_SHARED} "
+                "together; give fewer values"
+            )
+    return ""
 
 
 def _names_fault(names: Any, count: int) -> str:

@@ -1,21 +1,88 @@
-"""Foreign objects: what a user says about one, and where that puts it."""
+"""Foreign objects, and the places that they and sensors are named by.
+
+Places by name: "sleeper 6", "drive 1", "sensor TKK1", "chair 5", "x = 3.6 m". Foreign objects: what
+a user says about one, and where that puts it.
+"""
 
 import math
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from turnout.core.problems import choices, nearest, shortened, show_value
+from turnout.core.units import LENGTH, STIFFNESS, TIME, Dimension, parse_quantity
 from turnout.errors import PanelError
-from turnout.files.problems import choices, nearest, show_value
-from turnout.files.units import LENGTH, STIFFNESS, TIME, Dimension, parse_quantity
+from turnout.panel.layout import largest_opening
+from turnout.panel.markers import ordered_movements
 from turnout.panel.model import Panel
-from turnout.panel.motion import ordered_movements
-from turnout.panel.opening import largest_opening
-from turnout.panel.place import find_place
-from turnout.panel.schedule_records import PanelObject
+from turnout.panel.records import PanelObject
+
+PLACE_FAMILIES = ("sleeper", "drive", "sensor", "chair", "stud", "stop", "link", "fastening")
+_NAMED = re.compile("|".join(PLACE_FAMILIES), re.IGNORECASE)
+_FORMS = "'sleeper 6', 'drive 1', 'sensor TKK1', 'chair 5' or 'x = 3.6 m'"
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place along the rails: its position [m] and the family and name that it was given by."""
+
+    x: float
+    family: str = ""
+    name: str = ""
+
+
+def find_place(families: Mapping[str, Mapping[str, Any]], at: str) -> Place:
+    """Find a place.
+
+    Parameters
+    ----------
+    families : mapping
+        Records with an `x` by family and name.
+    at : str
+        A family and a name, or a position.
+
+    Returns
+    -------
+    Place
+        Where it is.
+
+    Raises
+    ------
+    ValueError
+        When there is no such place; the text lists the names there are.
+    """
+    text = at.strip()
+    sign, _, position = text.partition("=")
+    if sign.strip().lower() == "x" and position.strip():
+        return Place(parse_quantity(position.strip(), LENGTH))
+    named = _NAMED.match(text)
+    name = text[named.end() :].strip() if named else ""
+    if not named or not name:
+        message = f"is not a place; write {_FORMS}{nearest(text, _place_names(families))}"
+        raise ValueError(message)
+    family = named[0].lower()
+    members = families.get(family, {})
+    if name in members:
+        return Place(members[name].x, family, name)
+    matches = [known for known in members if known.lower() == name.lower()]
+    if len(matches) == 1:
+        return Place(members[matches[0]].x, family, matches[0])
+    message = (
+        f"there is no {family} '{shortened(name)}'{nearest(name, members)}; "
+        f"there are {choices(members)}"
+    )
+    raise ValueError(message)
+
+
+def _place_names(families: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    return [f"{family} {name}" for family in PLACE_FAMILIES for name in families.get(family, {})]
+
 
 # The opening is an estimate; an object is refused only when it is larger by more than this [m].
 OPENING_MARGIN = 0.003
+# From this size on a number was meant in millimetres [m].
+LEAST_SUSPECT = 1.0
 _DIMENSIONS = {
     "size": LENGTH,
     "height": LENGTH,
@@ -121,6 +188,12 @@ def _quantity(name: str, value: Any, dimension: Dimension) -> float:
     if hasattr(value, "item"):
         value = value.item()
     number = parse_quantity(value, dimension, si=True)
+    if name == "size" and number >= LEAST_SUSPECT:
+        message = (
+            f"metres? Nothing of {number:g} m is trapped in a switch; "
+            f'write {1e-3 * number:g} or "{number:g} mm"'
+        )
+        raise ValueError(message)
     if number <= 0 and name in ("size", "stiffness", "disappears"):
         message = "must be more than 0"
         raise ValueError(message)

@@ -1,21 +1,128 @@
-"""Where rails lie in plan: running edges of stock and switch rails, open and closed.
+"""Where rails lie in plan, and how far they open.
+
+How far a rail stands open at a place, estimated from the marker positions alone.
+
+Between the drives and on to the first fastening behind them a rail is taken as a prismatic beam,
+whose shape under forces at the drives is a cubic spline. For a tapered rail this is within 3 mm.
+
+Where rails lie in plan: running edges of stock and switch rails, open and closed.
 
 A drawing needs no gauge: each stock rail is laid on a base line of its own. The switch rail that is
 closed at t = 0 belongs to the route that is drawn straight, so its stock rail curves away from it;
 the other switch rail curves away from a straight stock rail.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
+from turnout.panel.markers import marker_level, ordered_movements, start_offset
 from turnout.panel.model import Panel
-from turnout.panel.opening import displaced
-from turnout.panel.profile import running_edge_distance, stock_rail_gap
-from turnout.panel.record import OnRails
+from turnout.panel.profile import Spline, cubic_spline, running_edge_distance, stock_rail_gap
+from turnout.panel.records import OnRails
 
 FloatArray = npt.NDArray[np.float64]
+
+
+def largest_opening(panel: Panel, rail: str, x: float) -> float | None:
+    """Estimate the largest distance between a rail and its stock rail at rest.
+
+    Parameters
+    ----------
+    panel : Panel
+        A panel whose rails, drives and movements are valid.
+    rail : str
+        Name of the rail.
+    x : float
+        Position [m].
+
+    Returns
+    -------
+    float or None
+        Distance [m], at least 0; None where the rail has no stock rail.
+    """
+    record = panel.rail[rail]
+    gap = stock_rail_gap(record, [x])
+    if gap is None:
+        return None
+    side = 1.0 if record.closes == "+y" else -1.0
+    to = [None, *(item.to for _, item in ordered_movements(panel))]
+    states = _displaced(panel, rail, [x], to)[:, 0]
+    return max(0.0, float(np.max(gap[0] - side * states)))
+
+
+def displaced(panel: Panel, rail: str, x: npt.ArrayLike, *, to: str | None) -> FloatArray:
+    """Estimate where a rail rests from its stress-free position, shape (n,) [m], positive closing.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    rail : str
+        Name of the rail; one without drives follows those of the rail that it is linked to.
+    x : array_like, shape (n,)
+        Positions [m].
+    to : str or None
+        Position of the instrumented rail, "open" or "closed"; None for the start.
+    """
+    at_places: FloatArray = _displaced(panel, rail, x, [to])[0]
+    return at_places
+
+
+def _displaced(panel: Panel, rail: str, x: npt.ArrayLike, to: Sequence[str | None]) -> FloatArray:
+    """Do what `displaced` does for several positions at once, shape (n_positions, n)."""
+    x = np.asarray(x, dtype=np.float64)
+    drives = [drive for drive in panel.drive.values() if drive.rail == rail]
+    if not drives and any(rail in link.rails for link in panel.link.values()):
+        drives = list(panel.drive.values())
+    if not drives:
+        return np.zeros((len(to), x.size))
+    starts = panel.schedule.starts
+    places = {
+        drive.x: [
+            start_offset(panel, rail, drive.stroke)
+            + (marker_level(drive, item, starts=starts) if item else 0.0)
+            for item in to
+        ]
+        for drive in drives
+    }
+    return _beam_shapes(places, _held_at(panel, rail, max(places)), x)
+
+
+def _held_at(panel: Panel, rail: str, behind: float) -> float | None:
+    """Give the first place behind the drives where the rail is clamped or fastened."""
+    record = panel.rail[rail]
+    places = [
+        item.x
+        for item in panel.fastening.values()
+        if item.x > behind and item.stiffness_y > 0 and (item.rails is None or rail in item.rails)
+    ]
+    if record.heel == "clamped" and record.end > behind:
+        places.append(record.end)
+    return min(places, default=None)
+
+
+def _beam_shapes(places: dict[float, list[float]], held: float | None, x: FloatArray) -> FloatArray:
+    knots = tuple(sorted(places))
+    values = np.array([places[knot] for knot in knots])
+    if held is None:
+        return np.array([np.interp(x, knots, column) for column in values.T])
+    spline = _unit_shapes(knots, held)
+    shapes = spline(np.clip(x, knots[0], held))
+    shapes += np.minimum(x - knots[0], 0.0)[:, np.newaxis] * spline.slopes[0]
+    return np.where(x >= held, 0.0, (shapes @ values).T)
+
+
+@lru_cache(maxsize=64)
+def _unit_shapes(knots: tuple[float, ...], held: float) -> Spline:
+    """Return the shapes of a beam that is moved by one at each knot, and clamped at a place."""
+    moved = np.eye(len(knots) + 1, len(knots))
+    return cubic_spline([*knots, held], moved, ends=("natural", "clamped"))
+
+
 SIDE = {"+y": 1.0, "-y": -1.0}
 
 
@@ -65,7 +172,7 @@ def resting_gap(panel: Panel, rail: str, x: npt.ArrayLike, *, closed: bool) -> F
     -------
     ndarray, shape (n,), or None
         Distance to the stock rail [m], at least 0; exact where the rail is stress-free, elsewhere
-        within some 3 mm, see `turnout.panel.opening`. None where it has no stock rail.
+        within some 3 mm, see `turnout.panel.layout`. None where it has no stock rail.
 
     Examples
     --------

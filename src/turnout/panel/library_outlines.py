@@ -10,7 +10,7 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from turnout.files.toml import ORIGIN_KINDS, Origin, TomlFile, decode, parse_toml
+from turnout.core.toml import ORIGIN_KINDS, Origin, TomlFile, decode, parse_toml
 from turnout.panel.document import Document
 
 _USERS = {"outline_section": ("outline",), "planed_section": ("outline", "stock_outline")}

@@ -8,14 +8,17 @@ from typing import Any, Self
 
 from pydantic import PrivateAttr
 
+from turnout.core.html_table import html_table
+from turnout.core.library import names_in_library, text_in_library
+from turnout.core.problems import Problem, choices
+from turnout.core.provenance import content_hash
+from turnout.core.regular import user_path
+from turnout.core.toml import Origin, TomlFile, parse_toml, read_toml
 from turnout.errors import FileError, PanelError
-from turnout.files.library import names_in_library, text_in_library
-from turnout.files.problems import Problem, choices
-from turnout.files.provenance import content_hash
-from turnout.files.toml import Origin, TomlFile, parse_toml, read_toml
 from turnout.panel.check import check
 from turnout.panel.document import Document, expand
 from turnout.panel.library_outlines import add_library_outlines
+from turnout.panel.markers import read_schedule_files
 from turnout.panel.matrices import check_matrices, read_matrices
 from turnout.panel.model import Panel
 from turnout.panel.override import (
@@ -25,8 +28,7 @@ from turnout.panel.override import (
     restated,
     supersede,
 )
-from turnout.panel.rail_matrices import RailMatrices
-from turnout.panel.schedule_file import read_schedule_files
+from turnout.panel.records import RailMatrices
 from turnout.panel.validate import Known, validate
 
 # Neither changes what the panel is: the text about it, and where a schedule's numbers were read.
@@ -35,13 +37,16 @@ _NOT_HASHED: dict[str, Any] = {
     "movement": {"__all__": {"table_file"}},
     "rail": {"__all__": {"matrices"}},
 }
+# For a notebook, and for completion.
+_COUNTED = ("chair", "fastening", "stop", "stud", "link", "sensor", "sleeper")
+_OWN = ("hash", "matrices", "origins", "overrides", "source", "with_overrides", "with_settings")
 
 
 class LoadedPanel(Panel):
     """A valid panel that knows where its values come from.
 
     Besides the records (`panel.drive["1"].stiffness`) it has `origins`, `overrides` and `hash`.
-    It can be pickled.
+    It can be pickled, and written as plain data (`turnout.panel.stored`).
     """
 
     _document: Document = PrivateAttr()
@@ -75,6 +80,16 @@ class LoadedPanel(Panel):
     def source(self) -> str:
         """The library name or file that the panel was loaded from."""
         return self._source
+
+    @property
+    def folder(self) -> Path | None:
+        """Where relative paths in the panel's tables start."""
+        return self._folder
+
+    @property
+    def document(self) -> Document:
+        """The tables that the panel was made of."""
+        return self._document
 
     @property
     def hash(self) -> str:
@@ -147,6 +162,25 @@ class LoadedPanel(Panel):
         )
 
     @classmethod
+    def from_document(
+        cls,
+        document: Document,
+        *,
+        source: str,
+        folder: Path | None,
+        overrides: Mapping[str, object],
+    ) -> Self:
+        """Make a panel of its tables, completely checked; `PanelError` tells all problems."""
+        return cls._build(
+            document,
+            source=source,
+            folder=folder,
+            overrides=dict(overrides),
+            problems=[],
+            heading=source,
+        )
+
+    @classmethod
     def _build(
         cls,
         document: Document,
@@ -181,9 +215,27 @@ class LoadedPanel(Panel):
     def __repr__(self) -> str:
         """Name the panel and its overrides; the records are too many to show."""
         changed = f", overrides={dict(self._overrides)}" if self._overrides else ""
-        return f"LoadedPanel({self.name!r}, hash={self._hash[:12]}{changed})"
+        return f"LoadedPanel({self.name!r}, hash={self.hash[:12]!r}{changed})"
 
     __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """Return a small table for a notebook."""
+        counts = {
+            name: len(members)
+            for name in Panel.model_fields
+            if isinstance(members := getattr(self, name), dict) and members
+        }
+        rows: list[tuple[object, ...]] = [("description", self.description.strip())]
+        rows += [(name, ", ".join(getattr(self, name))) for name in ("rail", "drive", "movement")]
+        rows += [(name, count) for name, count in counts.items() if name in _COUNTED]
+        rows += [("lock rule", self.lock.rule), ("hash", self.hash[:12])]
+        rows += [(f"set {key}", str(value)) for key, value in self._overrides.items()]
+        return html_table(f"Panel {self.name}", rows)
+
+    def __dir__(self) -> list[str]:
+        """List records, properties and methods of a panel for completion."""
+        return [*Panel.model_fields, *_OWN]
 
 
 def _order(problem: Problem) -> int:
@@ -249,13 +301,8 @@ def load_panel(
 
 def panel_from_file(file: TomlFile) -> LoadedPanel:
     """Make a panel from a TOML document that was already read."""
-    return LoadedPanel._build(
-        expand(file),
-        source=file.source,
-        folder=file.folder,
-        overrides={},
-        problems=[],
-        heading=file.source,
+    return LoadedPanel.from_document(
+        expand(file), source=file.source, folder=file.folder, overrides={}
     )
 
 
@@ -270,7 +317,7 @@ def _open(name_or_path: str | Path) -> TomlFile:
         raise FileError(message)
     name = name_or_path.strip()
     if name.endswith(".toml") or "/" in name or "\\" in name:
-        return read_toml(Path(name).expanduser())
+        return read_toml(user_path(name))
     return parse_toml(library_text(name), source=name)
 
 

@@ -9,24 +9,34 @@ from typing import Literal
 
 from pydantic import Field
 
-from turnout.files.quantity import (
+from turnout.core.quantity import (
     Acceleration,
     Density,
     Frequency,
     Length,
     Pressure,
 )
-from turnout.panel.drive_records import Drive, Link, Lock, Sensor, Sleeper
-from turnout.panel.rail_records import Rail, StockRail
-from turnout.panel.record import Record
-from turnout.panel.schedule_records import Movement, ObjectDefaults, PanelObject, Schedule
-from turnout.panel.section_records import (
+from turnout.panel.records import (
+    Chair,
     DrawnOutline,
+    Drive,
+    Fastening,
+    Link,
+    Lock,
+    Movement,
+    ObjectDefaults,
     OutlineSection,
+    PanelObject,
     PlanedSection,
+    Rail,
+    Record,
+    Schedule,
     SectionTable,
+    Sensor,
+    Sleeper,
+    StockRail,
+    Stop,
 )
-from turnout.panel.support_records import Chair, Fastening, Stop
 
 
 class Material(Record):
@@ -59,7 +69,9 @@ class Discretisation(Record):
 
     element_length: Length = Field(gt=0, description="longest beam element [m]")
     superelement_cutoff: Frequency = Field(
-        gt=0, description="fixed-interface modes up to here are kept in the superelements [Hz]"
+        gt=0,
+        le=1e5,
+        description="fixed-interface modes up to here are kept in the superelements [Hz]",
     )
 
 

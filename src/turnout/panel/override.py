@@ -4,7 +4,7 @@ A key that names a field of a family sets it for all members, also for those wit
 key that names a member sets it for that one. Within one set of overrides the broader keys go first.
 """
 
-import tomllib
+import math
 import typing
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -13,13 +13,19 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from turnout.files.problems import Problem, nearest, show_value
-from turnout.files.toml import Origin
-from turnout.files.units import SI
+from turnout.core.problems import Problem, nearest, show_value
+from turnout.core.toml import Origin, load_toml
+from turnout.core.units import SI, is_finite
 from turnout.panel.document import FAMILIES, Document, Path
 from turnout.panel.model import Panel
 
 GROWING = ("object",)
+
+MOST_OVERRIDES = 1000
+"""Values set at once; what each covers of the others is looked for."""
+
+# To find what a wrong key is near to takes a hundredth of a second.
+MOST_NEAREST = 20
 
 
 def parse_setting(text: str) -> tuple[str, object]:
@@ -40,8 +46,8 @@ def parse_setting(text: str) -> tuple[str, object]:
         raise ValueError(message)
     key, value = key.strip(), value.strip()
     try:
-        read = tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+        read = load_toml(f"value = {value}")["value"]
+    except ValueError:
         return key, value
     # A name such as 60E1 would read as a number.
     bare = isinstance(read, int | float) and _takes_text(tuple(key.split(".")))
@@ -57,7 +63,7 @@ def mark_si(value: object) -> object:
     if isinstance(value, list | tuple):
         return [mark_si(item) for item in value]
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return SI(value)
+        return SI(value if is_finite(value) else math.nan)
     return value
 
 
@@ -164,12 +170,16 @@ def apply_overrides(
     for key, value in overrides.items():
         found = _leaves(tuple(key.split(".")), value)
         leaves += [(_breadth(leaf), ".".join(leaf), item) for leaf, item in found]
+    if len(leaves) > MOST_OVERRIDES:
+        text = f"{len(leaves)} values are set at once, at most {MOST_OVERRIDES}; change the panel"
+        return document, [Problem((), text)], {}
     leaves.sort(key=lambda leaf: leaf[0])
     applied: dict[str, object] = {}
     for _, key, value in leaves:
         targets = _targets(tree, key, value)
         if not targets:
-            text = f": matches nothing in this panel{_nearest_key(tree, key)}"
+            near = _nearest_key(tree, key) if len(problems) < MOST_NEAREST else ""
+            text = f": matches nothing in this panel{near}"
             problems.append(Problem((key,), text))
             continue
         applied[key] = value

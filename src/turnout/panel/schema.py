@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from turnout.files.quantity import LengthList
+from turnout.core.quantity import LengthList
 from turnout.panel.document import FAMILIES, is_generated
 from turnout.panel.model import Panel
 

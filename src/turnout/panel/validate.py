@@ -9,10 +9,13 @@ from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError, create_model
 
-from turnout.files.problems import Problem, choices, describe_error, nearest, show_value
+from turnout.core.problems import Problem, choices, describe_error, nearest, show_value
 from turnout.panel.document import FAMILIES, Document, Path
 from turnout.panel.model import Panel
 from turnout.panel.override import fields_at, records_in
+
+MOST_PROBLEMS = 50
+"""Problems that are told of one table; what they are near to takes long to find."""
 
 _VARIANT_TAGS = ("length", "profile")
 
@@ -37,13 +40,13 @@ class Partial:
         return getattr(self._record, name)
 
 
-def known_part(problems: Iterator[Problem]) -> Iterator[Problem]:
+def until_unknown(problems: Iterator[Problem]) -> Iterator[Problem]:
     """Pass on the problems that a check finds until it needs a value that is wrong itself."""
     with suppress(Unknown):
         yield from problems
 
 
-class Noting(dict[str, Any]):
+class AccessTracker(dict[str, Any]):
     """Values by field name of `Panel` that note which of them were asked for."""
 
     def __init__(self) -> None:
@@ -98,8 +101,8 @@ class Draft:
         Fields that each check asked for, by its name.
     """
 
-    records: Noting = field(default_factory=Noting)
-    names: Noting = field(default_factory=Noting)
+    records: AccessTracker = field(default_factory=AccessTracker)
+    names: AccessTracker = field(default_factory=AccessTracker)
     problems: list[Problem] = field(default_factory=list)
     shared: frozenset[Path] = frozenset()
     changed: set[str] = field(default_factory=set)
@@ -131,12 +134,13 @@ def validate(document: Document, *, known: Known | None = None) -> Draft:
     """
     draft = Draft(problems=list(document.problems), shared=document.shared)
     tree = document.tree
-    for name in tree:
-        if name not in Panel.model_fields:
-            text = f": unknown key{nearest(name, Panel.model_fields)}; allowed are " + choices(
-                Panel.model_fields, most=40
-            )
-            draft.problems.append(Problem((name,), text))
+    unknown = [name for name in tree if name not in Panel.model_fields]
+    for name in unknown[:MOST_PROBLEMS]:
+        text = f": unknown key{nearest(name, Panel.model_fields)}; allowed are " + choices(
+            Panel.model_fields, most=40
+        )
+        draft.problems.append(Problem((name,), text))
+    draft.problems += _rest((), len(unknown))
     for name in Panel.model_fields:
         if known is not None and name in tree and tree[name] is known.tree.get(name):
             draft.records[name] = getattr(known.panel, name)
@@ -201,7 +205,8 @@ def _plain(name: str, tree: dict[str, Any], draft: Draft) -> None:
         draft.records[name] = _adapter(name).validate_python(tree[name])
     except ValidationError as error:
         errors = _errors(error)
-        draft.problems += [_problem((name,), item) for item in errors]
+        draft.problems += [_problem((name,), item) for item in errors[:MOST_PROBLEMS]]
+        draft.problems += _rest((name,), len(errors))
         records = list(records_in(info.annotation))
         draft.records[name] = _partial(records[0], tree[name], errors) if records else Partial()
 
@@ -234,7 +239,9 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
         except ValidationError as error:
             errors, same = _errors(error), False
             records[member] = _partial(record, values, errors)
-            for item in errors:
+            told = MOST_PROBLEMS if len(found) < 10 * MOST_PROBLEMS else 1
+            draft.problems += _rest((name, member), len(errors), told)
+            for item in errors[:told]:
                 place = (name, member, *_path(item))
                 shared = place[:3] in document.shared or item["type"] == "missing"
                 problem = _problem((name, *place[2:]) if shared else place, item, strip=True)
@@ -300,6 +307,11 @@ def _check_count(name: str, metadata: list[Any], count: int, broken: bool, draft
         draft.problems.append(Problem((name,), f": needs at least {least}, has {count}"))
     if count > most:
         draft.problems.append(Problem((name,), f": at most {most} are allowed, has {count}"))
+
+
+def _rest(path: Path, count: int, told: int = MOST_PROBLEMS) -> list[Problem]:
+    """Say how many problems of a table are not told."""
+    return [Problem(path, f": and {count - told} more problems")] if count > told else []
 
 
 def _errors(error: ValidationError) -> list[Any]:

@@ -1,4 +1,8 @@
-"""A campaign: channels over time by object size at one place, and places against sizes."""
+"""Figures of a campaign: channels over time by object size at one place, and places against sizes.
+
+Channels of a campaign over time, a line for each object size at one place, as a sheet. A campaign:
+channels over time by object size at one place, and places against sizes.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,18 +13,21 @@ import xarray as xr
 
 from turnout.errors import ResponseError
 from turnout.metric.campaign import end_values, places_of
+from turnout.plot.rail_sheet import shade_of
+from turnout.plot.sheet import Line, Row, Sheet
 from turnout.plot.style import GREY, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+
 KILO, MILLI = 1e-3, 1e3
 NO_OBJECT = "#000000"
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class ChannelRow:
     """One of the stacked axes: its label, its channel (movement, time) and its scale."""
 
     label: str
@@ -143,24 +150,24 @@ def chosen_movements(dataset: xr.Dataset, *, place: str, direction: str) -> xr.D
     return dataset.isel(movement=[first[size] for size in sorted(first)])
 
 
-def channel_rows(dataset: xr.Dataset) -> list[Row]:
+def channel_rows(dataset: xr.Dataset) -> list[ChannelRow]:
     """Return the forces and currents of a campaign, each with label and scale of its axes."""
     rows = []
     if "object_force" in dataset and np.isfinite(dataset["object_force"].values).any():
-        rows.append(Row("Object\nforce [kN]", dataset["object_force"], KILO))
+        rows.append(ChannelRow("Object\nforce [kN]", dataset["object_force"], KILO))
     for name, label, factor in (
         ("drive_current", "current [A]", 1.0),
         ("drive_force", "force [kN]", KILO),
     ):
         if name in dataset:
             rows += [
-                Row(f"Drive {drive}\n{label}", dataset[name].sel(drive=drive), factor)
+                ChannelRow(f"Drive {drive}\n{label}", dataset[name].sel(drive=drive), factor)
                 for drive in dataset["drive"].values
             ]
     return rows
 
 
-def shown_span(dataset: xr.Dataset, rows: Sequence[Row]) -> tuple[float, float]:
+def shown_span(dataset: xr.Dataset, rows: Sequence[ChannelRow]) -> tuple[float, float]:
     """Return the time to show: until half a second after what does not slip has stopped."""
     time = dataset["time"].values
     known = np.isfinite(rows[-1].channel.values)
@@ -261,3 +268,66 @@ def _table(
     ax.set_facecolor("0.95")
     for spine in ax.spines.values():
         spine.set_color(GREY)
+
+
+INK = 6
+
+
+def stacked_sheet(dataset: xr.Dataset, *, place: str, direction: str) -> Sheet:
+    """Return what `plot_stacked` draws.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Dimensions movement and time, measured or simulated.
+    place : str
+        Such as "sleeper 6".
+    direction : str
+        "closing" or "opening".
+
+    Raises
+    ------
+    ResponseError
+        When nothing was thrown at that place, or nothing was measured.
+    """
+    chosen = chosen_movements(dataset, place=place, direction=direction)
+    rows = channel_rows(chosen)
+    if not rows:
+        message = "nothing to draw: the dataset has no forces and no currents"
+        raise ResponseError(message)
+    first, last = shown_span(chosen, rows)
+    time = chosen["time"].values
+    within = (time >= first) & (time <= last)
+    sizes = chosen["size"].values
+    objects = np.sort(sizes[sizes > 0])
+
+    def line(number: int, values: np.ndarray) -> Line:
+        size = float(sizes[number])
+        share = float(np.searchsorted(objects, size)) / max(1, objects.size - 1)
+        return Line(
+            label=size_label(chosen, number),
+            x=time[within],
+            y=values[within],
+            colour=INK if size == 0 else shade_of(share),
+            width=1.5 if size == 0 else 1.1,
+        )
+
+    return Sheet(
+        name=f"{place.replace(' ', '-')}-{direction}",
+        title=f"Object at {place}, {direction}",
+        caption="A line for each object size; black without an object. Time counts from the onset "
+        "of motion.",
+        x_label="Time since onset of motion [s]",
+        one_legend=True,
+        rows=tuple(
+            Row(
+                row.label,
+                tuple(
+                    line(number, row.channel.isel(movement=number).values * row.factor)
+                    for number in range(sizes.size)
+                    if np.isfinite(row.channel.isel(movement=number).values).any()
+                ),
+            )
+            for row in rows
+        ),
+    )

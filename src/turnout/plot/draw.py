@@ -58,22 +58,60 @@ def draw_sheet(sheet: Sheet) -> "Figure":
         figure.set_figheight(ALONE)
     span = _span(sheet)
     for ax, row in zip(axes, sheet.rows, strict=True):
-        for line in row.lines:
-            _draw(ax, line)
-        styled(ax, row.label, span=span)
-        for level in row.levels:
-            _level(ax, level.at, level.text)
-        for band in sheet.bands:
-            ax.axvspan(band.start, band.end, color=SHADE, linewidth=0, zorder=0)
-        for moment in sheet.moments:
-            ax.axvline(moment.at, color="black", linewidth=0.8, linestyle=":")
-        if ax.get_legend_handles_labels()[1] and (not sheet.one_legend or row is _fullest(sheet)):
-            ax.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, fontsize=9)
+        _draw_row(ax, sheet, row, span=span)
     _name_places(axes[0], sheet)
     axes[-1].set_xlabel(sheet.x_label)
     figure.align_ylabels(axes)
     figure.suptitle(sheet.title, x=0.01, ha="left", fontsize=11)
     return figure
+
+
+def draw_row(sheet: Sheet, row: Row, *, ax: "Axes | None" = None) -> "Axes":
+    """Draw one row of a sheet by itself.
+
+    Parameters
+    ----------
+    sheet : Sheet
+        That it belongs to.
+    row : Row
+        One of its rows.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; default a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ResponseError
+        When the row has no line.
+    """
+    if not row.lines:
+        message = f"nothing to draw: {row.label} has no line"
+        raise ResponseError(message)
+    if ax is None:
+        figure, (ax,) = new_figure(1)
+        figure.set_figheight(ALONE)
+        figure.suptitle(sheet.title, x=0.01, ha="left", fontsize=11)
+    _draw_row(ax, sheet, row, span=_span(sheet))
+    _name_places(ax, sheet)
+    ax.set_xlabel(sheet.x_label)
+    return ax
+
+
+def _draw_row(ax: "Axes", sheet: Sheet, row: Row, *, span: tuple[float, float]) -> None:
+    for line in row.lines:
+        _draw(ax, line)
+    styled(ax, row.label, span=span)
+    for level in row.levels:
+        _level(ax, level.at, level.text)
+    for band in sheet.bands:
+        ax.axvspan(band.start, band.end, color=SHADE, linewidth=0, zorder=0)
+    for moment in sheet.moments:
+        ax.axvline(moment.at, color="black", linewidth=0.8, linestyle=":")
+    if ax.get_legend_handles_labels()[1] and (not sheet.one_legend or row is _fullest(sheet)):
+        ax.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False, fontsize=9)
 
 
 def _fullest(sheet: Sheet) -> Row:

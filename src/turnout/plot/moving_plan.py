@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from turnout.panel.layout import RailLine, extent, rail_line, resting_gap, stands_at
 from turnout.panel.model import Panel
-from turnout.panel.record import OnRails, Placed
+from turnout.panel.records import OnRails, Placed
 
 Floats = NDArray[np.float64]
 POINTS, FRAMES = 120, 121

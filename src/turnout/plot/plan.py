@@ -1,4 +1,8 @@
-"""A panel in plan: rails, supports, drives, links, sensors, and the gap along the closed rails."""
+"""A panel in plan, and the gap along its closed rails.
+
+The gap along the rails of a panel when they lie closed, with the limits that it must keep. A panel
+in plan: rails, supports, drives, links, sensors, and the gap along the closed rails.
+"""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -6,15 +10,89 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from turnout.panel.layout import RailLine, extent, rail_line, stands_at
+from turnout.metric.slip import settled
+from turnout.panel.layout import RailLine, extent, rail_line, resting_gap, stands_at
 from turnout.panel.model import Panel
-from turnout.panel.record import Placed
-from turnout.plot.closed_gap import plot_closed_gap
+from turnout.panel.records import Placed
 from turnout.plot.style import COLOURS, DASHES, GREY, SHADE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+POINTS = 200
+MILLI = 1e3
+
+
+def plot_closed_gap(panel: Panel, *, dataset: xr.Dataset | None = None, ax: "Axes") -> "Axes":
+    """Draw the gap along each rail when it lies closed, and the limits of sensors and lock.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    dataset : xarray.Dataset, optional
+        A throw of it; without one, or one without an instant, gaps are estimated from the strokes.
+    ax : matplotlib.axes.Axes
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The same.
+    """
+    simulated = dataset is not None and dataset.sizes["time"] > 0
+    for number, (name, rail) in enumerate(panel.rail.items()):
+        if rail.stock_rail_gap is None:
+            continue
+        if dataset is None or not simulated:
+            x = np.linspace(rail.start, rail.end, POINTS)
+            gap = resting_gap(panel, name, x, closed=True)
+        else:
+            closed = settled(dataset, to="closed" if rail.closes == "+y" else "open")
+            x, gap = dataset["x"].values, closed["gap"].sel(rail=name).values
+        if gap is None:
+            continue
+        ax.plot(
+            x, MILLI * gap, color=COLOURS[number], linestyle=DASHES[number], label=f"rail {name}"
+        )
+    for number, (name, sensor) in enumerate(panel.sensor.items()):
+        ax.plot(
+            [sensor.x],
+            [MILLI * sensor.limit],
+            marker="v",
+            color=COLOURS[2],
+            linestyle="none",
+            label="limit of TKK" if number == 0 else "_",
+        )
+        ax.annotate(
+            name, (sensor.x, MILLI * sensor.limit), xytext=(6, 0), textcoords="offset points",
+            va="center", fontsize=8,
+        )  # fmt: skip
+    for number, drive in enumerate(panel.drive.values()):
+        ax.plot(
+            [drive.x],
+            [MILLI * panel.lock.gap_limit],
+            marker="s",
+            color=COLOURS[5],
+            markeredgecolor="black",
+            linestyle="none",
+            label="gap limit of lock" if number == 0 else "_",
+        )
+    how = (
+        "simulated"
+        if dataset is not None and dataset.sizes["time"]
+        else "estimated from the strokes"
+    )
+    ax.set_ylabel(f"Gap when closed [mm]\n({how})")
+    ax.set_xlabel("x from the toe [m]")
+    ax.set_ylim(bottom=min(0.0, ax.get_ylim()[0]))
+    ax.grid(visible=True, color="0.85", linewidth=0.6)
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.legend(loc="best", ncols=2, frameon=False, fontsize=8)
+    return ax
+
 
 # The lateral scale is this many times the longitudinal one.
 EXAGGERATION = 8
@@ -23,8 +101,6 @@ TRACK = 0.8
 # Free strips beside the stock rails for what stands there, and at both ends [m].
 BEYOND, MARGIN = 0.24, 0.5
 PLAN_WIDTH, GAP_HEIGHT = 12.0, 1.7  # inches
-POINTS = 200
-MILLI = 1e3
 
 
 def plot_plan(panel: Panel, *, dataset: xr.Dataset | None = None) -> "Figure":

@@ -9,8 +9,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.errors import ResponseError
+from turnout.plot.sheet import thinned
 from turnout.plot.style import COLOURS, COMPARED, DASHES, new_figure, styled
-from turnout.plot.thin import thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

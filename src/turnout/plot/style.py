@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from turnout.errors import FileError
-from turnout.metric.words import changed
+from turnout.metric.summary import changed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

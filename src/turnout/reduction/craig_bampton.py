@@ -25,6 +25,12 @@ import scipy.sparse as sp
 from turnout.errors import MechanicsError
 from turnout.reduction.spectrum import factorise, modes_below
 
+MOST_INTERFACE = 3000
+"""Coordinates that a reduction keeps; the interface of the reduced structure is dense."""
+
+MOST_NUMBERS = 50_000_000
+"""Numbers of the static shapes: coordinates of the structure by those of its interface."""
+
 FloatArray = npt.NDArray[np.float64]
 Matrix = sp.sparray | FloatArray
 
@@ -107,6 +113,13 @@ def craig_bampton(
     kept = _checked_interface(interface, size)
     if not cutoff_frequency >= 0.0:
         msg = f"cutoff_frequency is {cutoff_frequency} Hz, allowed is 0 or more"
+        raise MechanicsError(msg)
+    if kept.size > MOST_INTERFACE or size * kept.size > MOST_NUMBERS:
+        msg = (
+            f"{kept.size} interface coordinates of {size} are too many, at most {MOST_INTERFACE} "
+            f"and {MOST_NUMBERS // size} of so many; take fewer supports, or for a panel a longer "
+            "discretisation.element_length"
+        )
         raise MechanicsError(msg)
     inner = np.setdiff1d(np.arange(size), kept)
     static, coupling = _static_shapes(full_stiffness, kept, inner)

@@ -16,6 +16,9 @@ from turnout.errors import MechanicsError
 
 FloatArray = npt.NDArray[np.float64]
 
+MOST_MODES = 1000
+"""Modes that are sought below a frequency; matrices of as many as four times that are dense."""
+
 _SINGULAR_PIVOT = 1e-13  # of a matrix scaled to unit diagonal
 _DENSE_SHARE = 0.25  # from this share of all modes on, the dense solution is the faster one
 _SIGN_SHARE = 0.3  # no sine of a rational angle has this value, so no entry sits on the edge
@@ -137,12 +140,18 @@ def modes_below(
     Raises
     ------
     MechanicsError
-        If the shifted stiffness is not positive definite.
+        If the shifted stiffness is not positive definite, or there are more than `MOST_MODES`.
     """
     size = stiffness.shape[0]
     if size == 0 or mass.count_nonzero() == 0:
         return np.zeros(0), np.zeros((size, 0)), float("nan")
     count = count_below(stiffness, mass, frequency=cutoff_frequency)
+    if count > MOST_MODES:
+        msg = (
+            f"{count} modes lie below {cutoff_frequency:g} Hz, at most {MOST_MODES} are kept; "
+            "lower the cut-off, for a panel discretisation.superelement_cutoff"
+        )
+        raise MechanicsError(msg)
     wanted = min(count + 1, size)
     shifted = sp.csr_array(stiffness - shift * mass)
     # Both ways solve M x = theta (K - shift M) x for the greatest theta = 1 / (omega^2 - shift).

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from turnout.calibration.result import Calibration, Fitted, StageLog
 from turnout.metric.finding import Finding
 from turnout.panel.load import LoadedPanel
 from turnout.plot.draw import draw_sheet
@@ -11,8 +12,7 @@ from turnout.plot.sheet import Line, Moment, Row, Sheet
 from turnout.plot.style import rendered
 from turnout.report.inputs import inputs_section
 from turnout.report.page import Heat, Page, Picture, Section, Table
-from turnout.report.units import shown
-from turnout.study.calibration.record import Calibration, Fitted, StageLog
+from turnout.report.values import shown
 
 FITTED, FIXED = "fitted", "fixed"
 # Parameters that rise and fall together this closely cannot be told apart by the data.

@@ -14,9 +14,8 @@ from turnout.metric.campaign import (
     repeat_scatter,
 )
 from turnout.metric.finding import Finding
-from turnout.metric.words import kilo
-from turnout.plot.campaign import channel_rows, plot_overview, plot_stacked
-from turnout.plot.campaign_sheet import stacked_sheet
+from turnout.metric.summary import kilo
+from turnout.plot.campaign import channel_rows, plot_overview, plot_stacked, stacked_sheet
 from turnout.plot.style import rendered
 from turnout.report.inputs import origin_section
 from turnout.report.page import Heat, Page, Picture, Section, Table

@@ -1,4 +1,8 @@
-"""A self-contained page: findings first, then sections of tables and charts."""
+"""A self-contained page: findings first, then sections of tables and charts, and its script.
+
+The plotting script that pages carry in themselves, from our own files. A self-contained page:
+findings first, then sections of tables and charts.
+"""
 
 import base64
 import json
@@ -12,7 +16,30 @@ from importlib.resources import files
 
 from turnout.metric.finding import HEADLINE, Finding
 from turnout.plot.sheet import MOST_POINTS, Sheet, sheet_record
-from turnout.report.script import plotly_script
+
+PLOTLY_VERSION = "4.1.1"
+"""Of plotly.js, bundle "basic": lines, bars and pies."""
+
+
+@cache
+def plotly_script() -> str:
+    """Return plotly.js (bundle "basic") as a text that may stand in a page's ``<script>``.
+
+    It is MIT-licensed; licence, origin and what was changed are beside it in ``vendor``.
+
+    Returns
+    -------
+    str
+        Defines ``Plotly``; holds neither ``</script`` nor a web address.
+
+    Examples
+    --------
+    >>> PLOTLY_VERSION in plotly_script()[:80]
+    True
+    """
+    vendored = files("turnout.report").joinpath("vendor", "plotly-basic.min.js")
+    return vendored.read_text(encoding="utf-8")
+
 
 MEDIA = {".pdf": "application/pdf", ".png": "image/png", ".svg": "image/svg+xml"}
 # A page asks nobody for anything, and its browser holds it to that.

@@ -2,15 +2,15 @@
 
 from collections.abc import Iterator
 
-from turnout.files.units import TEMPERATURE
-from turnout.metric.words import changed
-from turnout.report.units import shown
+from turnout.core.units import TEMPERATURE
+from turnout.metric.summary import changed
+from turnout.report.values import shown
+from turnout.study.chance import celsius
 from turnout.study.design import Drawn
 from turnout.study.distribution import Choice, Distribution
+from turnout.study.limits import reach_of
 from turnout.study.scenario import Value
 from turnout.study.study import Study
-from turnout.study.study_check import reach_of
-from turnout.study.temperature import celsius
 from turnout.study.variable import Variable
 
 WIDTH = 12

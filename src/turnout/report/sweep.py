@@ -13,8 +13,7 @@ from turnout.metric.sweep_map import FAILED, LOCKED, NOT_THROWN, SLIPS, STATES, 
 from turnout.plot.draw import draw_sheet
 from turnout.plot.sheet import Line, Row, Sheet
 from turnout.plot.style import rendered
-from turnout.plot.sweep_effects import SCREEN, effect_axis, strongest
-from turnout.plot.sweep_map import TITLES, plot_sweep_map
+from turnout.plot.sweep import SCREEN, TITLES, effect_axis, plot_sweep_map, strongest
 from turnout.report.inputs import origin_section
 from turnout.report.page import Heat, Page, Picture, Section, Table
 

@@ -9,12 +9,11 @@ import xarray as xr
 from turnout.metric.campaign import places_of
 from turnout.metric.finding import Finding, Level
 from turnout.plot.style import rendered
-from turnout.plot.validation import plot_comparison, plot_error_map
-from turnout.plot.validation_sheet import comparison_sheet
+from turnout.plot.validation import comparison_sheet, plot_comparison, plot_error_map
 from turnout.report.inputs import origin_section
 from turnout.report.page import Heat, Page, Picture, Section, Table
-from turnout.study.validation.report import notes, scatter_text
-from turnout.study.validation.verdict import LEAST_COVER, MOST_SPREADS, Verdict, judge
+from turnout.validation.text import notes, scatter_text
+from turnout.validation.verdict import LEAST_COVER, MOST_SPREADS, Verdict, judge
 
 MILLI, PERCENT = 1e3, 100.0
 # Points of a line: bins of 20 ms over a movement.
@@ -33,7 +32,7 @@ def validation_page(validation: xr.Dataset, *, suffixes: Sequence[str] = (".pdf"
     Parameters
     ----------
     validation : xarray.Dataset
-        From `turnout.study.validation.validate.validate`.
+        From `turnout.validation.validate.validate`.
     suffixes : sequence of str
         In which forms the page holds each figure on paper.
 

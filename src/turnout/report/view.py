@@ -9,9 +9,12 @@ from turnout.metric.finding import Finding, findings
 from turnout.plot.draw import draw_sheet
 from turnout.plot.sheet import Sheet
 from turnout.plot.style import rendered, title_of
-from turnout.plot.throw_sheet import throw_sheet
+from turnout.plot.throw import throw_sheet
 from turnout.report.campaign import campaign_findings
 from turnout.report.page import data_address
+from turnout.report.sweep import sweep_findings
+from turnout.report.validation import validation_findings
+from turnout.validation.verdict import judge
 
 # Told by colour and by sign, so that no reader depends on colour.
 SIGNS = {"good": ("✓", "#00875f"), "look": ("!", "#b36b00"), "bad": ("✗", "#c8322b")}
@@ -48,19 +51,24 @@ class View:
             f"<table style='border:none;font-size:90%'>{rows}</table>{self._picture()}</div>"
         )
 
-    def _is_campaign(self) -> bool:
-        return "movement" in self.dataset.dims
-
     def _title(self) -> str:
-        if self._is_campaign():
+        attributes, kind = self.dataset.attrs, kind_of(self.dataset)
+        if kind == "sweep":
+            return f"{attributes.get('name', 'sweep')}: {self.dataset.sizes['scenario']} scenarios"
+        if kind in ("campaign", "validation"):
             count = self.dataset.sizes["movement"]
-            return f"{self.dataset.attrs.get('title', 'campaign')}: {count} movements"
+            return f"{attributes.get('title', kind)}: {count} movements"
         return title_of(self.dataset)
 
     def _findings(self) -> list[Finding]:
-        if self._is_campaign():
+        kind = kind_of(self.dataset)
+        if kind == "sweep":
+            return sweep_findings(self.dataset)
+        if kind == "validation":
+            return validation_findings(self.dataset, judge(self.dataset))
+        if kind == "campaign":
             return campaign_findings(self.dataset)
-        return findings(self.dataset)
+        return [] if kind == "modes" else findings(self.dataset)
 
     def _picture(self) -> str:
         sheet = self._sheet()
@@ -74,8 +82,9 @@ class View:
         )
 
     def _sheet(self) -> Sheet | None:
-        """Return a run over time; a campaign has too many lines for a glance."""
-        if self._is_campaign() or self.dataset.sizes.get("time", 0) < 2:
+        """Return a run over time; many of them have too many lines for a glance."""
+        one = kind_of(self.dataset) in ("run", "recording")
+        if not one or self.dataset.sizes.get("time", 0) < 2:
             return None
         sheet = throw_sheet(self.dataset)
         return sheet if any(row.lines for row in sheet.rows) else None
@@ -87,7 +96,7 @@ def view(dataset: xr.Dataset) -> View:
     Parameters
     ----------
     dataset : xarray.Dataset
-        One run, simulated or measured, or a campaign.
+        One run, simulated or measured, a campaign, a sweep or a validation.
 
     Returns
     -------
@@ -103,6 +112,23 @@ def view(dataset: xr.Dataset) -> View:
       ✓ Locked? Yes: at the end
     """
     return View(dataset)
+
+
+def kind_of(dataset: xr.Dataset) -> str:
+    """Tell what a dataset is about: "run", "recording", "campaign", "sweep" and so on.
+
+    Examples
+    --------
+    >>> kind_of(xr.Dataset({"drive_force": (("movement", "time"), [[0.0]])}))
+    'campaign'
+    """
+    if "scenario" in dataset.dims:
+        return "sweep"
+    if dataset.attrs.get("kind") in ("modes", "validation"):
+        return str(dataset.attrs["kind"])
+    if "movement" in dataset.dims:
+        return "campaign"
+    return "recording" if "channel_map_hash" in dataset.attrs else "run"
 
 
 def _sign(item: Finding) -> tuple[str, str]:

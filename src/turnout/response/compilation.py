@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from turnout.core.cache_folder import why_private
 from turnout.integrate import march
 
 # Set when the kernels are imported; the time loop is compiled last, after all that it calls.
@@ -32,12 +33,8 @@ def must_compile(kernel: Any = march.march) -> bool:
 
 def cache_fault() -> str:
     """Say why compiled kernels are not kept for the next run; empty where they are."""
-    folder = Path(os.environ.get(CACHE_VARIABLE, ""))
-    # A folder of this process alone stands in where the user's cannot be written.
-    if not folder.name.startswith(f"turnout-{os.getpid()}-"):
-        return ""
-    chosen = os.environ.get("TURNOUT_CACHE_DIR", "the user's cache folder")
-    return (
-        f"{chosen} is not writable, so the kernels are compiled again in each run; set "
-        "TURNOUT_CACHE_DIR to a folder that is"
+    reason = why_private()
+    return reason and (
+        f"{reason}, so the kernels are compiled again in each run; set TURNOUT_CACHE_DIR to a "
+        "folder that only you can write"
     )

@@ -4,12 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.mechanism.mechanism import Mechanism
-from turnout.panel.drive_records import Drive
 from turnout.panel.model import Panel
-from turnout.response.fastenings import AXES
+from turnout.panel.records import Drive
 from turnout.response.labels import DIRECTIONS
 from turnout.response.save import Save
-from turnout.response.signals import Variable, stop_names
+from turnout.response.signals import AXES, Variable, stop_names
 
 Floats = NDArray[np.float64]
 

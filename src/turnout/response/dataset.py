@@ -7,18 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.files.provenance import provenance
+from turnout.core.provenance import provenance
 from turnout.integrate.run import History
-from turnout.integrate.scheme import Scheme
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
-from turnout.panel.record import Placed
+from turnout.panel.records import Placed
 from turnout.response.coordinates import coordinates, stations
-from turnout.response.energies import ENERGIES, energy_channels, energy_scale
-from turnout.response.fastenings import NAMES as FASTENINGS
-from turnout.response.fastenings import fastening_signals
 from turnout.response.gaps import contact_height, drive_and_sensor_gaps, rail_gap
 from turnout.response.labels import (
     contact_labels,
@@ -35,15 +31,21 @@ from turnout.response.recovery import (
 from turnout.response.route import throws
 from turnout.response.save import Save
 from turnout.response.signals import (
+    ENERGIES,
     Variable,
     chair_signals,
     drive_signals,
+    energy_channels,
+    energy_scale,
+    fastening_signals,
     link_signals,
     object_signals,
     stop_signals,
 )
+from turnout.response.signals import NAMES as FASTENINGS
 from turnout.schema.channels import SCHEMA_VERSION, label
 from turnout.schema.check import check_schema
+from turnout.scheme import Scheme
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.files.latest import Latest
+from turnout.core.lru_cache import LRUCache
 from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
 from turnout.panel.profile import running_edge_distance, stock_rail_gap
@@ -30,8 +30,8 @@ MOST_ROWS = 64
 
 # Rails are shared by many throws. What rows depend on is named by identity, and kept beside them so
 # that nothing else takes its place.
-_rows = Latest[tuple[Floats, list[Floats], list[object]]](MOST_ROWS)
-_nodes = Latest[tuple[Floats, Floats, list[object]]](MOST_ROWS)
+_rows = LRUCache[tuple[Floats, list[Floats], list[object]]](MOST_ROWS)
+_nodes = LRUCache[tuple[Floats, Floats, list[object]]](MOST_ROWS)
 
 
 def contact_height(panel: Panel, rail: str, x: Floats) -> Floats:
@@ -76,7 +76,7 @@ def _at_nodes(panel: Panel, rail: str, x: Floats) -> tuple[Floats, Floats]:
         if record.running_edge is not None and record.head_width is not None:
             beyond = running_edge_distance(record.running_edge, x) - record.head_width
         height = contact_height(panel, rail, x)
-        kept = _nodes.keep(key, (height, np.maximum(beyond, 0.0), named))
+        kept = _nodes.put(key, (height, np.maximum(beyond, 0.0), named))
     return kept[:2]
 
 
@@ -124,7 +124,7 @@ def gap_rows(panel: Panel, motion: Motion, rail: str, x: Floats, z: Floats) -> t
         start = stock_gap(panel, rail, x)
         for array in (start, *rows):
             array.flags.writeable = False
-        found = _rows.keep(key, (start, rows, named))
+        found = _rows.put(key, (start, rows, named))
     start, rows, _ = found
     return start, list(zip(involved, rows, strict=True))
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import xarray as xr
 
-from turnout.files.provenance import provenance
+from turnout.core.provenance import provenance
 from turnout.machine.throw import ENERGY_NAMES, UNITS, MachineThrow
 
 SCHEMA_VERSION = 1

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.condense.condense import base_stiffness
 from turnout.integrate.run import History
-from turnout.mechanism.condense import base_stiffness
 from turnout.mechanism.mechanism import Mechanism, RailBody
 
 Floats = NDArray[np.float64]

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.files.latest import Latest
+from turnout.core.lru_cache import LRUCache
+from turnout.panel.markers import movement_end, ordered_movements
 from turnout.panel.model import Panel
-from turnout.panel.motion import movement_end, ordered_movements
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -45,7 +45,7 @@ MOST_KEPT = 32
 """Schedules whose movements are kept in memory, the latest made."""
 
 # Changed panels share their movements. These are named by identity, and kept beside what they are.
-_kept = Latest[tuple[tuple[Throw, ...], object]](MOST_KEPT)
+_kept = LRUCache[tuple[tuple[Throw, ...], object]](MOST_KEPT)
 
 
 def throws(panel: Panel) -> tuple[Throw, ...]:
@@ -59,7 +59,7 @@ def throws(panel: Panel) -> tuple[Throw, ...]:
             Throw(name, movement.to, movement.start, movement_end(panel, movement), until)
             for (name, movement), until in zip(ordered, untils[: len(ordered)], strict=True)
         )
-        kept = _kept.keep(key, (found, panel.movement))
+        kept = _kept.put(key, (found, panel.movement))
     return kept[0]
 
 

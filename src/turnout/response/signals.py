@@ -1,16 +1,41 @@
-"""Forces and displacements of drives, chairs, stops, links and objects, turned to the schema.
+"""Channels of a run in the terms of the schema: forces, displacements, energies, fastenings.
+
+Forces and displacements of drives, chairs, stops, links and objects, turned to the schema.
 
 A law with force F resists its own argument; the force on the structure along its row is -F. Rows of
 drives point to +y, rows of stops and objects towards the stock rail, rows of chairs down, and
 those of links are their lengthening.
+
+The books of energy of a run in the terms of the schema. Forces of the fastenings on the switch
+rails, from the motion of the rails at their places.
+
+Forces are those of the springs; the share of the dampers, which is small while a switch is thrown,
+is left out. A force acts at the place of the fastening, a moment turns the section.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.integrate.energy import (
+    ALGORITHMIC,
+    CONTACT,
+    DAMPING,
+    FRICTION,
+    GRAVITY,
+    KINETIC,
+    MARKERS,
+    SEGMENTS,
+    STRAIN,
+    SWITCHED,
+    energy_balance,
+)
 from turnout.integrate.run import History
-from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.build_rails import fastening_offset
+from turnout.mechanism.mechanism import Mechanism, RailBody
 from turnout.panel.model import Panel
+from turnout.panel.records import Fastening
+from turnout.response.recovery import Motion, row_motion
+from turnout.response.save import Save
 
 Floats = NDArray[np.float64]
 Variable = tuple[tuple[str, ...], NDArray[np.generic]]
@@ -83,3 +108,100 @@ def link_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[s
 def stop_names(panel: Panel) -> list[str]:
     """Return stops by their name and studs as "stud N", in the order of the panel."""
     return [*panel.stop, *(f"stud {name}" for name in panel.stud)]
+
+
+_STORED = {
+    "energy_kinetic": KINETIC,
+    "energy_strain": STRAIN,
+    "energy_contact": CONTACT,
+    "energy_gravity": GRAVITY,
+}
+_SPENT = {
+    "work_markers": MARKERS,
+    "energy_friction": FRICTION,
+    "energy_damping": DAMPING,
+    "energy_object_switched": SWITCHED,
+}
+ENERGIES = (*_STORED, *_SPENT, "energy_numerical", "energy_residual")
+"""Channels that `energy_channels` makes."""
+
+
+def energy_channels(stored: Floats, ledger: Floats) -> dict[str, Variable]:
+    """Return all energies; stored ones as change from the first instant.
+
+    `energy_residual` is the only one that is a remainder: the stored change less what was put in
+    and not taken out. The others come each from its own history.
+
+    Parameters
+    ----------
+    stored : ndarray, shape (n_times, 4)
+        Columns of `turnout.integrate.energy`, kinetic first [J].
+    ledger : ndarray, shape (n_times, 6)
+        Columns of `turnout.integrate.energy`, work of markers first [J].
+
+    Returns
+    -------
+    dict
+        Channel name to dimensions and values.
+    """
+    change = stored - stored[:1]
+    numerical = ledger[:, ALGORITHMIC] + ledger[:, SEGMENTS]
+    books = (
+        ledger[:, MARKERS]
+        + ledger[:, SWITCHED]
+        - ledger[:, FRICTION]
+        - ledger[:, DAMPING]
+        - numerical
+    )
+    values = {name: change[:, column] for name, column in _STORED.items()}
+    values |= {name: ledger[:, column] for name, column in _SPENT.items()}
+    values |= {"energy_numerical": numerical, "energy_residual": change.sum(axis=1) - books}
+    return {name: (("time",), value.copy()) for name, value in values.items()}
+
+
+def energy_scale(stored: Floats, ledger: Floats) -> float:
+    """Return the largest sum of marker work and stored change of a run, for ratios [J]."""
+    return float(energy_balance(stored, ledger)[1])
+
+
+AXES = ("x", "y", "z")
+NAMES = ("fastening_force", "fastening_moment")
+
+
+def fastening_signals(panel: Panel, motion: Motion, save: Save) -> dict[str, Variable]:
+    """Return force and moment of every fastening on the switch rails, where they are asked for.
+
+    NaN where a fastening does not hold a rail, or is part of matrices of another program.
+    """
+    if not panel.fastening or not save.keeps(*NAMES):
+        return {}
+    shape = (len(panel.rail), len(panel.fastening), len(AXES), motion.history.time.size)
+    force, moment = np.full(shape, np.nan), np.full(shape, np.nan)
+    for r, rail in enumerate(panel.rail):
+        body = motion.rails[rail]
+        for f, fastening in enumerate(panel.fastening.values()):
+            if body.with_supports or (fastening.rails is not None and rail not in fastening.rails):
+                continue
+            offset = fastening_offset(panel, rail, fastening)
+            rows = _rows(body, fastening, offset=offset)
+            moved = row_motion(motion, [(body, rows)])
+            spring = np.array(
+                [
+                    *(fastening.stiffness_x, fastening.stiffness_y, fastening.stiffness_z),
+                    *(fastening.stiffness_roll, fastening.stiffness_pitch, fastening.stiffness_yaw),
+                ]
+            )
+            resisted = 0.0 - spring[:, np.newaxis] * moved
+            force[r, f], moment[r, f] = resisted[:3], resisted[3:]
+    dims = ("rail", "fastening", "axis", "time")
+    return {"fastening_force": (dims, force), "fastening_moment": (dims, moment)}
+
+
+def _rows(body: RailBody, fastening: Fastening, *, offset: float) -> Floats:
+    """Return rows to the motion of the rail where a fastening acts, shape (6, count)."""
+    node = int(np.argmin(np.abs(body.x - fastening.x)))
+    rows: Floats = body.recovery[6 * node : 6 * node + 6].copy()
+    rows[0] += fastening.height * rows[4] - offset * rows[5]
+    rows[1] -= fastening.height * rows[3]
+    rows[2] += offset * rows[3]
+    return rows

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from turnout.core.threads import one_blas_thread
 from turnout.errors import ResponseError
 from turnout.integrate.outcome import NotConverged
 from turnout.integrate.run import Floats, History, integrate
-from turnout.integrate.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
-from turnout.mechanism.threads import one_blas_thread
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.panel.motion import marker_offsets, marker_positions
+from turnout.panel.markers import marker_offsets, marker_positions
 from turnout.response.compilation import must_compile
 from turnout.response.dataset import describe_run, response_dataset
 from turnout.response.save import Save
+from turnout.scheme import Mode, Scheme, chosen_scheme
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,6 +29,7 @@ def simulate(
     panel: LoadedPanel,
     *,
     foreign_object: ForeignObject | Sequence[ForeignObject] | None = None,
+    mode: Mode | None = None,
     scheme: Scheme | None = None,
     save: Save | None = None,
     throw: bool = True,
@@ -42,8 +43,12 @@ def simulate(
         From `load_panel`.
     foreign_object : ForeignObject or sequence of them, optional
         What is trapped, in addition to the objects of the panel itself.
+    mode : {"waveform", "quick", "quasi-static"}, optional
+        How the throw is looked at: impacts and single chairs; drives, gaps and labels, several
+        times as fast; or without inertia. Default "waveform".
     scheme : Scheme, optional
-        Numerical choices.
+        Numerical choices of your own in place of a mode, such as
+        ``Scheme.of("quick", step=2e-3)``.
     save : Save, optional
         How often, where and what to keep.
     throw : bool
@@ -61,7 +66,9 @@ def simulate(
     Raises
     ------
     ResponseError
-        When `panel` is no loaded panel.
+        When `panel` is no loaded panel, or both `mode` and `scheme` are given.
+    SolverError
+        When there is no such mode.
     PanelError
         When a foreign object does not fit the panel.
     NotConverged
@@ -81,7 +88,7 @@ def simulate(
         if given is not None and not isinstance(given, kind):
             message = f"simulate(): {name} = {given!r} must be a {kind.__name__}"
             raise ResponseError(message)
-    scheme, save = scheme or Scheme(), save or Save()
+    scheme, save = chosen_scheme(mode, scheme, caller="simulate()"), save or Save()
     if save.interval is not None:
         scheme = replace(scheme, output_interval=save.interval)
     began = time.perf_counter()

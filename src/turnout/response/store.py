@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from turnout.core.atomic import write_atomic
+from turnout.core.regular import require_regular_file
 from turnout.errors import FileError
-from turnout.files.atomic import write_atomic
-from turnout.schema.channels import SCHEMA_VERSION
+from turnout.schema.channels import CONVENTIONS, SCHEMA_VERSION
 
 SUFFIXES = (".nc",)
 ENGINE: Any = "h5netcdf"
+# What a small file may declare, and a larger one for each of its bytes; rest compresses well.
+LEAST_CONTENT, CONTENT_A_BYTE = 300_000_000, 100
 COMPRESSION = {"zlib": True, "complevel": 1, "shuffle": True}
 # netCDF has neither logical values nor None: they travel as JSON, and this attribute names them.
 JSON_ATTRIBUTES = "json_attributes"
@@ -47,7 +50,7 @@ def response_bytes(dataset: xr.Dataset) -> bytes:
     b'HDF'
     """
     stored = dataset.copy()
-    stored.attrs = _encoded(dataset.attrs)
+    stored.attrs = _encoded({"Conventions": CONVENTIONS, **dataset.attrs})
     encoding = {
         name: dict(COMPRESSION)
         for name, variable in stored.variables.items()
@@ -75,16 +78,12 @@ def open_response(path: Path | str) -> xr.Dataset:
         When the file is missing, no netCDF-4 file, or of another version of the schema.
     """
     file = Path(path)
-    if not file.exists():
-        message = f"{file}: there is no such file"
-        raise FileError(message)
-    if file.is_dir():
-        message = f"{file}: is a folder; name the file inside it"
-        raise FileError(message)
+    require_regular_file(file)
     try:
         with xr.open_dataset(
             file, engine=ENGINE, decode_times=False, decode_timedelta=False
         ) as opened:
+            _check_size(file, opened)
             dataset = opened.load()
     except PermissionError:
         message = f"{file}: may not be read; change its permissions"
@@ -97,7 +96,27 @@ def open_response(path: Path | str) -> xr.Dataset:
         said = "has no schema_version" if found is None else f"has schema_version {found}"
         message = f"{file}: {said}, this turnout reads {SCHEMA_VERSION}; write it again with it"
         raise FileError(message)
+    _check_instants(file, dataset)
     return _restored(dataset)
+
+
+def _check_size(file: Path, dataset: xr.Dataset) -> None:
+    """Refuse a small file that declares a large dataset."""
+    size = file.stat().st_size
+    most = max(LEAST_CONTENT, CONTENT_A_BYTE * size)
+    if dataset.nbytes > most:
+        message = f"{file}: declares {dataset.nbytes} bytes of data in {size}, at most {most} are "
+        raise FileError(message + "read; write it again with turnout")
+
+
+def _check_instants(file: Path, dataset: xr.Dataset) -> None:
+    """Refuse a run without an instant, and movements without a duration."""
+    least = 2 if "movement" in dataset.dims else 1
+    count = dataset.sizes.get("time", least)
+    if count < least:
+        what = "no instant" if count == 0 else "one instant only"
+        message = f"{file}: holds {what}, nothing that moves; simulate or record it again"
+        raise FileError(message)
 
 
 def _encoded(attributes: Mapping[Any, Any]) -> dict[Any, Any]:

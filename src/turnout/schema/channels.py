@@ -9,6 +9,11 @@ if TYPE_CHECKING:
 
 
 SCHEMA_VERSION = 1
+CONVENTIONS = "CF-1.11"
+"""Of climate and forecast data, cfconventions.org: names of attributes, forms of units."""
+AXES = {"time": "T"}
+"""Coordinates that CF knows as an axis; time counts from an event, so it has no calendar. A length
+along the track is none of them, as CF means a map's axis by X."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +227,8 @@ def label(dataset: "xr.Dataset") -> "xr.Dataset":
     Returns
     -------
     xarray.Dataset
-        The same data with ``units``, ``long_name`` and, where there is a sign, ``positive``.
+        The same data with ``units``, ``long_name`` and, where there is a sign, ``positive``; the
+        dataset says in ``Conventions`` that it keeps to CF.
 
     Examples
     --------
@@ -240,8 +246,10 @@ def label(dataset: "xr.Dataset") -> "xr.Dataset":
         attributes = {"units": channel.units, "long_name": channel.long_name}
         if channel.positive:
             attributes["positive"] = channel.positive
+        if name in AXES:
+            attributes["axis"] = AXES[str(name)]
         labelled[name].attrs.update(attributes)
-    return labelled
+    return labelled.assign_attrs(Conventions=CONVENTIONS)
 
 
 def known_channel(name: str, *, campaign: bool = False) -> Channel | None:

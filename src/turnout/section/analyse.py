@@ -36,7 +36,7 @@ class SectionAnalysis:
     warping_constant : ndarray, shape (n,)
         Gamma about the shear centre [m^6].
     shear_coupling : ndarray, shape (n,)
-        Mixed term of the shear flexibility [-]; see `turnout.section.shear`.
+        Mixed term of the shear flexibility [-]; see `turnout.section.shear_torsion`.
     error_torsion, error_shear_factor : ndarray, shape (n,)
         Relative change of the torsion constant, and of the worse shear factor, from the coarser
         mesh [-].
@@ -140,9 +140,14 @@ def _elastic(
     outline: Outline, *, poisson_ratio: float, length: float, refinements: int
 ) -> dict[str, float]:
     """Solve torsion and shear on one mesh; positions from the centroid."""
-    from turnout.section.mesh import mesh_outline, solve_neumann
-    from turnout.section.shear import shear_loads, solve_shear
-    from turnout.section.torsion import solve_torsion, torsion_flux
+    from turnout.section.shear_torsion import (
+        mesh_outline,
+        shear_loads,
+        solve_neumann,
+        solve_shear,
+        solve_torsion,
+        torsion_flux,
+    )
 
     mesh = mesh_outline(outline, element_length=length, refinements=refinements)
     sources, fluxes = shear_loads(mesh, poisson_ratio=poisson_ratio)

@@ -1,4 +1,6 @@
-r"""Area, centroid and second moments of an outline, exactly, from its vertices.
+r"""Geometry of an outline: moments of area, and the foot that rests on a slide chair.
+
+Area, centroid and second moments of an outline, exactly, from its vertices.
 
 By Green's theorem an integral over the section is one along its boundary, and along a straight edge
 from :math:`(y_i, z_i)` to :math:`(y_j, z_j)` that is a polynomial. With
@@ -12,6 +14,8 @@ from :math:`(y_i, z_i)` to :math:`(y_j, z_j)` that is a polynomial. With
     \int y z\,dA = \tfrac1{24} \sum c\,(2 y_i z_i + y_i z_j + y_j z_i + 2 y_j z_j).
 
 Clockwise holes count negative by themselves. Arcs are as good as the polygon that stands for them.
+
+The underside of a section: what of it rests on a slide chair.
 """
 
 from dataclasses import dataclass
@@ -126,3 +130,49 @@ def _ring_sums(ring: FloatArray) -> FloatArray:
         cross * mixed / 24.0,
     ]
     return np.asarray(np.sum(rows, axis=1), dtype=float)
+
+
+# What lies this much above the lowest point still counts as the underside [m].
+UNDERSIDE_DEPTH = 1e-3
+
+
+def foot_edges(outline: Outline, *, depth: float = UNDERSIDE_DEPTH) -> tuple[float, float]:
+    """Return the lateral positions between which a section stands on a plane [m].
+
+    The section's part below its lowest point plus `depth` is taken, so that chamfers, and the
+    slight tilt of a drawn underside, do not take the foot away.
+
+    Parameters
+    ----------
+    outline : Outline
+        In any frame with z up.
+    depth : float
+        How far above the lowest point a vertex still belongs to the underside [m].
+
+    Returns
+    -------
+    least, most : float
+        Least and largest y of the underside [m].
+
+    Examples
+    --------
+    >>> from turnout.section.outline import make_outline
+    >>> foot = make_outline([[-0.05, 0.0], [0.06, 0.0005], [0.06, 0.02], [-0.05, 0.02]])
+    >>> foot_edges(foot)
+    (-0.05, 0.06)
+    """
+    start = outline.points
+    end = np.roll(start, -1, axis=0)
+    level = float(start[:, 1].min()) + depth
+    inside = start[start[:, 1] <= level, 0]
+    crosses = (start[:, 1] <= level) != (end[:, 1] <= level)
+    places = _at_level(start[crosses], end[crosses], level)
+    found = np.concatenate([inside, places])
+    return float(found.min()), float(found.max())
+
+
+def _at_level(start: FloatArray, end: FloatArray, level: float) -> FloatArray:
+    """Return y where edges pass a height."""
+    share = (level - start[:, 1]) / (end[:, 1] - start[:, 1])
+    places: FloatArray = start[:, 0] + share * (end[:, 0] - start[:, 0])
+    return places

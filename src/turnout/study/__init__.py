@@ -1,1 +1,1 @@
-"""Several runs for one question: checks, campaigns, sweeps, calibration."""
+"""Studies: which throws to make, drawn from grids, distributions and fields."""

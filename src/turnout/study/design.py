@@ -38,6 +38,28 @@ class Drawn:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DesignSummary:
+    """What an analysis of the results must know of a design; see `Design` for each.
+
+    Attributes
+    ----------
+    method : str
+    draws, states, cells : int
+    drawn : tuple of str
+        Names of the variables that are drawn.
+    axes : tuple of tuple of str
+        Names of the variables on each axis.
+    """
+
+    method: str
+    draws: int
+    states: int
+    cells: int
+    drawn: tuple[str, ...]
+    axes: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
     """Every state that is drawn, thrown with every combination of the values on the axes.
 
@@ -89,16 +111,16 @@ class Design:
             item.name for item in self.drawn
         )
 
-    def described(self) -> dict[str, object]:
-        """Return what an analysis of the results must know, as plain data."""
-        return {
-            "method": self.method,
-            "draws": self.draws,
-            "states": self.states,
-            "cells": self.cells,
-            "drawn": [item.name for item in self.drawn],
-            "axes": [list(axis.names) for axis in self.axes],
-        }
+    def described(self) -> DesignSummary:
+        """Return what an analysis of the results must know."""
+        return DesignSummary(
+            method=self.method,
+            draws=self.draws,
+            states=self.states,
+            cells=self.cells,
+            drawn=tuple(item.name for item in self.drawn),
+            axes=tuple(axis.names for axis in self.axes),
+        )
 
     def state_of(self, index: int) -> int:
         """Return the state that a scenario is thrown in."""

@@ -1,26 +1,34 @@
 """A study: every throw of it by its number, and what determines their results."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from turnout.files.provenance import content_hash
-from turnout.integrate.scheme import Scheme
+from turnout.core.json_files import to_plain
+from turnout.core.provenance import content_hash
 from turnout.panel.load import LoadedPanel
-from turnout.study.assemble import foreign_objects, multiplied, shown
+from turnout.scheme import Scheme
+from turnout.study.chance import RandomField, TemperatureLaw
 from turnout.study.design import Design
-from turnout.study.random_field import RandomField
 from turnout.study.sampling import FIELDS, SCENARIOS
 from turnout.study.scenario import Output, Rule, Scenario, Value, chains_of
-from turnout.study.temperature import TemperatureLaw
-from turnout.study.variable import OBJECT_KEYS, TEMPERATURE_KEY, Variable
+from turnout.study.variable import (
+    OBJECT_KEYS,
+    TEMPERATURE_KEY,
+    Variable,
+    foreign_objects,
+    multiplied,
+    shown,
+)
 
 if TYPE_CHECKING:
-    from turnout.files.toml import TomlFile
-    from turnout.study.study_read import Parts
+    from turnout.core.toml import TomlFile
+
+PARTS = ("scheme", "output", "design", "variables", "fields", "law", "rule", "split")
+"""What besides panel and seed determines the results of a study."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,8 +60,6 @@ class Study:
     split : tuple of str
         Variables whose equal values stay together when data are split; without any it is the
         drawn state.
-    digest : str
-        Content hash of all that determines the results but the version of the program.
     remarks : tuple of str
         What its author should look at, such as a calibration of another panel.
     """
@@ -70,8 +76,14 @@ class Study:
     law: TemperatureLaw | None
     rule: Rule | None
     split: tuple[str, ...]
-    digest: str
     remarks: tuple[str, ...] = ()
+
+    @property
+    def digest(self) -> str:
+        """Content hash of all that determines the results but the version of the program."""
+        content = {name: getattr(self, name) for name in PARTS}
+        content |= {"panel": self.panel.hash, "seed": self.seed}
+        return content_hash(to_plain(content))
 
     @property
     def count(self) -> int:
@@ -208,7 +220,7 @@ def load_study(name_or_path: str | Path, *, calibration: Path | None = None) -> 
     >>> load_study("sleeper-6").count
     11
     """
-    from turnout.study.study_library import open_study
+    from turnout.study.read import open_study
 
     return study_from_file(open_study(name_or_path), calibration=calibration)
 
@@ -216,10 +228,9 @@ def load_study(name_or_path: str | Path, *, calibration: Path | None = None) -> 
 def study_from_file(file: "TomlFile", *, calibration: Path | None = None) -> Study:
     """Make a study from a TOML document that was already read."""
     # Workers of a sweep get their study ready, and need not wait for what reads files.
-    from turnout.study.calibration.belongs import doubts_on
-    from turnout.study.calibration.record import load_calibration
-    from turnout.study.study_library import named_panel, path_from
-    from turnout.study.study_read import read_parts, read_record
+    from turnout.calibration.movements import check_provenance
+    from turnout.calibration.result import load_calibration
+    from turnout.study.read import named_panel, path_from, read_parts, read_record
 
     record, unknown = read_record(file)
     if calibration is None and record.calibration is not None:
@@ -228,7 +239,7 @@ def study_from_file(file: "TomlFile", *, calibration: Path | None = None) -> Stu
     remarks: tuple[str, ...] = ()
     if calibration is not None:
         known = load_calibration(calibration)
-        remarks = tuple(f"{calibration}: {text}" for text in doubts_on(known, panel))
+        remarks = tuple(f"{calibration}: {text}" for text in check_provenance(known, panel))
         panel = known.apply(panel)
     parts = read_parts(record, panel, source=file.source, unknown=unknown)
     return Study(
@@ -244,31 +255,8 @@ def study_from_file(file: "TomlFile", *, calibration: Path | None = None) -> Stu
         law=parts.law,
         rule=parts.rule,
         split=parts.split,
-        digest=digest_of(parts, seed=record.seed),
         remarks=remarks,
     )
-
-
-def digest_of(parts: "Parts", *, seed: int) -> str:
-    """Return the content hash of all that determines the results of a study."""
-    content = {item.name: getattr(parts, item.name) for item in fields(parts)}
-    content |= {"panel": parts.panel.hash, "seed": seed}
-    return content_hash(_plain(content))
-
-
-def _plain(value: Any) -> Any:
-    """Turn records and arrays into nested plain data; infinite numbers into texts."""
-    if isinstance(value, type):
-        return value.__name__
-    if is_dataclass(value):
-        return {item.name: _plain(getattr(value, item.name)) for item in fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray | list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return float(value) if np.isfinite(value) else str(value)
-    return value
 
 
 def _seed(seed: int, index: int) -> int:

@@ -1,11 +1,13 @@
-"""The addresses of the page: each reads what was sent, asks the studio, and tells in JSON."""
+"""The addresses of the page: each hands what was sent to a process, and its answer to the page."""
 
-import json
+import asyncio
 import logging
-from collections.abc import AsyncIterator, Awaitable, Callable
+import tempfile
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from importlib.resources import files
-from typing import Any
+from pathlib import Path
+from typing import IO
 
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -14,45 +16,40 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from turnout.errors import FileError, TurnoutError
-from turnout.plot.sheet import sheet_record
-from turnout.plot.throw_sheet import throw_sheet
-from turnout.report.script import plotly_script
-from turnout.study.panel_check import concern_lines, panel_concerns
-from turnout.web.answer import answer
-from turnout.web.download import FILES, made_file
-from turnout.web.guard import TooLargeError
-from turnout.web.measured import (
-    campaign_file,
-    channel_map_of,
-    listing,
-    recorded_movements,
-    sent_recording,
-    shifted,
-)
-from turnout.web.request import AskedFile, AskedMark, AskedPanel, AskedRun, read_asked
-from turnout.web.studio import Studio, measured_record
-from turnout.web.worker import Question, Superseded, Worker
+from turnout.report.page import plotly_script
+from turnout.web.desk import LARGEST_PANEL
+from turnout.web.guard import LARGEST_UPLOAD, TooLargeError
+from turnout.web.measured import campaign_file, plain_name
+from turnout.web.process import without_folders
+from turnout.web.question import CHECK_TIME_LIMIT, TIME_LIMIT, Reply, Superseded, Task
+from turnout.web.studio import Studio
+from turnout.web.throw import FILES
+from turnout.web.worker import ClosedError, Worker
 
 PAGE = str(files("turnout.web").joinpath("page"))
 LIVE = "live"
+# Of a question in JSON [bytes]: a panel's mark, an object and forty settings take a few thousand.
+LARGEST_QUESTION = 200_000
 _log = logging.getLogger("turnout")
-Endpoint = Callable[[Request], Awaitable[Response]]
 
 
-def studio_app(studio: Studio, worker: Worker) -> Starlette:
+def studio_app(studio: Studio, worker: Worker, *, largest: int = LARGEST_UPLOAD) -> Starlette:
     """Return the application that serves a studio, without the guard before it.
 
     Parameters
     ----------
     studio : Studio
-        What it remembers.
+        What it was opened with.
     worker : Worker
-        Where throws are computed.
+        Where all is read and computed.
+    largest : int
+        Of a recording [bytes].
     """
-    desk = _Desk(studio, worker)
+    desk = _Addresses(studio, worker, largest)
 
     @asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:
+        desk.worker.start()
         yield
         desk.worker.close()
 
@@ -75,6 +72,7 @@ def studio_app(studio: Studio, worker: Worker) -> Starlette:
         exception_handlers={
             TurnoutError: _refused,
             Superseded: _superseded,
+            ClosedError: _closed,
             TooLargeError: _too_large,
             Exception: _broken,
         },
@@ -91,11 +89,15 @@ async def _plotly(_request: Request) -> Response:
 
 
 async def _refused(_request: Request, error: Exception) -> Response:
-    return JSONResponse({"message": str(error)}, status_code=422)
+    return JSONResponse({"message": without_folders(str(error))}, status_code=422)
 
 
 async def _superseded(_request: Request, _error: Exception) -> Response:
     return JSONResponse({"superseded": True})
+
+
+async def _closed(_request: Request, _error: Exception) -> Response:
+    return JSONResponse({"message": "the studio ends"}, status_code=503)
 
 
 async def _too_large(_request: Request, error: Exception) -> Response:
@@ -104,103 +106,104 @@ async def _too_large(_request: Request, error: Exception) -> Response:
 
 async def _broken(_request: Request, error: Exception) -> Response:
     _log.error("the studio failed", exc_info=error)
-    text = f"the studio failed ({type(error).__name__}: {error}); its window tells more"
+    text = f"the studio failed ({type(error).__name__}); see its terminal for details"
     return JSONResponse({"message": text}, status_code=500)
 
 
-class _Desk:
+class _Addresses:
     """The addresses that need the studio."""
 
-    def __init__(self, studio: Studio, worker: Worker) -> None:
-        self.studio, self.worker = studio, worker
+    def __init__(self, studio: Studio, worker: Worker, largest: int) -> None:
+        self.studio, self.worker, self.largest = studio, worker, largest
 
     async def start(self, _request: Request) -> Response:
-        return JSONResponse(self.studio.start())
+        return JSONResponse(await asyncio.to_thread(self.studio.start))
 
     async def open_panel(self, request: Request) -> Response:
-        asked = read_asked(AskedPanel, await request.body())
-        return JSONResponse(self.studio.described(self.studio.open_panel(asked.name)))
+        return await self._asked("panel/open", request)
 
     async def panel_again(self, request: Request) -> Response:
-        asked = read_asked(AskedMark, await request.body())
-        return JSONResponse(self.studio.described(asked.panel))
+        return await self._asked("panel/again", request)
 
     async def send_panel(self, request: Request) -> Response:
-        name = request.query_params.get("name", "panel.toml")
-        content = await request.body()
-        mark = await self.worker.answer(lambda _: self.studio.sent_panel(content, name))
-        return JSONResponse(self.studio.described(mark))
+        name = request.query_params.get("name", "")
+        return await self._asked("panel/send", request, most=LARGEST_PANEL, name=name)
 
     async def concerns(self, request: Request) -> Response:
-        """Throw a panel alone and warn of what `turnout panel check` warns of."""
-        asked = read_asked(AskedMark, await request.body())
-
-        def work(question: Question) -> list[str]:
-            panel, dataset = self.studio.run(AskedRun(panel=asked.panel), question)
-            return concern_lines(panel, panel_concerns(panel, dataset))
-
-        return JSONResponse({"lines": await self.worker.answer(work)})
+        return await self._asked("panel/concerns", request, seconds=CHECK_TIME_LIMIT)
 
     async def run(self, request: Request) -> Response:
-        asked = read_asked(AskedRun, await request.body())
-
-        def work(question: Question) -> str:
-            panel, dataset = self.studio.run(asked, question)
-            return json.dumps(answer(panel, dataset, preview=asked.preview), allow_nan=False)
-
-        text = await self.worker.answer(work, kind=LIVE)
-        if not asked.preview:
-            self.worker.ahead(self.studio.ahead(asked))
-        return Response(text, media_type="application/json")
+        return await self._asked("run", request, kind=LIVE)
 
     async def file(self, request: Request) -> Response:
-        """Make a file of a throw; it is computed again where it is not among the last ones."""
         kind = request.path_params["kind"]
         if kind not in FILES:
             message = f"{kind}: no such file; there are {', '.join(FILES)}"
             raise FileError(message)
-        asked = read_asked(AskedFile, await request.body())
-
-        def work(question: Question) -> bytes:
-            _, dataset = self.studio.run(asked.run, question)
-            behind = self.studio.run(asked.behind, question)[1] if asked.behind else None
-            return made_file(kind, dataset, behind=behind)
-
-        content = await self.worker.answer(work)
-        return Response(content, media_type=FILES[kind])
-
-    async def recording(self, request: Request) -> Response:
-        """List a recording, or, where a channel map is named, cut it into movements."""
-        name = request.query_params.get("name", "recording")
-        chosen = request.query_params.get("map", "")
-        content = await request.body()
-        folder = self.studio.opened.folder if self.studio.opened else None
-
-        def work(_question: Question) -> dict[str, Any]:
-            recording, kind = sent_recording(content, name)
-            if not chosen:
-                return {"lines": listing(recording, kind), "movements": []}
-            found, lines = recorded_movements(recording, channel_map_of(chosen, folder))
-            marks = [(self.studio.add_measured(item), item) for item in found]
-            return {"lines": lines, "movements": [measured_record(*pair) for pair in marks]}
-
-        return JSONResponse(await self.worker.answer(work))
+        return await self._asked("file", request, file=kind)
 
     async def measured(self, request: Request) -> Response:
-        """Return a measured movement on the time of a run."""
-        asked = read_asked(AskedRun, await request.body())
-        measured = self.studio.measured(request.path_params["mark"])
+        return await self._asked("measured", request, mark=request.path_params["mark"])
 
-        def work(question: Question) -> dict[str, Any]:
-            _, dataset = self.studio.run(asked, question)
-            return sheet_record(throw_sheet(shifted(measured, dataset)))
-
-        return JSONResponse(await self.worker.answer(work))
+    async def recording(self, request: Request) -> Response:
+        """Put a recording into a file, under the name that the page gives, and have it read."""
+        name = plain_name(request.query_params.get("name", ""), "recording")
+        chosen = request.query_params.get("map", "")
+        if len(chosen) > LARGEST_QUESTION:
+            raise TooLargeError(LARGEST_QUESTION)
+        with tempfile.TemporaryDirectory(dir=self.worker.folder) as folder:
+            path = Path(folder) / name
+            with _created(path) as file:
+                await _received(request, self.largest, file.write)
+            options = {"path": str(path), "map": chosen}
+            return _response(await self.worker.answer(Task("recording", options=options)))
 
     async def campaign_file(self, request: Request) -> Response:
         """Hand out a recording of the campaign."""
         if self.studio.opened is None:
             message = "no campaign is open; start with `turnout studio --campaign DIR`"
             raise FileError(message)
-        path = campaign_file(self.studio.opened.folder, request.path_params["name"])
+        folder, name = self.studio.opened.folder, request.path_params["name"]
+        path = await asyncio.to_thread(campaign_file, folder, name)
         return FileResponse(path, filename=path.name)
+
+    async def _asked(
+        self,
+        name: str,
+        request: Request,
+        /,
+        *,
+        kind: str | None = None,
+        most: int = LARGEST_QUESTION,
+        seconds: float = TIME_LIMIT,
+        **options: str,
+    ) -> Response:
+        """Hand what was sent to a process as it is."""
+        parts: list[bytes] = []
+        await _received(request, most, parts.append)
+        task = Task(name, b"".join(parts), options, seconds)
+        return _response(await self.worker.answer(task, kind=kind))
+
+
+async def _received(request: Request, most: int, take: Callable[[bytes], object]) -> None:
+    """Take what is sent, piece by piece; of what is too large no more than may be."""
+    seen = 0
+    async for part in request.stream():
+        seen += len(part)
+        if seen <= most:
+            take(part)
+    if seen > most:
+        raise TooLargeError(most)
+
+
+def _created(path: Path) -> IO[bytes]:
+    try:
+        return path.open("xb")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "no name of a file"
+        message = f"{path.name}: cannot be taken ({reason}); send it under another name"
+        raise FileError(message) from None
+
+
+def _response(reply: Reply) -> Response:
+    return Response(reply.content, reply.status, media_type=reply.media_type)

@@ -3,8 +3,8 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from turnout.panel.markers import ordered_movements
 from turnout.panel.model import Panel
-from turnout.panel.motion import ordered_movements
 
 KILO, MILLI = 1e3, 1e-3
 MOST_FRICTION, MOST_SIZE, MOST_EXTRA = 0.6, 40.0, 0.6

@@ -8,7 +8,6 @@ into a cookie.
 
 import secrets
 from collections.abc import Iterable
-from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs
 
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
@@ -104,14 +103,12 @@ class Guard:
         return _refused(403, "open the studio with the address that `turnout studio` has printed")
 
     def _known(self, headers: dict[str, str]) -> bool:
-        try:
-            cookies = SimpleCookie(headers.get("cookie", ""))
-        except CookieError:
-            return False
-        given = cookies.get(self._cookie)
-        return given is not None and secrets.compare_digest(
-            given.value.encode(), self._session.encode()
-        )
+        # By hand: what the standard library has for cookies takes seconds over some of 60 kB.
+        for cookie in headers.get("cookie", "").split(";"):
+            name, _, value = cookie.strip().partition("=")
+            if name == self._cookie:
+                return secrets.compare_digest(value.encode(), self._session.encode())
+        return False
 
     def _exchanged(self, token: str) -> Response:
         """Turn the token into a cookie, once."""

@@ -4,24 +4,27 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
+import h5py
 import numpy as np
 import xarray as xr
 
+from turnout.core.toml import parse_toml
 from turnout.errors import FileError
-from turnout.files.toml import parse_toml
-from turnout.measurement.campaign import CHANNEL_FILE, Campaign
-from turnout.measurement.chain import apply_chain, load_channel_map, parse_channel_map
-from turnout.measurement.channel_map import ChannelMap
-from turnout.measurement.condition import condition
-from turnout.measurement.movement import find_throws
-from turnout.measurement.overview import overview
-from turnout.measurement.read import format_of, read_recording
-from turnout.measurement.recording import Recording
-from turnout.measurement.report import channel_rows
-from turnout.measurement.skeleton import skeleton
-from turnout.metric.movement import movements
+from turnout.measurement.campaign.build import CHANNEL_FILE, Campaign
+from turnout.measurement.campaign.throws import find_throws
+from turnout.measurement.chain.apply import (
+    apply_chain,
+    channel_rows,
+    load_channel_map,
+    parse_channel_map,
+)
+from turnout.measurement.chain.channel_map import ChannelMap
+from turnout.measurement.chain.condition import condition
+from turnout.measurement.chain.skeleton import skeleton
+from turnout.measurement.formats.files import format_of, read_recording
+from turnout.measurement.recording import Recording, overview
+from turnout.metric.slip import movements
 
 WINDOW = 0.1
 DRAWN = ("drive_force", "object_force", "drive_displacement", "drive_gap")
@@ -97,37 +100,86 @@ def campaign_file(folder: Path, name: str) -> Path:
 
 
 def channel_map_of(text: str, folder: Path | None) -> ChannelMap:
-    """Return the channel map that the page names: "campaign", one of the library, or its text."""
+    """Return the channel map that the page names: "campaign", one of the library, or its text.
+
+    Raises
+    ------
+    FileError
+        When it is none of these; the name of a file, too, as that would be one of this machine.
+    """
     if text == "campaign" and folder is not None:
         return load_channel_map(folder / CHANNEL_FILE)
     if "\n" in text or "=" in text:
         return parse_channel_map(parse_toml(text, source="channel map"))
+    if text.endswith(".toml") or "/" in text or "\\" in text:
+        message = (
+            f"channel map '{text[:80]}': the page takes no files of this machine; send the map's "
+            "text, or name one of the library"
+        )
+        raise FileError(message)
     return load_channel_map(text)
 
 
-def sent_recording(content: bytes, name: str) -> tuple[Recording, str]:
+def sent_recording(path: Path) -> tuple[Recording, str]:
     """Read a recording that the page sent; return it with the name of its format.
+
+    Parameters
+    ----------
+    path : Path
+        Where the server put it, under the plain name that the page gave it.
 
     Raises
     ------
     FileError
         With the message of `turnout import`, which names the file as the user does.
     """
-    plain = _plain(name)
-    with TemporaryDirectory(prefix="turnout-studio-") as folder:
-        path = Path(folder) / plain
-        path.write_bytes(content)
-        try:
-            return read_recording(path), format_of(path).name
-        except FileError as error:
-            raise FileError(str(error).replace(str(path), plain)) from None
+    try:
+        _refuse_links(path)
+        return read_recording(path), format_of(path).name
+    except FileError as error:
+        raise FileError(str(error).replace(str(path), path.name)) from None
 
 
-def _plain(name: str) -> str:
+def _refuse_links(path: Path) -> None:
+    """Refuse an HDF5 file that takes values from other files, which would be of this machine."""
+    if not h5py.is_hdf5(path):
+        return
+    try:
+        with h5py.File(path, "r") as file:
+            named = _linked(file)
+    except (OSError, RuntimeError, ValueError, KeyError):
+        return  # damaged: its reader says how
+    if named:
+        message = f"{path}: {named} is kept in another file, which cannot be sent; copy it into one"
+        raise FileError(message)
+
+
+def _linked(file: h5py.File) -> str:
+    """Return the name of the first member that another file holds; empty for none."""
+    groups = [file["/"]]
+    seen = set()
+    while groups:
+        group = groups.pop()
+        if group.id in seen:
+            continue
+        seen.add(group.id)
+        for name in group:
+            link = group.get(name, getlink=True)
+            if isinstance(link, h5py.ExternalLink):
+                return f"{group.name}/{name}"
+            item = group.get(name)
+            if isinstance(item, h5py.Group):
+                groups.append(item)
+            elif isinstance(item, h5py.Dataset) and (item.external or item.is_virtual):
+                return str(item.name)
+    return ""
+
+
+def plain_name(name: str, otherwise: str) -> str:
     """Return a name without folders, short enough for a file and fit for the screen."""
     last = name.replace("\\", "/").rpartition("/")[2]
     kept = "".join(char for char in last if char.isprintable())
-    return kept[-80:].strip(". ") or "recording"
+    return kept[-80:].strip(". ") or otherwise
 
 
 def listing(recording: Recording, kind: str) -> list[str]:

@@ -17,17 +17,18 @@ from turnout.web.studio import Studio
 from turnout.web.worker import Worker
 
 HOST = "127.0.0.1"
+MOST_CONNECTIONS = 1000
 
 
 class _Server(uvicorn.Server):
-    """A server that stops what is computed as soon as it is told to end."""
+    """A server that ends its processes as soon as it is told to end."""
 
     def __init__(self, config: uvicorn.Config, worker: Worker) -> None:
         super().__init__(config)
         self._worker = worker
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Hear Ctrl-C."""
+        """Hear Ctrl-C, or SIGTERM."""
         self._worker.close()
         super().handle_exit(sig, frame)
 
@@ -81,10 +82,16 @@ def prepared(studio: Studio, *, port: int = 0, largest: int = LARGEST_UPLOAD) ->
     port = listener.getsockname()[1]
     token = secrets.token_urlsafe(24)
     hosts = (f"{HOST}:{port}", f"localhost:{port}")
-    worker = Worker()
-    guard = Guard(studio_app(studio, worker), hosts=hosts, token=token, largest=largest)
+    worker = Worker(studio.opening)
+    app = studio_app(studio, worker, largest=largest)
+    guard = Guard(app, hosts=hosts, token=token, largest=largest)
     config = uvicorn.Config(
-        guard, log_level="warning", access_log=False, timeout_graceful_shutdown=2, ws="none"
+        guard,
+        log_level="warning",
+        access_log=False,
+        timeout_graceful_shutdown=1,
+        limit_concurrency=MOST_CONNECTIONS,
+        ws="none",
     )
     return Served(f"http://{HOST}:{port}/?token={token}", _Server(config, worker), listener)
 

@@ -1,25 +1,51 @@
-"""Throw a panel as the page asks for it."""
+"""Throw a panel as the page asks, and make the answer and the files of it.
+
+Throw a panel as the page asks for it. What the page is told of a throw: all of it made by metric
+and plot, here only put together. Files made of a throw.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
 
 import xarray as xr
 
+from turnout.errors import PanelError, SolverError
+from turnout.measurement.formats.history import history_text
+from turnout.metric.key_figure import KeyFigure, key_figures
+from turnout.metric.lamp import lamps
+from turnout.metric.summary import summary
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
+from turnout.panel.model import Panel
+from turnout.plot.moving_plan import FRAMES, motion_record
+from turnout.plot.sheet import MOST_POINTS, sheet_record
+from turnout.plot.style import rendered
+from turnout.plot.throw import plot_throw, throw_sheet
 from turnout.response.placed import check_placed
 from turnout.response.save import Save
-from turnout.response.scheme import Scheme
 from turnout.response.simulate import prepare, simulate
+from turnout.response.store import response_bytes
+from turnout.scheme import Scheme
 from turnout.web.controls import controls
+from turnout.web.question import Question, Superseded
 from turnout.web.request import AskedRun
-from turnout.web.worker import Question, Superseded
 
 # While a slider moves; once it rests the throw is computed as `turnout simulate` does.
 PREVIEW, PREVIEW_KEPT = Scheme.of("quick"), Save(interval=0.02)
 # Each way along the slider; more would not stay in memory.
 PLACES_AHEAD = 10
+# Keys of a panel that name a file, which would be one of this machine.
+FILE_KEYS = ("matrices", "table_file")
+FILE_MESSAGE = "names another file, which the page cannot; start with `turnout studio --panel`"
 
 
 def changed_panel(panel: LoadedPanel, asked: AskedRun) -> LoadedPanel:
     """Return the panel with what the page changed in it; PanelError tells all that is wrong."""
+    named = [key for key in asked.settings if key.split(".")[-1].strip() in FILE_KEYS]
+    if named:
+        raise PanelError([f"{key}: {FILE_MESSAGE}" for key in named], source="overrides")
     return panel.with_overrides(asked.settings, si=False) if asked.settings else panel
 
 
@@ -90,3 +116,96 @@ def _trapped(asked: AskedRun) -> ForeignObject | None:
     if given is None:
         return None
     return ForeignObject(given.size, given.at, stiffness=given.stiffness)
+
+
+# Units of the screen, their size in SI and how many decimals are shown.
+SHOWN = {"N": ("kN", 1e3, 2), "m": ("mm", 1e-3, 2), "s": ("s", 1.0, 3)}
+PREVIEW_FRAMES, PREVIEW_POINTS = 61, 500
+
+
+def answer(panel: Panel, dataset: xr.Dataset, *, preview: bool = False) -> dict[str, Any]:
+    """Return everything that the page shows of a throw, as plain data.
+
+    Parameters
+    ----------
+    panel : Panel
+        What was thrown.
+    dataset : xarray.Dataset
+        The run, whole or partial.
+    preview : bool
+        Whether fewer points of curves and instants of the motion will do.
+
+    Raises
+    ------
+    SolverError
+        When the run ended before there was anything to show.
+    """
+    if dataset.sizes["time"] < 2:
+        raise SolverError(str(dataset.attrs["outcome_message"]))
+    frames, points = (PREVIEW_FRAMES, PREVIEW_POINTS) if preview else (FRAMES, MOST_POINTS)
+    motion = motion_record(panel, dataset, frames=frames)
+    return {
+        "complete": bool(dataset.attrs["complete"]),
+        "message": "" if dataset.attrs["complete"] else str(dataset.attrs["outcome_message"]),
+        "seconds": float(dataset.attrs["wall_time"]),
+        "scheme": str(dataset.attrs["scheme"]),
+        "objects": json.loads(dataset.attrs["foreign_objects"]),
+        "summary": [list(line) for line in summary(dataset)],
+        "lamps": _lamps(dataset, motion["at"]),
+        "figures": [_figure(item) for item in key_figures(dataset)],
+        "sheet": sheet_record(throw_sheet(dataset), most=points),
+        "motion": motion,
+    }
+
+
+def _lamps(dataset: xr.Dataset, at: list[int]) -> list[dict[str, Any]]:
+    return [
+        {
+            "kind": lamp.kind,
+            "name": lamp.name,
+            "on": lamp.on[at].tolist(),
+            "wanted": lamp.wanted,
+            "judged": lamp.judged[at].tolist(),
+            "words": list(lamp.words),
+            "rule": lamp.rule,
+        }
+        for lamp in lamps(dataset)
+    ]
+
+
+def _figure(item: KeyFigure) -> dict[str, Any]:
+    unit, factor, decimals = SHOWN[item.unit]
+    missing = math.isnan(item.value)
+    # Adding zero turns a negative zero into a plain one.
+    text = "-" if missing else f"{round(item.value / factor, decimals) + 0.0:.{decimals}f} {unit}"
+    value = None if missing else item.value
+    return {"key": item.key, "label": item.label, "value": value, "unit": item.unit, "text": text}
+
+
+FILES: Mapping[str, str] = {
+    "nc": "application/x-netcdf",
+    "csv": "text/csv",
+    "png": "image/png",
+    "svg": "image/svg+xml",
+    "pdf": "application/pdf",
+}
+"""Kinds of files with their media types."""
+
+
+def made_file(kind: str, dataset: xr.Dataset, *, behind: xr.Dataset | None = None) -> bytes:
+    """Return the content of a file.
+
+    Parameters
+    ----------
+    kind : str
+        One of `FILES`: the dataset (nc), its channels as a table (csv), or a figure.
+    dataset : xarray.Dataset
+        The throw.
+    behind : xarray.Dataset, optional
+        Drawn grey behind it in a figure.
+    """
+    if kind == "nc":
+        return response_bytes(dataset)
+    if kind == "csv":
+        return history_text(dataset).encode()
+    return rendered(plot_throw(dataset, compare=behind), f".{kind}")

@@ -7,7 +7,7 @@ a step, which is then taken again up to there. A step that does not converge is 
 
 import math
 
-from turnout.law.compiled import compiled, compiled_part
+from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute.clutch import update_clutch
 from turnout.machine.compute.places import (

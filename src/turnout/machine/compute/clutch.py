@@ -7,7 +7,7 @@ released energy becomes heat. It sticks again as soon as its torque falls below 
 
 import math
 
-from turnout.law.compiled import compiled
+from turnout.kernels.compiled import compiled
 from turnout.law.table import Floats
 from turnout.machine.compute.places import (
     CLUTCH,

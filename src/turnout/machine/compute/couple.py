@@ -13,7 +13,7 @@ state: a step may be tried as often as it takes the mechanism to settle, and is 
 
 from typing import NamedTuple
 
-from turnout.law.compiled import compiled, compiled_part
+from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute.circuit import advance
 from turnout.machine.compute.places import (

@@ -12,7 +12,7 @@ one solution, which a Newton iteration inside a bracket always finds. float64 th
 
 import math
 
-from turnout.law.compiled import compiled, compiled_part
+from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute.places import (
     ARMATURE_OPEN,

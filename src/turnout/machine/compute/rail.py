@@ -8,7 +8,7 @@ rail, positive when it pushes it home.
 
 import math
 
-from turnout.law.compiled import compiled, compiled_part
+from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute.motor import ITERATIONS, ROUNDING
 from turnout.machine.compute.places import (

@@ -14,7 +14,7 @@ that side has no solution. Nothing is smoothed and no sign is guessed.
 
 import math
 
-from turnout.law.compiled import compiled, compiled_part
+from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute.motor import ITERATIONS, ROUNDING, motor_side
 from turnout.machine.compute.places import (

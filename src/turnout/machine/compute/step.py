@@ -7,7 +7,7 @@ Set-valued laws hold in each stage exactly.
 
 import math
 
-from turnout.law.compiled import compiled, compiled_part
+from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute.motor import net_voltage
 from turnout.machine.compute.places import (

@@ -1,6 +1,6 @@
 """A machine on its one-mass rail from the start to the end of a throw, kept at a regular rate."""
 
-from turnout.law.compiled import compiled
+from turnout.kernels.compiled import compiled
 from turnout.law.table import Floats
 from turnout.machine.compute.circuit import advance
 from turnout.machine.compute.places import CONVERGED

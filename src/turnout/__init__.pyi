@@ -1,0 +1,99 @@
+"""Written by `python -m turnout.api.stub` from the table in __init__.py."""
+
+from turnout import plot as plot
+from turnout.analysis.modes import modes as modes
+from turnout.analysis.stability import friction_stability as friction_stability
+from turnout.api.calibration import CalibrationResult as CalibrationResult
+from turnout.api.calibration import calibrate as calibrate
+from turnout.api.calibration import load_calibration as load_calibration
+from turnout.api.campaign import Campaign as Campaign
+from turnout.api.campaign import build_campaign as build_campaign
+from turnout.api.campaign import load_campaign as load_campaign
+from turnout.api.recording import import_recording as import_recording
+from turnout.api.sweep import Sweep as Sweep
+from turnout.api.sweep import open_sweep as open_sweep
+from turnout.api.sweep import run_sweep as run_sweep
+from turnout.api.validation import Validation as Validation
+from turnout.api.validation import validate as validate
+from turnout.core.version import VERSION as __version__
+from turnout.errors import FileError as FileError
+from turnout.errors import MachineError as MachineError
+from turnout.errors import MeasurementError as MeasurementError
+from turnout.errors import MechanicsError as MechanicsError
+from turnout.errors import PanelError as PanelError
+from turnout.errors import ResponseError as ResponseError
+from turnout.errors import SolverError as SolverError
+from turnout.errors import StudyError as StudyError
+from turnout.errors import TurnoutError as TurnoutError
+from turnout.integrate.outcome import NotConverged as NotConverged
+from turnout.machine.load import LoadedMachines as LoadedMachines
+from turnout.machine.load import load_machines as load_machines
+from turnout.machine.throw import MachineThrow as MachineThrow
+from turnout.machine.throw import throw_one_mass as throw_one_mass
+from turnout.measurement.formats.files import read_recording as read_recording
+from turnout.measurement.formats.history import read_history as read_history
+from turnout.metric.features import features as features
+from turnout.metric.signal import filtered as filtered
+from turnout.panel.foreign_object import ForeignObject as ForeignObject
+from turnout.panel.load import LoadedPanel as LoadedPanel
+from turnout.panel.load import library_names as panel_names
+from turnout.panel.load import load_panel as load_panel
+from turnout.response.machine import machine_dataset as machine_dataset
+from turnout.response.save import Save as Save
+from turnout.response.simulate import simulate as simulate
+from turnout.response.store import open_response as open_response
+from turnout.response.store import save_response as save_response
+from turnout.scheme import Scheme as Scheme
+from turnout.section.analyse import analyse_outline as analyse_outline
+from turnout.section.outline import make_outline as make_outline
+from turnout.study.study import load_study as load_study
+
+__all__ = [
+    "CalibrationResult",
+    "Campaign",
+    "FileError",
+    "ForeignObject",
+    "LoadedMachines",
+    "LoadedPanel",
+    "MachineError",
+    "MachineThrow",
+    "MeasurementError",
+    "MechanicsError",
+    "NotConverged",
+    "PanelError",
+    "ResponseError",
+    "Save",
+    "Scheme",
+    "SolverError",
+    "StudyError",
+    "Sweep",
+    "TurnoutError",
+    "Validation",
+    "__version__",
+    "analyse_outline",
+    "build_campaign",
+    "calibrate",
+    "features",
+    "filtered",
+    "friction_stability",
+    "import_recording",
+    "load_calibration",
+    "load_campaign",
+    "load_machines",
+    "load_panel",
+    "load_study",
+    "machine_dataset",
+    "make_outline",
+    "modes",
+    "open_response",
+    "open_sweep",
+    "panel_names",
+    "plot",
+    "read_history",
+    "read_recording",
+    "run_sweep",
+    "save_response",
+    "simulate",
+    "throw_one_mass",
+    "validate",
+]

@@ -1,0 +1,1 @@
+"""What a panel is like apart from one response: modes, stability, matrices, checks."""

@@ -1,0 +1,233 @@
+"""What an engineer should know about a panel: small margins, idle chairs, flutter.
+
+All that a panel should be warned of: from its throw, and from its vibrations while it slides. What
+an engineer should know about a panel after it was thrown without an object.
+"""
+
+from dataclasses import dataclass
+
+import xarray as xr
+
+from turnout.analysis.stability import FrictionStability, friction_stability
+from turnout.metric.slip import LEAST_SHARE, margins
+from turnout.metric.summary import is_inaccurate
+from turnout.panel.model import Panel
+from turnout.panel.unusual import unusual_values
+
+# A chair that never bears more than this does not carry [N].
+LEAST_LOAD = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Concern:
+    """One thing to look at.
+
+    Attributes
+    ----------
+    what, where, number, remedy : str
+        For the screen, with units.
+    """
+
+    what: str
+    where: str
+    number: str
+    remedy: str
+
+    @property
+    def text(self) -> str:
+        """All of it in one line."""
+        return f"{self.what}: {self.where}: {self.number}; {self.remedy}"
+
+
+def concerns(dataset: xr.Dataset) -> list[Concern]:
+    """Return what a throw without an object shows that a switch should not.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A simulated run with drive forces, flangeway and chair forces.
+
+    Returns
+    -------
+    list of Concern
+        Runs that ended early or are inaccurate, drives within a tenth of their slip level in either
+        direction, a flangeway below its limit, chairs that never carry; empty where all is well.
+    """
+    found = []
+    if dataset.attrs.get("foreign_objects", "[]") != "[]":
+        found.append(
+            Concern(
+                "thrown with an object",
+                "the panel file",
+                "it has foreign objects of its own",
+                "take them out to see the switch alone",
+            )
+        )
+    if not dataset.attrs.get("complete", True):
+        message = str(dataset.attrs.get("outcome_message", "ended early"))
+        what, where = "throw not complete", f"t = {_last_time(dataset):.3f} s"
+        remedy = "what follows holds until then only"
+        if is_inaccurate(dataset):
+            what, where = "throw is inaccurate", "its whole time"
+            remedy = "what follows is not to be trusted either"
+        found.append(Concern(what, where, message, remedy))
+    if not dataset.sizes.get("time", 0):
+        return found
+    return [*found, *_near_slip(dataset), *_narrow(dataset), *_idle_chairs(dataset)]
+
+
+def _last_time(dataset: xr.Dataset) -> float:
+    return float(dataset["time"][-1]) if dataset.sizes.get("time", 0) else 0.0
+
+
+def _near_slip(dataset: xr.Dataset) -> list[Concern]:
+    found = []
+    for margin in margins(dataset):
+        if not margin.tight:
+            continue
+        place = float(dataset["drive_x"].sel(drive=margin.drive))
+        left = f"{margin.force / 1e3:.2f} kN ({100 * margin.share:.1f} %)"
+        if margin.force <= 0:
+            left = "nothing"
+        found.append(
+            Concern(
+                "drive near its slip level",
+                f"drive {margin.drive} at x = {place:g} m, {margin.direction}",
+                f"{margin.largest / 1e3:.2f} kN of {margin.limit / 1e3:.2f} kN, {left} left, "
+                f"at least {100 * LEAST_SHARE:.0f} % wanted",
+                "less friction, another drive or a higher slip level; "
+                "a slip here is no trapped object",
+            )
+        )
+    return found
+
+
+def _narrow(dataset: xr.Dataset) -> list[Concern]:
+    limit = float(dataset.attrs.get("flangeway_limit", float("nan")))
+    if "least_flangeway" not in dataset or not float(dataset["least_flangeway"]) < limit:
+        return []
+    least, x = float(dataset["least_flangeway"]), float(dataset["least_flangeway_x"])
+    return [
+        Concern(
+            "flangeway below its limit",
+            f"rail {dataset['least_flangeway_rail'].values!s} at x = {x:g} m",
+            f"{1e3 * least:.2f} mm, limit {1e3 * limit:g} mm",
+            "more stroke or over-travel at the nearest drive, or a drive closer to the place",
+        )
+    ]
+
+
+def _idle_chairs(dataset: xr.Dataset) -> list[Concern]:
+    if "chair_normal_force" not in dataset:
+        return []
+    largest = dataset["chair_normal_force"].max("time")
+    found = []
+    for rail in largest["rail"].values:
+        loads = largest.sel(rail=rail)
+        idle = loads["chair"].values[(loads < LEAST_LOAD).values]
+        for chair in idle:
+            load, x = float(loads.sel(chair=chair)), float(dataset["chair_x"].sel(chair=chair))
+            found.append(
+                Concern(
+                    "chair never carries",
+                    f"chair {chair} under rail {rail} at x = {x:g} m",
+                    f"at most {load:.1f} N at any time",
+                    f"check its height, chair.{chair}.clearance and chair.{chair}.foot_height",
+                )
+            )
+    return found
+
+
+# A panel should not flutter at this many times its friction either.
+FRICTION_RESERVE = 1.25
+REMEDY = "more chair.damping or less chair.friction_coefficient"
+
+
+def panel_concerns(panel: Panel, dataset: xr.Dataset) -> list[Concern]:
+    """Return what is to be looked at in a panel.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    dataset : xarray.Dataset
+        A throw of it without an object.
+
+    Returns
+    -------
+    list of Concern
+        Unusual values, those of the throw (`turnout.analysis.panel_check.concerns`), then flutter.
+    """
+    return [*unusual_concerns(panel), *concerns(dataset), *flutter_concerns(panel)]
+
+
+def unusual_concerns(panel: Panel) -> list[Concern]:
+    """Return the values that no switch has, which need no throw to be seen.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> (concern,) = unusual_concerns(load_panel("sb1").with_overrides({"gravity": 1000.0}))
+    >>> concern.text
+    'unusual value: gravity = 1000 m/s^2: usual is 0 to 30 m/s^2; check value and unit'
+    """
+    return [
+        Concern("unusual value", item.given, item.usual, "check value and unit")
+        for item in unusual_values(panel)
+    ]
+
+
+def concern_lines(panel: Panel, found: list[Concern]) -> list[str]:
+    """Return what to tell of a checked panel: a line a warning, or what was found in order.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> concern_lines(load_panel("uic60-760-1-15"), [])
+    ['no warnings: force margins, flangeway, chairs and flutter are in order']
+    """
+    if found:
+        return [f"warning: {concern.text}" for concern in found]
+    if panel.flangeway is not None:
+        return ["no warnings: force margins, flangeway, chairs and flutter are in order"]
+    return [
+        "no warnings: force margins, chairs and flutter are in order; "
+        "the flangeway was not judged, the file has no flangeway.limit"
+    ]
+
+
+def flutter_concerns(panel: Panel) -> list[Concern]:
+    """Return whether the rails can flutter in motion, at their friction or at a quarter more.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> flutter_concerns(load_panel("sb1"))
+    []
+    """
+    if not panel.movement:
+        return []
+    for factor in (1.0, FRICTION_RESERVE):
+        found = friction_stability(panel, friction_factor=factor)
+        if not found.stable:
+            return [_concern(found)]
+    return []
+
+
+def _concern(found: FrictionStability) -> Concern:
+    worst = found.worst
+    at = "the panel's friction" if found.friction_factor == 1 else (
+        f"{found.friction_factor:g} times the panel's friction"
+    )  # fmt: skip
+    if worst.growth_rate >= 0:
+        what = "the section can flutter" if worst.frequency > 0 else "a rail can run away"
+        where = f"at {at}, {100 * worst.share:.0f} % of movement '{worst.movement}'"
+        number = (
+            f"{worst.frequency:.1f} Hz, damping {100 * worst.damping_ratio:.2f} % of critical, "
+            f"grows with {worst.growth_rate:.2g} 1/s"
+        )
+        return Concern(what, where, number, REMEDY)
+    lost = [case for case in found.cases if not case.settled]
+    where = f"at {at}, {100 * lost[0].share:.0f} % of movement '{lost[0].movement}'"
+    number = f"no steady sliding was found in {len(lost)} of {len(found.cases)} places"
+    return Concern("flutter is not known", where, number, REMEDY)

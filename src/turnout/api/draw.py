@@ -1,0 +1,39 @@
+"""The usual figure of each kind of dataset."""
+
+from typing import TYPE_CHECKING, Any
+
+import xarray as xr
+
+from turnout.api.sweep import cells_of
+from turnout.plot.campaign import plot_overview, plot_stacked
+from turnout.plot.modes import plot_modes
+from turnout.plot.recording import plot_measured
+from turnout.plot.sweep import plot_sweep_map
+from turnout.plot.throw import plot_throw
+from turnout.plot.validation import plot_comparison, plot_error_map
+from turnout.report.view import kind_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def draw(dataset: xr.Dataset, **options: Any) -> "Figure":
+    """Draw a dataset as its kind is usually drawn.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Any result.
+    **options
+        Of the function that draws it.
+    """
+    kind = kind_of(dataset)
+    if kind == "sweep":
+        return plot_sweep_map(cells_of(dataset, **options))
+    if kind == "modes":
+        return plot_modes(dataset, **options)
+    if kind == "validation":
+        return (plot_comparison if "place" in options else plot_error_map)(dataset, **options)
+    if kind == "campaign":
+        return (plot_stacked if "place" in options else plot_overview)(dataset, **options)
+    return (plot_measured if kind == "recording" else plot_throw)(dataset, **options)

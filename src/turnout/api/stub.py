@@ -1,0 +1,44 @@
+"""Stubs of the public packages, which type checkers and editors read instead of their tables.
+
+``python -m turnout.api.stub`` writes them; a test compares.
+"""
+
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+
+from turnout.lazy import home_of
+
+PACKAGES = ("turnout", "turnout.plot")
+
+
+def stub_text(package: str) -> str:
+    """Return the stub of a package: what type checkers and editors read instead of its table.
+
+    Examples
+    --------
+    >>> "from turnout.panel.load import load_panel as load_panel" in stub_text("turnout")
+    True
+    """
+    table: Mapping[str, str] = import_module(package).NAMES
+    homes = {name: home_of(name, place) for name, place in table.items()}
+    lines = sorted(
+        f"from {package} import {name} as {name}"
+        if module == f"{package}.{name}"
+        else f"from {module} import {attribute} as {name}"
+        for name, (module, attribute) in homes.items()
+    )
+    listed = [f'    "{name}",' for name in sorted(table)]
+    heading = '"""Written by `python -m turnout.api.stub` from the table in __init__.py."""'
+    return "\n".join([heading, "", *lines, "", "__all__ = [", *listed, "]", ""])
+
+
+def stub_path(package: str) -> Path:
+    """Return where the stub of a package lies."""
+    return Path(str(import_module(package).__file__)).with_suffix(".pyi")
+
+
+if __name__ == "__main__":
+    for each in PACKAGES:
+        stub_path(each).write_text(stub_text(each), encoding="utf-8")
+        print(stub_path(each))

@@ -1,0 +1,1 @@
+"""Calibration: parameters, stages, residuals, fit, uncertainty, and the result."""

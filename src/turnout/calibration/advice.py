@@ -1,0 +1,230 @@
+"""What a fit cannot tell apart from what it takes for granted, and what to measure next."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.calibration.covariance import Spread, force_channels, gain_column
+from turnout.calibration.fit import Fit
+from turnout.calibration.misfit import Misfit, framed, jacobian
+from turnout.calibration.observed import BIN, OBJECT_FORCE, Movement, Signal, movement_length
+from turnout.calibration.parameter import free_parameter
+from turnout.calibration.predict import predicted
+from turnout.errors import PanelError, SolverError
+from turnout.panel.foreign_object import ForeignObject, resolve_objects
+from turnout.panel.load import LoadedPanel
+
+Floats = NDArray[np.float64]
+WEIGHT = "gravity"
+# What is taken for granted may be wrong by so much [-].
+SHARE = 0.01
+# A difference below this many standard deviations is not seen.
+SEEN = 3.0
+# Changes below this share of what is taken for granted are not worth a word [-].
+WORTH = 0.1
+SIZES = (0.013, 0.026)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """A movement that could be measured next.
+
+    Attributes
+    ----------
+    text : str
+        What to throw.
+    gain : float
+        Information that it would add: half the logarithm of how much the volume of what is
+        possible shrinks [-].
+    parameter : str
+        Whose deviation it would reduce most.
+    remaining : float
+        Share of that deviation that would remain [-].
+    """
+
+    text: str
+    gain: float
+    parameter: str
+    remaining: float
+
+
+def confusions(found: Fit) -> list[str]:
+    """Say how errors in what is taken for granted would be mistaken for parameters.
+
+    Looked at are the weight of the rails and the sensitivity of each force channel. An error that
+    the parameters can imitate is not seen in the residuals, and goes into the parameters.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+
+    Returns
+    -------
+    list of str
+        A sentence each.
+    """
+    found = _without_gains(found)
+    columns = {f"{100 * SHARE:g} % more weight of the rails": _weight_column(found)}
+    for key in force_channels(found):
+        name = f"the gauges of drive {key[1]}" if key[1] else "the load cell"
+        columns[f"{100 * SHARE:g} % more sensitivity of {name}"] = SHARE * gain_column(found, key)
+    return [_confusion(found, what, column) for what, column in columns.items()]
+
+
+def _without_gains(found: Fit) -> Fit:
+    """Return a fit seen as if no gain were in doubt, so that the doubt does not tell the gain."""
+    comparison = found.misfit.comparison
+    known = replace(comparison, doubt=replace(comparison.doubt, gain=0.0))
+    misfit = replace(found.misfit, comparison=known)
+    frame = framed(found.local, misfit)
+    return replace(
+        found,
+        misfit=misfit,
+        frame=frame,
+        residuals=misfit.residuals_of(found.local.here, frame),
+        jacobian=jacobian(found.local, frame, [item.name for item in found.parameters]),
+    )
+
+
+def _confusion(found: Fit, what: str, column: Floats) -> str:
+    """Return a sentence on one error: what it does to the parameters, and whether it is seen."""
+    change = np.linalg.lstsq(found.jacobian, -column, rcond=None)[0]
+    left = float(np.linalg.norm(column + found.jacobian @ change))
+    parts = [
+        f"{item.name} by {100 * slope / found.values[item.name]:+.2g} %"
+        for item, move in zip(found.parameters, change, strict=True)
+        for slope in [move * item.slope(found.values[item.name])]
+        if abs(slope / found.values[item.name]) > WORTH * SHARE
+    ]
+    moved = f"would change {', '.join(parts)}" if parts else "would change no value"
+    if left < SEEN:
+        seen = f"and these movements would not show it ({left:.1f} standard deviations)"
+    else:
+        seen = f"but the misfit would show it ({left:.0f} standard deviations)"
+    return f"{what} {moved}, {seen}"
+
+
+def _weight_column(found: Fit) -> Floats:
+    """Return the change of the whitened residuals with an error of the weight."""
+    misfit = found.misfit
+    weight = free_parameter(misfit.evaluator.panel, WEIGHT)
+    wider = replace(
+        misfit,
+        parameters=(*misfit.parameters, weight),
+        base={**misfit.base, WEIGHT: weight.start},
+    )
+    local = wider.local({**found.values, WEIGHT: weight.start}, (WEIGHT,))
+    # The truth being heavier moves measured less simulated the other way.
+    return -SHARE * jacobian(local, found.frame, (WEIGHT,))[:, 0]
+
+
+def next_movements(found: Fit, spread: Spread, panel: LoadedPanel) -> list[Candidate]:
+    """Rank movements that could be measured next by the information that they would add.
+
+    Candidates are a movement without an object, and objects of 13 and 26 mm at each drive, at the
+    sensors, and midway; those that the panel has no room for are left out.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+    spread : Spread
+        What is known.
+    panel : LoadedPanel
+        Where objects can be.
+
+    Returns
+    -------
+    list of Candidate
+        The best first.
+    """
+    movements = _candidates(found, panel)
+    ranked = []
+    names = [item.name for item in found.parameters]
+    sizes = np.sqrt(np.diag(spread.coordinate_covariance))
+    for movement in movements:
+        try:
+            slopes = _slopes(found, movement, names)
+        except SolverError:
+            continue
+        before = np.linalg.inv(spread.coordinate_covariance)
+        after = np.linalg.inv(before + slopes.T @ slopes)
+        shares = np.sqrt(np.diag(after)) / sizes
+        ranked.append(
+            Candidate(
+                text=movement.name,
+                gain=0.5 * float(np.linalg.slogdet(spread.coordinate_covariance)[1])
+                - 0.5 * float(np.linalg.slogdet(after)[1]),
+                parameter=names[int(np.argmin(shares))],
+                remaining=float(shares.min()),
+            )
+        )
+    return sorted(ranked, key=lambda item: -item.gain)
+
+
+def _candidates(found: Fit, panel: LoadedPanel) -> list[Movement]:
+    places = [f"drive {name}" for name in panel.drive]
+    places += [f"sensor {name}" for name in panel.sensor]
+    xs = sorted(drive.x for drive in panel.drive.values())
+    if len(xs) > 1:
+        places.append(f"x = {0.5 * (xs[0] + xs[-1]):g} m")
+    throws: list[tuple[str, float]] = [("none", 0.0)]
+    throws += [(place, size) for place in places for size in SIZES]
+    movements = []
+    for place, size in throws:
+        try:
+            x = resolve_objects(panel, [ForeignObject(size, place)])[-1].x if size else np.nan
+            length = movement_length(panel, "closing", trapped=size > 0)
+        except PanelError:
+            continue
+        what = f"{size * 1e3:g} mm at {place}" if size else "no object"
+        movements.append(
+            Movement(
+                name=f"closing, {what}",
+                direction="closing",
+                place=place,
+                size=size,
+                x=x,
+                signals=(),
+                length=length,
+                clocked=any(item.clocked for item in found.misfit.movements),
+            )
+        )
+    return movements
+
+
+def _slopes(found: Fit, movement: Movement, names: Sequence[str]) -> Floats:
+    """Return the sensitivities of a movement that was not measured."""
+    misfit: Misfit = replace(found.misfit, movements=(movement,), own={}, frame=None)
+    local = misfit.local(found.values, names)
+    time: Floats = np.asarray(
+        BIN * (np.arange(round(movement.length / BIN)) + 0.5), dtype=np.float64
+    )
+    bins = np.arange(time.size)
+    signals = []
+    for channel, drive in misfit.comparison.noise:
+        if channel == OBJECT_FORCE and movement.size == 0:
+            continue
+        bare = Signal(channel=channel, drive=drive, time=time, values=0.0 * time)
+        values = predicted(local.here[0], movement, bare, bins)
+        signals.append(replace(bare, values=values))
+    whole = replace(misfit, movements=(replace(movement, signals=tuple(signals)),))
+    return jacobian(local, framed(local, whole), names)
+
+
+def next_lines(candidates: Sequence[Candidate], *, most: int = 3) -> list[str]:
+    """Say which movements would tell most.
+
+    Examples
+    --------
+    >>> next_lines([Candidate(text="closing, no object", gain=1.0, parameter="k", remaining=0.5)])
+    ['next: closing, no object: leaves 50 % of the deviation of k, adds 1.4 bits']
+    """
+    return [
+        f"next: {item.text}: leaves {100 * item.remaining:.0f} % of the deviation of "
+        f"{item.parameter}, adds {item.gain / np.log(2.0):.1f} bits"
+        for item in candidates[:most]
+    ]

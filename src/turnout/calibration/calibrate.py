@@ -1,0 +1,259 @@
+"""The one chain from a campaign to a calibration."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.calibration.advice import confusions, next_lines, next_movements
+from turnout.calibration.comparison import Comparison, Doubt
+from turnout.calibration.covariance import Spread, spread_of
+from turnout.calibration.entries import (
+    data_hash,
+    fitted_parameters,
+    left_out,
+    noise_entries,
+    reasons_against,
+    stage_log,
+    unusable,
+    warnings_of,
+)
+from turnout.calibration.evaluate import Evaluator
+from turnout.calibration.fit import LOOSE, TIGHTENING, Fit, fit
+from turnout.calibration.grid_search import Sweep, sweep
+from turnout.calibration.misfit import Misfit
+from turnout.calibration.movements import (
+    check_campaign,
+    drop_unidentified_slip_levels,
+    exclude_oversized_objects,
+)
+from turnout.calibration.noise import measured_noise
+from turnout.calibration.observed import Movement, observe, selected
+from turnout.calibration.posterior import posterior_of
+from turnout.calibration.progress import State, Watch, planned_throws
+from turnout.calibration.result import Calibration, StageLog
+from turnout.calibration.stage import Plan, Stage, default_plan
+from turnout.core.provenance import provenance
+from turnout.errors import PanelError, SolverError
+from turnout.panel.load import LoadedPanel
+from turnout.scheme import Scheme
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Outcome:
+    """A calibration and what it was made with, for what comes after.
+
+    Attributes
+    ----------
+    calibration : Calibration
+        The record.
+    final : Fit
+        The last stage.
+    spread : Spread
+        How sure it is.
+    sweeps : tuple of Sweep
+        The grid searches, to draw.
+    movements : tuple of Movement
+        All that were measured.
+    """
+
+    calibration: Calibration
+    final: Fit
+    spread: Spread
+    sweeps: tuple[Sweep, ...]
+    movements: tuple[Movement, ...]
+
+
+def calibrate(
+    dataset: xr.Dataset,
+    panel: LoadedPanel,
+    *,
+    plan: Plan | None = None,
+    exclude: Sequence[str] = (),
+    folder: Path | None = None,
+    workers: int = 1,
+    scheme: Scheme | None = None,
+    doubt: Doubt | None = None,
+    posterior: bool = False,
+    advise: bool = False,
+    report: Callable[[State], None] | None = None,
+) -> Outcome:
+    """Calibrate a panel to a campaign, stage by stage.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A built campaign.
+    panel : LoadedPanel
+        What was measured, with start values.
+    plan : Plan, optional
+        Parameters and stages; default the published ones and a joint refinement.
+    exclude : sequence of str
+        Movements to leave out.
+    folder : Path, optional
+        Where throws are kept; the same call goes on from there after a stop.
+    workers : int
+        Processes.
+    scheme : Scheme, optional
+        Numerical choices.
+    doubt : Doubt, optional
+        Of onsets and zeros.
+    posterior : bool
+        Whether to sample what the data leave possible.
+    advise : bool
+        Whether to say what could be mistaken for what, and what to measure next.
+    report : callable, optional
+        Called after each throw.
+
+    Returns
+    -------
+    Outcome
+
+    Raises
+    ------
+    MeasurementError
+        When the campaign cannot be calibrated to; with all problems.
+    PanelError
+        When the plan does not fit the panel.
+    SolverError
+        When a throw cannot be simulated.
+    """
+    plan = plan or default_plan(panel)
+    movements, roomless = exclude_oversized_objects(observe(dataset, panel, exclude=exclude), panel)
+    check_campaign(movements, plan, panel, source=str(dataset.attrs.get("title", "campaign")))
+    comparison = Comparison(
+        noise=measured_noise(movements),
+        scatter={p.name: p.scatter for p in plan.parameters if p.scatter > 0},
+        doubt=doubt or Doubt(),
+    )
+    planned = planned_throws(plan, movements, panel, posterior=posterior, advise=advise)
+    watch = Watch(report, len(plan.stages), planned=planned)
+    with Evaluator(panel, folder=folder, workers=workers, scheme=scheme or Scheme()) as evaluator:
+        evaluator.told = lambda: watch.tell(evaluator)
+        run = _Run(plan, panel, movements, comparison, evaluator, watch)
+        logs, sweeps, warnings, final = run.stages()
+        final, untold = drop_unidentified_slip_levels(final)
+        warnings += untold
+        spread = spread_of(final)
+        warnings = [*unusable(dataset), *roomless, *warnings, *warnings_of(final, spread)]
+        findings = list(spread.findings)
+        if advise:
+            watch.stage = "advice"
+            findings += [*confusions(final), *next_lines(next_movements(final, spread, panel))]
+        sampled: dict[str, object] = {}
+        if posterior:
+            watch.stage = "posterior"
+            try:
+                sampled = posterior_of(final, spread).record()
+            except SolverError as error:
+                warnings.append(str(error))
+    calibration = Calibration(
+        parameters=fitted_parameters(plan, final, spread),
+        covariance=spread.covariance,
+        panel=panel.name,
+        panel_hash=panel.hash,
+        data=str(dataset.attrs.get("title", "campaign")),
+        data_hash=data_hash(movements),
+        movements=tuple(item.name for item in final.misfit.movements),
+        stages=tuple(logs),
+        warnings=tuple(dict.fromkeys(warnings)),
+        findings=tuple(findings),
+        distrust=tuple(reasons_against(final, spread)),
+        noise=noise_entries(final),
+        scatter=final.misfit.comparison.scatter,
+        about={
+            **provenance(),
+            "written": datetime.now(UTC).isoformat(timespec="seconds"),
+            "scheme": f"{(scheme or Scheme()).describe()}; compared at last with half the step",
+            "synthetic": str(dataset.attrs.get("synthetic", "")),
+        },
+        posterior=sampled,
+    )
+    return Outcome(
+        calibration=calibration,
+        final=final,
+        spread=spread,
+        sweeps=tuple(sweeps),
+        movements=movements,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Run:
+    """The stages of one calibration."""
+
+    plan: Plan
+    panel: LoadedPanel
+    movements: tuple[Movement, ...]
+    comparison: Comparison
+    evaluator: Evaluator
+    watch: Watch
+
+    def stages(self) -> tuple[list[StageLog], list[Sweep], list[str], Fit]:
+        """Do all stages, each from where the one before ended."""
+        values = {item.name: item.start for item in self.plan.parameters}
+        scatter = dict(self.comparison.scatter)
+        logs: list[StageLog] = []
+        sweeps: list[Sweep] = []
+        warnings: list[str] = []
+        final: Fit | None = None
+        for number, stage in enumerate(self.plan.stages, 1):
+            self.watch.stage, self.watch.number = stage.name, number
+            chosen = selected(self.movements, stage.movements, self.panel)
+            parameters = self.plan.named(stage.parameters)
+            if not chosen or not parameters:
+                warnings += left_out(stage, chosen)
+                continue
+            before = self.evaluator.made
+            misfit = self._misfit(stage, chosen, values, scatter)
+            swept: Sweep | None = None
+            if "sweep" in stage.method and parameters[0].name == stage.parameters[0]:
+                swept = sweep(replace(misfit, quick=True), parameters[0], stage.grid, values)
+                sweeps.append(swept)
+                values = {**values, **swept.values}
+            if "fit" in stage.method:
+                last = number == len(self.plan.stages)
+                near = replace(misfit, quick=True)
+                final = fit(
+                    near,
+                    parameters,
+                    values,
+                    rough=True,
+                    loose_shares=TIGHTENING if last else LOOSE,
+                    told=self.watch.found,
+                )
+                values = dict(final.values)
+                if last:
+                    start = replace(misfit, base=values)
+                    final = fit(start, parameters, values, near=final, told=self.watch.found)
+                    values = dict(final.values)
+                scatter = dict(final.misfit.comparison.scatter)
+            made = self.evaluator.made - before
+            logs.append(stage_log(stage, chosen, parameters, values, final, swept, made))
+        if final is None:
+            problem = "no stage was fitted; give one with movements and free parameters"
+            raise PanelError([problem], source="stages")
+        return logs, sweeps, warnings, final
+
+    def _misfit(
+        self,
+        stage: Stage,
+        chosen: tuple[Movement, ...],
+        values: Mapping[str, float],
+        scatter: Mapping[str, float],
+    ) -> Misfit:
+        return Misfit(
+            evaluator=self.evaluator,
+            parameters=self.plan.parameters,
+            base=values,
+            movements=chosen,
+            comparison=replace(
+                self.comparison, channels=stage.channels, window=stage.window, scatter=scatter
+            ),
+        )

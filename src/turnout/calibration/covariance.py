@@ -1,0 +1,203 @@
+"""How sure a fit is: covariance, intervals, and what the data cannot tell apart, in words."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+from scipy.stats import t as student
+
+from turnout.calibration.comparison import Key
+from turnout.calibration.fit import SCATTER_WEIGHT, Fit
+from turnout.calibration.observed import Movement
+from turnout.calibration.parameter import Parameter
+
+Floats = NDArray[np.float64]
+# A deviation above this share of what the bounds alone allow: the data say next to nothing.
+UNIDENTIFIED = 0.7
+# Correlation from which two parameters are told apart badly [-].
+CORRELATED = 0.95
+NORMAL_95 = float(norm.ppf(0.975))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Spread:
+    """Covariance of a fit and what follows.
+
+    Attributes
+    ----------
+    coordinate_covariance : ndarray, shape (p, p)
+        In the coordinates of all parameters of the fit, with what their bounds allow as prior.
+    covariance : ndarray, shape (f, f)
+        Of the values of the parameters with state "fitted", in their order.
+    deviations : tuple of float
+        Standard deviation of each value; NaN where it is at a bound.
+    intervals : tuple of (float, float)
+        95 %.
+    states : tuple of str
+        "fitted", "at its bound" or "not identified".
+    findings : tuple of str
+        In words.
+    """
+
+    coordinate_covariance: Floats
+    covariance: Floats
+    deviations: tuple[float, ...]
+    intervals: tuple[tuple[float, float], ...]
+    states: tuple[str, ...]
+    findings: tuple[str, ...]
+
+
+def prior_information(parameters: Sequence[Parameter]) -> Floats:
+    """Return what bounds alone tell of each coordinate: the inverse variance of a flat density."""
+    widths = [item.coordinate(item.upper) - item.coordinate(item.lower) for item in parameters]
+    return np.array([12.0 / width**2 for width in widths])
+
+
+def force_channels(found: Fit) -> list[Key]:
+    """Return channel and drive of all that is compared, each once."""
+    return list(
+        dict.fromkeys((s.channel, s.drive) for view in found.frame.views for s, _ in view.parts)
+    )
+
+
+def gain_column(found: Fit, key: Key, *, source: Key | None = None) -> Floats:
+    """Return the change of the whitened residuals with a channel's sensitivity.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+    key : tuple of str
+        Channel and drive.
+    source : tuple of str, optional
+        Of what the channel takes up; default of itself.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        For all of the source too much.
+    """
+    source = source or key
+    rows = []
+    for view in found.frame.views:
+        row, first = np.zeros(view.measured.size), 0
+        for signal, bins in view.parts:
+            if (signal.channel, signal.drive) == key:
+                place = slice(first, first + bins.size)
+                row[place] = _taken_up(view.movement, source, bins)
+            first += bins.size
+        rows.append(view.whitened(row))
+    return np.concatenate(rows)
+
+
+def _taken_up(movement: Movement, source: Key, bins: NDArray[np.intp]) -> Floats:
+    """Return what was measured of a channel in some bins, 0 where there is nothing."""
+    for signal in movement.signals:
+        if (signal.channel, signal.drive) == source:
+            return np.asarray(np.nan_to_num(signal.values[bins]), dtype=np.float64)
+    return np.zeros(bins.size)
+
+
+def spread_of(found: Fit) -> Spread:
+    """Return the covariance of a fit from its sensitivities.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+
+    Returns
+    -------
+    Spread
+    """
+    parameters = found.parameters
+    prior = prior_information(parameters)
+    bound = np.array([item.at_bound(found.values[item.name]) for item in parameters])
+    slopes = np.where(bound[None, :], 0.0, found.jacobian)
+    whole = np.linalg.inv(slopes.T @ slopes + np.diag(prior))
+    whole = whole + _of_sensitivities(found, whole @ slopes.T)
+    whole = whole + np.diag(_of_solver(found) ** 2)
+    sizes = np.sqrt(np.diag(whole))
+    states = [
+        "at its bound"
+        if at
+        else "not identified"
+        if size > UNIDENTIFIED / np.sqrt(know)
+        else "fitted"
+        for at, size, know in zip(bound, sizes, prior, strict=True)
+    ]
+    kept = [number for number, state in enumerate(states) if state == "fitted"]
+    scale = np.array([item.slope(found.values[item.name]) for item in parameters])
+    covariance = whole[np.ix_(kept, kept)] * np.outer(scale[kept], scale[kept])
+    deviations = tuple(
+        float("nan") if at else float(size * slope)
+        for at, size, slope in zip(bound, sizes, scale, strict=True)
+    )
+    # The scatter of a parameter is itself known from few movements only.
+    freedom = max(len(found.frame.views) - 1, 0) + SCATTER_WEIGHT
+    wide = {
+        name: float(student.ppf(0.975, freedom))
+        for name, share in found.misfit.comparison.scatter.items()
+        if share > 0
+    }
+    intervals = tuple(
+        (
+            item.value(item.coordinate(found.values[item.name]) - reach),
+            item.value(item.coordinate(found.values[item.name]) + reach),
+        )
+        for item, size in zip(parameters, sizes, strict=True)
+        for reach in [wide.get(item.name, NORMAL_95) * float(size)]
+    )
+    return Spread(
+        coordinate_covariance=whole,
+        covariance=covariance,
+        deviations=deviations,
+        intervals=intervals,
+        states=tuple(states),
+        findings=tuple(_correlations(parameters, whole, kept)),
+    )
+
+
+def _of_solver(found: Fit) -> Floats:
+    """Return the standard deviation of each coordinate by mesh and step."""
+    values = [(item, found.values[item.name]) for item in found.parameters]
+    shares = np.array([abs(value) / item.slope(value) for item, value in values])
+    return np.asarray(found.misfit.comparison.doubt.solver * shares)
+
+
+def _of_sensitivities(found: Fit, estimate: Floats) -> Floats:
+    """Return the covariance that gains and cross-talk, wrong in all movements alike, add.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+    estimate : ndarray, shape (p, n)
+        What a change of the residuals does to the coordinates.
+    """
+    doubt, channels = found.misfit.comparison.doubt, force_channels(found)
+    moves = [
+        (doubt.common_gain if key == source else doubt.cross_talk)
+        * (estimate @ gain_column(found, key, source=source))
+        for key in channels
+        for source in channels
+    ]
+    return np.asarray(sum((np.outer(move, move) for move in moves), np.zeros((len(estimate),) * 2)))
+
+
+def _correlations(parameters: Sequence[Parameter], whole: Floats, kept: Sequence[int]) -> list[str]:
+    found = []
+    sizes = np.sqrt(np.diag(whole))
+    for place, one in enumerate(kept):
+        for other in kept[place + 1 :]:
+            correlation = float(whole[one, other] / (sizes[one] * sizes[other]))
+            if abs(correlation) < CORRELATED:
+                continue
+            word = "quotient" if correlation > 0 else "product"
+            found.append(
+                f"{parameters[one].name} and {parameters[other].name} are told apart badly "
+                f"(correlation {correlation:+.2f}): the data tell their {word} better than either"
+            )
+    return found

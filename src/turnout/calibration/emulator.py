@@ -1,0 +1,150 @@
+"""A quadratic stand-in for simulations near a fit, proved on throws that it has not seen."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.calibration.covariance import Spread
+from turnout.calibration.fit import Fit
+from turnout.calibration.parameter import values_at
+
+Floats = NDArray[np.float64]
+# Throws for each coefficient of the quadratic, and fresh ones for its proof.
+PER_COEFFICIENT, FRESH = 2, 20
+# How far out points are drawn, in standard deviations of the fit.
+REACH = 3.0
+# A stand-in that misses more than this share of a standard deviation is not used [-].
+LARGEST_ERROR = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Emulator:
+    """Whitened residuals as quadratic functions of the standardised parameters.
+
+    Attributes
+    ----------
+    centre : ndarray, shape (p,)
+        Coordinates of the fit.
+    root : ndarray, shape (p, p)
+        Lower Cholesky factor of the covariance: coordinates are centre + root z.
+    gram : ndarray, shape (c, c)
+        Inner products of the coefficients, from which the cost follows at once.
+    error : float
+        Root mean square of emulated less simulated residuals on fresh throws, in standard
+        deviations of a bin.
+    worst : float
+        The largest such root mean square of one of the fresh points.
+    points : int
+        That were thrown.
+    """
+
+    centre: Floats
+    root: Floats
+    gram: Floats
+    error: float
+    worst: float
+    points: int
+
+    @property
+    def proved(self) -> bool:
+        """Whether every fresh point was met."""
+        return self.worst < LARGEST_ERROR
+
+    def cost(self, standard: Floats) -> Floats:
+        """Return the sum of squared residuals at standardised points, shape (n, p)."""
+        terms = monomials(standard)
+        return np.asarray(np.einsum("ni,ij,nj->n", terms, self.gram, terms))
+
+    def coordinates(self, standard: Floats) -> Floats:
+        """Return coordinates of standardised points, shape (n, p)."""
+        return np.asarray(self.centre + standard @ self.root.T)
+
+
+def points_needed(count: int) -> int:
+    """Return how many points are thrown for an emulator of `count` parameters.
+
+    Examples
+    --------
+    >>> points_needed(5)
+    63
+    """
+    return 1 + PER_COEFFICIENT * _coefficients(count) + FRESH
+
+
+def _coefficients(count: int) -> int:
+    """Return how many coefficients a quadratic has."""
+    return 1 + count + count * (count + 1) // 2
+
+
+def monomials(standard: Floats) -> Floats:
+    """Return 1, every coordinate and every product of two, for points of shape (n, p).
+
+    Examples
+    --------
+    >>> monomials(np.array([[2.0, 3.0]]))
+    array([[1., 2., 3., 4., 6., 9.]])
+    """
+    count = standard.shape[1]
+    rows, columns = np.triu_indices(count)
+    products = standard[:, rows] * standard[:, columns]
+    return np.column_stack([np.ones(standard.shape[0]), standard, products])
+
+
+def emulate(found: Fit, spread: Spread, *, rng: np.random.Generator) -> Emulator:
+    """Throw points about a fit and put a quadratic through their residuals.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end; its frame is kept.
+    spread : Spread
+        Says how far out points are drawn.
+    rng : numpy.random.Generator
+        Of the points.
+
+    Returns
+    -------
+    Emulator
+    """
+    count = len(found.parameters)
+    root: Floats = np.asarray(np.linalg.cholesky(spread.coordinate_covariance), dtype=np.float64)
+    number = PER_COEFFICIENT * _coefficients(count)
+    learnt = _cloud(number, count, rng)
+    fresh = _cloud(FRESH, count, rng)
+    rows = _thrown(found, root, np.concatenate([np.zeros((1, count)), learnt, fresh]))
+    taught, proof = rows[: 1 + number], rows[1 + number :]
+    terms = monomials(np.concatenate([np.zeros((1, count)), learnt]))
+    good = np.isfinite(taught).all(axis=1)
+    coefficients = np.linalg.lstsq(terms[good], taught[good], rcond=None)[0]
+    sizes = np.sqrt(np.mean((monomials(fresh) @ coefficients - proof) ** 2, axis=1))
+    return Emulator(
+        centre=found.point,
+        root=root,
+        gram=coefficients @ coefficients.T,
+        error=float(np.sqrt(np.mean(sizes**2))),
+        worst=float(sizes.max()) if np.isfinite(sizes).all() else float("inf"),
+        points=rows.shape[0],
+    )
+
+
+def _cloud(number: int, count: int, rng: np.random.Generator) -> Floats:
+    """Draw points evenly over directions and, by radius, out to the reach."""
+    raw = rng.standard_normal((number, count))
+    radius = REACH * rng.uniform(0.2, 1.0, size=(number, 1))
+    return np.asarray(radius * raw / np.linalg.norm(raw, axis=1, keepdims=True))
+
+
+def _thrown(found: Fit, root: Floats, standard: Floats) -> Floats:
+    """Return the whitened residuals at standardised points.
+
+    A parameter that scatters keeps its own value in each movement, which tells it sharply; the
+    common one acts through the expected scatter alone, and that is linear.
+    """
+    misfit = found.misfit
+    points = found.point + standard @ root.T
+    common = [misfit.comparison.scatter.get(item.name, 0.0) > 0 for item in found.parameters]
+    held = np.where(common, found.point, points)
+    whole = [{**found.values, **values_at(found.parameters, point)} for point in held]
+    rows = [misfit.residuals_of(row, found.frame) for row in misfit.responses(whole)]
+    return np.array(rows) + (points - held) @ found.jacobian.T

@@ -1,0 +1,182 @@
+"""What a calibration writes down of its stages, its parameters, and what to look at."""
+
+import json
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import xarray as xr
+
+from turnout.calibration.covariance import Spread
+from turnout.calibration.fit import Fit
+from turnout.calibration.grid_search import Sweep
+from turnout.calibration.noise import poorly_followed
+from turnout.calibration.observed import Movement
+from turnout.calibration.parameter import Parameter
+from turnout.calibration.result import Fitted, StageLog
+from turnout.calibration.stage import Plan, Stage
+from turnout.core.provenance import content_hash
+
+# Residuals this much above their expected size say that the model misses something [-].
+LARGE_MISFIT = 1.5
+
+
+def data_hash(movements: Sequence[Movement]) -> str:
+    """Return the content hash of what was measured and compared."""
+    return content_hash(
+        [
+            [
+                item.name,
+                item.direction,
+                item.place,
+                item.size,
+                *(
+                    [signal.channel, signal.drive, np.nan_to_num(signal.values).tolist()]
+                    for signal in item.signals
+                ),
+            ]
+            for item in movements
+        ]
+    )
+
+
+def unusable(dataset: xr.Dataset) -> list[str]:
+    """Say what a campaign was measured of but could not be used, which its dataset tells.
+
+    Examples
+    --------
+    >>> told = '[{"movement": "a", "file": "a.csv", "reasons": ["dead channel of drive_force 1"]}]'
+    >>> unusable(xr.Dataset(attrs={"excluded": told}))
+    ['a is not in the campaign: dead channel of drive_force 1']
+    """
+    return [
+        f"{item['movement']} is not in the campaign: {'; '.join(item['reasons'])}"
+        for item in json.loads(dataset.attrs.get("excluded", "[]"))
+    ]
+
+
+def left_out(stage: Stage, chosen: Sequence[Movement]) -> list[str]:
+    """Say why a stage was left out."""
+    if chosen:
+        return [f"stage {stage.name} was left out: all its parameters are fixed"]
+    where = f" at {stage.movements.place}" if stage.movements.place else ""
+    return [
+        f"stage {stage.name} was left out: no movement with an object{where}; its parameters come "
+        "from the later stages alone"
+    ]
+
+
+def stage_log(
+    stage: Stage,
+    chosen: Sequence[Movement],
+    parameters: Sequence[Parameter],
+    values: Mapping[str, float],
+    final: Fit | None,
+    swept: Sweep | None,
+    made: int,
+) -> StageLog:
+    """Return what a stage did, for the record."""
+    fitted = final if "fit" in stage.method else None
+    return StageLog(
+        name=stage.name,
+        method=stage.method,
+        movements=tuple(item.name for item in chosen),
+        values={item.name: values[item.name] for item in parameters},
+        misfit=fitted.rms if fitted else min(swept.misfit) if swept else float("nan"),
+        evaluations=made,
+        iterations=fitted.iterations if fitted else 0,
+        message=fitted.message if fitted else "swept",
+        sweep={"value": swept.grid, "misfit": swept.misfit} if swept else {},
+    )
+
+
+def warnings_of(final: Fit, spread: Spread) -> list[str]:
+    """Say what to look at: what the movements do not tell, and what the model misses."""
+    found = []
+    for item, state in zip(final.parameters, spread.states, strict=True):
+        if state == "not identified":
+            found.append(
+                f"{item.name}: these movements do not tell it; fix it, or measure one that does"
+            )
+    for key, noise in final.misfit.comparison.noise.items():
+        measured = float(np.hypot(noise.white, noise.slow))
+        if noise.missed > LARGE_MISFIT * measured:
+            found.append(
+                f"{_told(*key)}: the model misses {noise.missed:.3g} N beside a noise of "
+                f"{measured:.2g} N; deviations allow for it"
+            )
+    return found
+
+
+def reasons_against(final: Fit, spread: Spread) -> list[str]:
+    """Say why a calibration is not to be trusted; nothing where it is.
+
+    An end before convergence, values at their bounds, and a model that misses more than a small
+    part of what was measured.
+    """
+    found = []
+    if not final.converged:
+        found.append(
+            f"the last stage {final.message}; calibrate again, starting from what came out (--set)"
+        )
+    for item, state in zip(final.parameters, spread.states, strict=True):
+        if state == "at its bound":
+            found.append(
+                f"{item.name} = {final.values[item.name]:.6g} lies at its bound: the data want "
+                "more; widen the bound, or look for what else is wrong"
+            )
+    noise = final.misfit.comparison.noise
+    for key, share in poorly_followed(noise, final.misfit.movements).items():
+        found.append(
+            f"{_told(*key)}: the model misses {noise[key].missed:.3g} N, {100 * share:.1f} % of "
+            "the largest; check that this is the panel that was measured, that rods and places are "
+            "named right (channel map, run sheet), and the sensitivity of the channel"
+        )
+    return found
+
+
+def _told(channel: str, drive: str) -> str:
+    """Name a channel, and its drive where it has one."""
+    return f"{channel} of drive {drive}" if drive else channel
+
+
+def fitted_parameters(plan: Plan, final: Fit, spread: Spread) -> tuple[Fitted, ...]:
+    """Return every parameter of the plan as it came out of the last stage."""
+    places = {item.name: number for number, item in enumerate(final.parameters)}
+    found = []
+    for item in plan.parameters:
+        number = places.get(item.name)
+        value = final.values[item.name]
+        deviation, interval, state = float("nan"), (value, value), "fixed"
+        if number is not None:
+            deviation = spread.deviations[number]
+            interval = spread.intervals[number]
+            state = spread.states[number]
+        found.append(
+            Fitted(
+                name=item.name,
+                keys=item.keys,
+                unit=item.unit,
+                value=value,
+                deviation=deviation,
+                lower=item.lower,
+                upper=item.upper,
+                interval=interval,
+                start=item.start,
+                state=state,
+            )
+        )
+    return tuple(found)
+
+
+def noise_entries(final: Fit) -> dict[str, dict[str, float]]:
+    """Return the noise that a fit ended with, by channel in words."""
+    return {
+        (f"{channel} of drive {drive}" if drive else channel): {
+            "white": noise.white,
+            "slow": noise.slow,
+            "slow_length": noise.slow_length,
+            "missed": noise.missed,
+            "missed_length": noise.missed_length,
+        }
+        for (channel, drive), noise in final.misfit.comparison.noise.items()
+    }

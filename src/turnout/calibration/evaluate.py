@@ -1,0 +1,343 @@
+"""Throws for a fit: in worker processes, each kept on disk by the content of what made it."""
+
+import multiprocessing
+import signal
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
+from multiprocessing.pool import Pool
+from pathlib import Path
+from types import TracebackType
+from typing import Self, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.atomic import write_atomic
+from turnout.core.kept_arrays import arrays_from_bytes, arrays_to_bytes
+from turnout.core.provenance import content_hash, version
+from turnout.errors import FileError, TurnoutError
+from turnout.integrate.outcome import Code
+from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.load import LoadedPanel
+from turnout.response.route import throws
+from turnout.response.simulate import Solved, solve
+from turnout.scheme import Scheme
+
+Floats = NDArray[np.float64]
+# Means over cells of this length are kept [s]: an impact keeps its impulse.
+CELL = 4e-3
+# Raised when what a kept throw holds changes.
+KEPT_VERSION = 3
+MOST_IN_MEMORY = 4000
+# Step of a fine throw, as a share of the one of the scheme. After an impact steps of 1 ms leave the
+# object held by other forces than shorter ones do, which biased stiffnesses by 0.1 to 0.2 %.
+FINE = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Throw:
+    """One simulation that a fit needs.
+
+    Attributes
+    ----------
+    overrides : mapping of str to float
+        Changes of the panel, in SI.
+    place, size : str, float
+        Of the object; "none" and 0 without one [m].
+    quick : bool
+        Whether the quick scheme of the evaluator is good enough.
+    fine : bool
+        Whether steps are half as long as its scheme says: where a fit ends.
+    """
+
+    overrides: Mapping[str, object]
+    place: str = "none"
+    size: float = 0.0
+    quick: bool = False
+    fine: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Response:
+    """What is kept of a simulation.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Middle of each cell on the panel's schedule [s].
+    drive_force, marker : mapping of drive to ndarray, shape (n,)
+        Means over cells: force on the rail [N] and position of the marker [m], positive closing.
+    object_force : ndarray, shape (n,)
+        Means over cells, in compression [N].
+    onsets : mapping of direction to float
+        Start of the last movement in that direction [s].
+    contact_time : float
+        First touch of the object, NaN where there is none [s].
+    failure : str
+        Why the simulation ended early; empty where it did not.
+    """
+
+    time: Floats
+    drive_force: Mapping[str, Floats]
+    marker: Mapping[str, Floats]
+    object_force: Floats
+    onsets: Mapping[str, float]
+    contact_time: float = float("nan")
+    failure: str = ""
+
+
+@dataclass(slots=True, eq=False)
+class Evaluator:
+    """Worker processes and what they have thrown so far; use as a context manager.
+
+    Attributes
+    ----------
+    panel : LoadedPanel
+        What throws change.
+    folder : Path or None
+        Where throws are kept, so that a run that was stopped goes on; None keeps nothing.
+    workers : int
+        Processes; with one, all is done in this one.
+    scheme, quick : Scheme
+        Numerical choices, and those for throws that may be quick.
+    told : callable or None
+        Called after each throw.
+    made, reused : int
+        Throws simulated, and taken from the folder.
+    """
+
+    panel: LoadedPanel
+    folder: Path | None = None
+    workers: int = 1
+    scheme: Scheme = field(default_factory=Scheme)
+    quick: Scheme = field(default_factory=lambda: Scheme.of("quick"))
+    told: Callable[[], None] | None = None
+    made: int = 0
+    reused: int = 0
+    _known: "OrderedDict[str, Response]" = field(default_factory=OrderedDict)
+    _pool: Pool | None = None
+    _shared: dict[tuple[bool, bool], str] = field(default_factory=dict)
+
+    def __enter__(self) -> Self:
+        """Make the folder; processes start when there is something to do."""
+        if self.folder is not None:
+            try:
+                self.folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                message = f"{self.folder}: cannot be made ({error.strerror or error})"
+                raise FileError(message) from None
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End the processes, at once after Ctrl-C."""
+        if self._pool is not None:
+            self._pool.terminate()
+            self._pool.join()
+            self._pool = None
+
+    def responses(self, throws: Sequence[Throw]) -> list[Response]:
+        """Return the response of each throw; equal ones are made once.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            On Ctrl-C; what was thrown by then is kept.
+        """
+        keys = [self._key(throw) for throw in throws]
+        missing: dict[str, Throw] = {}
+        for key, throw in zip(keys, throws, strict=True):
+            if key in self._known or key in missing:
+                continue
+            stored = self._read(key)
+            if stored is None:
+                missing[key] = throw
+            else:
+                self._known[key] = stored
+                self.reused += 1
+        for key, response in self._made(missing):
+            if self.folder is not None:
+                self._write(key, packed(response, key))
+            self._known[key] = response
+            self.made += 1
+            if self.told is not None:
+                self.told()
+        found = [self._known[key] for key in keys]
+        while len(self._known) > MOST_IN_MEMORY:
+            self._known.popitem(last=False)
+        return found
+
+    def _made(self, missing: Mapping[str, Throw]) -> Iterator[tuple[str, Response]]:
+        jobs = [(key, throw, self._scheme_of(throw)) for key, throw in missing.items()]
+        if self.workers <= 1 or (len(jobs) <= 1 and self._pool is None):
+            for key, throw, scheme in jobs:
+                yield key, thrown(self.panel, throw, scheme)
+            return
+        if self._pool is None:
+            context = multiprocessing.get_context("spawn")
+            self._pool = context.Pool(
+                self.workers, initializer=_begin_worker, initargs=(self.panel,)
+            )
+        yield from self._pool.imap_unordered(_thrown_by_worker, jobs)
+
+    def _scheme_of(self, throw: Throw) -> Scheme:
+        if throw.fine:
+            return replace(self.scheme, step=FINE * self.scheme.step)
+        return self.quick if throw.quick else self.scheme
+
+    def _key(self, throw: Throw) -> str:
+        return content_hash(
+            {
+                "by": self._by(throw),
+                "overrides": {key: _plain(value) for key, value in throw.overrides.items()},
+                "object": [throw.place, throw.size],
+            }
+        )
+
+    def _by(self, throw: Throw) -> str:
+        """Return a hash of what throws of this kind share."""
+        kind = (throw.quick, throw.fine)
+        if kind not in self._shared:
+            self._shared[kind] = content_hash(
+                {
+                    "panel": self.panel.hash,
+                    "scheme": asdict(self._scheme_of(throw)),
+                    "version": f"{version()} {KEPT_VERSION}",
+                }
+            )
+        return self._shared[kind]
+
+    def _read(self, key: str) -> Response | None:
+        if self.folder is None:
+            return None
+        try:
+            return unpacked((self.folder / f"{key[:40]}.npz").read_bytes(), key)
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+    def _write(self, key: str, content: bytes) -> None:
+        # A folder that may not be written to costs time after a stop, never a result.
+        if self.folder is not None:
+            with suppress(FileError):
+                # A throw that a power cut tears is thrown again; waiting for the disk takes longer.
+                write_atomic(self.folder / f"{key[:40]}.npz", content, durable=False)
+
+
+def _plain(value: object) -> object:
+    """Return an override as plain data, whose text tells it apart from any other."""
+    return value if isinstance(value, str | int | float | bool) else repr(value)
+
+
+# What a worker process throws; sent once, so that it keeps what is made ready from it.
+_panels: list[LoadedPanel] = []
+
+
+def _begin_worker(panel: LoadedPanel) -> None:
+    """Keep the panel, and leave Ctrl-C to the process that shows the progress."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _panels[:] = [panel]
+
+
+def _thrown_by_worker(job: tuple[str, Throw, Scheme]) -> tuple[str, Response]:
+    key, throw, scheme = job
+    return key, thrown(_panels[0], throw, scheme)
+
+
+def thrown(panel: LoadedPanel, throw: Throw, scheme: Scheme) -> Response:
+    """Simulate one throw of a panel; what goes wrong with it comes back as its failure."""
+    try:
+        changed = panel.with_overrides(dict(throw.overrides)) if throw.overrides else panel
+        foreign = ForeignObject(throw.size, throw.place) if throw.size > 0 else None
+        solved = solve(changed, foreign_object=foreign, scheme=scheme)
+    except TurnoutError as error:
+        return _failed(str(error))
+    if solved.history.outcome.code == Code.INTERRUPTED:
+        raise KeyboardInterrupt
+    return kept(changed, solved)
+
+
+def kept(panel: LoadedPanel, solved: Solved) -> Response:
+    """Return what a fit keeps of a simulation.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        That was thrown.
+    solved : Solved
+        As the solver left it.
+    """
+    history, index = solved.history, solved.mechanism.index
+    time = history.time
+    if time.size < 2:
+        return _failed(history.outcome.message())
+    edges = np.linspace(time[0], time[-1], max(2, round((time[-1] - time[0]) / CELL) + 1))
+
+    def means(values: Floats) -> Floats:
+        steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)
+        total = np.concatenate(([0.0], np.cumsum(steps)))
+        return _small(np.diff(np.interp(edges, time, total)) / np.diff(edges))
+
+    objects = list(index.object.values())
+    touches = history.law_first[objects]
+    return Response(
+        time=0.5 * (edges[1:] + edges[:-1]),
+        drive_force={name: means(-history.law_force[:, index.drive[name]]) for name in panel.drive},
+        marker={name: means(row) for name, row in zip(panel.drive, history.inputs.T, strict=True)},
+        # Without an object placed, nothing presses on the load cell.
+        object_force=means(np.nan_to_num(history.law_force[:, objects].sum(axis=1))),
+        onsets={movement.direction: movement.start for movement in throws(panel)},
+        contact_time=float(np.nanmin(touches)) if np.isfinite(touches).any() else float("nan"),
+        failure="" if history.outcome.complete else history.outcome.message(),
+    )
+
+
+def _failed(reason: str) -> Response:
+    none = np.zeros(0)
+    return Response(
+        time=none, drive_force={}, marker={}, object_force=none, onsets={}, failure=reason
+    )
+
+
+def packed(response: Response, key: str) -> bytes:
+    """Return a response as the content of the file of a key."""
+    drives = list(response.drive_force)
+    shape = (len(drives), response.time.size)
+    arrays = {
+        "time": response.time,
+        "drives": np.array(drives, dtype=np.str_),
+        "drive_force": _small(list(response.drive_force.values())).reshape(shape),
+        "marker": _small(list(response.marker.values())).reshape(shape),
+        "object_force": _small(response.object_force),
+        "directions": np.array(list(response.onsets), dtype=np.str_),
+        "onsets": np.array(list(response.onsets.values())),
+        "contact_time": np.array(response.contact_time),
+        "failure": np.array(response.failure),
+    }
+    return arrays_to_bytes(arrays, key)
+
+
+def _small(values: object) -> Floats:
+    """Return values in half the room, in single precision; they keep seven digits."""
+    return cast("Floats", np.asarray(values, dtype=np.float32))
+
+
+def unpacked(content: bytes, key: str) -> Response:
+    """Return a response from the content of its file; ValueError where that is damaged."""
+    kept = arrays_from_bytes(content, key)
+    names = [str(name) for name in kept["drives"]]
+    directions = [str(name) for name in kept["directions"]]
+    return Response(
+        time=kept["time"],
+        drive_force=dict(zip(names, kept["drive_force"], strict=True)),
+        marker=dict(zip(names, kept["marker"], strict=True)),
+        object_force=kept["object_force"],
+        onsets={name: float(value) for name, value in zip(directions, kept["onsets"], strict=True)},
+        contact_time=float(kept["contact_time"]),
+        failure=str(kept["failure"]),
+    )

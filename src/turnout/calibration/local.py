@@ -1,0 +1,102 @@
+"""Simulations about a point: there, and one step aside for each parameter."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from turnout.calibration.evaluate import Response
+from turnout.calibration.parameter import Parameter
+
+T = TypeVar("T")
+# Far enough for the noise of the solver, near enough for a straight line [coordinate]: of quick
+# throws, and of those whose slopes must hold where little is left over but noise.
+DIFFERENCE, FINE_DIFFERENCE = 0.01, 0.003
+# Within this, steps aside are not simulated anew [coordinate]: of quick throws, and of those whose
+# small rest, once doubts are taken out, has to point the right way.
+SAME_SLOPE, SAME_FINE_SLOPE = 0.015, 0.003
+# A drive that stays this far below its slip level does not feel it [-].
+UNTOUCHED = 0.98
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Local:
+    """Responses at a point and one step aside for each parameter.
+
+    Attributes
+    ----------
+    values : mapping of str to float
+        The point.
+    here : tuple of Response
+        To each movement.
+    origin : tuple of Response
+        Where the steps aside were taken, as they were: here, or near by.
+    moved : mapping of str to tuple of Response
+        By parameter.
+    steps : mapping of str to tuple of float
+        How far aside for each movement, in the coordinate.
+    shares : mapping of str to tuple of float
+        How far aside, as a share of the common value; not of a value of zero.
+    about : tuple of mapping of str to float
+        Values of each movement where its steps aside were taken.
+    quick : bool
+        Whether the steps aside were thrown quickly.
+    """
+
+    values: Mapping[str, float]
+    here: tuple[Response, ...]
+    origin: tuple[Response, ...]
+    moved: Mapping[str, tuple[Response, ...]]
+    steps: Mapping[str, tuple[float, ...]]
+    shares: Mapping[str, tuple[float, ...]]
+    about: tuple[Mapping[str, float], ...]
+    quick: bool
+
+    def with_movements(self, numbers: Sequence[int], other: "Local") -> "Local":
+        """Return this with some movements of another one, in the order of the numbers."""
+        place = {number: n for n, number in enumerate(numbers)}
+
+        def joined(mine: tuple[T, ...], others: tuple[T, ...]) -> tuple[T, ...]:
+            return tuple(others[place[n]] if n in place else item for n, item in enumerate(mine))
+
+        def by_name(
+            mine: Mapping[str, tuple[T, ...]], others: Mapping[str, tuple[T, ...]]
+        ) -> dict[str, tuple[T, ...]]:
+            return {name: joined(row, others[name]) for name, row in mine.items() if name in others}
+
+        return replace(
+            self,
+            here=joined(self.here, other.here),
+            origin=joined(self.origin, other.origin),
+            moved=by_name(self.moved, other.moved),
+            steps=by_name(self.steps, other.steps),
+            shares=by_name(self.shares, other.shares),
+            about=joined(self.about, other.about),
+        )
+
+
+def stepped_value(parameter: Parameter, value: float, difference: float = DIFFERENCE) -> float:
+    """Return a value one difference aside, on the side with more room."""
+    here = parameter.coordinate(value)
+    up = parameter.value(here + difference)
+    if parameter.coordinate(up) - here >= 0.5 * difference:
+        return up
+    return parameter.value(here - difference)
+
+
+def is_slip_level(parameter: Parameter) -> bool:
+    """Tell whether a parameter is nothing but the force at which drives slip."""
+    parts = [key.split(".") for key in parameter.keys]
+    return bool(parts) and all(
+        len(part) == 3 and part[0] == "drive" and part[2] == "saturation_force" for part in parts
+    )
+
+
+def touches(parameter: Parameter, value: float, response: Response) -> bool:
+    """Tell whether a parameter can change a response: a slip level that is not reached cannot."""
+    if not is_slip_level(parameter):
+        return bool(parameter.keys)
+    drives = [key.split(".")[1] for key in parameter.keys]
+    largest = [float(np.abs(response.drive_force[name]).max()) for name in drives]
+    return max(largest) >= UNTOUCHED * value

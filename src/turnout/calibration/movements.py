@@ -1,0 +1,206 @@
+"""Which movements a calibration can use, and whether it belongs to a panel.
+
+Whether a campaign can be calibrated to, before anything is thrown. Movements that the model cannot
+follow: objects that there is never room for. Whether movements show a drive slip, or only that it
+does not slip below some force. Whether a calibration belongs to a panel, and is to be trusted.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.calibration.fit import Fit
+from turnout.calibration.local import is_slip_level, touches
+from turnout.calibration.observed import Movement, selected
+from turnout.calibration.parameter import Parameter
+from turnout.calibration.result import Calibration
+from turnout.calibration.stage import NONE, Plan
+from turnout.errors import MeasurementError
+from turnout.panel.foreign_object import OPENING_MARGIN, ForeignObject
+from turnout.panel.layout import largest_opening
+from turnout.panel.load import LoadedPanel
+from turnout.response.save import Save
+from turnout.response.simulate import simulate
+from turnout.scheme import Scheme
+
+# A drive whose marker moves, but whose rod never changes by this, is dead or not there [N].
+LEAST_FORCE = 30.0
+
+
+def check_campaign(
+    movements: Sequence[Movement], plan: Plan, panel: LoadedPanel, *, source: str
+) -> None:
+    """Refuse a campaign that the stages cannot be fitted to, with all problems."""
+    problems = []
+    for stage in plan.stages:
+        chosen = selected(movements, stage.movements, panel)
+        if not chosen and not stage.optional and plan.named(stage.parameters):
+            if stage.movements.objects == NONE:
+                problems.append(
+                    f"stage {stage.name}: no movement without an object is left; measure one, keep "
+                    "one that was excluded, or fix friction (--fix chair.friction_coefficient)"
+                )
+            else:
+                problems.append(f"stage {stage.name}: no movement is selected")
+    for name in panel.drive:
+        changes = [
+            float(np.nanmax(signal.values) - np.nanmin(signal.values))
+            for movement in movements
+            for signal in movement.signals
+            if signal.channel == "drive_force" and signal.drive == name
+        ]
+        if not changes:
+            problems.append(f"drive {name}: no movement has its force; map its column")
+        elif max(changes) < LEAST_FORCE:
+            problems.append(
+                f"drive {name}: never moves, its force changes by {max(changes):.0f} N at most; "
+                "check its column in the channel map"
+            )
+    if problems:
+        raise MeasurementError(problems, source=source)
+
+
+def exclude_oversized_objects(
+    movements: Sequence[Movement], panel: LoadedPanel
+) -> tuple[tuple[Movement, ...], list[str]]:
+    """Return the movements whose object the model has room for, and what to say of the others.
+
+    An object is placed between the rails as soon as they stand far enough apart. Where they never
+    do it is not there, and a throw with it is one without: comparing it with a measurement in
+    which it was squeezed in would spoil every value. Only objects near the estimated opening are
+    thrown to find out.
+
+    Parameters
+    ----------
+    movements : sequence of Movement
+        As observed.
+    panel : LoadedPanel
+        What was measured.
+
+    Raises
+    ------
+    MeasurementError
+        When nothing is left.
+    """
+    rooms = {(item.place, item.size): _has_room(panel, item) for item in movements if item.size > 0}
+    kept = tuple(item for item in movements if rooms.get((item.place, item.size), True))
+    texts = [
+        f"{item.text} was left out: the gap of panel {panel.name} never has room for the object; "
+        "check size and place in the run sheet, and the geometry of the panel there"
+        for item in movements
+        if not rooms.get((item.place, item.size), True)
+    ]
+    if not kept:
+        raise MeasurementError(texts, source="no movement is left")
+    return kept, texts
+
+
+def _has_room(panel: LoadedPanel, item: Movement) -> bool:
+    opening = largest_opening(panel, str(panel.object_defaults.rail), item.x)
+    if opening is None or item.size < opening - OPENING_MARGIN:
+        return True
+    run = simulate(
+        panel,
+        foreign_object=ForeignObject(item.size, item.place),
+        scheme=Scheme.of("quick"),
+        save=Save(fields=("object_placed",)),
+        throw=False,
+    )
+    return bool(run.get("object_placed", True))
+
+
+Floats = NDArray[np.float64]
+# How much further a slip level is tried [coordinate], and by how much the cost must then rise for
+# the level to be told from above (95 %, one parameter).
+FURTHER, IDENTIFIED = 0.05, 3.84
+
+
+def drop_unidentified_slip_levels(found: Fit) -> tuple[Fit, list[str]]:
+    """Forget slip levels that were only pushed out of the way, and say so.
+
+    A level below the largest force is raised by a fit until it just no longer matters. There the
+    cost is steep on one side and flat on the other, and its slope would claim a sharp value.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+
+    Returns
+    -------
+    Fit, list of str
+        Without the slopes of such levels; a warning for each of them.
+    """
+    slopes, warnings = found.jacobian.copy(), []
+    for column, item in enumerate(found.parameters):
+        if is_slip_level(item) and not _is_identified(found, item, column):
+            slopes[:, column] = 0.0
+            value = found.values[item.name]
+            warnings.append(
+                f"{item.name}: no movement tells it, only that it is not below {value:.0f} N; "
+                "measure a larger object beside the drive, at which it slips"
+            )
+    return (replace(found, jacobian=slopes) if warnings else found), warnings
+
+
+def _is_identified(found: Fit, item: Parameter, column: int) -> bool:
+    """Tell whether a higher level makes the cost rise, whatever the other parameters do."""
+    value = found.values[item.name]
+    higher = item.value(item.coordinate(value) + FURTHER)
+    numbers = [n for n, row in enumerate(found.local.here) if touches(item, value, row)]
+    if not numbers or higher <= value:
+        return bool(numbers)
+    others = np.delete(found.jacobian, column, axis=1)
+    ahead = _least(_residuals(found, item, higher, numbers), others)
+    return ahead - _least(found.residuals, others) > IDENTIFIED
+
+
+def _residuals(found: Fit, item: Parameter, value: float, numbers: Sequence[int]) -> Floats:
+    """Return the residuals with another value of a parameter, thrown where it acts."""
+    misfit = found.misfit
+    part = replace(
+        misfit,
+        movements=tuple(misfit.movements[n] for n in numbers),
+        own={name: tuple(row[n] for n in numbers) for name, row in misfit.own.items()},
+        frame=None,
+    )
+    made = part.responses([{**found.values, item.name: value}])[0]
+    responses = list(found.local.here)
+    for number, response in zip(numbers, made, strict=True):
+        responses[number] = response
+    return misfit.residuals_of(responses, found.frame)
+
+
+def _least(residuals: Floats, slopes: Floats) -> float:
+    """Return the cost that is left when parameters take up what they can."""
+    step = np.linalg.lstsq(slopes, residuals, rcond=None)[0]
+    rest = residuals - slopes @ step
+    return float(rest @ rest)
+
+
+def check_provenance(calibration: Calibration, *panels: LoadedPanel) -> tuple[str, ...]:
+    """Say why a calibration is not to be trusted, and that it is of none of some panels, by hash.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Tells the hash of its panel.
+    *panels : LoadedPanel
+        The same panel before and after what a user sets.
+
+    Returns
+    -------
+    tuple of str
+        Empty where it is to be trusted and belongs to one of them.
+    """
+    found = tuple(f"is not to be trusted: {text}" for text in calibration.distrust)
+    if calibration.panel_hash in [panel.hash for panel in panels]:
+        return found
+    return (
+        *found,
+        f"the calibration is of panel {calibration.panel} with hash {calibration.panel_hash[:12]}, "
+        f"not of {panels[0].name} with hash {panels[0].hash[:12]}; its values are taken all the "
+        "same",
+    )

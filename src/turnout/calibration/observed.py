@@ -1,0 +1,293 @@
+"""Measured movements as a fit sees them: what was thrown, and means over short bins of time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.calibration.stage import ANY, NONE, Selection, spread
+from turnout.core.problems import choices
+from turnout.errors import MeasurementError, PanelError
+from turnout.panel.foreign_object import ForeignObject, resolve_objects
+from turnout.panel.load import LoadedPanel
+from turnout.panel.markers import movement_time, ordered_movements
+from turnout.virtual.throw import DIRECTIONS
+
+Floats = NDArray[np.float64]
+# Whole periods of mains of 50 Hz, so that hum averages out; short against a build-up of force [s].
+BIN = 0.02
+# A hold after the movement is compared for so long [s].
+HOLD = 0.3
+# Left out before an object is taken away, or the next movement begins [s].
+CLEARANCE = 0.1
+SAME_PLACE = 0.05
+OBJECT_FORCE = "object_force"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Signal:
+    """One channel of one movement, over bins of time.
+
+    Attributes
+    ----------
+    channel : str
+        Of the schema.
+    drive : str
+        Which drive; empty for a channel without.
+    time : ndarray, shape (n,)
+        Centres of the bins from the onset [s].
+    values : ndarray, shape (n,)
+        Means over the bins; NaN where nothing was recorded.
+    """
+
+    channel: str
+    drive: str
+    time: Floats
+    values: Floats
+
+    @property
+    def name(self) -> str:
+        """Channel and drive, as in texts."""
+        return f"{self.channel} of drive {self.drive}" if self.drive else self.channel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Movement:
+    """One measured movement: what was thrown, and what was recorded.
+
+    Attributes
+    ----------
+    name, direction : str
+        As in the campaign.
+    place, size : str, float
+        Of the object; "none" and 0 without one [m].
+    x : float
+        Position of the object, NaN without one [m].
+    signals : tuple of Signal
+        From a second before the onset on.
+    length : float
+        Time from the onset in which a simulation can be compared [s].
+    clocked : bool
+        Whether motor currents told the onset.
+    """
+
+    name: str
+    direction: str
+    place: str
+    size: float
+    x: float
+    signals: tuple[Signal, ...]
+    length: float
+    clocked: bool
+
+    @property
+    def foreign_object(self) -> ForeignObject | None:
+        """The object that was trapped."""
+        return ForeignObject(self.size, self.place) if self.size > 0 else None
+
+    @property
+    def text(self) -> str:
+        """Return what was thrown, for messages."""
+        what = f"{self.size * 1e3:g} mm at {self.place}" if self.size > 0 else "no object"
+        return f"{self.name} ({self.direction}, {what})"
+
+
+def observe(
+    dataset: xr.Dataset, panel: LoadedPanel, *, exclude: Sequence[str] = ()
+) -> tuple[Movement, ...]:
+    """Return the movements of a campaign as a fit sees them.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A built campaign: dimensions movement and time, `drive_force` (movement, drive, time).
+    panel : LoadedPanel
+        The switch that was measured; gives places, drives and the schedule.
+    exclude : sequence of str
+        Movements to leave out.
+
+    Returns
+    -------
+    tuple of Movement
+
+    Raises
+    ------
+    MeasurementError
+        When nothing is left, or movements do not fit the panel; with all problems.
+    """
+    source = str(dataset.attrs.get("title", "campaign"))
+    problems = _problems(dataset, panel, exclude)
+    movements = []
+    if not problems:
+        bins = _Bins.of(dataset["time"].values)
+        for name in dataset["movement"].values:
+            if str(name) in exclude:
+                continue
+            try:
+                movements.append(_movement(dataset.sel(movement=name), panel, bins))
+            except PanelError as error:
+                problems += [f"{name}: {text}" for text in error.problems]
+    if not problems and not movements:
+        problems = ["every movement is excluded; keep at least one without an object"]
+    if problems:
+        raise MeasurementError(list(dict.fromkeys(problems)), source=source)
+    return tuple(movements)
+
+
+def selected(
+    movements: Sequence[Movement], selection: Selection, panel: LoadedPanel
+) -> tuple[Movement, ...]:
+    """Return the movements that a stage uses.
+
+    Parameters
+    ----------
+    movements : sequence of Movement
+        All there are.
+    selection : Selection
+        The rule.
+    panel : LoadedPanel
+        Knows where places are.
+    """
+    found = [
+        item
+        for item in movements
+        if (not selection.direction or item.direction == selection.direction)
+        and (not selection.names or item.name in selection.names)
+        and (selection.objects != NONE or item.size == 0)
+        and (selection.objects != ANY or item.size > 0)
+    ]
+    if selection.place:
+        x = place_of(panel, selection.place)
+        found = [item for item in found if abs(item.x - x) <= SAME_PLACE]
+    if selection.size is not None and found:
+        wanted = selection.size
+        nearest = min((item.size for item in found), key=lambda size: abs(size - wanted))
+        found = [item for item in found if abs(item.size - nearest) < 1e-6]
+    if selection.most and len(found) > selection.most:
+        found.sort(key=lambda item: (item.size > 0, item.x if item.size else 0.0, item.size))
+        # Where a drive pushes hardest tells the force at which it slips, or that it does not.
+        hardest = {_hardest(found, name) for name in panel.drive}
+        rest = [number for number in range(len(found)) if number not in hardest]
+        evenly = spread(len(rest), max(selection.most - len(hardest), 1))
+        found = [found[n] for n in sorted(hardest | {rest[number] for number in evenly})]
+    return tuple(found)
+
+
+def _hardest(movements: Sequence[Movement], drive: str) -> int:
+    """Return which movement has the largest force of a drive."""
+    return int(np.argmax([largest_force(item, drive) for item in movements]))
+
+
+def largest_force(movement: Movement, drive: str) -> float:
+    """Return the largest force of a drive in a movement, 0 where none was measured [N]."""
+    values = [s.values for s in movement.signals if (s.channel, s.drive) == ("drive_force", drive)]
+    return float(np.nanmax(np.abs(values))) if values else 0.0
+
+
+def place_of(panel: LoadedPanel, place: str) -> float:
+    """Return the position of a place [m]; PanelError where there is none."""
+    return resolve_objects(panel, [ForeignObject(1e-6, place)])[-1].x
+
+
+def movement_length(panel: LoadedPanel, direction: str, *, trapped: bool) -> float:
+    """Return the time from the onset in which a movement can be compared [s].
+
+    Raises
+    ------
+    PanelError
+        When the schedule has no movement in this direction.
+    """
+    ordered = [item for _, item in ordered_movements(panel)]
+    own = [item for item in ordered if DIRECTIONS[item.to] == direction]
+    if not own:
+        problem = f"the panel's schedule has no {direction} movement; add one"
+        raise PanelError([problem], source="panel")
+    last = own[-1]
+    end = last.start + max(movement_time(last, name) for name in panel.drive) + HOLD
+    limits = [item.start for item in ordered if item.start > last.start]
+    gone = panel.object_defaults.disappears
+    if trapped and gone is not None and gone > last.start:
+        limits.append(gone)
+    end = min([end, *(limit - CLEARANCE for limit in limits)])
+    return min(end, panel.schedule.end) - last.start
+
+
+def _problems(dataset: xr.Dataset, panel: LoadedPanel, exclude: Sequence[str]) -> list[str]:
+    """Return what a campaign lacks to be compared with a panel."""
+    if "movement" not in dataset.dims or "drive_force" not in dataset:
+        return ["is no built campaign with drive forces; see `turnout campaign build`"]
+    names = [str(name) for name in dataset["movement"].values]
+    problems = [
+        f"exclude {name}: there is no such movement; there are {choices(names)}"
+        for name in exclude
+        if name not in names
+    ]
+    unknown = [str(name) for name in dataset["drive"].values if str(name) not in panel.drive]
+    if unknown:
+        problems.append(
+            f"drive {choices(unknown)}: not in panel {panel.name}, which has "
+            f"{choices(panel.drive)}; name the drives of the channel map as in the panel"
+        )
+    return problems
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Bins:
+    """Bins of an even time: which sample is in which, their centres."""
+
+    first: int
+    samples: int
+    centres: Floats
+
+    @classmethod
+    def of(cls, time: Floats) -> "_Bins":
+        rate = (time.size - 1) / float(time[-1] - time[0])
+        samples = max(1, round(BIN * rate))
+        onset = int(np.argmin(np.abs(time)))
+        first = onset % samples
+        count = (time.size - first) // samples
+        start = first + samples * np.arange(count)
+        return cls(first, samples, time[start] + 0.5 * (samples - 1) / rate)
+
+    def means(self, values: Floats) -> Floats:
+        """Return the mean of each bin; NaN where a sample is missing."""
+        count = self.centres.size
+        used = values[self.first : self.first + count * self.samples]
+        return np.asarray(used.reshape(count, self.samples).mean(axis=1), dtype=np.float64)
+
+
+def _movement(row: xr.Dataset, panel: LoadedPanel, bins: _Bins) -> Movement:
+    name, size = str(row["movement"].values), float(row["size"])
+    direction, place = str(row["direction"].values), str(row["place"].values)
+    trapped = size > 0
+    x = resolve_objects(panel, [ForeignObject(size, place)])[-1].x if trapped else np.nan
+    signals = []
+    for channel in ("drive_force", OBJECT_FORCE):
+        found = row.get(f"{channel}_unfiltered", row.get(channel))
+        if found is None:
+            continue
+        rows: list[tuple[str, Any]] = [("", found)]
+        if "drive" in found.dims:
+            rows = [(str(d), found.sel(drive=d)) for d in found["drive"].values]
+        elif not trapped:
+            continue
+        for drive, values in rows:
+            means = bins.means(np.asarray(values.values, dtype=np.float64))
+            if np.isfinite(means).any():
+                signals.append(
+                    Signal(channel=channel, drive=drive, time=bins.centres, values=means)
+                )
+    currents = row.get("drive_current")
+    return Movement(
+        name=name,
+        direction=direction,
+        place=place,
+        size=size,
+        x=x,
+        signals=tuple(signals),
+        length=movement_length(panel, direction, trapped=trapped),
+        clocked=currents is not None and bool(np.isfinite(currents.values).any()),
+    )

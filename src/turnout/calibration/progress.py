@@ -1,0 +1,102 @@
+"""How far a calibration is, for whoever watches."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from turnout.calibration.emulator import points_needed
+from turnout.calibration.evaluate import Evaluator
+from turnout.calibration.fit import ROUGH_STEPS
+from turnout.calibration.observed import Movement, selected
+from turnout.calibration.stage import Plan
+from turnout.panel.load import LoadedPanel
+
+# Steps that the last stage usually takes, each with its own sensitivities.
+LAST_STEPS = 6
+# Movements that advice usually looks at.
+CANDIDATES = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """How far a calibration is, for whoever watches.
+
+    Attributes
+    ----------
+    stage : str
+        What is done now.
+    number, stages : int
+        Which one, and of how many.
+    evaluations : int
+        Throws simulated so far.
+    misfit : float
+        Root mean square of the residuals over their expected size; NaN before the first.
+    seconds, left : float
+        Since the start, and what is left at most, by the throws that may still be needed [s].
+    """
+
+    stage: str
+    number: int
+    stages: int
+    evaluations: int
+    misfit: float
+    seconds: float
+    left: float
+
+
+def planned_throws(
+    plan: Plan,
+    movements: Sequence[Movement],
+    panel: LoadedPanel,
+    *,
+    posterior: bool = False,
+    advise: bool = False,
+) -> int:
+    """Return how many throws a calibration usually takes, with what comes after the stages."""
+    total = 0
+    for number, stage in enumerate(plan.stages, 1):
+        chosen = len(selected(movements, stage.movements, panel))
+        count = len(plan.named(stage.parameters))
+        last = number == len(plan.stages)
+        steps = LAST_STEPS if last else ROUGH_STEPS // 2
+        total += chosen * (2 * len(stage.grid) + steps * (count + 2))
+        if last and posterior:
+            total += chosen * points_needed(count)
+        if last and advise:
+            total += chosen + CANDIDATES * (count + 1)
+    return total
+
+
+@dataclass(slots=True)
+class Watch:
+    """Puts together what the one who watches is told."""
+
+    report: Callable[[State], None] | None
+    stages: int
+    planned: int
+    stage: str = ""
+    number: int = 0
+    misfit: float = float("nan")
+    began: float = 0.0
+
+    def tell(self, evaluator: Evaluator) -> None:
+        """Report the state after a throw."""
+        self.began = self.began or time.monotonic()
+        if self.report is None:
+            return
+        seconds, made = time.monotonic() - self.began, max(evaluator.made, 1)
+        self.report(
+            State(
+                stage=self.stage,
+                number=self.number,
+                stages=self.stages,
+                evaluations=evaluator.made,
+                misfit=self.misfit,
+                seconds=seconds,
+                left=seconds / made * max(self.planned - made - evaluator.reused, 0),
+            )
+        )
+
+    def found(self, misfit: float) -> None:
+        """Note the misfit of the latest step."""
+        self.misfit = misfit

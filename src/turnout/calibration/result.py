@@ -1,0 +1,358 @@
+"""The result of a calibration: values, covariance, where they come from; a file, and its use."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.atomic import write_atomic
+from turnout.core.problems import choices, shortened
+from turnout.core.toml import decode, parse_toml, read_bytes
+from turnout.errors import FileError, PanelError
+from turnout.panel.load import LoadedPanel
+
+Floats = NDArray[np.float64]
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitted:
+    """One parameter as it came out.
+
+    Attributes
+    ----------
+    name, keys, unit
+        As of the parameter.
+    value : float
+        Best fit, in SI.
+    deviation : float
+        Standard deviation; NaN where it was not fitted or the data do not tell it.
+    lower, upper : float
+        The bounds it was kept in.
+    interval : tuple of float
+        95 % interval.
+    start : float
+        Where the first stage began.
+    state : str
+        "fitted", "fixed", "at its bound" or "not identified".
+    """
+
+    name: str
+    keys: tuple[str, ...]
+    unit: str
+    value: float
+    deviation: float
+    lower: float
+    upper: float
+    interval: tuple[float, float]
+    start: float
+    state: str = "fitted"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StageLog:
+    """What one stage did.
+
+    Attributes
+    ----------
+    name, method : str
+        As of the stage.
+    movements : tuple of str
+        Those it used.
+    values : mapping of str to float
+        Where it ended, of the parameters that it changed.
+    misfit : float
+        Root mean square of the residuals over their expected size.
+    evaluations, iterations : int
+        Throws simulated for it, and steps of the fit.
+    message : str
+        How it ended.
+    sweep : mapping of str to tuple of float
+        Swept values and the misfit of each, as share of the channels' range.
+    """
+
+    name: str
+    method: str
+    movements: tuple[str, ...]
+    values: Mapping[str, float]
+    misfit: float
+    evaluations: int
+    iterations: int
+    message: str
+    sweep: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Calibration:
+    """A calibrated panel, and how sure it is.
+
+    Attributes
+    ----------
+    parameters : tuple of Fitted
+        All of the plan.
+    covariance : ndarray, shape (p, p)
+        Of those with state "fitted", in their order [products of their units].
+    panel, panel_hash, data, data_hash : str
+        What was calibrated, and to what.
+    movements : tuple of str
+        That the last stage was fitted to.
+    stages : tuple of StageLog
+        What was done.
+    warnings, findings : tuple of str
+        What to look at, and what the data can and cannot tell, in words.
+    distrust : tuple of str
+        Why it is not to be trusted, and what to do; empty where it is.
+    noise : mapping of str to mapping of str to float
+        By channel: white, slow and missed parts and their times of decay.
+    scatter : mapping of str to float
+        Relative scatter from movement to movement, as estimated.
+    about : mapping of str to str
+        Versions, scheme, date.
+    posterior : mapping of str to object
+        Of the sampling, where it was done.
+    """
+
+    parameters: tuple[Fitted, ...]
+    covariance: Floats
+    panel: str
+    panel_hash: str
+    data: str
+    data_hash: str
+    movements: tuple[str, ...]
+    stages: tuple[StageLog, ...]
+    warnings: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
+    distrust: tuple[str, ...] = ()
+    noise: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    scatter: Mapping[str, float] = field(default_factory=dict)
+    about: Mapping[str, str] = field(default_factory=dict)
+    posterior: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Best value of each parameter, in SI."""
+        return {item.name: item.value for item in self.parameters}
+
+    @property
+    def fitted(self) -> tuple[Fitted, ...]:
+        """The parameters that the covariance is of, in its order."""
+        return tuple(item for item in self.parameters if item.state == "fitted")
+
+    @property
+    def overrides(self) -> dict[str, float]:
+        """The panel's keys and the values they take."""
+        return {key: item.value for item in self.parameters for key in item.keys}
+
+    def apply(self, panel: LoadedPanel) -> LoadedPanel:
+        """Return a panel with the calibrated values.
+
+        Parameters
+        ----------
+        panel : LoadedPanel
+            The one that was calibrated, or another that has the same keys.
+
+        Raises
+        ------
+        PanelError
+            When the panel lacks keys; with all problems.
+        """
+        try:
+            return panel.with_overrides(self.overrides)
+        except PanelError as error:
+            problems = [
+                f"{text}; the calibration is of panel {self.panel}" for text in error.problems
+            ]
+            raise PanelError(problems, source=f"calibration on panel {panel.name}") from None
+
+    def save(self, path: Path | str) -> None:
+        """Write the record (TOML), completely or not at all."""
+        write_atomic(path, calibration_text(self))
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """Return a calibration as the text of its file."""
+    lines = [
+        "# Calibration of a switch panel; apply it with --calibration FILE.",
+        f"schema_version = {SCHEMA_VERSION}",
+        'kind = "calibration"',
+        f"panel = {_text(calibration.panel)}",
+        f"panel_hash = {_text(calibration.panel_hash)}",
+        f"data = {_text(calibration.data)}",
+        f"data_hash = {_text(calibration.data_hash)}",
+        f"movements = {_list(calibration.movements)}",
+        f"trusted = {'false' if calibration.distrust else 'true'}",
+        f"distrust = {_list(calibration.distrust)}",
+        f"warnings = {_list(calibration.warnings)}",
+        f"findings = {_list(calibration.findings)}",
+        "",
+        "[about]",
+        *(f"{_text(key)} = {_text(value)}" for key, value in calibration.about.items()),
+    ]
+    for item in calibration.parameters:
+        lines += [
+            "",
+            f"[parameter.{_text(item.name)}]",
+            f"keys = {_list(item.keys)}",
+            f"unit = {_text(item.unit)}",
+            f"value = {_quantity(item.value, item.unit)}",
+            f"deviation = {_quantity(item.deviation, item.unit)}",
+            "interval_95 = "
+            f"[{_quantity(item.interval[0], item.unit)}, {_quantity(item.interval[1], item.unit)}]",
+            f"lower = {_quantity(item.lower, item.unit)}",
+            f"upper = {_quantity(item.upper, item.unit)}",
+            f"start = {_quantity(item.start, item.unit)}",
+            f"state = {_text(item.state)}",
+        ]
+    lines += ["", "[covariance]  # products of the SI units of the parameters"]
+    lines += [f"names = {_list(item.name for item in calibration.fitted)}", "values = ["]
+    lines += [f"  [{', '.join(map(_number, row))}]," for row in calibration.covariance.tolist()]
+    lines += ["]", "", "[scatter]  # share of the value, from movement to movement"]
+    lines += [f"{_text(key)} = {_number(value)}" for key, value in calibration.scatter.items()]
+    for name, sizes in calibration.noise.items():
+        lines += ["", f"[noise.{_text(name)}]  # SI"]
+        lines += [f"{key} = {_number(value)}" for key, value in sizes.items()]
+    for stage in calibration.stages:
+        lines += ["", "[[stage]]", *_stage_lines(stage)]
+    if calibration.posterior:
+        lines += ["", f"[posterior]\njson = {_text(json.dumps(calibration.posterior))}"]
+    return "\n".join(lines) + "\n"
+
+
+def load_calibration(path: Path | str) -> Calibration:
+    """Read a calibration from its file.
+
+    Raises
+    ------
+    FileError
+        When it cannot be read, or is no calibration; the text says what is missing.
+    """
+    path = Path(path)
+    data = parse_toml(decode(read_bytes(path), source=str(path)), source=str(path)).data
+    if data.get("kind") != "calibration":
+        message = f"{path}: is no calibration; `turnout calibrate CAMPAIGN -o FILE` writes one"
+        raise FileError(message)
+    if data.get("schema_version") != SCHEMA_VERSION:
+        message = (
+            f"{path}: schema_version = {data.get('schema_version')}: this version reads "
+            f"{SCHEMA_VERSION}; calibrate anew"
+        )
+        raise FileError(message)
+    try:
+        return _read(data)
+    except (
+        KeyError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        OverflowError,
+        RecursionError,
+    ) as error:
+        reason = shortened(f"{type(error).__name__}: {error}", 200)
+        message = f"{path}: is damaged ({reason}); calibrate anew"
+        raise FileError(message) from None
+
+
+def _read(data: Mapping[str, Any]) -> Calibration:
+    parameters = tuple(_fitted(name, item) for name, item in data["parameter"].items())
+    count = sum(item.state == "fitted" for item in parameters)
+    covariance = np.array(data["covariance"]["values"], dtype=np.float64).reshape(count, count)
+    stages = tuple(
+        StageLog(
+            **{
+                **item,
+                "movements": tuple(item["movements"]),
+                "sweep": {key: tuple(row) for key, row in item.get("sweep", {}).items()},
+            }
+        )
+        for item in data.get("stage", [])
+    )
+    return Calibration(
+        parameters=parameters,
+        covariance=covariance,
+        panel=data["panel"],
+        panel_hash=data["panel_hash"],
+        data=data["data"],
+        data_hash=data["data_hash"],
+        movements=tuple(data["movements"]),
+        stages=stages,
+        warnings=tuple(data["warnings"]),
+        findings=tuple(data["findings"]),
+        distrust=tuple(data.get("distrust", ())),
+        noise=data.get("noise", {}),
+        scatter=data.get("scatter", {}),
+        about=data.get("about", {}),
+        posterior=json.loads(data["posterior"]["json"]) if "posterior" in data else {},
+    )
+
+
+def _fitted(name: str, item: Mapping[str, Any]) -> Fitted:
+    unit = item["unit"]
+
+    def read(value: object) -> float:
+        return _parsed(value, unit, name)
+
+    low, high = item["interval_95"]
+    return Fitted(
+        name=name,
+        keys=tuple(item["keys"]),
+        unit=unit,
+        value=read(item["value"]),
+        deviation=read(item["deviation"]),
+        lower=read(item["lower"]),
+        upper=read(item["upper"]),
+        interval=(read(low), read(high)),
+        start=read(item["start"]),
+        state=item["state"],
+    )
+
+
+def _parsed(value: object, unit: str, name: str) -> float:
+    """Read a number with its unit, which must be the SI unit of the parameter."""
+    if unit == "1" and isinstance(value, int | float):
+        return float(value)
+    number, _, given = str(value).partition(" ")
+    if given != unit:
+        message = f'{name} = "{value}": must be in {choices([unit])}'
+        raise ValueError(message)
+    return float(number)
+
+
+def _quantity(value: float, unit: str) -> str:
+    return _number(value) if unit == "1" else f'"{float(value)!r} {unit}"'
+
+
+def _number(value: float) -> str:
+    number = float(value)
+    return repr(number) if np.isfinite(number) else ("nan" if np.isnan(number) else f"{number}")
+
+
+def _text(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _list(items: Any) -> str:
+    return "[" + ", ".join(_text(str(item)) for item in items) + "]"
+
+
+def _stage_lines(stage: StageLog) -> list[str]:
+    values = ", ".join(f"{_text(key)} = {_number(value)}" for key, value in stage.values.items())
+    lines = [
+        f"name = {_text(stage.name)}",
+        f"method = {_text(stage.method)}",
+        f"movements = {_list(stage.movements)}",
+        f"values = {{ {values} }}  # SI",
+        f"misfit = {_number(stage.misfit)}",
+        f"evaluations = {stage.evaluations}",
+        f"iterations = {stage.iterations}",
+        f"message = {_text(stage.message)}",
+    ]
+    if stage.sweep:
+        rows = (
+            f"{_text(key)} = [{', '.join(map(_number, row))}]" for key, row in stage.sweep.items()
+        )
+        lines.append(f"sweep = {{ {', '.join(rows)} }}")
+    return lines

@@ -1,0 +1,233 @@
+"""Stages of a calibration as data: which parameters, from which movements, channels and time."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from turnout.calibration.parameter import Parameter, free_parameter
+from turnout.core.problems import choices, nearest
+from turnout.errors import PanelError
+from turnout.panel.load import LoadedPanel
+
+METHODS = ("sweep", "fit", "sweep and fit")
+# The published calibration: friction 0.1 ... 0.5; a tenth and ten times of a drive's stiffness.
+FRICTION_SWEEP = (0.1, 0.2, 0.3, 0.4, 0.5)
+STIFFNESS_SWEEP = (75e3, 150e3, 300e3, 750e3, 1.5e6, 3e6, 7.5e6)
+FRICTION_SCATTER = 0.02
+TEST_SIZE = 0.013
+# Enough for five parameters; what is left over is there to validate.
+JOINT_MOVEMENTS = 20
+ANY = "any"
+NONE = "none"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Selection:
+    """Which movements a stage uses.
+
+    Attributes
+    ----------
+    objects : str
+        "none" (without an object), "any" (with one), or "all".
+    place : str
+        Place of the object, such as "drive 1"; compared by position. Empty for every place.
+    size : float or None
+        The nearest size to this at the place is taken [m].
+    direction : str
+        "closing", "opening", or empty for both.
+    names : tuple of str
+        Only these movements; empty for all.
+    most : int
+        At most so many, spread over places and sizes; 0 for all.
+    """
+
+    objects: str = "all"
+    place: str = ""
+    size: float | None = None
+    direction: str = ""
+    names: tuple[str, ...] = ()
+    most: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stage:
+    """One step of a calibration.
+
+    Attributes
+    ----------
+    name : str
+        What it is called.
+    parameters : tuple of str
+        Names of the parameters that it changes.
+    movements : Selection
+        What it is fitted to.
+    channels : tuple of str
+        Of the schema.
+    window : tuple of float and (float or None)
+        Time from the onset that is compared [s]; None for the end of the movement and its rest.
+    method : str
+        "sweep" over the grid of the first parameter, "fit", or "sweep and fit".
+    grid : tuple of float
+        Values of the first parameter that are swept [its unit].
+    optional : bool
+        Whether the stage is left out, with a warning, where no movement is selected.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    movements: Selection
+    channels: tuple[str, ...] = ("drive_force", "object_force")
+    window: tuple[float, float | None] = (0.0, None)
+    method: str = "fit"
+    grid: tuple[float, ...] = ()
+    optional: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be, all at once."""
+        problems = []
+        if self.method not in METHODS:
+            problems.append(f'method = "{self.method}": must be one of {choices(METHODS)}')
+        if not self.parameters:
+            problems.append("names no parameter; give at least one")
+        if "sweep" in self.method and not self.grid:
+            problems.append("a sweep needs a grid of values")
+        if self.window[1] is not None and not self.window[0] < self.window[1]:
+            problems.append(f"window {self.window}: must begin before it ends")
+        if problems:
+            raise PanelError([f"stage {self.name}: {text}" for text in problems], source="stages")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """Parameters and stages of a calibration.
+
+    Attributes
+    ----------
+    parameters : tuple of Parameter
+        All that any stage may change.
+    stages : tuple of Stage
+        In the order in which they are done; each begins where the one before ended.
+    """
+
+    parameters: tuple[Parameter, ...]
+    stages: tuple[Stage, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse stages that name unknown parameters."""
+        known = [item.name for item in self.parameters]
+        problems = [
+            f"stage {stage.name}: unknown parameter '{name}'{nearest(name, known)}; "
+            f"there are {choices(known)}"
+            for stage in self.stages
+            for name in stage.parameters
+            if name not in known
+        ]
+        if len(set(known)) < len(known):
+            problems.append("two parameters have the same name")
+        if problems:
+            raise PanelError(problems, source="stages")
+
+    def named(self, names: Sequence[str]) -> tuple[Parameter, ...]:
+        """Return the parameters of some names that may vary, in the order of the plan."""
+        return tuple(item for item in self.parameters if item.name in names and item.vary)
+
+
+def default_plan(
+    panel: LoadedPanel,
+    *,
+    free: Sequence[str] = (),
+    fixed: Sequence[str] = (),
+    most: int = JOINT_MOVEMENTS,
+) -> Plan:
+    """Return the published stages, with slip levels free, and a joint refinement.
+
+    Friction comes from movements without an object; then the stiffness of each drive, and the
+    force at which it slips, from a 13 mm object at that drive; then all of it from movements of
+    every kind.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        Gives drives and start values.
+    free : sequence of str
+        Further keys of the panel, for the joint refinement.
+    fixed : sequence of str
+        Keys among the default ones that keep the panel's value.
+    most : int
+        Movements of the joint refinement, spread over places and sizes, so that the others can
+        judge the result; 0 for all.
+
+    Raises
+    ------
+    PanelError
+        For unknown keys.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> [stage.name for stage in default_plan(load_panel("sb1")).stages]
+    ['friction', 'drive 1', 'drive 2', 'joint']
+    """
+    friction = "chair.friction_coefficient"
+    parameters = [free_parameter(panel, friction, scatter=FRICTION_SCATTER)]
+    parameters[0] = replace(parameters[0], lower=0.02, upper=1.2)
+    stages = [
+        Stage(
+            name="friction",
+            parameters=(friction,),
+            movements=Selection(objects=NONE),
+            method="sweep and fit",
+            grid=FRICTION_SWEEP,
+        )
+    ]
+    for name in panel.drive:
+        own = (f"drive.{name}.stiffness", f"drive.{name}.saturation_force")
+        stiffness, level = (free_parameter(panel, key) for key in own)
+        low, high = min(STIFFNESS_SWEEP), max(STIFFNESS_SWEEP)
+        bounds = (min(low, stiffness.lower) / 1.5, max(high, stiffness.upper) * 1.5)
+        parameters += [replace(stiffness, lower=bounds[0], upper=bounds[1]), level]
+        stages.append(
+            Stage(
+                name=f"drive {name}",
+                parameters=own,
+                movements=Selection(
+                    objects=ANY, place=f"drive {name}", size=TEST_SIZE, direction="closing"
+                ),
+                method="sweep and fit",
+                grid=STIFFNESS_SWEEP,
+                optional=True,
+            )
+        )
+    known = [item.name for item in parameters]
+    parameters += [free_parameter(panel, key) for key in free if key not in known]
+    problems = [
+        f"{key}: is no parameter of the default stages{nearest(key, known)}; they are "
+        f"{choices(known)}"
+        for key in fixed
+        if key not in known
+    ]
+    problems += [f"{key}: is both freed and fixed; take one" for key in free if key in fixed]
+    if problems:
+        raise PanelError(problems, source="fixed")
+    kept = tuple(replace(p, vary=False) if p.name in fixed else p for p in parameters)
+    joint = Stage(
+        name="joint",
+        parameters=tuple(item.name for item in kept),
+        movements=Selection(most=most),
+    )
+    return Plan(parameters=kept, stages=(*stages, joint))
+
+
+def spread(count: int, most: int) -> list[int]:
+    """Return at most so many numbers out of `count`, evenly spread, first and last among them.
+
+    Examples
+    --------
+    >>> spread(10, 4)
+    [0, 3, 6, 9]
+    """
+    if most <= 0 or count <= most:
+        return list(range(count))
+    if most == 1:
+        return [0]
+    return sorted({math.floor(i * (count - 1) / (most - 1) + 0.5) for i in range(most)})

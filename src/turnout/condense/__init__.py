@@ -1,0 +1,1 @@
+"""From reduced rails to modes and flexibility: blocks solved apart, dependent rows."""

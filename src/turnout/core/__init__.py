@@ -1,0 +1,1 @@
+"""What every part may use: units, files, caches, problems in documents, progress."""

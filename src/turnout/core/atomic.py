@@ -1,0 +1,167 @@
+"""Write a file completely or not at all."""
+
+import errno
+import os
+import re
+import signal
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from turnout.errors import FileError
+
+_NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_TEMPORARY = re.compile(r"\.(.+)\.[a-z0-9_]{8}(\.[^.]+)")
+
+
+@contextmanager
+def atomic_path(target: Path | str, *, durable: bool = True) -> Iterator[Path]:
+    """Give a temporary path to write to, which becomes the target when the block succeeds.
+
+    The temporary file is in the target's folder and has its suffix; it is removed whatever goes
+    wrong, also on Ctrl-C. An existing target is replaced only by a complete new one. Where the
+    target is a symbolic link, the file that it points to is written, and the link stays.
+
+    Parameters
+    ----------
+    target : Path or str
+        The file to write.
+    durable : bool
+        Whether to wait until the disk has it. What can be made again, many times over, need not.
+
+    Yields
+    ------
+    Path
+        Where to write.
+
+    Raises
+    ------
+    FileError
+        When the file cannot be written; the text names the path and the remedy.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> with atomic_path(folder / "run.txt") as temporary:
+    ...     _ = temporary.write_text("done")
+    >>> (folder / "run.txt").read_text()
+    'done'
+    """
+    path = Path(os.path.realpath(target)) if Path(target).is_symlink() else Path(target)
+    _refuse_early(path)
+    _ignore_size_signal()
+    temporary = _temporary(path)
+    try:
+        yield temporary
+        if durable:
+            _flush(temporary)
+        _adopt_mode(temporary, path)
+        os.replace(temporary, path)
+        if durable:
+            _flush_folder(path.parent)
+    except OSError as error:
+        raise FileError(write_fault(path, error)) from error
+    finally:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def write_atomic(target: Path | str, content: str | bytes, *, durable: bool = True) -> None:
+    """Write a text (as UTF-8) or bytes to a file, completely or not at all."""
+    data = content.encode() if isinstance(content, str) else content
+    with atomic_path(target, durable=durable) as temporary:
+        temporary.write_bytes(data)
+
+
+def is_leftover(path: Path, *, of: re.Pattern[str]) -> bool:
+    """Tell whether a file is what an ended `atomic_path` has left of a target.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    of : pattern
+        Of the whole names of targets, each with a suffix.
+
+    Examples
+    --------
+    >>> is_leftover(Path(".env.local"), of=re.compile("sweep.json"))
+    False
+    """
+    match = _TEMPORARY.fullmatch(path.name)
+    if match is None or of.fullmatch(match[1] + match[2]) is None:
+        return False
+    return path.is_file() and not path.is_symlink()
+
+
+def write_fault(path: Path, error: OSError) -> str:
+    """Say why a file cannot be written and what to do about it."""
+    if error.errno in _NO_SPACE:
+        return f"{path}: cannot be written, no space left; free some, or choose another folder"
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return f"{path}: may not be written; choose another folder or change its permissions"
+    if error.errno in (errno.ENOENT, errno.ENOTDIR):
+        return f"{path}: no such folder '{path.parent}'; create it first"
+    if error.errno == errno.EISDIR:
+        return f"{path}: is a folder; name a file inside it"
+    return f"{path}: cannot be written ({error.strerror or error})"
+
+
+def _refuse_early(path: Path) -> None:
+    try:
+        if path.is_dir():
+            raise FileError(write_fault(path, OSError(errno.EISDIR, "")))
+        if not path.parent.is_dir():
+            raise FileError(write_fault(path, OSError(errno.ENOENT, "")))
+        if path.exists() and not os.access(path, os.W_OK):
+            raise FileError(write_fault(path, OSError(errno.EACCES, "")))
+    except (OSError, ValueError) as error:
+        fault = error if isinstance(error, OSError) else OSError(errno.EINVAL, str(error))
+        raise FileError(write_fault(path, fault)) from None
+
+
+def _temporary(path: Path) -> Path:
+    prefix = f".{path.stem[:100]}."
+    try:
+        handle, name = tempfile.mkstemp(prefix=prefix, suffix=path.suffix, dir=path.parent)
+        os.close(handle)
+    except OSError as error:
+        raise FileError(write_fault(path, error)) from None
+    return Path(name)
+
+
+def _ignore_size_signal() -> None:
+    """Turn an exceeded file-size limit into an OSError instead of a killed process."""
+    size_signal = getattr(signal, "SIGXFSZ", None)
+    # Only the main thread may set a handler; Python itself ignores the signal at start.
+    if size_signal is not None:
+        with suppress(ValueError):
+            signal.signal(size_signal, signal.SIG_IGN)
+
+
+def _flush(path: Path) -> None:
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())
+
+
+def _adopt_mode(temporary: Path, target: Path) -> None:
+    """Give the file the permissions of the one it replaces, or those of any new file."""
+    if target.exists():
+        mode = target.stat().st_mode & 0o777
+    else:
+        mask = os.umask(0)
+        os.umask(mask)
+        mode = 0o666 & ~mask
+    temporary.chmod(mode)
+
+
+def _flush_folder(folder: Path) -> None:
+    """Make the rename itself durable where the system allows a folder to be opened."""
+    with suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)

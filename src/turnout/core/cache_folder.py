@@ -1,0 +1,191 @@
+"""Where caches are kept: a folder that nobody else can write, or a private one for this run.
+
+Numba unpickles the kernels that it finds, so whoever can write to its folder can run code as the
+user. A folder is used only if it, all in it and all above it belong to the user or to the system,
+and nobody else may write there. Otherwise a fresh folder, which processes started by this one
+share and which is removed at the end, takes its place.
+"""
+
+import atexit
+import os
+import shutil
+import stat
+import sys
+import tempfile
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+PRIVATE_VARIABLE = "TURNOUT_PRIVATE_CACHE"
+"""Names the private folder, to the processes that are started by this one."""
+
+_OTHERS = stat.S_IWGRP | stat.S_IWOTH
+_SYSTEM = 0
+_reasons: dict[Path, str] = {}
+
+
+def user_cache_folder() -> Path:
+    """Return the folder for turnout's caches, following the platform's custom.
+
+    Returns
+    -------
+    pathlib.Path
+        `$TURNOUT_CACHE_DIR` if set, else the platform's cache folder with `turnout` added.
+    """
+    if chosen := os.environ.get("TURNOUT_CACHE_DIR"):
+        return Path(chosen)
+    if sys.platform == "win32":
+        root = Path(os.environ.get("LOCALAPPDATA", "~/AppData/Local"))
+    elif sys.platform == "darwin":
+        root = Path("~/Library/Caches")
+    else:
+        root = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+    try:
+        return root.expanduser() / "turnout"
+    except RuntimeError:  # a user without a folder, as in some containers
+        return Path(os.devnull) / "turnout"
+
+
+@cache
+def safe_folder(wanted: Path) -> Path | None:
+    """Return a folder for a cache that nobody else can write to; it exists.
+
+    Parameters
+    ----------
+    wanted : Path
+        Where the cache belongs; made if missing, for the user alone.
+
+    Returns
+    -------
+    Path or None
+        The folder itself without symbolic links, a private one in its place, or None where
+        neither can be had. It stays the same while the process lives.
+    """
+    reason = _make(wanted) or distrust(wanted)
+    if not reason:
+        return Path(os.path.realpath(wanted))
+    _reasons[wanted] = reason
+    private = private_folder()
+    if private is None or _make(private / wanted.name):
+        return None
+    return private / wanted.name
+
+
+def why_private() -> str:
+    """Return why a private folder took the place of one that was wanted; empty where none did."""
+    return next(iter(_reasons.values()), "")
+
+
+def distrust(folder: Path) -> str:
+    """Say why a folder is not to be used for a cache; empty where it may be.
+
+    Examples
+    --------
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> distrust(folder)
+    ''
+    >>> folder.chmod(0o777)
+    >>> distrust(folder).endswith("can be written by other users")
+    True
+    """
+    if os.name != "posix":  # a profile of Windows is closed by its access lists
+        return ""
+    real = Path(os.path.realpath(folder))
+    try:
+        found = real.stat()
+        if found.st_uid != os.geteuid():
+            return f"{folder} belongs to another user"
+        if found.st_mode & _OTHERS:
+            return f"{folder} can be written by other users"
+        for above in real.parents:
+            if reason := _distrust_above(above):
+                return f"{folder} lies in {above}, which {reason}"
+        return _distrust_content(real, closed=not found.st_mode & 0o077)
+    except OSError as error:
+        return f"{folder} cannot be used ({error.strerror})"
+
+
+def _distrust_above(folder: Path) -> str:
+    """Say whether others could put another folder in the place of one inside this one."""
+    found = folder.stat()
+    if found.st_uid not in (_SYSTEM, os.geteuid()):
+        return "belongs to another user"
+    if found.st_mode & stat.S_ISVTX:  # nobody may move what is not theirs
+        return ""
+    others = found.st_mode & _OTHERS
+    if others & stat.S_IWOTH:
+        return "can be written by other users"
+    if others and not _nobody_else_in(found.st_gid):
+        return "can be written by its group"
+    return ""
+
+
+def _nobody_else_in(group: int) -> bool:
+    """Tell whether a group is the system's, or the user's own as many systems give each user."""
+    if group == _SYSTEM:
+        return True
+    import grp
+    import pwd
+
+    try:
+        user, entry = pwd.getpwuid(os.geteuid()), grp.getgrgid(group)
+    except KeyError:
+        return False
+    return entry.gr_name == user.pw_name and set(entry.gr_mem) <= {user.pw_name}
+
+
+def _distrust_content(folder: Path, *, closed: bool) -> str:
+    """Say which file or folder inside is a link, another user's, or open to others' writing."""
+    for place, folders, files in os.walk(folder):
+        for name in (*folders, *files):
+            path = os.path.join(place, name)
+            with suppress(FileNotFoundError):  # another run may tidy up
+                found = os.lstat(path)
+                if stat.S_ISLNK(found.st_mode):
+                    return f"{path} is a link"
+                if found.st_uid != os.geteuid():
+                    return f"{path} belongs to another user"
+                if found.st_mode & _OTHERS and not closed:
+                    return f"{path} can be written by other users"
+    return ""
+
+
+def _make(folder: Path) -> str:
+    """Make a folder and those above it for the user alone; say why it cannot be written."""
+    missing = [place for place in (folder, *folder.parents) if not place.exists()]
+    try:
+        for place in reversed(missing):
+            place.mkdir(mode=0o700, exist_ok=True)
+        if folder.is_dir() and os.access(folder, os.W_OK):
+            return ""
+    except OSError:
+        pass
+    return f"{folder} is not writable"
+
+
+def private_folder() -> Path | None:
+    """Return a folder for this process and those it starts, removed at its end.
+
+    Returns
+    -------
+    Path or None
+        None where no folder can be made that others cannot write to.
+    """
+    given = os.environ.get(PRIVATE_VARIABLE)
+    if given and Path(given).is_dir() and not distrust(Path(given)):
+        return Path(given)
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="turnout-")).resolve()
+    except OSError:
+        return None
+    atexit.register(_remove, folder, os.getpid())
+    if distrust(folder):
+        return None
+    os.environ[PRIVATE_VARIABLE] = str(folder)
+    return folder
+
+
+def _remove(folder: Path, process: int) -> None:
+    """Remove a private folder, from the process that made it only."""
+    if os.getpid() == process:
+        shutil.rmtree(folder, ignore_errors=True)

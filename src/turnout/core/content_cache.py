@@ -1,0 +1,155 @@
+"""Keep what is slow to compute, by the content of all that it was computed from.
+
+A key is a digest of the input values and of the sources that do the computing, so that nothing
+stale is ever found and nothing is rebuilt that need not be. Arrays are kept in memory, and as files
+in the user's cache folder; a file that cannot be read or written costs time, never a result.
+"""
+
+import hashlib
+import logging
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.atomic import write_atomic
+from turnout.core.cache_folder import safe_folder, user_cache_folder, why_private
+from turnout.core.kept_arrays import DamagedError, arrays_from_bytes, arrays_to_bytes
+from turnout.core.lru_cache import LRUCache
+from turnout.core.sources import RAILS, digest_of_sources
+from turnout.errors import FileError
+
+Arrays = dict[str, NDArray[np.float64]]
+
+counts: Counter[str] = Counter()
+"""What happened since the start: "section computed", "superelement from memory", "damaged" ..."""
+
+MOST_IN_MEMORY = 64
+MOST_FILES = 300
+_memory = LRUCache[Arrays](MOST_IN_MEMORY)
+_reported: set[str] = set()
+_log = logging.getLogger("turnout")
+
+
+def cached_arrays(
+    kind: str, parts: Sequence[object], compute: Callable[[], Arrays], *, on_disk: bool = True
+) -> Arrays:
+    """Return arrays from memory, from a file, or computed and then kept in both.
+
+    Parameters
+    ----------
+    kind : str
+        What they are, a word; part of the key and of the names in `counts`.
+    parts : sequence of object
+        All that they depend on: arrays, numbers, texts, tuples of these.
+    compute : callable
+        Makes them.
+    on_disk : bool
+        Whether they are kept as a file too; not worth it for what takes milliseconds.
+
+    Returns
+    -------
+    dict of str to ndarray
+        Shared with every other caller and therefore not writeable.
+
+    Examples
+    --------
+    >>> made = cached_arrays("example", [1.0], lambda: {"double": np.array([2.0])})
+    >>> again = cached_arrays("example", [1.0], lambda: {"double": np.array([9.0])})
+    >>> float(again["double"][0])
+    2.0
+    """
+    key = f"{kind}-{digest(parts)}"
+    found = _memory.get(key)
+    if found is not None:
+        counts[f"{kind} from memory"] += 1
+        return found
+    found = _read(key) if on_disk else None
+    if found is not None:
+        counts[f"{kind} from file"] += 1
+    else:
+        found = compute()
+        counts[f"{kind} computed"] += 1
+        if on_disk:
+            _write(key, found)
+    for array in found.values():
+        array.flags.writeable = False
+    return _memory.put(key, found)
+
+
+def forget() -> None:
+    """Empty the memory; files stay."""
+    _memory.clear()
+
+
+def digest(parts: Iterable[object]) -> str:
+    """Hash values by their content: arrays by dtype, shape and bytes, all else by its text.
+
+    Examples
+    --------
+    >>> digest([np.array([1.0, 2.0]), "a"]) == digest([np.array([1.0, 2.0]), "a"])
+    True
+    >>> digest([np.array([1.0, 2.0])]) == digest([np.array([[1.0, 2.0]])])
+    False
+    """
+    found = hashlib.sha256()
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            found.update(f"array {part.dtype.str} {part.shape} ".encode())
+            found.update(np.ascontiguousarray(part).tobytes())
+        else:
+            found.update(f"{type(part).__name__} {part!r} ".encode())
+    return found.hexdigest()[:32]
+
+
+def cache_folder() -> Path | None:
+    """Return the folder of kept arrays of the present sources; None where there can be none."""
+    return safe_folder(user_cache_folder() / f"models-{digest_of_sources(RAILS)}")
+
+
+def _read(key: str) -> Arrays | None:
+    folder = cache_folder()
+    if folder is None:
+        return None
+    path = folder / f"{key}.npz"
+    try:
+        return arrays_from_bytes(path.read_bytes(), key)
+    except FileNotFoundError:
+        return None
+    except (OSError, DamagedError) as error:
+        counts["damaged"] += 1
+        _report_once("damaged", f"{path}: cannot be used ({error}); it is made anew")
+        return None
+
+
+def _write(key: str, arrays: Arrays) -> None:
+    folder = cache_folder()
+    try:
+        if folder is None:
+            raise FileError(why_private())
+        write_atomic(folder / f"{key}.npz", arrays_to_bytes(arrays, key))
+        _prune(folder)
+    except (OSError, FileError) as error:
+        counts["unwritable"] += 1
+        _report_once("unwritable", f"{error}; rails are made anew in each run (TURNOUT_CACHE_DIR)")
+
+
+def _prune(folder: Path) -> None:
+    """Remove the older half of too many files."""
+    files = list(folder.glob("*.npz"))
+    if len(files) <= MOST_FILES:
+        return
+    with suppress(OSError):
+        files.sort(key=lambda path: path.stat().st_mtime)
+        for path in files[: len(files) // 2]:
+            path.unlink(missing_ok=True)
+
+
+def _report_once(what: str, text: str) -> None:
+    """Log a problem with the cache once a process."""
+    if what not in _reported:
+        _reported.add(what)
+        _log.warning("cache: %s", text)

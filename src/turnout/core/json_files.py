@@ -1,0 +1,202 @@
+"""Records as JSON, exactly, with a checksum so that damage is seen before anything is used.
+
+Records as plain data for JSON, and back, exactly: every number keeps its bits.
+
+Only what a record declares is ever made from a file, so reading runs nothing that a stranger wrote.
+
+JSON files with a checksum of their content, so that damage is seen before anything is used.
+"""
+
+import json
+import math
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from turnout.core.problems import show_value
+from turnout.core.provenance import content_hash
+from turnout.core.toml import read_bytes
+
+T = TypeVar("T")
+_TYPES: dict[str, type] = {"float": float, "str": str, "bool": bool}
+"""Types that may be values themselves, by the name they are written as."""
+_NAMES = {float: "a number", int: "an integer", str: "a text", bool: "true or false"}
+
+
+def to_plain(value: Any) -> Any:
+    """Turn records and arrays into nested plain data; infinite numbers into texts.
+
+    Examples
+    --------
+    >>> to_plain((1.0, float("-inf"), np.eye(2)))
+    [1.0, '-inf', [[1.0, 0.0], [0.0, 1.0]]]
+    """
+    if isinstance(value, type):
+        return value.__name__
+    if is_dataclass(value):
+        return {item.name: to_plain(getattr(value, item.name)) for item in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): to_plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | list | tuple):
+        return [to_plain(item) for item in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else str(float(value))
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def from_plain(kind: type[T], value: object, *, where: str = "") -> T:
+    """Make a record of plain data, after a check of every key and type.
+
+    Parameters
+    ----------
+    kind : type
+        A dataclass; what its annotations name is read likewise.
+    value : object
+        From `to_plain`, or from a file.
+    where : str
+        What to call the place in messages.
+
+    Raises
+    ------
+    ValueError
+        Naming the first place where the data are not what the record declares.
+
+    Examples
+    --------
+    >>> from turnout.core.units import LENGTH, Dimension
+    >>> from_plain(Dimension, to_plain(LENGTH)) == LENGTH
+    True
+    """
+    made: T = _read(kind, value, where)
+    return made
+
+
+def _read(kind: Any, value: Any, where: str) -> Any:
+    origin, inner = typing.get_origin(kind), typing.get_args(kind)
+    if origin in (typing.Union, types.UnionType):
+        return _one_of(inner, value, where)
+    if kind is type:
+        _expect(isinstance(value, str) and value in _TYPES, "the name of a type", value, where)
+        return _TYPES[value]
+    if is_dataclass(kind):
+        return _record(kind, value, where)
+    if origin is tuple:
+        _expect(isinstance(value, list), "a list", value, where)
+        return tuple(_read(inner[0], item, f"{where} {n}") for n, item in enumerate(value, 1))
+    if origin is np.ndarray:
+        return _array(value, where)
+    if origin is not None:
+        _expect(isinstance(value, dict), "a table", value, where)
+        return {key: _read(inner[1], item, _place(where, key)) for key, item in value.items()}
+    return _single(kind, value, where)
+
+
+def _single(kind: type, value: Any, where: str) -> Any:
+    """Return a number, text or logical value of the kind declared; an integer may be a float."""
+    if kind is float:
+        if value in ("inf", "-inf", "nan"):
+            return float(value)
+        fits = isinstance(value, int | float) and not isinstance(value, bool)
+    else:
+        fits = type(value) is kind
+    _expect(fits, _NAMES.get(kind, kind.__name__), value, where)
+    return value
+
+
+def _one_of(kinds: tuple[Any, ...], value: Any, where: str) -> Any:
+    """Return what the first alternative makes of a value; "inf" is a text before it is a number."""
+    reasons = []
+    for kind in sorted(kinds, key=lambda kind: kind is float):
+        try:
+            return _read(kind, value, where)
+        except ValueError as error:
+            reasons.append(error)
+    raise reasons[0]
+
+
+def _array(value: Any, where: str) -> Any:
+    _expect(isinstance(value, list), "an array of numbers", value, where)
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        message = f"{where}: must be an array of numbers"
+        raise ValueError(message) from None
+
+
+def _record(kind: Any, value: Any, where: str) -> Any:
+    _expect(isinstance(value, dict), "a table", value, where)
+    names = [item.name for item in fields(kind) if item.init]
+    for name in [*(name for name in names if name not in value), *value.keys() - set(names)]:
+        message = f"{_place(where, name)} is {'missing' if name in names else 'not known'}"
+        raise ValueError(message)
+    hints = typing.get_type_hints(kind)
+    return kind(**{name: _read(hints[name], value[name], _place(where, name)) for name in names})
+
+
+def _place(where: str, name: str) -> str:
+    return f"{where}.{name}" if where else name
+
+
+def _expect(fits: bool, wanted: str, value: Any, where: str) -> None:
+    if not fits:
+        message = f"{where or 'the content'} = {show_value(value)}: must be {wanted}"
+        raise ValueError(message)
+
+
+CHECKSUM = "checksum"
+
+
+def sealed_json(content: Mapping[str, Any]) -> str:
+    """Return plain data as JSON text with a checksum beside the other keys.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When something is no plain data, or no finite number.
+    """
+    return json.dumps({**content, CHECKSUM: content_hash(dict(content))}, indent=1)
+
+
+def read_sealed(path: Path, *, largest: int) -> tuple[dict[str, Any], str]:
+    """Read a JSON file that should have a checksum.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file, which must be there.
+    largest : int
+        So much is read [bytes].
+
+    Returns
+    -------
+    content : dict
+        Without the checksum; empty where the file is no JSON table at all.
+    fault : str
+        What is wrong with it; empty where nothing is.
+
+    Raises
+    ------
+    FileError
+        When it cannot be read, or is too large.
+    """
+    text = read_bytes(path, largest=largest)
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        reason = "too deeply nested" if isinstance(error, RecursionError) else str(error)
+        return {}, f"is damaged: no JSON ({reason})"
+    if not isinstance(content, dict):
+        return {}, "is damaged: no table of keys and values"
+    given = content.pop(CHECKSUM, None)
+    if given is None:
+        return content, "has no checksum"
+    try:
+        intact = given == content_hash(content)
+    except (ValueError, RecursionError):
+        intact = False
+    return content, "" if intact else "is damaged: its checksum is not that of its content"

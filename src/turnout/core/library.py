@@ -1,0 +1,53 @@
+"""TOML files that come with a package, in its folder `library`, called by their names."""
+
+from importlib import resources
+
+from turnout.core.problems import choices, nearest
+from turnout.core.toml import decode
+from turnout.errors import FileError
+
+
+def names_in_library(package: str) -> tuple[str, ...]:
+    """List the files in the library of a package, without their ending.
+
+    Examples
+    --------
+    >>> "sb1" in names_in_library("turnout.panel")
+    True
+    """
+    folder = resources.files(package).joinpath("library")
+    names = (item.name for item in folder.iterdir() if item.name.endswith(".toml"))
+    return tuple(sorted(name.removesuffix(".toml") for name in names))
+
+
+def text_in_library(package: str, name: str, *, kind: str) -> str:
+    """Return the TOML text of a file in the library of a package.
+
+    Parameters
+    ----------
+    package : str
+        Such as "turnout.panel".
+    name : str
+        Without ending.
+    kind : str
+        What the file describes, for the message: "panel".
+
+    Raises
+    ------
+    FileError
+        When there is no such file; the text lists those there are.
+
+    Examples
+    --------
+    >>> "[drive." in text_in_library("turnout.panel", "sb1", kind="panel")
+    True
+    """
+    names = names_in_library(package)
+    if name not in names:
+        message = (
+            f"no library {kind} is called '{name}'{nearest(name, names)}; "
+            f"there are {choices(names)}; a file needs its .toml"
+        )
+        raise FileError(message)
+    folder = resources.files(package).joinpath("library")
+    return decode(folder.joinpath(f"{name}.toml").read_bytes(), source=name)

@@ -1,0 +1,164 @@
+"""Problems in a document: the key, the value given, what is allowed, the nearest name."""
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+_LONGEST = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One thing that is wrong: the key path and a sentence about it."""
+
+    path: tuple[str, ...]
+    text: str
+
+    def __str__(self) -> str:
+        """Give the line that a user reads."""
+        return f"{'.'.join(shortened(part) for part in self.path)}{self.text}"
+
+
+def show_value(value: object) -> str:
+    """Show a value as a user would write it in the file, shortened.
+
+    Examples
+    --------
+    >>> show_value("13 mm"), show_value(True), show_value([1, 2])
+    ('"13 mm"', 'true', '[1, 2]')
+    """
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if value is None:
+        return "nothing"
+    if isinstance(value, float):
+        return f"{float(value):g}"
+    if isinstance(value, int) and value.bit_length() > _LONGEST * 4:
+        return "a number of more than 60 digits"
+    return _beginning(value)
+
+
+def _beginning(value: object) -> str:
+    """Show a value as far as it fits, looking at no more of it than that."""
+    if isinstance(value, Mapping):
+        shown = (f"{shortened(str(key))} = {show_value(item)}" for key, item in value.items())
+        text = "{" + _joined(shown) + "}"
+    elif isinstance(value, list | tuple):
+        text = "[" + _joined(show_value(item) for item in value) + "]"
+    elif isinstance(value, str):
+        text = f'"{value[:_LONGEST]}"'
+    else:
+        text = str(value)
+    return shortened(text)
+
+
+def _joined(items: Iterable[str]) -> str:
+    text = ""
+    for number, item in enumerate(items):
+        text += f", {item}" if number else item
+        if len(text) > _LONGEST:
+            break
+    return text
+
+
+def shortened(text: str, longest: int = _LONGEST) -> str:
+    """Cut a text for a message.
+
+    Examples
+    --------
+    >>> shortened("a" * 100, 10)
+    'aaaaaa ...'
+    """
+    return text if len(text) <= longest else text[: longest - 4] + " ..."
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """Give "; nearest is 'x'" for the most similar name, or an empty text.
+
+    Examples
+    --------
+    >>> nearest("stifness", ["stiffness", "stroke"])
+    "; nearest is 'stiffness'"
+    """
+    known = list(dict.fromkeys(names))
+    numbered = [item for item in known if item.isdigit()]
+    if name.isdigit() and numbered:
+        closest = min(numbered, key=lambda item: abs(int(item) - int(name)))
+        return f"; nearest is '{closest}'"
+    lower = {item.lower(): item for item in reversed(known)}
+    match = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.5)
+    return f"; nearest is '{lower[match[0]]}'" if match else ""
+
+
+def choices(names: Iterable[str], *, most: int = 12) -> str:
+    """List names for a message, shortened.
+
+    Examples
+    --------
+    >>> choices(["A", "B"])
+    "'A', 'B'"
+    """
+    known = list(names)
+    more = f" and {len(known) - most} more" if len(known) > most else ""
+    return ", ".join(f"'{name}'" for name in known[:most]) + more if known else "none"
+
+
+def describe_error(error: Mapping[str, Any], *, allowed: Iterable[str] = ()) -> str:
+    """Say in one sentence what a pydantic error means, with the value and what is allowed.
+
+    Parameters
+    ----------
+    error : mapping
+        An entry of `ValidationError.errors()`.
+    allowed : iterable of str
+        The keys that exist where the error is, for unknown keys.
+
+    Returns
+    -------
+    str
+        The text that follows the key's path.
+    """
+    kind, context = str(error["type"]), error.get("ctx", {})
+    key = str(error["loc"][-1]) if error["loc"] else ""
+    if kind == "missing":
+        return ": is missing"
+    if kind == "extra_forbidden":
+        return f": unknown key{nearest(key, allowed)}; allowed are {choices(allowed, most=40)}"
+    given = f" = {show_value(error.get('input'))}: "
+    if kind == "value_error":
+        return given + str(context["error"])
+    return given + _requirement(kind, context, str(error["msg"]))
+
+
+def _requirement(kind: str, context: Mapping[str, Any], message: str) -> str:
+    bounds = {
+        "greater_than": ("more than", "gt"),
+        "greater_than_equal": ("at least", "ge"),
+        "less_than": ("less than", "lt"),
+        "less_than_equal": ("at most", "le"),
+    }
+    if kind in bounds:
+        words, name = bounds[kind]
+        return f"must be {words} {context[name]:g}"
+    if kind == "literal_error":
+        return f"must be {context['expected']}"
+    if kind in ("too_short", "too_long"):
+        bound, limit = (
+            ("at least", "min_length") if kind == "too_short" else ("at most", "max_length")
+        )
+        return f"needs {bound} {context[limit]}, has {context['actual_length']}"
+    plain = {
+        "string_type": "must be text in quotes",
+        "float_type": "must be a plain number, without quotes or unit",
+        "float_parsing": "must be a plain number, without quotes or unit",
+        "int_type": "must be a whole number",
+        "bool_type": "must be true or false",
+        "finite_number": "must be a finite number",
+        "list_type": "must be a list",
+        "tuple_type": "must be a list",
+        "dict_type": "must be a table",
+        "model_type": "must be a table",
+        "model_attributes_type": "must be a table",
+    }
+    return plain.get(kind, message.removeprefix("Input should be ").join(("must be ", "")))

@@ -1,0 +1,47 @@
+"""Which sources a kept or stored result depends on: the one list for keys and digests.
+
+Results are kept under a digest of the sources that made them, so that nothing stale is ever found.
+A package that is missing here would keep results that a change of it has made wrong;
+`tests/layers/test_sources.py` compares the lists with what the code imports.
+"""
+
+import hashlib
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+KERNELS = ("kernels", "law", "integrate", "machine/compute")
+"""All that is compiled into kernels."""
+
+RAILS = ("section", "beam", "reduction", "mechanism")
+"""All that makes sections and superelements, whose inputs are part of their keys."""
+
+THROWS = (
+    *("scheme.py", "core", "kernels", "schema", "panel", "section", "beam", "reduction", "law"),
+    *("machine", "mechanism", "condense", "integrate", "response", "metric", "study", "sweep"),
+)
+"""All that makes or changes a number that a sweep stores."""
+
+
+@cache
+def digest_of_sources(packages: Sequence[str]) -> str:
+    """Return a digest of names and contents of the modules of some packages.
+
+    Parameters
+    ----------
+    packages : tuple of str
+        Folders or modules below that of turnout, such as `KERNELS`.
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits.
+    """
+    root = Path(__file__).parents[1]
+    found = hashlib.sha256()
+    for package in packages:
+        place = root / package
+        for source in [place] if place.suffix else sorted(place.rglob("*.py")):
+            found.update(source.relative_to(root).as_posix().encode())
+            found.update(source.read_bytes())
+    return found.hexdigest()[:16]

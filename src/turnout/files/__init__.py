@@ -1,1 +1,0 @@
-"""Reading and writing files: unit-bearing TOML, atomic writes, provenance, progress."""

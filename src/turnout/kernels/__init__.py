@@ -1,0 +1,1 @@
+"""Compiled kernels: compilation and its cache, interruption, eight numbers at a time."""

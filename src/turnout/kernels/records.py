@@ -1,0 +1,256 @@
+"""Records of arrays that kernels take by reference.
+
+A kernel that takes a named tuple of arrays by value gets every pointer and every length of it on
+each call, hundreds of numbers, which costs more than what a small kernel does. `shared_record` lays
+these numbers down in memory once and hands kernels the address alone. In Python as in a kernel the
+arrays are read as attributes of the same names; which arrays they are can no longer be changed,
+what is in them can.
+"""
+
+import itertools
+from collections.abc import Mapping
+from functools import cache
+from typing import Any, NamedTuple, TypeVar, cast
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import (
+    NativeValue,
+    infer_getattr,
+    lower_getattr_generic,
+    models,
+    register_model,
+    typeof_impl,
+    unbox,
+)
+from numba.np.arrayobj import make_array, populate_array
+from numpy.typing import NDArray
+
+from turnout.kernels.lanes import LANES, zeros_in_lines
+
+T = TypeVar("T", bound=NamedTuple)
+
+_WORD = ir.IntType(64)
+
+
+class _SharedType(types.Type):
+    """What a kernel knows of a shared record: names, kinds and places of its arrays."""
+
+    def __init__(self, record: str, fields: tuple[tuple[str, str, int], ...]) -> None:
+        self.record = record
+        self.fields = fields
+        kinds = ", ".join(f"{name}: {kind}{ndim}" for name, kind, ndim in fields)
+        super().__init__(name=f"Shared({record}: {kinds})")
+        starts = itertools.accumulate((1 + ndim for *_, ndim in fields), initial=0)
+        self.word_of = {name: word for (name, *_), word in zip(fields, starts, strict=False)}
+
+    def array_at(self, wanted: str) -> tuple[types.Array, int] | None:
+        """Return the type of an array and the word where its numbers begin."""
+        for name, kind, ndim in self.fields:
+            if name == wanted:
+                array = types.Array(numba.from_dtype(np.dtype(kind)), ndim, "C")
+                return array, self.word_of[name]
+        return None
+
+
+@register_model(_SharedType)
+class _SharedModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: _SharedType) -> None:
+        super().__init__(manager, kind, _WORD)
+
+
+class Shared:
+    """A named tuple of arrays with its address; made by `shared_record` and `clone_record`.
+
+    Vectors are pieces of one `memory`, `vectors` tells which; `words` are the numbers that kernels
+    are handed, the address and the lengths of each array. `arrays` are those asked for so far.
+    """
+
+    __slots__ = ("address", "arrays", "kind", "memory", "vectors", "words")
+
+    def __init__(
+        self,
+        kind: _SharedType,
+        memory: NDArray[np.float64],
+        vectors: Mapping[str, tuple[int, int, np.dtype[Any]]],
+        words: NDArray[np.int64],
+    ) -> None:
+        self.kind, self.memory, self.vectors, self.words = kind, memory, vectors, words
+        self.arrays: dict[str, NDArray[Any]] = {}
+        self.address = int(words.ctypes.data)
+
+    def __reduce__(self) -> str:
+        """Refuse to be copied or sent elsewhere: the address would not move along."""
+        msg = f"a shared {self.kind.record} stays where it is in memory; copy its arrays"
+        raise TypeError(msg)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return one of the arrays."""
+        found = self.arrays.get(name)
+        if found is None:
+            if name not in self.vectors:
+                raise AttributeError(name)
+            start, size, dtype = self.vectors[name]
+            found = self.arrays[name] = self.memory[start : start + size].view(dtype)
+        return found
+
+
+@cache
+def _kind(record: type[Any], arrays: tuple[tuple[str, int], ...]) -> _SharedType:
+    named = zip(record._fields, arrays, strict=True)
+    return _SharedType(record.__name__, tuple((name, *array) for name, array in named))
+
+
+def shared_record(arrays: T, **beyond: float) -> T:
+    """Return a named tuple of arrays as a record that kernels take by reference.
+
+    Parameters
+    ----------
+    arrays : named tuple of ndarray
+        Contiguous arrays of floats or integers, of 8 bytes each.
+    **beyond : float
+        What stands behind the end of a vector of floats, up to the end of its line of memory;
+        else zero.
+
+    Returns
+    -------
+    named tuple of ndarray
+        It has the attributes of `arrays` but is no tuple. Vectors are copies, which lie next to
+        each other and begin and end with whole lines of memory (`turnout.kernels.lanes`); what has
+        more dimensions is the same memory.
+
+    Raises
+    ------
+    TypeError
+        If something in it is not a contiguous array of such numbers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from turnout.law.table import LawTableBuilder
+    >>> builder = LawTableBuilder()
+    >>> law = builder.add_contact(0, stiffness=2.0, clearance=0.5)
+    >>> shared_record(builder.table()).offset.tolist()
+    [0.5]
+    """
+    vectors, words, at = {}, [], 0
+    for name, array in zip(arrays._fields, arrays, strict=True):
+        if not (isinstance(array, np.ndarray) and array.flags.c_contiguous and array.itemsize == 8):
+            msg = f"{type(arrays).__name__}.{name} must be an array of 8-byte numbers without gaps"
+            raise TypeError(msg)
+        if array.ndim == 1:
+            vectors[name] = (at, array.size, array.dtype)
+            at += -(-array.size // LANES) * LANES
+        words += [array.ctypes.data if array.ndim != 1 else 0, *array.shape]
+    kind = _kind(type(arrays), tuple([(array.dtype.str, array.ndim) for array in arrays]))
+    record = Shared(kind, zeros_in_lines(at), vectors, np.array(words, dtype=np.int64))
+    first = record.memory.ctypes.data
+    for name, array in zip(arrays._fields, arrays, strict=True):
+        if name not in vectors:
+            record.arrays[name] = array
+            continue
+        start, size, _ = vectors[name]
+        record.words[kind.word_of[name]] = first + 8 * start
+        getattr(record, name)[:] = array
+        if name in beyond:
+            record.memory[start + size : start + -(-size // LANES) * LANES] = beyond[name]
+    return cast("T", record)
+
+
+def clone_record(record: T, **matrices: NDArray[Any]) -> T:
+    """Return a record of the same content with vectors of its own.
+
+    Parameters
+    ----------
+    record : named tuple of ndarray
+        Made by `shared_record`.
+    **matrices : ndarray
+        All its arrays of more dimensions, of the same shapes.
+
+    Returns
+    -------
+    named tuple of ndarray
+        As of `shared_record`.
+
+    Examples
+    --------
+    >>> from typing import NamedTuple
+    >>> import numpy as np
+    >>> class Pair(NamedTuple):
+    ...     left: np.ndarray
+    ...     right: np.ndarray
+    >>> first = shared_record(Pair(np.arange(3.0), np.ones((2, 2))))
+    >>> second = clone_record(first, right=np.zeros((2, 2)))
+    >>> second.left[0] = 5.0
+    >>> first.left.tolist(), second.left.tolist(), float(second.right.sum())
+    ([0.0, 1.0, 2.0], [5.0, 1.0, 2.0], 0.0)
+    """
+    given = cast("Shared", record)
+    if matrices.keys() != given.kind.word_of.keys() - given.vectors.keys():
+        msg = f"another {given.kind.record} needs all of its matrices anew"
+        raise TypeError(msg)
+    words = given.words.copy()
+    found = Shared(given.kind, zeros_in_lines(given.memory.size), given.vectors, words)
+    found.memory[:] = given.memory
+    moved = found.memory.ctypes.data - given.memory.ctypes.data
+    words[[given.kind.word_of[name] for name in given.vectors]] += moved
+    for name, array in matrices.items():
+        found.arrays[name] = array
+        words[given.kind.word_of[name]] = array.ctypes.data
+    return cast("T", found)
+
+
+@typeof_impl.register(Shared)
+def _kind_of(record: Shared, _context: Any) -> _SharedType:
+    return record.kind
+
+
+@unbox(_SharedType)
+def _address_of(_kind: _SharedType, record: Any, compiler: Any) -> NativeValue:
+    address = compiler.pyapi.object_getattr_string(record, "address")
+    value = compiler.unbox(types.int64, address)
+    compiler.pyapi.decref(address)
+    return NativeValue(value.value, is_error=value.is_error)
+
+
+@infer_getattr
+class _SharedAttribute(AttributeTemplate):
+    key = _SharedType
+
+    def generic_resolve(self, kind: Any, name: str) -> Any:  # type: ignore[override]
+        found = kind.array_at(name)
+        return None if found is None else found[0]
+
+
+@lower_getattr_generic(_SharedType)
+def _read_array(context: Any, builder: Any, kind: _SharedType, address: Any, name: str) -> Any:
+    found = kind.array_at(name)
+    assert found is not None
+    array_type, first = found
+    words = builder.inttoptr(address, _WORD.as_pointer())
+
+    def read(at: int) -> Any:
+        word = builder.load(builder.gep(words, [ir.Constant(_WORD, at)]))
+        # never written while kernels run, so that it need not be read again after every store
+        word.set_metadata("invariant.load", builder.module.add_metadata([]))
+        return word
+
+    shape = [read(first + 1 + axis) for axis in range(array_type.ndim)]
+    size = context.get_abi_sizeof(context.get_data_type(array_type.dtype))
+    step = ir.Constant(_WORD, size)
+    strides = [step]
+    for length in reversed(shape[1:]):
+        strides.insert(0, builder.mul(strides[0], length))
+    array = make_array(array_type)(context, builder)
+    populate_array(
+        array,
+        data=builder.inttoptr(read(first), array.data.type),
+        shape=shape,
+        strides=strides,
+        itemsize=step,
+        meminfo=None,
+    )
+    return array._getvalue()

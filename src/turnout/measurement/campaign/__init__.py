@@ -1,0 +1,1 @@
+"""Campaigns: a folder of recordings with its run sheet."""

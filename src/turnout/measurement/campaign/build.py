@@ -1,0 +1,396 @@
+"""From a folder of recordings and its run sheet to one dataset of movements.
+
+Movements stacked into one dataset, each with time zero at its onset.
+"""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.core.provenance import provenance
+from turnout.errors import ListedError, MeasurementError, TurnoutError
+from turnout.measurement.campaign.fit_of_files import (
+    check_files,
+    extra_files,
+    force_remarks,
+    order_remarks,
+    series_remarks,
+    slip_remarks,
+)
+from turnout.measurement.campaign.inside import refuse_links_out, refuse_outside
+from turnout.measurement.campaign.piece import STORE, Piece, kept_pieces
+from turnout.measurement.campaign.sheet import Run, RunSheet, find_sheet, read_sheet
+from turnout.measurement.campaign.signals import force_changes
+from turnout.measurement.campaign.throws import Detection
+from turnout.measurement.chain.apply import load_channel_map, map_hash
+from turnout.measurement.chain.channel_map import ChannelMap
+from turnout.measurement.chain.condition import moving_average
+from turnout.measurement.quality.channel import MEASURED, Limits
+from turnout.measurement.quality.judge import Expected, Verdict, judge
+from turnout.measurement.quality.throw import (
+    Profile,
+    early_profile,
+    open_level,
+    typical_profile,
+)
+from turnout.schema.channels import SCHEMA_VERSION, label
+
+
+def stacked(members: Sequence[tuple[Run, Piece]], slipped: Sequence[bool | None]) -> xr.Dataset:
+    """Stack movements of one sampling rate.
+
+    Parameters
+    ----------
+    members : sequence of (Run, Piece)
+        Usable movements.
+    slipped : sequence of bool or None
+        Whether a drive slipped, as measured; the sheet's word counts where that is None.
+
+    Returns
+    -------
+    xarray.Dataset
+        Channels (movement, [drive,] time), filtered over 0.1 s, and unfiltered under the same name
+        with "_unfiltered". Time is zero at the onset; NaN where a movement was not recorded, and in
+        `object_force` where no load cell was mounted.
+    """
+    rate = round(members[0][1].rate, 3)
+    starts = [_onset_sample(piece) for _, piece in members]
+    before = max(starts)
+    after = max(
+        piece.dataset.sizes["time"] - start
+        for (_, piece), start in zip(members, starts, strict=True)
+    )
+    time = (np.arange(before + after) - before) / rate
+    drives = list(
+        dict.fromkeys(str(name) for _, piece in members for name in piece.dataset["drive"].values)
+    )
+    variables: dict[str, Any] = {}
+    for name in MEASURED:
+        if not any(name in piece.dataset for _, piece in members):
+            continue
+        rows = 1 if name == "object_force" else len(drives)
+        raw = np.full((len(members), rows, time.size), np.nan)
+        smooth = np.full_like(raw, np.nan)
+        for number, ((run, piece), start) in enumerate(zip(members, starts, strict=True)):
+            if name not in piece.dataset or (name == "object_force" and not run.load_cell):
+                continue
+            values = _of_drives(piece.dataset[name], drives)
+            place = slice(before - start, before - start + values.shape[-1])
+            raw[number, :, place] = values
+            for row, line in enumerate(values):
+                smooth[number, row, place] = moving_average(line, rate=rate)
+        dims = ("movement", "time") if name == "object_force" else ("movement", "drive", "time")
+        flat = name == "object_force"
+        variables[name] = (dims, smooth[:, 0] if flat else smooth)
+        variables[f"{name}_unfiltered"] = (dims, raw[:, 0] if flat else raw)
+    coordinates = {"time": time, "drive": np.array(drives), **_coordinates(members, slipped)}
+    return label(xr.Dataset(variables, coordinates))
+
+
+def _coordinates(
+    members: Sequence[tuple[Run, Piece]], slipped: Sequence[bool | None]
+) -> dict[str, Any]:
+    """Return what the sheet and the recordings say of each movement."""
+    runs, pieces = zip(*members, strict=True)
+    known = [
+        bool(run.slip) if measured is None else measured
+        for run, measured in zip(runs, slipped, strict=True)
+    ]
+    columns: dict[str, Any] = {
+        "direction": [run.direction for run in runs],
+        "size": [float(run.size) for run in runs],
+        "place": [run.place for run in runs],
+        "repeat": np.array([run.repeat for run in runs], dtype=np.int64),
+        "slipped": known,
+        "remark": [run.remark for run in runs],
+        "file": [run.file for run in runs],
+        "start_time": [piece.start_time for piece in pieces],
+        "onset": [piece.throw.onset for piece in pieces],
+    }
+    named: dict[str, Any] = {
+        key: ("movement", np.asarray(values)) for key, values in columns.items()
+    }
+    return {"movement": np.array([run.name for run in runs]), **named}
+
+
+def _onset_sample(piece: Piece) -> int:
+    """Return the number of the sample at the onset of a movement."""
+    return round((piece.throw.onset - float(piece.dataset["time"][0])) * piece.rate)
+
+
+def _of_drives(channel: xr.DataArray, drives: Sequence[str]) -> np.ndarray:
+    """Return a row a drive, NaN for a drive that the channel lacks; one row without drives."""
+    if "drive" not in channel.dims:
+        return np.atleast_2d(channel.values)
+    return np.asarray(channel.reindex(drive=list(drives)).transpose("drive", "time").values)
+
+
+CHANNEL_FILE = "channels.toml"
+# A motor that runs longer than the campaign's others by this was switched off by its time-out [s].
+OVERRUN = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Excluded:
+    """A movement that is not in the dataset, and every reason."""
+
+    run: Run
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Campaign:
+    """What came of a campaign.
+
+    Attributes
+    ----------
+    dataset : xarray.Dataset or None
+        Dimensions movement and time; None where no movement is usable.
+    sheet : RunSheet
+        As it was read.
+    excluded : tuple of Excluded
+        What is not in the dataset.
+    remarks : tuple of str
+        What does not exclude a movement but should be looked at.
+    reused : int
+        Movements that had been cut before.
+    """
+
+    dataset: xr.Dataset | None
+    sheet: RunSheet
+    excluded: tuple[Excluded, ...]
+    remarks: tuple[str, ...]
+    reused: int
+
+
+def build_campaign(
+    folder: Path | str,
+    *,
+    channels: Path | str | None = None,
+    strict: bool = False,
+    allow_outside: bool = False,
+    detection: Detection | None = None,
+    limits: Limits | None = None,
+    report: Callable[[int, int], None] | None = None,
+) -> Campaign:
+    """Read a campaign: cut, judge and filter each movement, and stack the usable ones.
+
+    Each movement is stored in the folder as soon as it is cut. A later build takes up what it
+    finds, whatever went wrong in between.
+
+    Parameters
+    ----------
+    folder : path-like
+        With a run sheet and the recordings.
+    channels : path-like, optional
+        Channel map; default `channels.toml` in the folder.
+    strict : bool
+        Whether a movement that must be excluded is an error.
+    allow_outside : bool
+        Whether files of the campaign may lie outside its folder.
+    detection : Detection, optional
+        What counts as a throw.
+    limits : Limits, optional
+        From what size on something is a fault.
+    report : callable, optional
+        Called with movements done and movements in all.
+
+    Returns
+    -------
+    Campaign
+
+    Raises
+    ------
+    FileError
+        When folder, sheet or channel map cannot be read.
+    MeasurementError
+        When the sheet is wrong, names files that are missing or outside the folder, or, if
+        `strict`, a movement is excluded.
+    """
+    folder = Path(folder)
+    sheet_file = find_sheet(folder)
+    if not allow_outside:
+        for path in (sheet_file, *([folder / CHANNEL_FILE] if channels is None else [])):
+            refuse_outside(path, folder)
+    refuse_links_out(folder / STORE, folder)
+    sheet = read_sheet(sheet_file)
+    check_files(sheet, folder, allow_outside=allow_outside)
+    channel_map = load_channel_map(channels if channels is not None else folder / CHANNEL_FILE)
+    pieces, reused = _pieces(
+        folder,
+        sheet.runs,
+        channel_map,
+        allow_outside=allow_outside,
+        detection=detection,
+        report=report,
+    )
+    verdicts = _verdicts(sheet.runs, pieces, channel_map, limits=limits)
+    excluded = tuple(
+        Excluded(run, _reasons(found))
+        for run, found in zip(sheet.runs, verdicts, strict=True)
+        if isinstance(found, TurnoutError) or not found.usable
+    )
+    if strict and excluded:
+        problems = [
+            f"{item.run.where}: {item.run.name}: {'; '.join(item.reasons)}" for item in excluded
+        ]
+        raise MeasurementError(problems, source=str(folder))
+    usable = [
+        (run, piece, found)
+        for run, piece, found in zip(sheet.runs, pieces, verdicts, strict=True)
+        if isinstance(piece, Piece) and isinstance(found, Verdict) and found.usable
+    ]
+    slipped = _slipped([piece for _, piece, _ in usable])
+    remarks = [*extra_files(sheet, folder), *_remarks(usable, slipped)]
+    dataset = _dataset(usable, slipped, sheet, channel_map, excluded) if usable else None
+    return Campaign(dataset, sheet, excluded, tuple(remarks), reused)
+
+
+def _pieces(
+    folder: Path,
+    runs: Sequence[Run],
+    channel_map: ChannelMap,
+    *,
+    allow_outside: bool,
+    detection: Detection | None,
+    report: Callable[[int, int], None] | None,
+) -> tuple[list[Piece | TurnoutError], int]:
+    """Return the movement of each run, and how many had been cut before; a file is read once."""
+    members: dict[str, list[int]] = {}
+    for number, run in enumerate(runs):
+        members.setdefault(run.file, []).append(number)
+    pieces: dict[int, Piece | TurnoutError] = {}
+    reused = 0
+    if report is not None:
+        report(0, len(runs))
+    for numbers in members.values():
+        own = [runs[number] for number in numbers]
+        found = kept_pieces(
+            folder, own, channel_map, allow_outside=allow_outside, detection=detection
+        )
+        for number, (piece, known) in zip(numbers, found, strict=True):
+            pieces[number] = piece
+            reused += known
+            if report is not None:
+                report(len(pieces), len(runs))
+    return [pieces[number] for number in range(len(runs))], reused
+
+
+def _verdicts(
+    runs: Sequence[Run],
+    pieces: Sequence[Piece | TurnoutError],
+    channel_map: ChannelMap,
+    *,
+    limits: Limits | None,
+) -> list[Verdict | TurnoutError]:
+    """Judge each movement against the rest of the campaign."""
+    good = [
+        (run, piece) for run, piece in zip(runs, pieces, strict=True) if isinstance(piece, Piece)
+    ]
+    rates = [round(piece.rate, 3) for _, piece in good]
+    usual = max(set(rates), key=rates.count) if rates else None
+    profiles: dict[str, list[Profile]] = {}
+    levels: dict[tuple[str, int], list[NDArray[np.float64]]] = {}
+    for run, piece in good:
+        profile = early_profile(piece.dataset, piece.throw)
+        if profile is not None and profile.forces.shape[0] == piece.dataset.sizes["drive"]:
+            profiles.setdefault(run.direction, []).append(profile)
+        level = open_level(piece.dataset, piece.throw, direction=run.direction)
+        if level is not None:
+            levels.setdefault((run.direction, level.size), []).append(level)
+    typical = {direction: typical_profile(found) for direction, found in profiles.items()}
+    # Two that differ do not tell which of them is off.
+    usual_levels = {
+        key: np.median(found, axis=0) for key, found in levels.items() if len(found) >= 3
+    }
+    verdicts: list[Verdict | TurnoutError] = []
+    for run, found in zip(runs, pieces, strict=True):
+        if not isinstance(found, Piece):
+            verdicts.append(found)
+            continue
+        expected = Expected(
+            direction=run.direction,
+            load_cell=run.load_cell and channel_map.object_force is not None,
+            rate=usual,
+            profile=typical.get(run.direction),
+            open_level=usual_levels.get((run.direction, found.dataset.sizes["drive"])),
+        )
+        verdicts.append(judge(found.dataset, found.throw, expected=expected, limits=limits))
+    return verdicts
+
+
+def _reasons(found: Verdict | TurnoutError) -> tuple[str, ...]:
+    """Return every reason to leave a movement out."""
+    if isinstance(found, ListedError):
+        return found.problems
+    return (str(found),) if isinstance(found, TurnoutError) else found.reasons
+
+
+def _slipped(pieces: Sequence[Piece]) -> list[bool | None]:
+    """Tell from the currents whether a motor ran until it was switched off; None without them."""
+    runs = [np.array(piece.throw.drive_ends) - piece.throw.onset for piece in pieces]
+    known = [times[np.isfinite(times)] for times in runs]
+    if not any(times.size for times in known):
+        return [None] * len(pieces)
+    # Among the short ones, as in a campaign of large objects most drives may slip.
+    usual = float(np.quantile(np.concatenate(known), 0.1))
+    return [bool((times > usual + OVERRUN).any()) if times.size else None for times in known]
+
+
+def _remarks(
+    usable: Sequence[tuple[Run, Piece, Verdict]], slipped: Sequence[bool | None]
+) -> list[str]:
+    runs = [run for run, _, _ in usable]
+    forces = [
+        float(force_changes(piece.dataset["drive_force"].values, rate=piece.rate).sum())
+        for _, piece, _ in usable
+    ]
+    said: dict[str, list[Run]] = {}
+    for run, piece, verdict in usable:
+        for text in (*piece.notes, *verdict.remarks):
+            said.setdefault(text, []).append(run)
+    return [
+        *order_remarks(runs, [piece.start_time for _, piece, _ in usable]),
+        *slip_remarks(runs, slipped),
+        *series_remarks(runs, slipped),
+        *force_remarks(runs, forces),
+        # What the recorder does it does in every file: said once.
+        *(f"{_first_of(among)}: {text}" for text, among in said.items()),
+    ]
+
+
+def _first_of(runs: Sequence[Run]) -> str:
+    """Name the first of some movements and how many more there are."""
+    more = f" and {len(runs) - 1} more" if len(runs) > 1 else ""
+    return f"{runs[0].where}: {runs[0].name}{more}"
+
+
+def _dataset(
+    usable: Sequence[tuple[Run, Piece, Verdict]],
+    slipped: Sequence[bool | None],
+    sheet: RunSheet,
+    channel_map: ChannelMap,
+    excluded: Sequence[Excluded],
+) -> xr.Dataset:
+    dataset = stacked([(run, piece) for run, piece, _ in usable], slipped)
+    out: list[dict[str, Any]] = [
+        {"movement": item.run.name, "file": item.run.file, "reasons": list(item.reasons)}
+        for item in excluded
+    ]
+    attributes: dict[str, Any] = {
+        "title": sheet.title,
+        "kind": "measurement" if not sheet.synthetic else "synthetic measurement",
+        "synthetic": sheet.synthetic,
+        **provenance(),
+        "schema_version": SCHEMA_VERSION,
+        "channel_map_hash": map_hash(channel_map),
+        "filter": "moving average over 0.1 s",
+        "excluded": json.dumps(out),
+    }
+    return dataset.assign_attrs(attributes)

@@ -1,0 +1,79 @@
+"""What a folder that came from elsewhere may name: its own files, unless more is permitted.
+
+A run sheet can name `../x.csv` or `/etc/passwd`, and a link in the folder can lead anywhere: to
+files that are then read, or to files that are then replaced.
+"""
+
+import os
+from pathlib import Path
+
+from turnout.errors import FileError
+
+PERMIT = "permit it by --allow-outside (in Python allow_outside=True)"
+
+
+def leads_outside(path: Path, folder: Path) -> bool:
+    """Tell whether a path, with every link in it followed, is not within a folder.
+
+    Examples
+    --------
+    >>> leads_outside(Path("campaign/../x.csv"), Path("campaign"))
+    True
+    >>> leads_outside(Path("campaign/x.csv"), Path("campaign"))
+    False
+    """
+    return not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
+
+
+def refuse_outside(path: Path, folder: Path) -> None:
+    """Refuse to read a file of a folder that lies elsewhere.
+
+    Raises
+    ------
+    FileError
+        Naming the file and where it leads.
+    """
+    if leads_outside(path, folder):
+        message = f"{path}: {where_to(path, folder)}; move it there, or {PERMIT}"
+        raise FileError(message)
+
+
+def refuse_to_leave(path: Path, folder: Path) -> None:
+    """Refuse to write through a link of a folder to what lies outside.
+
+    A path that is not in the folder by its own name is the user's to choose, and passes.
+
+    Raises
+    ------
+    FileError
+        Naming the path and where it leads.
+    """
+    named = Path(os.path.abspath(path)).is_relative_to(os.path.abspath(folder))
+    stands = Path(os.path.realpath(path.parent)).is_relative_to(os.path.realpath(folder))
+    if (named or stands) and leads_outside(path, folder):
+        message = (
+            f"{path}: a link leads to {os.path.realpath(path)}, outside {folder}, and is not "
+            "written through; remove the link, or name another file"
+        )
+        raise FileError(message)
+
+
+def refuse_links_out(store: Path, folder: Path) -> None:
+    """Refuse a store in a folder that a link, itself or within it, takes outside.
+
+    Raises
+    ------
+    FileError
+        Naming the link.
+    """
+    refuse_to_leave(store, folder)
+    for path in store.rglob("*"):
+        if path.is_symlink():
+            refuse_to_leave(path, folder)
+
+
+def where_to(path: Path, folder: Path) -> str:
+    """Say that a path is not within a folder, and what it leads to."""
+    target = os.path.realpath(path)
+    shown = "" if target == os.path.abspath(path) else f" (it leads to {target})"
+    return f"lies outside {folder}{shown}"

@@ -1,0 +1,218 @@
+"""One movement of a campaign, cut out of its recording and kept so that it is read once only."""
+
+import hashlib
+import io
+import json
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from turnout.core.atomic import write_atomic
+from turnout.core.provenance import content_hash, version
+from turnout.core.regular import require_regular_file
+from turnout.errors import FileError, MeasurementError, TurnoutError
+from turnout.measurement.campaign.sheet import Run
+from turnout.measurement.campaign.throws import Detection, Throw, find_throws
+from turnout.measurement.chain.apply import apply_chain, map_hash
+from turnout.measurement.chain.channel_map import ChannelMap
+from turnout.measurement.formats.files import read_recording
+from turnout.measurement.quality.channel import MEASURED
+
+STORE = ".turnout"
+# Raised when what a piece holds, or how it is cut, changes.
+PIECE_VERSION = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """The part of a recording that holds one movement.
+
+    Attributes
+    ----------
+    dataset : xarray.Dataset
+        Unfiltered channels in SI on the time of the recording.
+    throw : Throw
+        Where the movement lies in `dataset`.
+    start_time : str
+        Date and time of the recording; empty where it tells none.
+    notes : tuple of str
+        What had to be mended while reading.
+    """
+
+    dataset: xr.Dataset
+    throw: Throw
+    start_time: str
+    notes: tuple[str, ...]
+
+    @property
+    def rate(self) -> float:
+        """Samples a second [1/s]."""
+        time = self.dataset["time"].values
+        return float((time.size - 1) / (time[-1] - time[0]))
+
+
+def kept_pieces(
+    folder: Path,
+    runs: Sequence[Run],
+    channel_map: ChannelMap,
+    *,
+    allow_outside: bool = False,
+    detection: Detection | None = None,
+) -> Iterator[tuple[Piece | TurnoutError, bool]]:
+    """Yield the movements of one recording, from the store of the campaign or cut and stored.
+
+    The file is read once, and only when one of its movements is not in the store. A bad recording
+    comes back as the error that says what is wrong with it, so that the others of the campaign are
+    built all the same.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the campaign.
+    runs : sequence of Run
+        Lines of the sheet, all of the same file.
+    channel_map : ChannelMap
+        From columns to forces and currents.
+    allow_outside : bool
+        Whether a recording may take samples from other files.
+    detection : Detection, optional
+        What counts as a throw.
+
+    Yields
+    ------
+    piece : Piece or TurnoutError
+        For each run, in their order.
+    reused : bool
+        Whether it had been cut before, from the same file and map.
+    """
+    path = folder / runs[0].file
+    try:
+        require_regular_file(path)
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+    except (OSError, FileError) as error:
+        why = getattr(error, "strerror", None) or error
+        unread = error if isinstance(error, FileError) else FileError(f"{path}: {why}")
+        yield from ((unread, False) for _ in runs)
+        return
+    shared = {
+        "file": digest,
+        "map": map_hash(channel_map),
+        "detection": asdict(detection or Detection()),
+        "version": f"{version()} {PIECE_VERSION}",
+    }
+    found: _Found | TurnoutError | None = None
+    for run in runs:
+        key = content_hash({**shared, "movement": run.movement})
+        stored = folder / STORE / f"{key[:32]}.npz"
+        piece = _stored(stored)
+        if piece is not None:
+            yield piece, True
+            continue
+        if found is None:
+            found = _found(path, channel_map, detection, allow_outside=allow_outside)
+        cut = found if isinstance(found, TurnoutError) else _cut(found, run.movement, path)
+        # A folder that may not be written to is read each time.
+        with suppress(FileError, OSError):
+            if isinstance(cut, Piece):
+                stored.parent.mkdir(exist_ok=True)
+                write_atomic(stored, _packed(cut))
+        yield cut, False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    """A recording in SI and every throw in it."""
+
+    dataset: xr.Dataset
+    throws: tuple[Throw, ...]
+
+
+def _found(
+    path: Path, channel_map: ChannelMap, detection: Detection | None, *, allow_outside: bool
+) -> _Found | TurnoutError:
+    try:
+        dataset = apply_chain(read_recording(path, allow_outside=allow_outside), channel_map)
+        if "drive_force" not in dataset:
+            message = "the channel map has no drive_force; a campaign needs the rods' forces"
+            raise MeasurementError([message], source=str(path))
+    except TurnoutError as error:
+        return error
+    return _Found(dataset, find_throws(dataset, detection=detection))
+
+
+def _cut(found: _Found, movement: int, path: Path) -> Piece | TurnoutError:
+    """Return a movement by its number in the recording, from 1."""
+    count = len(found.throws)
+    if count < movement:
+        there = {0: "nothing moves in it", 1: "it holds one throw"}.get(
+            count, f"it holds {count} throws"
+        )
+        message = f"movement {movement} is not in the recording: {there}"
+        return MeasurementError([message], source=str(path))
+    throw, dataset = found.throws[movement - 1], found.dataset
+    names = [name for name in MEASURED if name in dataset]
+    kept = dataset[names].isel(time=slice(throw.first, throw.stop)).reset_coords(drop=True)
+    notes = tuple(note for note in str(dataset.attrs.get("problems", "")).splitlines() if note)
+    return Piece(
+        dataset=kept.drop_attrs(),
+        throw=_moved(throw),
+        start_time=str(dataset.attrs.get("start_time", "")),
+        notes=notes,
+    )
+
+
+def _moved(throw: Throw) -> Throw:
+    """Count the samples of a throw from its own first one."""
+    values: dict[str, Any] = asdict(throw)
+    values |= {"first": 0, "stop": throw.stop - throw.first}
+    return Throw(**values)
+
+
+def _packed(piece: Piece) -> bytes:
+    described = {
+        "throw": asdict(piece.throw),
+        "start_time": piece.start_time,
+        "notes": piece.notes,
+        "dims": {name: list(piece.dataset[name].dims) for name in piece.dataset.data_vars},
+    }
+    arrays: dict[str, Any] = {str(name): piece.dataset[name].values for name in piece.dataset}
+    content = io.BytesIO()
+    np.savez(
+        content,
+        time=piece.dataset["time"].values,
+        drive=piece.dataset["drive"].values.astype(np.str_),
+        described=np.array(json.dumps(described)),
+        **arrays,
+    )
+    return content.getvalue()
+
+
+def _stored(path: Path) -> Piece | None:
+    """Return a piece from its file; None where there is none, it is damaged or not one of ours."""
+    try:
+        require_regular_file(path)
+        with zipfile.ZipFile(path) as archive:
+            # A piece is written uncompressed: what unpacks to more was not written here.
+            if sum(item.file_size for item in archive.infolist()) > path.stat().st_size:
+                return None
+        with np.load(path, allow_pickle=False) as arrays:
+            described: Mapping[str, Any] = json.loads(str(arrays["described"]))
+            dataset = xr.Dataset(
+                {name: (dims, arrays[name]) for name, dims in described["dims"].items()},
+                {"time": arrays["time"], "drive": arrays["drive"]},
+            )
+        values = dict(described["throw"])
+        values["drive_ends"] = tuple(values["drive_ends"])
+        notes = tuple(str(note) for note in described["notes"])
+        return Piece(dataset, Throw(**values), str(described["start_time"]), notes)
+    except (OSError, ValueError, LookupError, EOFError, zipfile.BadZipFile, FileError):
+        return None
+    except (TypeError, AttributeError, MemoryError, RecursionError, NotImplementedError):
+        return None

@@ -1,0 +1,389 @@
+"""The run sheet of a campaign: which file holds which movement, and how its values are read.
+
+Values of a run sheet: size, place, direction, numbers, yes and no. The run sheet of a campaign:
+which file holds which movement. See docs/campaign-format.md.
+"""
+
+import csv
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from turnout.core.problems import choices, nearest, show_value
+from turnout.core.toml import decode, parse_toml, read_bytes
+from turnout.core.units import LENGTH, parse_quantity
+from turnout.errors import FileError, MeasurementError
+from turnout.measurement.campaign.signals import CLOSING, OPENING
+
+# A larger object does not fit into any flangeway: its unit is wrong [m].
+LARGEST = 0.2
+FAMILIES = ("sleeper", "drive", "sensor", "chair", "stud", "stop", "link", "fastening")
+_NAMED = re.compile(rf"({'|'.join(FAMILIES)})\s*[-_ ]?\s*(\S.*)\Z", re.IGNORECASE)
+_TRUTH = {"yes": True, "no": False, "true": True, "false": False, "1": True, "0": False}
+_DIRECTIONS = {CLOSING: CLOSING, OPENING: OPENING, "close": CLOSING, "open": OPENING}
+
+
+def normal_place(text: str) -> str:
+    """Return a place as all datasets write it.
+
+    One word alone is taken as it is, since objects may lie at something that has a name on site.
+
+    Raises
+    ------
+    ValueError
+        When it is of no family of places, or a position has no unit.
+
+    Examples
+    --------
+    >>> normal_place("Sleeper6"), normal_place("x=3600 mm"), normal_place("-")
+    ('sleeper 6', 'x = 3.6 m', 'none')
+    """
+    words = " ".join(text.split())
+    if words.lower() in ("", "-", "none", "no object"):
+        return "none"
+    if re.match(r"x\s*=", words, re.IGNORECASE):
+        return f"x = {parse_quantity(words.split('=', 1)[1], LENGTH):.9g} m"
+    named = _NAMED.match(words)
+    if named is None and " " in words:
+        hint = nearest(words.split()[0], FAMILIES)
+        message = f"must be {choices(FAMILIES)} and a name, or such as 'x = 3.6 m'{hint}"
+        raise ValueError(message)
+    return f"{named[1].lower()} {named[2]}" if named else words
+
+
+def object_size(value: Any) -> float:
+    """Return the size of an object in a unit [m]; ValueError when it is none, or too large.
+
+    Examples
+    --------
+    >>> object_size("1.3 cm")
+    0.013
+    """
+    size = parse_quantity(value, LENGTH)
+    if size < 0:
+        message = "must be at least 0"
+        raise ValueError(message)
+    if size > LARGEST:
+        message = f"{size:g} m is no object in a switch, at most {LARGEST:g} m; check the unit"
+        raise ValueError(message)
+    return size
+
+
+def whole_number(value: Any) -> int:
+    """Return a number of a movement or a repeat; ValueError when it is no whole number from 1.
+
+    Examples
+    --------
+    >>> whole_number("2")
+    2
+    """
+    if isinstance(value, bool) or not re.fullmatch(r"[1-9]\d{0,5}", str(value)):
+        message = "must be a whole number from 1"
+        raise ValueError(message)
+    return int(value)
+
+
+def direction_name(value: Any) -> str:
+    """Return "closing" or "opening", also for "close" and "open"; ValueError for anything else.
+
+    Examples
+    --------
+    >>> direction_name("Open")
+    'opening'
+    """
+    known = _DIRECTIONS.get(str(value).strip().lower())
+    if known is None:
+        message = f'must be "{CLOSING}" or "{OPENING}"'
+        raise ValueError(message)
+    return known
+
+
+def truth(value: Any) -> bool:
+    """Return what yes or no says; ValueError for anything else.
+
+    Examples
+    --------
+    >>> truth("Yes")
+    True
+    """
+    known = _TRUTH.get(str(value).strip().lower())
+    if known is None:
+        message = "must be yes or no"
+        raise ValueError(message)
+    return known
+
+
+SHEETS = ("runs.csv", "runs.toml")
+LOAD_CELL_FROM = 0.013
+NEEDED = ("file", "direction", "size", "place")
+OPTIONAL = ("movement", "repeat", "slip", "load_cell", "remark")
+HEADINGS = ("title", "synthetic", "load_cell_from")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """One movement as the sheet has it.
+
+    Attributes
+    ----------
+    where : str
+        Line or number in the sheet, for messages.
+    file : str
+        Name of the recording, relative to the folder of the campaign.
+    movement : int
+        Which throw of that recording, from 1.
+    direction : str
+        "closing" or "opening".
+    size : float
+        Of the foreign object, 0 for none [m].
+    place : str
+        "sleeper 6", "drive 1", "x = 3.6 m"; "none" without an object.
+    repeat : int
+        Number among equal movements, from 1.
+    slip : bool or None
+        Whether a drive slipped; None where the sheet does not say.
+    load_cell : bool
+        Whether a load cell was mounted.
+    remark : str
+        What else there is to say.
+    """
+
+    where: str
+    file: str
+    movement: int
+    direction: str
+    size: float
+    place: str
+    repeat: int
+    slip: bool | None
+    load_cell: bool
+    remark: str
+
+    @property
+    def name(self) -> str:
+        """Name of the movement: its file, and its number where that is not the first."""
+        stem = str(Path(self.file).with_suffix(""))
+        return stem if self.movement == 1 else f"{stem}#{self.movement}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSheet:
+    """A run sheet as a whole.
+
+    Attributes
+    ----------
+    runs : tuple of Run
+        In the order of the sheet.
+    title : str
+        Of the campaign.
+    synthetic : str
+        How the recordings were made where they were not measured; empty where they were.
+    source : str
+        Path of the sheet.
+    """
+
+    runs: tuple[Run, ...]
+    title: str
+    synthetic: str
+    source: str
+
+
+def find_sheet(folder: Path | str) -> Path:
+    """Return the run sheet of a campaign's folder.
+
+    Raises
+    ------
+    FileError
+        When there is no such folder, no sheet in it, or two.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        what = "is a file, not a folder" if folder.exists() else "no such folder"
+        message = f"{folder}: {what}; name the folder of a campaign"
+        raise FileError(message)
+    found = [folder / name for name in SHEETS if (folder / name).is_file()]
+    if not found:
+        state = "is empty" if not any(folder.iterdir()) else "has no run sheet"
+        message = (
+            f"{folder}: {state}; put {' or '.join(SHEETS)} there, "
+            "as docs/campaign-format.md describes"
+        )
+        raise FileError(message)
+    if len(found) > 1:
+        message = f"{folder}: has two run sheets, {' and '.join(SHEETS)}; keep one"
+        raise FileError(message)
+    return found[0]
+
+
+def read_sheet(path: Path | str) -> RunSheet:
+    r"""Read a run sheet.
+
+    Parameters
+    ----------
+    path : path-like
+        A CSV or TOML file.
+
+    Returns
+    -------
+    RunSheet
+
+    Raises
+    ------
+    FileError
+        When it cannot be read.
+    MeasurementError
+        With everything that is wrong in it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "runs.csv"
+    >>> _ = file.write_text("file,direction,size [mm],place\na.csv,closing,13,Sleeper6\n")
+    >>> run = read_sheet(file).runs[0]
+    >>> run.size, run.place, run.load_cell
+    (0.013, 'sleeper 6', True)
+    """
+    path = Path(path)
+    content = read_bytes(path)
+    if path.suffix.lower() == ".toml":
+        headings, rows = _toml_rows(decode(content, source=str(path)), path)
+    else:
+        headings, rows = _csv_rows(_decoded(content, path), path)
+    problems: list[str] = []
+    mounted_from = LOAD_CELL_FROM
+    if "load_cell_from" in headings:
+        try:
+            mounted_from = parse_quantity(headings["load_cell_from"], LENGTH)
+        except ValueError as error:
+            given = show_value(headings["load_cell_from"])
+            problems.append(f"load_cell_from = {given}: {error}")
+    problems += [
+        f"{name}: unknown heading{nearest(name, HEADINGS)}; allowed are {choices(HEADINGS)}"
+        for name in headings
+        if name not in HEADINGS
+    ]
+    runs = []
+    for where, row in rows:
+        run = _run(where, row, mounted_from=mounted_from, problems=problems)
+        if run is not None:
+            runs.append(run)
+    if not rows:
+        problems.append("names no movement; give a line for each")
+    problems += _doubles(runs)
+    if problems:
+        raise MeasurementError(problems, source=str(path))
+    title = str(headings.get("title", path.resolve().parent.name))
+    synthetic = str(headings.get("synthetic", ""))
+    return RunSheet(runs=tuple(runs), title=title, synthetic=synthetic, source=str(path))
+
+
+def _toml_rows(text: str, path: Path) -> tuple[dict[str, Any], list[tuple[str, Mapping[str, Any]]]]:
+    data = parse_toml(text, source=str(path)).data
+    runs = data.pop("run", [])
+    data.pop("schema_version", None)
+    if not isinstance(runs, list) or not all(isinstance(run, dict) for run in runs):
+        message = "run: must be tables, each under its own [[run]]"
+        raise MeasurementError([message], source=str(path))
+    return data, [(f"run {number}", run) for number, run in enumerate(runs, 1)]
+
+
+def _csv_rows(text: str, path: Path) -> tuple[dict[str, Any], list[tuple[str, Mapping[str, Any]]]]:
+    headings: dict[str, Any] = {}
+    lines: list[tuple[int, str]] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.lstrip().startswith("#"):
+            key, sign, value = line.lstrip("# \t").partition(":")
+            if sign and key.strip() in HEADINGS:
+                headings[key.strip()] = value.strip()
+        elif line.strip(" ,;\t"):
+            lines.append((number, line))
+    if not lines:
+        message = "has no line with the names of the columns"
+        raise MeasurementError([message], source=str(path))
+    separator = max(",;\t", key=lines[0][1].count)
+    header = next(csv.reader([lines[0][1]], delimiter=separator))
+    names, units = zip(*(_column(cell) for cell in header), strict=True)
+    rows: list[tuple[str, Mapping[str, Any]]] = []
+    for number, line in lines[1:]:
+        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+        row: dict[str, Any] = {}
+        for name, unit, cell in zip(names, units, cells, strict=False):
+            if cell and name == "size" and unit and re.fullmatch(r"[-+]?[\d.,]+", cell):
+                row[name] = f"{cell.replace(',', '.')} {unit}"
+            elif cell:
+                row[name] = cell
+        rows.append((f"line {number}", row))
+    return headings, rows
+
+
+def _decoded(content: bytes, path: Path) -> str:
+    """Decode a CSV file; spreadsheets on some systems write Latin-1."""
+    try:
+        return decode(content, source=str(path))
+    except FileError:
+        if b"\0" in content or not content.strip():
+            raise
+        return content.decode("latin-1")
+
+
+def _column(cell: str) -> tuple[str, str]:
+    """Return name and unit of a column's heading: "size [mm]", "Size (mm)"."""
+    name, _, unit = re.sub(r"[\])]\s*\Z", "", cell).replace("(", "[").partition("[")
+    return name.strip().lower().replace(" ", "_"), unit.strip()
+
+
+def _run(
+    where: str, row: Mapping[str, Any], *, mounted_from: float, problems: list[str]
+) -> Run | None:
+    """Make a run of a row, or add what is wrong with it."""
+    allowed = (*NEEDED, *OPTIONAL)
+    wrong = [f"{name}: unknown{nearest(name, allowed)}" for name in row if name not in allowed]
+    wrong += [f"{name}: is missing" for name in NEEDED if row.get(name, "") == ""]
+
+    def read(name: str, parse: Callable[[Any], Any], default: Any) -> Any:
+        if row.get(name, "") == "":
+            return default
+        try:
+            return parse(row[name])
+        except ValueError as error:
+            wrong.append(f"{name} = {show_value(row[name])}: {error}")
+            return default
+
+    size = read("size", object_size, 0.0)
+    place = read("place", lambda value: normal_place(str(value)), "none")
+    if size > 0 and place == "none" and not any(text.startswith("place") for text in wrong):
+        wrong.append('place = "none": an object has a place, such as "sleeper 6"')
+    values = {
+        "movement": read("movement", whole_number, 1),
+        "direction": read("direction", direction_name, CLOSING),
+        "repeat": read("repeat", whole_number, 1),
+        "slip": read("slip", truth, None),
+        "load_cell": read("load_cell", truth, size >= mounted_from - 1e-9),
+        "remark": str(row.get("remark", "")),
+    }
+    if wrong:
+        problems += [f"{where}: {text}" for text in wrong]
+        return None
+    return Run(where=where, file=str(row["file"]).strip(), size=size, place=place, **values)
+
+
+def _doubles(runs: list[Run]) -> list[str]:
+    """Name movements that the sheet has twice."""
+    problems = []
+    recorded: dict[tuple[object, ...], Run] = {}
+    meant: dict[tuple[object, ...], Run] = {}
+    for run in runs:
+        where = (run.file, run.movement)
+        what = (run.direction, run.size, run.place, run.repeat)
+        if where in recorded:
+            first = recorded[where].where
+            text = f"{run.where}: movement {run.movement} of {run.file} is also that of {first}"
+            problems.append(f"{text}; correct the file, or number the movements")
+        elif what in meant:
+            text = f"{run.where}: same direction, size, place and repeat as {meant[what].where}"
+            problems.append(f"{text}; number the repeats")
+        recorded.setdefault(where, run)
+        meant.setdefault(what, run)
+    return problems

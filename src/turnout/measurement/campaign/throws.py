@@ -1,0 +1,293 @@
+"""Throws within a recording: where each begins and ends, and in which direction it goes.
+
+Work is done on unfiltered channels in physical units, all at one rate. A motor current tells to the
+millisecond when a throw begins; rod forces alone, which grow slowly at first, tell it less sharply.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from turnout.measurement.campaign.signals import (
+    Flags,
+    Floats,
+    drift,
+    found_direction,
+    mean_over,
+    without_holes,
+    without_spikes,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detection:
+    """What counts as a throw.
+
+    Attributes
+    ----------
+    running_current : float
+        Current above which a motor runs [A].
+    moving_force : float
+        Change of a rod force within `force_span` that counts as motion [N].
+    force_span : float
+        Time over which that change is taken [s].
+    least_duration : float
+        Shorter activity is no throw [s].
+    bridged : float
+        Activity that stops for less than this goes on [s].
+    force_spike, current_spike : float
+        Height of a single sample above its neighbours that is no motion [N, A].
+    before, after : float
+        Time kept before the onset and after the end [s].
+    """
+
+    running_current: float = 0.35
+    moving_force: float = 40.0
+    force_span: float = 0.3
+    least_duration: float = 0.8
+    bridged: float = 0.5
+    force_spike: float = 500.0
+    current_spike: float = 2.0
+    before: float = 1.0
+    after: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Throw:
+    """One throw within a recording.
+
+    Attributes
+    ----------
+    first, stop : int
+        Samples to keep, as of a slice.
+    onset, end : float
+        Onset of motion, and when the last drive stops, on the time of the recording [s].
+    drive_ends : tuple of float
+        When each drive stops [s]; NaN where its current does not tell.
+    source : str
+        "current" or "force": what the onset was taken from.
+    direction : str
+        "closing", "opening" or "unknown".
+    cut_start, cut_end : bool
+        Whether the recording begins after the onset, or ends before the motion does.
+    """
+
+    first: int
+    stop: int
+    onset: float
+    end: float
+    drive_ends: tuple[float, ...]
+    source: str
+    direction: str
+    cut_start: bool = False
+    cut_end: bool = False
+
+    @property
+    def duration(self) -> float:
+        """Time from the onset until the last drive stops [s]."""
+        return self.end - self.onset
+
+
+def find_throws(dataset: xr.Dataset, *, detection: Detection | None = None) -> tuple[Throw, ...]:
+    """Find every throw of a recording.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        `drive_force` (drive, time) [N] and, where measured, `drive_current` (drive, time) [A],
+        unfiltered; `time` even [s].
+    detection : Detection, optional
+        What counts as a throw.
+
+    Returns
+    -------
+    tuple of Throw
+        In the order of time; empty where nothing moves.
+
+    Examples
+    --------
+    >>> time = np.arange(0.0, 6.0, 1e-3)
+    >>> running = (time >= 2.0) & (time < 5.0)
+    >>> force = np.where(time < 2.0, 0.0, 1000.0 * np.minimum(time - 2.0, 3.0))
+    >>> data = xr.Dataset(
+    ...     {"drive_force": (("drive", "time"), [force]),
+    ...      "drive_current": (("drive", "time"), [1.2 * running])},
+    ...     {"time": time, "drive": ["1"]},
+    ... )
+    >>> [(throw.onset, throw.direction) for throw in find_throws(data)]
+    [(2.0, 'closing')]
+    """
+    chosen = detection or Detection()
+    time = dataset["time"].values
+    if time.size < 3:
+        return ()
+    rate = (time.size - 1) / float(time[-1] - time[0])
+    forces = _rows(dataset, "drive_force", rate=rate, spike=chosen.force_spike)
+    currents = _rows(dataset, "drive_current", rate=rate, spike=chosen.current_spike)
+    running = np.array([is_running(row, rate=rate, detection=chosen) for row in currents])
+    # A channel that never rests is no motor current: dead wires and swapped channels look so.
+    told = [bool(row.any() and not row.all()) for row in running]
+    if any(told):
+        active: Flags = np.any(running[told], axis=0)
+        source = "current"
+    else:
+        # A zero that drifts is no motion; which way a throw goes is told without it as well.
+        away = np.arange(time.size) / rate
+        forces = np.array([row - drift(row, rate=rate) * away for row in forces]).reshape(
+            forces.shape
+        )
+        active = _is_moving(forces, rate=rate, detection=chosen)
+        source = "force"
+    spans = _spans(active, rate=rate, detection=chosen)
+    bounds = _bounds(spans, time.size, rate=rate, detection=chosen)
+    throws = []
+    for span, bound in zip(spans, bounds, strict=True):
+        rows = currents[told] if source == "current" else forces
+        at = _onset(rows, span, rate=rate, source=source, detection=chosen)
+        ends = [
+            _last(row, span, time) if known else float("nan")
+            for row, known in zip(running, told, strict=True)
+        ]
+        throws.append(
+            Throw(
+                first=bound[0],
+                stop=bound[1],
+                onset=float(np.interp(at, np.arange(time.size), time)),
+                end=float(time[span[1] - 1]),
+                drive_ends=tuple(ends),
+                source=source,
+                direction=found_direction(forces[:, bound[0] : bound[1]], rate=rate),
+                cut_start=span[0] == 0,
+                cut_end=span[1] == time.size,
+            )
+        )
+    return tuple(throws)
+
+
+def is_running(current: Floats, *, rate: float, detection: Detection) -> Flags:
+    """Tell where a motor runs, whichever way round its clamp is.
+
+    Parameters
+    ----------
+    current : ndarray, shape (n,)
+        Unfiltered [A].
+    rate : float
+        Samples a second [1/s].
+    detection : Detection
+        Gives the current above which a motor runs.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    smooth = mean_over(current, width=round(0.02 * rate))
+    return np.asarray(np.abs(smooth) > detection.running_current)
+
+
+def _rows(dataset: xr.Dataset, name: str, *, rate: float, spike: float) -> Floats:
+    """Return a row a drive, without spikes."""
+    if name not in dataset:
+        return np.empty((0, dataset.sizes["time"]))
+    rows = np.asarray(dataset[name].transpose("drive", "time").values, dtype=np.float64)
+    return np.array([without_spikes(row, rate=rate, least=spike) for row in rows]).reshape(
+        rows.shape
+    )
+
+
+def _is_moving(forces: Floats, *, rate: float, detection: Detection) -> Flags:
+    """Tell where rod forces change; what a change is not is noise."""
+    size = forces.shape[1]
+    moving = np.zeros(size, dtype=bool)
+    half = max(1, round(0.5 * detection.force_span * rate))
+    for row in forces:
+        smooth = mean_over(row, width=round(0.02 * rate))
+        index = np.arange(size)
+        change = smooth[np.minimum(index + half, size - 1)] - smooth[np.maximum(index - half, 0)]
+        steps = np.abs(np.diff(without_holes(row)))
+        noise = float(np.median(steps)) / 0.95 / np.sqrt(max(1.0, 0.02 * rate))
+        moving |= np.abs(change) > max(detection.moving_force, 8.0 * noise)
+    return moving
+
+
+def _spans(active: Flags, *, rate: float, detection: Detection) -> list[tuple[int, int]]:
+    """Return first and one past the last sample of each activity that is long enough."""
+    padded = np.concatenate(([False], active, [False])).astype(np.int8)
+    starts, stops = np.flatnonzero(np.diff(padded) == 1), np.flatnonzero(np.diff(padded) == -1)
+    spans: list[tuple[int, int]] = []
+    for start, stop in zip(starts.tolist(), stops.tolist(), strict=True):
+        if spans and start - spans[-1][1] < detection.bridged * rate:
+            spans[-1] = (spans[-1][0], stop)
+        else:
+            spans.append((start, stop))
+    return [span for span in spans if span[1] - span[0] >= detection.least_duration * rate]
+
+
+def _bounds(
+    spans: list[tuple[int, int]], size: int, *, rate: float, detection: Detection
+) -> list[tuple[int, int]]:
+    """Return what to keep of each throw: no more than half-way to its neighbours."""
+    before, after = round(detection.before * rate), round(detection.after * rate)
+    bounds = []
+    for number, (start, stop) in enumerate(spans):
+        least = 0 if number == 0 else (spans[number - 1][1] + start) // 2
+        most = size if number == len(spans) - 1 else (stop + spans[number + 1][0]) // 2
+        bounds.append((max(least, start - before), min(most, stop + after)))
+    return bounds
+
+
+def _onset(
+    rows: Floats, span: tuple[int, int], *, rate: float, source: str, detection: Detection
+) -> float:
+    """Return the sample at which the first drive begins, between samples for forces."""
+    if source == "current":
+        return min(_first_inrush(row, span, rate=rate, detection=detection) for row in rows)
+    if span[0] == 0:
+        return 0.0
+    found = [_first_pull(row, span, rate=rate) for row in rows]
+    pulls = [pull for pull, _ in found]
+    # Drives that begin together tell the same moment: their mean scatters less than the first.
+    told = float(np.mean([pull for pull in pulls if pull <= min(pulls) + 0.02 * rate]))
+    # A force that grows slowly is followed back too far; some drive shows within 0.1 s.
+    return max(told, min(seen for _, seen in found) - 0.1 * rate)
+
+
+def _first_inrush(
+    row: Floats, span: tuple[int, int], *, rate: float, detection: Detection
+) -> float:
+    """Return the first of two samples in a row above the running current, near the span's start."""
+    reach = round(0.05 * rate)
+    first = max(0, span[0] - reach)
+    high = np.abs(without_holes(row)[first : span[0] + 4 * reach]) > detection.running_current
+    pairs = np.flatnonzero(high[:-1] & high[1:])
+    return float(first + pairs[0]) if pairs.size else float(span[1])
+
+
+def _first_pull(row: Floats, span: tuple[int, int], *, rate: float) -> tuple[float, float]:
+    """Return where a rod force leaves its rest, and where that is first seen above the noise.
+
+    A marker that starts softly pulls with the cube of time at first; the line through the cube
+    roots of the force, from where it leaves the noise, is followed back to zero.
+    """
+    count = max(3, round(0.3 * rate))
+    smooth = mean_over(row, width=round(0.02 * rate))
+    start = max(0, span[0] - round(0.2 * rate))
+    rest = smooth[max(0, start - count) : start + 1]
+    away = smooth[start : span[1]] - np.median(rest)
+    level = max(20.0, 6.0 * float(np.std(rest)))
+    high = int(np.argmax(np.abs(away) > 5.0 * level))
+    rise = away[:high] * np.sign(away[high])
+    below = np.flatnonzero(rise < 1.5 * level)
+    low = int(below[-1]) + 1 if below.size else 0
+    if high == 0:
+        return float(span[1]), float(span[1])
+    if high - low < 2:  # a jump, as where an object is squeezed at once
+        return float(start + low), float(start + low)
+    slope, zero = np.polyfit(np.arange(low, high), np.cbrt(rise[low:]), 1)
+    pull = float(start + max(0.0, -zero / slope)) if slope > 0.0 else float(span[1])
+    return pull, float(start + low)
+
+
+def _last(running: Flags, span: tuple[int, int], time: Floats) -> float:
+    inside = np.flatnonzero(running[span[0] : span[1]])
+    return float(time[span[0] + inside[-1]]) if inside.size else float("nan")

@@ -1,0 +1,411 @@
+"""Apply a channel map to a recording, go back to what would be recorded, and list what was made.
+
+Apply a channel map to a recording, and go back from newtons to what would be recorded. What a
+channel map made of a recording, as rows to be read.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from turnout.core.problems import choices, describe_error, nearest
+from turnout.core.provenance import content_hash, version
+from turnout.core.regular import require_regular_file
+from turnout.core.toml import TomlFile, decode, parse_toml, read_toml
+from turnout.core.units import CURRENT, FORCE, Dimension
+from turnout.errors import FileError, MeasurementError
+from turnout.measurement.chain.channel_map import (
+    KINDS,
+    AnySensor,
+    Calibrated,
+    ChannelMap,
+    RawUnit,
+    raw_unit,
+)
+from turnout.measurement.chain.condition import common_time, resample, tare
+from turnout.measurement.chain.sensor import Line, line_of
+from turnout.measurement.recording import Channel, Recording
+from turnout.schema.channels import SCHEMA_VERSION, label
+
+
+def load_channel_map(name_or_path: Path | str) -> ChannelMap:
+    """Read a channel map (TOML) from a file, or one of the library by its name.
+
+    Parameters
+    ----------
+    name_or_path : path-like
+        A path ends in .toml or has a separator; "two-rods" is in the library.
+
+    Raises
+    ------
+    FileError
+        When it cannot be read or is no TOML.
+    MeasurementError
+        With everything that is wrong in it.
+
+    Examples
+    --------
+    >>> load_channel_map("two-rods").drive_current["1"].sensitivity
+    0.1
+    """
+    return parse_channel_map(_open(name_or_path))
+
+
+def parse_channel_map(file: TomlFile) -> ChannelMap:
+    """Make a channel map of a TOML document; MeasurementError tells all that is wrong."""
+    try:
+        channel_map = ChannelMap.model_validate(file.data)
+    except ValidationError as error:
+        problems = [_described(item) for item in error.errors(include_url=False)]
+        raise MeasurementError(list(dict.fromkeys(problems)), source=file.source) from None
+    used: dict[str, str] = {}
+    twice = []
+    for key, _, sensor in sensors(channel_map):
+        if sensor.column in used:
+            twice.append(f'{key}.column = "{sensor.column}": is also that of {used[sensor.column]}')
+        used[sensor.column] = key
+    if twice or not used:
+        nothing = ["maps no column; give drive_force, drive_current or object_force"]
+        raise MeasurementError(twice or nothing, source=file.source)
+    return channel_map
+
+
+def sensors(channel_map: ChannelMap) -> Iterator[tuple[str, Dimension, AnySensor]]:
+    """Yield key, dimension and sensor of each mapped channel.
+
+    Examples
+    --------
+    >>> [key for key, _, _ in sensors(load_channel_map("two-rods"))][:2]
+    ['drive_force.1', 'drive_force.2']
+    """
+    for name, sensor in channel_map.drive_force.items():
+        yield f"drive_force.{name}", FORCE, sensor
+    for name, sensor in channel_map.drive_current.items():
+        yield f"drive_current.{name}", CURRENT, sensor
+    if channel_map.object_force is not None:
+        yield "object_force", FORCE, channel_map.object_force
+
+
+def apply_chain(recording: Recording, channel_map: ChannelMap) -> xr.Dataset:
+    r"""Turn the columns of a recording into channels of the schema, in SI.
+
+    Parameters
+    ----------
+    recording : Recording
+        As it was read.
+    channel_map : ChannelMap
+        Which column is which quantity, through what sensor.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``drive_force``, ``drive_current`` where there are any, ``object_force`` (NaN where no
+        column measured it), and ``recorded``: the mapped columns as they were. All share one even
+        time; a column with another rate is interpolated linearly, after averaging over a step
+        where it is faster. What was mended is in ``attrs["problems"]``.
+
+    Raises
+    ------
+    MeasurementError
+        With every missing column and every unit that does not fit.
+
+    Examples
+    --------
+    >>> clamp = Channel("Clamp 1", "V", np.array([0.0, 0.2]), rate=1000.0)
+    >>> text = '[drive_current.1]\ncolumn = "Clamp 1"\nkind = "clamp"\nsensitivity = "100 mV/A"'
+    >>> channel_map = parse_channel_map(parse_toml(text, source="example"))
+    >>> dataset = apply_chain(Recording({"Clamp 1": clamp}, "example"), channel_map)
+    >>> dataset["drive_current"].sel(drive="1").values
+    array([0., 2.])
+    """
+    found, problems = _mapped(recording, channel_map)
+    if problems:
+        raise MeasurementError(problems, source=recording.source)
+    channels = [channel for channel, _, _ in found.values()]
+    try:
+        time = common_time(channels, rate=channel_map.rate)
+    except ValueError as error:
+        raise MeasurementError([str(error)], source=recording.source) from None
+    physical: dict[str, NDArray[np.float64]] = {}
+    notes = list(recording.problems)
+    for key, (channel, sensor, line) in found.items():
+        values = line.scale * (channel.values * line.unit.factor - line.offset)
+        if sensor.tare is not None:
+            start, end = (moment - channel.start for moment in (sensor.tare.start, sensor.tare.end))
+            try:
+                tared = tare(values, rate=channel.rate, start=start, end=end)
+            except ValueError as error:
+                problems.append(f"{key}.tare: {error}")
+                continue
+            notes.append(f"{key}: {values[0] - tared[0]:.6g} {_unit(key)} taken off as tare")
+            values = tared
+        physical[key] = resample(channel, values, time=time)
+    if problems:
+        raise MeasurementError(problems, source=recording.source)
+    dataset = _dataset(physical, channel_map, time)
+    columns = np.stack([resample(channel, channel.values, time=time) for channel in channels])
+    dataset["recorded"] = (("column", "time"), columns)
+    dataset = dataset.assign_coords(
+        column=np.array([channel.name for channel in channels]),
+        column_unit=("column", np.array([line.unit.text for _, _, line in found.values()])),
+    )
+    dataset.attrs = {
+        "schema_version": SCHEMA_VERSION,
+        "version": version(),
+        "title": channel_map.title or Path(recording.source).name,
+        "source": recording.source,
+        "start_time": recording.start_time or "",
+        "channel_map_hash": map_hash(channel_map),
+        "problems": "\n".join(notes),
+    }
+    return label(dataset)
+
+
+def raw_from_physical(dataset: xr.Dataset, channel_map: ChannelMap) -> Recording:
+    """Return the recording that `apply_chain` would turn into a dataset: its exact inverse.
+
+    A tare is not undone, as what stood in its rest is not known: a map with tares gives zero
+    there.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        With the quantities of the map over an even ``time``.
+    channel_map : ChannelMap
+        Each sensor with its ``unit``; those of kind "clamp" are in V, others in the SI unit of
+        what the sensor gives, where it is left out. An optional column that is NaN throughout is
+        left out.
+
+    Returns
+    -------
+    Recording
+        A channel a column.
+
+    Raises
+    ------
+    MeasurementError
+        When the dataset lacks a quantity or a drive.
+    """
+    time = dataset["time"].values
+    channels: dict[str, Channel] = {}
+    problems = []
+    # Summed over the whole run, so that rounding of single times does not matter.
+    rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
+    rate = float(round(rate)) if abs(rate - round(rate)) < 1e-9 * rate else rate
+    for key, dimension, sensor in sensors(channel_map):
+        try:
+            physical = _quantity(dataset, key)
+            line = line_of(sensor, quantity=dimension, recorded_unit=_usual_unit(sensor, dimension))
+        except (ValueError, KeyError) as error:
+            if not (sensor.optional and isinstance(error, KeyError)):
+                problems.append(f"{key}: {error.args[0]}")
+            continue
+        if sensor.optional and np.isnan(physical).all():
+            continue
+        raw = (physical / line.scale + line.offset) / line.unit.factor
+        channels[sensor.column] = Channel(
+            sensor.column, line.unit.text, raw, rate, float(time[0]), key
+        )
+    if problems:
+        raise MeasurementError(problems, source="dataset")
+    return Recording(channels, str(dataset.attrs.get("title", "dataset")))
+
+
+def map_hash(channel_map: ChannelMap) -> str:
+    """Hash what a channel map says, whatever its file looks like."""
+    return content_hash(_plain(channel_map.model_dump()))
+
+
+def _open(name_or_path: Path | str) -> TomlFile:
+    text = str(name_or_path)
+    if isinstance(name_or_path, Path) or text.endswith(".toml") or "/" in text or "\\" in text:
+        path = Path(name_or_path).expanduser()
+        require_regular_file(path)
+        return read_toml(path)
+    folder = resources.files("turnout.measurement").joinpath("library")
+    names = sorted(item.name.removesuffix(".toml") for item in folder.iterdir())
+    if text not in names:
+        message = (
+            f"no channel map of the library is called '{text}'{nearest(text, names)}; "
+            f"there are {choices(names)}; a file needs its .toml"
+        )
+        raise FileError(message)
+    return parse_toml(
+        decode(folder.joinpath(f"{text}.toml").read_bytes(), source=text), source=text
+    )
+
+
+def _described(error: Any) -> str:
+    """Return key path and fault, without the kind that pydantic puts into the path."""
+    path = [str(part) for part in error["loc"]]
+    kind = next((part for part in path if part in KINDS), None)
+    keys = [part for part in path if part != kind]
+    fields = KINDS[kind].model_fields if kind else ChannelMap.model_fields
+    if error["type"] == "union_tag_not_found":
+        return f"{'.'.join(keys)}: kind is missing; must be {choices(KINDS)}"
+    if error["type"] == "union_tag_invalid":
+        tag = error["ctx"]["tag"]
+        return f'{".".join(keys)}.kind = "{tag}": must be {choices(KINDS)}{nearest(tag, KINDS)}'
+    return ".".join(keys) + describe_error(error, allowed=fields)
+
+
+def _mapped(
+    recording: Recording, channel_map: ChannelMap
+) -> tuple[dict[str, tuple[Channel, AnySensor, Line]], list[str]]:
+    """Return channel, sensor and line by key, and every problem."""
+    found: dict[str, tuple[Channel, AnySensor, Line]] = {}
+    problems: list[str] = []
+    for key, dimension, sensor in sensors(channel_map):
+        channel = _column(recording, sensor.column)
+        if channel is None:
+            if not sensor.optional:
+                near = nearest(sensor.column, recording.channels)
+                problems.append(
+                    f'{key}.column = "{sensor.column}": is not in the file{near}; '
+                    f"there are {choices(recording.channels)}"
+                )
+            continue
+        try:
+            line = line_of(sensor, quantity=dimension, recorded_unit=channel.unit)
+        except ValueError as error:
+            problems.append(f"{key} (column '{sensor.column}'): {error}")
+            continue
+        found[key] = (channel, sensor, line)
+    if not found and not problems:
+        problems.append("none of the columns of the channel map is in the file")
+    return found, problems
+
+
+def _column(recording: Recording, name: str) -> Channel | None:
+    """Return a column by its name, or by what MATLAB makes of it: "Rod 1" is a variable Rod_1."""
+    return recording.channels.get(name) or recording.channels.get(re.sub(r"\W", "_", name))
+
+
+def _dataset(
+    physical: dict[str, NDArray[np.float64]], channel_map: ChannelMap, time: NDArray[np.float64]
+) -> xr.Dataset:
+    names = list(dict.fromkeys([*channel_map.drive_force, *channel_map.drive_current]))
+    missing = np.full(time.size, np.nan)
+    variables: dict[str, Any] = {}
+    for quantity in ("drive_force", "drive_current"):
+        if getattr(channel_map, quantity):
+            rows = [physical.get(f"{quantity}.{name}", missing) for name in names]
+            variables[quantity] = (("drive", "time"), np.stack(rows))
+    variables["object_force"] = ("time", physical.get("object_force", missing).copy())
+    coordinates: dict[str, Any] = {"time": time}
+    if names:
+        coordinates["drive"] = np.array(names)
+    return xr.Dataset(variables, coordinates)
+
+
+def _quantity(dataset: xr.Dataset, key: str) -> NDArray[np.float64]:
+    """Return a quantity of the map from a dataset; KeyError when it is not there."""
+    quantity, _, drive = key.partition(".")
+    if quantity not in dataset:
+        message = f"the dataset has no {quantity}"
+        raise KeyError(message)
+    if not drive:
+        return np.asarray(dataset[quantity].values, dtype=np.float64)
+    if drive not in dataset["drive"].values:
+        drives = choices([str(name) for name in dataset["drive"].values])
+        message = f"the dataset has no drive '{drive}'; there are {drives}"
+        raise KeyError(message)
+    return np.asarray(dataset[quantity].sel(drive=drive).values, dtype=np.float64)
+
+
+def _usual_unit(sensor: AnySensor, dimension: Dimension) -> str:
+    if sensor.kind == "calibrated":
+        return str(sensor.readings.dimension.unit)
+    return {"clamp": "V", "scaled": dimension.unit}.get(sensor.kind, "mV/V")
+
+
+def _unit(key: str) -> str:
+    return "A" if key.startswith("drive_current") else "N"
+
+
+def _plain(value: Any) -> Any:
+    """Return nested plain data for the hash; a raw value becomes its numbers and dimension."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "dimension"):
+        return {"values": list(value.values), "dimension": value.dimension.name}
+    return value
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelRow:
+    """A quantity: its key, column, range [unit], and its sensor in words."""
+
+    key: str
+    column: str
+    least: float
+    largest: float
+    unit: str
+    sensor: str
+
+
+def channel_rows(dataset: xr.Dataset, channel_map: ChannelMap) -> Iterator[ChannelRow]:
+    """Yield a row for each channel of the map that the recording had.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        That `turnout.measurement.chain.apply.apply_chain` made.
+    channel_map : ChannelMap
+        With which it made it.
+    """
+    units = {
+        str(n): str(u)
+        for n, u in zip(dataset["column"].values, dataset["column_unit"].values, strict=True)
+    }
+    for key, dimension, sensor in sensors(channel_map):
+        if sensor.column not in units:
+            continue
+        quantity, _, drive = key.partition(".")
+        values = dataset[quantity].sel(drive=drive) if drive else dataset[quantity]
+        factor = 1.0 if dimension is CURRENT else 1e-3
+        there = values.values[np.isfinite(values.values)] * factor
+        yield ChannelRow(
+            key=key,
+            column=sensor.column,
+            least=float(there.min()) if there.size else np.nan,
+            largest=float(there.max()) if there.size else np.nan,
+            unit="A" if dimension is CURRENT else "kN",
+            sensor=describe_sensor(sensor, dimension, raw_unit(units[sensor.column])),
+        )
+
+
+def describe_sensor(sensor: AnySensor, quantity: Dimension, unit: RawUnit) -> str:
+    """Say what one unit of a column stands for, and how well a calibration knows it.
+
+    Examples
+    --------
+    >>> from turnout.measurement.chain.channel_map import LoadCell
+    >>> cell = LoadCell(kind="load cell", column="A", sensitivity="1 mV/V", capacity="20 kN")
+    >>> from turnout.core.units import FORCE
+    >>> describe_sensor(cell, FORCE, raw_unit("mV/V"))
+    'load cell, 1 mV/V is 20 kN'
+    """
+    line = line_of(sensor, quantity=quantity, recorded_unit=unit.text)
+    factor, shown = (1.0, "A") if quantity is CURRENT else (1e-3, "kN")
+    text = f"{sensor.kind}, 1 {unit.text} is {line.scale * unit.factor * factor:.5g} {shown}"
+    if isinstance(sensor, Calibrated):
+        fit = sensor.calibration()
+        if fit.count == 2:
+            return f"{text}; two points tell no error"
+        text += (
+            f" +- {100 * fit.scale_error / abs(fit.scale):.2g} %, zero at "
+            f"{fit.offset / unit.factor:.4g} +- {fit.offset_error / unit.factor:.2g} {unit.text}, "
+            f"at most {100 * fit.nonlinearity:.2g} % of the range off the line ({fit.count} points)"
+        )
+    return text

@@ -1,0 +1,242 @@
+"""The measuring chain as data: which column of a recording is which quantity, through what sensor.
+
+Values are SI once a record exists. A raw value (offset, calibration reading) keeps its dimension,
+as it may be a voltage, a voltage ratio, a strain, or already a force or a current.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from turnout.core.problems import choices
+from turnout.core.quantity import (
+    CurrentSensitivity,
+    Force,
+    Frequency,
+    Length,
+    Pressure,
+    SectionModulus,
+    Time,
+    Voltage,
+    VoltageRatio,
+)
+from turnout.core.units import (
+    COMMON_UNITS,
+    CURRENT,
+    FORCE,
+    STRAIN,
+    VOLTAGE,
+    VOLTAGE_RATIO,
+    Dimension,
+    parse_quantities,
+    parse_quantity,
+    unit_factor,
+)
+from turnout.measurement.chain.known_loads import Calibration, fit_calibration
+from turnout.measurement.formats.assemble import tidy_unit
+
+RAW = (VOLTAGE, VOLTAGE_RATIO, STRAIN, CURRENT, FORCE)
+
+
+@dataclass(frozen=True, slots=True)
+class RawUnit:
+    """A unit of a column: its text, its dimension and its size in SI."""
+
+    text: str
+    dimension: Dimension
+    factor: float
+
+
+def raw_unit(text: str) -> RawUnit:
+    """Understand the unit of a column; ValueError when it is none that a sensor gives.
+
+    Examples
+    --------
+    >>> unit = raw_unit("mV/V")
+    >>> unit.dimension.name, unit.factor
+    ('voltage ratio', 0.001)
+    """
+    tidy = tidy_unit(text)
+    for dimension in RAW:
+        if tidy in COMMON_UNITS[dimension.name]:
+            return RawUnit(tidy, dimension, COMMON_UNITS[dimension.name][tidy])
+    for dimension in RAW:
+        try:
+            return RawUnit(tidy, dimension, unit_factor(tidy, dimension))
+        except ValueError:
+            continue
+    names = choices([unit for dimension in RAW for unit in COMMON_UNITS[dimension.name]], most=20)
+    message = f'"{text}" is no unit of a sensor; known are {names}'
+    raise ValueError(message)
+
+
+@dataclass(frozen=True, slots=True)
+class RawValues:
+    """Values in a unit of a column, in SI."""
+
+    values: tuple[float, ...]
+    dimension: Dimension
+
+
+def _raw_value(value: object) -> RawValues:
+    if isinstance(value, RawValues):
+        return value
+    unit = _unit_of(value)
+    return RawValues((parse_quantity(value, unit.dimension),), unit.dimension)
+
+
+def _raw_values(value: object) -> RawValues:
+    if isinstance(value, RawValues):
+        return value
+    if not isinstance(value, dict) or not isinstance(value.get("unit"), str):
+        message = 'must be a table such as { unit = "mV/V", values = [0.0, 0.2] }'
+        raise ValueError(message)
+    unit = raw_unit(value["unit"])
+    given = {**value, "unit": unit.text}
+    return RawValues(parse_quantities(given, unit.dimension), unit.dimension)
+
+
+def _unit_of(value: object) -> RawUnit:
+    parts = value.split(maxsplit=1) if isinstance(value, str) else []
+    if len(parts) != 2:
+        message = 'must be text with a number and a unit, such as "0.02 mV/V"'
+        raise ValueError(message)
+    return raw_unit(parts[1])
+
+
+def _known_unit(value: object) -> str:
+    if not isinstance(value, str):
+        message = 'must be text, such as "mV/V"'
+        raise ValueError(message)
+    return raw_unit(value).text
+
+
+RawValue = Annotated[Any, BeforeValidator(_raw_value)]
+RawList = Annotated[Any, BeforeValidator(_raw_values)]
+UnitText = Annotated[str, BeforeValidator(_known_unit)]
+
+
+class Record(BaseModel):
+    """Base of the records: unknown keys are refused, nothing changes after validation."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, allow_inf_nan=False, str_strip_whitespace=True
+    )
+
+
+class Rest(Record):
+    """A time at which nothing acts: the mean there is the zero of a channel."""
+
+    start: Time = Field(ge=0, description="from the start of the recording [s]")
+    end: Time = Field(gt=0, description="from the start of the recording [s]")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.end <= self.start:
+            message = f"ends at {self.end:g} s, must be later than its start at {self.start:g} s"
+            raise ValueError(message)
+        return self
+
+
+class Sensor(Record):
+    """What every sensor has: a column, its unit, and where its zero and direction are."""
+
+    column: str = Field(min_length=1, description="name of the column in the recording")
+    unit: UnitText | None = Field(
+        None, description="unit of the column; needed where the file does not tell it"
+    )
+    sign: Literal[1, -1] = Field(1, description="-1 turns the direction round")
+    offset: RawValue | None = Field(None, description="reading at no load, in a unit of the column")
+    tare: Rest | None = Field(None, description="rest whose mean is taken off as zero")
+    optional: bool = Field(False, description="whether recordings may lack the column: NaN then")
+
+
+class Amplified(Sensor):
+    """A bridge; its column is a voltage ratio, or a voltage behind excitation and amplifier."""
+
+    excitation: Voltage | None = Field(None, gt=0, description="bridge excitation [V]")
+    gain: float = Field(1.0, gt=0, description="of the amplifier, where the column is a voltage")
+
+
+class StrainBridge(Amplified):
+    """Strain gauges on a drive rod that is bent by an eccentric attachment."""
+
+    kind: Literal["strain bridge"]
+    bridge: Literal["full T", "full bending", "half bending", "quarter"] = "full T"
+    gauge_factor: float = Field(gt=0, description="relative resistance over strain [-]")
+    poisson_ratio: float = Field(0.3, ge=0, lt=0.5, description="of the rod [-]")
+    youngs_modulus: Pressure = Field(gt=0, description="of the rod [Pa]")
+    section_modulus: SectionModulus | None = Field(None, gt=0, description="of the rod [m3]")
+    diameter: Length | None = Field(None, gt=0, description="of a solid round rod [m]")
+    eccentricity: Length = Field(gt=0, description="from the gauges to the force [m]")
+
+    @model_validator(mode="after")
+    def _one_section(self) -> Self:
+        if (self.section_modulus is None) == (self.diameter is None):
+            message = "needs either section_modulus or diameter"
+            raise ValueError(message)
+        return self
+
+
+class Clamp(Sensor):
+    """A current clamp."""
+
+    kind: Literal["clamp"]
+    sensitivity: CurrentSensitivity = Field(gt=0, description="voltage for each ampere [V/A]")
+
+
+class LoadCell(Amplified):
+    """A load cell of strain gauges."""
+
+    kind: Literal["load cell"]
+    sensitivity: VoltageRatio = Field(gt=0, description="output at the capacity [V/V]")
+    capacity: Force = Field(gt=0, description="load at which it has that output [N]")
+
+
+class Scaled(Sensor):
+    """A column that the data acquisition system scaled already."""
+
+    kind: Literal["scaled"]
+
+
+class Calibrated(Sensor):
+    """A column calibrated by known loads, whatever the sensor."""
+
+    kind: Literal["calibrated"]
+    readings: RawList = Field(description="readings at the loads, with their unit")
+    loads: RawList = Field(description="the loads, with their unit")
+
+    @model_validator(mode="after")
+    def _straight(self) -> Self:
+        self.calibration()
+        return self
+
+    def calibration(self) -> Calibration:
+        """Fit the line: SI load for each SI unit of the readings."""
+        return fit_calibration(self.readings.values, self.loads.values)
+
+
+AnySensor = Annotated[
+    StrainBridge | Clamp | LoadCell | Scaled | Calibrated, Field(discriminator="kind")
+]
+KINDS: dict[str, type[Sensor]] = {
+    "strain bridge": StrainBridge,
+    "clamp": Clamp,
+    "load cell": LoadCell,
+    "scaled": Scaled,
+    "calibrated": Calibrated,
+}
+
+
+class ChannelMap(Record):
+    """Which column of a recording is which quantity; drives are named as in the panel."""
+
+    schema_version: Literal[1] = 1
+    title: str = Field("", description="what was measured with it")
+    rate: Frequency | None = Field(
+        None, gt=0, description="sample rate of the dataset [Hz]; default the highest of a column"
+    )
+    drive_force: dict[str, AnySensor] = Field({}, description="by the name of the drive")
+    drive_current: dict[str, AnySensor] = Field({}, description="by the name of the drive")
+    object_force: AnySensor | None = None

@@ -1,0 +1,186 @@
+"""From the reading of a sensor to newtons and amperes: every chain is one straight line."""
+
+import math
+from dataclasses import dataclass
+
+from turnout.core.units import CURRENT, FORCE, STRAIN, VOLTAGE, VOLTAGE_RATIO, Dimension
+from turnout.measurement.chain.channel_map import (
+    Amplified,
+    AnySensor,
+    Calibrated,
+    Clamp,
+    LoadCell,
+    RawUnit,
+    StrainBridge,
+    raw_unit,
+)
+
+# Arms that work in a bridge, as multiples of one gauge along the strain.
+FULL_BENDING, HALF_BENDING, QUARTER = 4.0, 2.0, 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A straight line: physical = scale (raw - offset), all in SI.
+
+    Attributes
+    ----------
+    scale : float
+        With the sign of the sensor [N or A for each SI unit of raw].
+    offset : float
+        Reading at no load [SI unit of raw].
+    unit : RawUnit
+        Unit of the column.
+    """
+
+    scale: float
+    offset: float
+    unit: RawUnit
+
+
+def bridge_arms(bridge: str, poisson_ratio: float) -> float:
+    r"""Return how many gauges' worth of strain a bridge adds up.
+
+    Parameters
+    ----------
+    bridge : str
+        "full T" has on either side of the rod one gauge along and one across, which sees
+        :math:`-\nu\varepsilon`: :math:`2(1 + \nu)`. "full bending" has two along on either side,
+        "half bending" one, "quarter" one gauge in all.
+    poisson_ratio : float
+        Of the rod [-].
+
+    Examples
+    --------
+    >>> bridge_arms("full T", 0.3)
+    2.6
+    """
+    arms = {
+        "full T": 2.0 * (1.0 + poisson_ratio),
+        "full bending": FULL_BENDING,
+        "half bending": HALF_BENDING,
+        "quarter": QUARTER,
+    }
+    return arms[bridge]
+
+
+def force_per_strain(sensor: StrainBridge) -> float:
+    r"""Return the rod force that bends the rod's surface by unit strain [N].
+
+    The attachment is eccentric by :math:`h` and the motor's end carries no moment, so
+
+    .. math:: M = F h, \quad \varepsilon = \frac{M}{E W}, \quad F = \frac{E W}{h} \varepsilon .
+
+    Parameters
+    ----------
+    sensor : StrainBridge
+        With :math:`W` given, or :math:`\pi d^3 / 32` of a solid round rod.
+    """
+    modulus = sensor.section_modulus
+    if modulus is None:
+        modulus = math.pi * float(sensor.diameter or 0.0) ** 3 / 32.0
+    return sensor.youngs_modulus * modulus / sensor.eccentricity
+
+
+def strain_per_ratio(sensor: StrainBridge) -> float:
+    r"""Return the strain for unit output of a bridge, voltage over excitation.
+
+    .. math:: \frac{U}{U_0} = \frac{k \, n}{4} \varepsilon
+
+    with the gauge factor :math:`k` and :math:`n` of `bridge_arms`.
+    """
+    return 4.0 / (sensor.gauge_factor * bridge_arms(sensor.bridge, sensor.poisson_ratio))
+
+
+def line_of(sensor: AnySensor, *, quantity: Dimension, recorded_unit: str = "") -> Line:
+    """Return the straight line from a column to its quantity.
+
+    Parameters
+    ----------
+    sensor : StrainBridge, Clamp, LoadCell, Scaled or Calibrated
+        Of the channel map.
+    quantity : Dimension
+        FORCE or CURRENT, what the column stands for.
+    recorded_unit : str
+        Unit that the file tells; the sensor's own goes before it.
+
+    Raises
+    ------
+    ValueError
+        When the unit is unknown or does not fit the sensor.
+
+    Examples
+    --------
+    >>> cell = LoadCell(kind="load cell", column="A", sensitivity="1 mV/V", capacity="20 kN")
+    >>> line = line_of(cell, quantity=FORCE, recorded_unit="mV/V")
+    >>> round(line.scale * 0.3e-3)
+    6000
+    """
+    text = sensor.unit or recorded_unit
+    if not text:
+        message = "neither the file nor the map tells the unit of the column; add unit = ..."
+        raise ValueError(message)
+    unit = raw_unit(text)
+    scale = _scale(sensor, unit, quantity)
+    offset = 0.0
+    if isinstance(sensor, Calibrated):
+        offset = sensor.calibration().offset
+    if sensor.offset is not None:
+        if sensor.offset.dimension is not unit.dimension:
+            message = (
+                f"the offset is a {sensor.offset.dimension.name}, the column a "
+                f"{unit.dimension.name} ({unit.text})"
+            )
+            raise ValueError(message)
+        offset += sensor.offset.values[0]
+    return Line(sensor.sign * scale, offset, unit)
+
+
+def _scale(sensor: AnySensor, unit: RawUnit, quantity: Dimension) -> float:
+    if isinstance(sensor, Clamp):
+        _must(quantity is CURRENT, "a clamp measures a current, not a force")
+        _fits(unit, VOLTAGE)
+        return 1.0 / sensor.sensitivity
+    if isinstance(sensor, StrainBridge):
+        _must(quantity is FORCE, "a strain bridge measures a force, not a current")
+        _fits(unit, VOLTAGE_RATIO, VOLTAGE, STRAIN)
+        per_strain = force_per_strain(sensor)
+        if unit.dimension is STRAIN:
+            return per_strain
+        return per_strain * strain_per_ratio(sensor) * _ratio(sensor, unit)
+    if isinstance(sensor, LoadCell):
+        _must(quantity is FORCE, "a load cell measures a force, not a current")
+        _fits(unit, VOLTAGE_RATIO, VOLTAGE)
+        return sensor.capacity / sensor.sensitivity * _ratio(sensor, unit)
+    if isinstance(sensor, Calibrated):
+        _fits(unit, sensor.readings.dimension)
+        _must(
+            sensor.loads.dimension is quantity,
+            f"the loads are a {sensor.loads.dimension.name}, must be a {quantity.name}",
+        )
+        return sensor.calibration().scale
+    _fits(unit, quantity)
+    return 1.0
+
+
+def _ratio(sensor: Amplified, unit: RawUnit) -> float:
+    """Return the bridge output for unit reading: a voltage went through excitation and gain."""
+    if unit.dimension is VOLTAGE_RATIO:
+        return 1.0
+    if sensor.excitation is None:
+        message = f"the column is a voltage ({unit.text}); add the bridge's excitation"
+        raise ValueError(message)
+    return 1.0 / (sensor.excitation * sensor.gain)
+
+
+def _fits(unit: RawUnit, *dimensions: Dimension) -> None:
+    names = " or ".join(f"{item.name} ({item.unit})" for item in dimensions)
+    _must(
+        unit.dimension in dimensions,
+        f"the column is a {unit.dimension.name} in {unit.text}, must be a {names}",
+    )
+
+
+def _must(holds: bool, message: str) -> None:
+    if not holds:
+        raise ValueError(message)

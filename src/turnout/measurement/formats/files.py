@@ -1,0 +1,236 @@
+"""Read and write recordings, whatever their format.
+
+Read a file of a data acquisition system, whatever its format. Write recordings in the formats that
+other programs read, whole or not at all.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from turnout.core.atomic import write_atomic
+from turnout.core.regular import require_regular_file
+from turnout.errors import FileError
+from turnout.measurement.formats.hdf5 import hdf5_bytes
+from turnout.measurement.formats.isolated import read_isolated
+from turnout.measurement.formats.mat import mat_bytes
+from turnout.measurement.formats.optional import require
+from turnout.measurement.formats.text import csv_bytes, read_text
+from turnout.measurement.recording import Recording
+
+HEAD = 600
+_HDF5_MARK = b"\x89HDF\r\n\x1a\n"
+
+
+@dataclass(frozen=True, slots=True)
+class FileFormat:
+    """One kind of file: how it is told from others, and who reads it.
+
+    Attributes
+    ----------
+    name : str
+        What it is called.
+    suffixes : tuple of str
+        What its files end in; asked only where the content tells nothing.
+    recognise : callable
+        Whether the first bytes are of this format.
+    reader : str
+        Module of `turnout.measurement` and function that read it in a process of its own; empty
+        for text, whose memory grows with the file only.
+    packages : tuple of str
+        What the reader loads.
+    extra : str
+        Extra of turnout that brings these packages.
+    refers : bool
+        Whether such a file can take samples from others.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    recognise: Callable[[bytes], bool]
+    reader: str = ""
+    packages: tuple[str, ...] = ()
+    extra: str = ""
+    refers: bool = False
+
+
+def _begins(*marks: bytes) -> Callable[[bytes], bool]:
+    return lambda head: head.startswith(marks)
+
+
+FORMATS = (
+    FileFormat(
+        "Dewesoft",
+        (".d7d", ".dxd", ".d7z"),
+        _begins(b"MULTI_STREAM_FILE"),
+        "dewesoft:read_dewesoft",
+        ("dwdatareader",),
+        "daq",
+    ),
+    FileFormat(
+        "MDF",
+        (".mf4", ".mdf"),
+        _begins(b"MDF     ", b"UnFinMF "),
+        "mdf:read_mdf",
+        ("asammdf",),
+        "daq",
+    ),
+    FileFormat("TDMS", (".tdms",), _begins(b"TDSm"), "tdms:read_tdms", ("nptdms",), "daq"),
+    FileFormat(
+        "Parquet",
+        (".parquet", ".pq"),
+        _begins(b"PAR1"),
+        "parquet:read_parquet",
+        ("pyarrow", "pyarrow.parquet"),
+        "parquet",
+    ),
+    FileFormat("MATLAB 7.3", (), _begins(b"MATLAB 7.3 MAT-file"), "mat:read_mat73", refers=True),
+    FileFormat("MATLAB", (".mat",), _begins(b"MATLAB 5.0 MAT-file"), "mat:read_mat"),
+    FileFormat(
+        "HDF5",
+        (".h5", ".hdf5", ".hdf", ".nc"),
+        lambda head: _HDF5_MARK in head,
+        "hdf5:read_hdf5",
+        refers=True,
+    ),
+    FileFormat("text", (".csv", ".txt", ".tsv", ".asc", ".dat"), lambda head: False),
+)
+
+
+def read_recording(path: Path | str, *, allow_outside: bool = False) -> Recording:
+    r"""Read the channels of a file; its content tells the format, then its name.
+
+    Parameters
+    ----------
+    path : path-like
+        Text (CSV, TXT), MATLAB, HDF5; Dewesoft, MDF and TDMS with the extra ``daq``; Parquet with
+        the extra ``parquet``.
+    allow_outside : bool
+        Whether a file may take samples from other files, as HDF5 can.
+
+    Returns
+    -------
+    Recording
+        Every channel that can be read; `problems` names the others and why.
+
+    Raises
+    ------
+    FileError
+        When nothing can be read; the text names the file, what is wrong and the remedy.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "throw.csv"
+    >>> _ = file.write_text("Time (s),Rod 1 (mV/V)\n0,0.1\n0.001,0.2\n0.002,0.3\n")
+    >>> rod = read_recording(file).channel("Rod 1")
+    >>> rod.rate, rod.unit, rod.values
+    (1000.0, 'mV/V', array([0.1, 0.2, 0.3]))
+    """
+    path = Path(path)
+    try:
+        return _read(path, format_of(path), allow_outside=allow_outside)
+    except FileError as error:
+        # What a message quotes from a damaged file may hold anything.
+        text = "".join(char if char.isprintable() else " " for char in str(error))
+        raise FileError(text) from None
+
+
+def _read(path: Path, kind: FileFormat, *, allow_outside: bool) -> Recording:
+    if not kind.reader:
+        return read_text(path)
+    for package in kind.packages:
+        require(package, extra=kind.extra, purpose=f"{path}: {kind.name} files", load=False)
+    options = {"allow_outside": allow_outside} if kind.refers else {}
+    return read_isolated(
+        path,
+        reader=f"turnout.measurement.{kind.reader}",
+        kind=kind.name.removesuffix(" 7.3"),
+        packages=kind.packages,
+        **options,
+    )
+
+
+def format_of(path: Path) -> FileFormat:
+    """Tell the format of a file; FileError when it cannot be read at all."""
+    head = _head(path)
+    if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
+        message = f"{path}: is an Excel workbook or another archive; save the sheet as CSV"
+        raise FileError(message)
+    for item in FORMATS:
+        if item.recognise(head):
+            return item
+    suffix = path.suffix.lower()
+    by_name = next((item for item in FORMATS if suffix in item.suffixes), FORMATS[-1])
+    if by_name.name != "text" and _is_text(head):
+        return FORMATS[-1]
+    return by_name
+
+
+def _is_text(head: bytes) -> bool:
+    return not any(byte < 9 for byte in head)
+
+
+def _head(path: Path) -> bytes:
+    """Return the first bytes of a file that is there, is readable and is not empty."""
+    try:
+        require_regular_file(path)
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+    except FileNotFoundError:
+        message = f"{path}: no such file; check the path (the current folder is {Path.cwd()})"
+        raise FileError(message) from None
+    except PermissionError:
+        message = f"{path}: may not be read; check its permissions"
+        raise FileError(message) from None
+    except (OSError, ValueError) as error:
+        message = f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})"
+        raise FileError(message) from None
+    if not head.strip():
+        message = f"{path}: the file is empty"
+        raise FileError(message)
+    return head
+
+
+WRITERS: dict[str, Callable[[Recording], bytes]] = {
+    ".csv": csv_bytes,
+    ".mat": mat_bytes,
+    ".h5": hdf5_bytes,
+}
+
+
+def write_recording(recording: Recording, path: Path | str) -> None:
+    """Write a recording; the suffix tells the format.
+
+    Parameters
+    ----------
+    recording : Recording
+        At least one channel.
+    path : path-like
+        Ends in .csv (as DewesoftX exports it), .mat (version 5) or .h5; a file there is replaced.
+
+    Raises
+    ------
+    FileError
+        When it cannot be written; nothing half-written stays behind.
+    MeasurementError
+        When the format cannot hold the recording.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from turnout.measurement.formats.files import read_recording
+    >>> from turnout.measurement.recording import Channel
+    >>> file = Path(tempfile.mkdtemp()) / "throw.mat"
+    >>> rod = Channel("Rod 1", "mV/V", np.array([0.1, 0.2]), rate=1000.0)
+    >>> write_recording(Recording({"Rod 1": rod}, "a test"), file)
+    >>> read_recording(file).channel("Rod 1").unit
+    'mV/V'
+    """
+    path = Path(path)
+    writer = WRITERS.get(path.suffix.lower())
+    if writer is None:
+        message = f"{path}: the name must end in {' or '.join(WRITERS)}"
+        raise FileError(message)
+    write_atomic(path, writer(recording))

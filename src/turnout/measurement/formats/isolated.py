@@ -1,0 +1,187 @@
+"""Read recordings in a process of their own, with limits of memory and time.
+
+The process is started at the first file and kept for the next ones, so that a campaign pays for
+its start once. After a file that it refuses, crashes on or is too slow with it is ended, as damage
+may linger in it.
+"""
+
+import atexit
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from turnout.errors import FileError
+from turnout.measurement.formats.extent import most_memory, most_seconds
+from turnout.measurement.formats.reader_process import ARRAYS, FAULT
+from turnout.measurement.recording import Channel, Recording
+
+# To load the packages of a reader: their own time, whatever the file [s].
+LOADING_SECONDS = 120.0
+
+
+class Reader:
+    """A process that reads one file after another."""
+
+    def __init__(self) -> None:
+        # The process finds turnout wherever this one did, but nothing in the current folder.
+        paths = os.pathsep.join(os.path.abspath(item) for item in sys.path if item)
+        self.owner = os.getpid()
+        self.process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "turnout.measurement.formats.reader_process"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            encoding="utf-8",
+            env={**os.environ, "PYTHONPATH": paths},
+            # Ctrl-C is answered by the program that reads, which ends this process.
+            start_new_session=True,
+        )
+
+    def ask(self, request: dict[str, Any]) -> tuple[dict[str, Any], bool]:
+        """Return the answer, and whether time ran out; it is empty where the process ended."""
+        assert self.process.stdin is not None
+        with suppress(OSError):
+            self.process.stdin.write(json.dumps(request) + "\n")
+            self.process.stdin.flush()
+        loaded, _ = self._line(LOADING_SECONDS)
+        if not loaded:
+            return {}, False
+        line, late = self._line(float(request["seconds"]))
+        found: dict[str, Any] = json.loads(line) if line.endswith("\n") else {}
+        return found, late
+
+    def _line(self, seconds: float) -> tuple[str, bool]:
+        """Wait for a line of the process, which is killed when it takes too long."""
+        assert self.process.stdout is not None
+        late = threading.Event()
+
+        def end() -> None:
+            late.set()
+            self.process.kill()
+
+        timer = threading.Timer(seconds, end)
+        timer.daemon = True
+        timer.start()
+        try:
+            return self.process.stdout.readline(), late.is_set()
+        finally:
+            timer.cancel()
+
+    def close(self) -> int:
+        """End the process, whatever it does; return its exit code."""
+        for pipe in (self.process.stdin, self.process.stdout):
+            if pipe is not None:
+                with suppress(OSError):
+                    pipe.close()
+        if self.owner != os.getpid():
+            self.process.returncode = 0
+            return 0
+        with suppress(subprocess.TimeoutExpired):
+            return self.process.wait(timeout=0.5)
+        self.process.kill()
+        return self.process.wait()
+
+
+_lock = threading.Lock()
+_kept: list[Reader] = []
+
+
+def read_isolated(
+    path: Path, *, reader: str, kind: str, packages: tuple[str, ...] = (), **options: object
+) -> Recording:
+    """Read a file by a reader in a process of its own.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    reader : str
+        Module and function: "turnout.measurement.formats.hdf5:read_hdf5".
+    kind : str
+        What files of this kind are called.
+    packages : tuple of str
+        What the reader loads, which does not count as time of the file.
+    **options
+        Arguments of the reader.
+
+    Raises
+    ------
+    FileError
+        When the reader refuses the file, crashes on it, or takes too much memory or time.
+    """
+    size = path.stat().st_size
+    with _lock, tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        seconds = most_seconds(size)
+        request = {
+            "file": str(path.absolute()),
+            "kind": kind,
+            "reader": reader,
+            "packages": packages,
+            "folder": folder,
+            "memory": most_memory(size),
+            "seconds": seconds,
+            "options": options,
+        }
+        process = _reader()
+        reply: dict[str, Any] = {}
+        late = keep = False
+        try:
+            reply, late = process.ask(request)
+            keep = bool(reply) and FAULT not in reply
+        finally:
+            if not keep:
+                _kept.clear()
+                code = process.close()
+        if late:
+            message = (
+                f"{path}: takes longer than {seconds:.0f} s to read; save it in another format"
+            )
+            raise FileError(message)
+        if not reply:
+            raise FileError(_crash(path, kind, code))
+        if FAULT in reply:
+            raise FileError(str(reply[FAULT]).replace(str(path.absolute()), str(path)))
+        return _recording(path, reply, Path(folder))
+
+
+def _reader() -> Reader:
+    """Return the process that reads, of this program and alive."""
+    if _kept and (_kept[0].owner != os.getpid() or _kept[0].process.poll() is not None):
+        _kept.pop().close()
+    if not _kept:
+        _kept.append(Reader())
+    return _kept[0]
+
+
+@atexit.register
+def _end() -> None:
+    while _kept:
+        _kept.pop().close()
+
+
+def _recording(path: Path, reply: dict[str, Any], folder: Path) -> Recording:
+    with np.load(folder / ARRAYS, allow_pickle=False) as arrays:
+        channels = {
+            item["name"]: Channel(values=arrays[str(number)], **item)
+            for number, item in enumerate(reply["channels"])
+        }
+    return Recording(channels, str(path), reply["start_time"], tuple(reply["problems"]))
+
+
+def _crash(path: Path, kind: str, code: int) -> str:
+    # A signal: negative on Linux and macOS, a large status on Windows.
+    if code < 0 or code > 255:
+        return (
+            f"{path}: the reader of {kind} files crashed on it (code {code}): the file is "
+            "truncated or damaged; save it again"
+        )
+    return f"{path}: the reader of {kind} files cannot be used here (exit code {code})"

@@ -1,0 +1,194 @@
+"""MATLAB files: version 5 (and 4) read and written, version 7.3 read."""
+
+import io
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+from scipy.io import loadmat, savemat
+
+from turnout.measurement.formats.assemble import Column, assemble
+from turnout.measurement.formats.hdf5 import Content
+from turnout.measurement.formats.mat_check import check_mat5
+from turnout.measurement.formats.named_arrays import NO_TIME, columns_of_arrays
+from turnout.measurement.recording import Recording
+
+# Lists that a file written here has beside its vectors, an entry a channel.
+LISTS = ("variables", "names", "units", "descriptions")
+_PREFIX = "channel_"
+
+
+def read_mat(path: Path) -> Recording:
+    """Read a MATLAB file of version 4 to 7 (not 7.3).
+
+    Raises
+    ------
+    FileError
+        When it holds no channel or declares too much.
+    """
+    with path.open("rb") as file:
+        is_version_5 = file.read(6) == b"MATLAB"
+    if is_version_5:
+        check_mat5(path)
+    content = loadmat(path, squeeze_me=True, struct_as_record=False, chars_as_strings=True)
+    return _recording({k: v for k, v in content.items() if not k.startswith("__")}, path)
+
+
+def read_mat73(path: Path, *, allow_outside: bool = False) -> Recording:
+    """Read a MATLAB file of version 7.3, which is HDF5.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    allow_outside : bool
+        Whether it may take samples from other files.
+
+    Raises
+    ------
+    FileError
+        When it holds no channel, refers to other files or declares too much.
+    """
+    with h5py.File(path, "r") as file:
+        content = Content(path, file, allow_outside=allow_outside)
+        found = {
+            name: _from_hdf5(file, item, content)
+            for name, item in content.members(file)
+            if name[0] != "#"
+        }
+    return _recording(found, path)
+
+
+def mat_bytes(recording: Recording) -> bytes:
+    """Return a recording as the content of a MATLAB file of version 5.
+
+    Each channel is a vector; cells and vectors called `channel_...` hold names, units, rates.
+    """
+    channels = list(recording.channels.values())
+    variables = _variables([channel.name for channel in channels])
+    content: dict[str, Any] = {
+        f"{_PREFIX}variables": _cells(variables),
+        f"{_PREFIX}names": _cells([channel.name for channel in channels]),
+        f"{_PREFIX}units": _cells([channel.unit for channel in channels]),
+        f"{_PREFIX}descriptions": _cells([channel.description for channel in channels]),
+        f"{_PREFIX}rates": np.array([channel.rate for channel in channels]),
+        f"{_PREFIX}starts": np.array([channel.start for channel in channels]),
+        "start_time": recording.start_time or "",
+    }
+    for variable, channel in zip(variables, channels, strict=True):
+        content[variable] = channel.values
+    file = io.BytesIO()
+    savemat(file, content, format="5", oned_as="column", long_field_names=True)  # type: ignore[arg-type]
+    return file.getvalue()
+
+
+def _recording(content: Mapping[str, Any], path: Path) -> Recording:
+    arrays: dict[str, NDArray[Any]] = {}
+    texts: dict[str, list[str]] = {}
+    for name, value in _flat(content):
+        if isinstance(value, str):
+            texts[name] = [value]
+        elif _is_texts(value):
+            texts[name] = [item if isinstance(item, str) else "" for item in np.ravel(value)]
+        elif isinstance(value, np.ndarray | int | float) and np.asarray(value).dtype.kind in "biuf":
+            arrays[name] = np.asarray(value)
+    start_time = next((v[0] for k, v in texts.items() if k.lower().endswith("start_time")), None)
+    if f"{_PREFIX}variables" in texts and f"{_PREFIX}rates" in arrays:
+        columns, problems = _own(arrays, texts), list[str]()
+    else:
+        columns, problems = columns_of_arrays(arrays, texts)
+    return assemble(
+        columns,
+        source=str(path),
+        start_time=start_time or None,
+        problems=problems,
+        remedy=NO_TIME,
+    )
+
+
+def _own(arrays: Mapping[str, NDArray[Any]], texts: Mapping[str, list[str]]) -> list[Column]:
+    """Read what `mat_bytes` made."""
+    variables = texts[f"{_PREFIX}variables"]
+    names, units, descriptions = (
+        [*texts.get(f"{_PREFIX}{key}", []), *[""] * len(variables)] for key in LISTS[1:]
+    )
+    rates = np.ravel(arrays[f"{_PREFIX}rates"])
+    starts = np.ravel(arrays.get(f"{_PREFIX}starts", np.zeros(len(variables))))
+    return [
+        Column(
+            names[number] or variable,
+            np.ravel(arrays[variable]),
+            units[number],
+            descriptions[number],
+            rate=float(rates[number]),
+            start=float(starts[number]),
+        )
+        for number, variable in enumerate(variables)
+        if variable in arrays and number < min(rates.size, starts.size)
+    ]
+
+
+def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield what a file holds by dotted names; structures are opened."""
+    for name, value in content.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        elif hasattr(value, "_fieldnames"):
+            fields = {field: getattr(value, field) for field in value._fieldnames}
+            yield from _flat(fields, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def _is_texts(value: object) -> bool:
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "OUS" or not value.size:
+        return False
+    # squeezing turns an empty text in a cell into an empty array
+    return all(isinstance(item, str) or np.size(item) == 0 for item in np.ravel(value))
+
+
+def _cells(texts: list[str]) -> NDArray[np.object_]:
+    cells = np.empty((len(texts), 1), dtype=object)
+    cells[:, 0] = texts
+    return cells
+
+
+def _variables(names: list[str]) -> list[str]:
+    """Return a MATLAB variable name for each channel, none twice."""
+    taken: list[str] = []
+    for name in names:
+        base = re.sub(r"\W", "_", name, flags=re.ASCII)[:40]
+        base = base if base[:1].isalpha() else f"x{base}"
+        free, number = base, 1
+        while free in taken or free.startswith(_PREFIX) or free == "start_time":
+            number += 1
+            free = f"x{base}_{number}"
+        taken.append(free)
+    return taken
+
+
+def _from_hdf5(file: h5py.File, item: Any, content: Content) -> Any:
+    """Return a variable of a version 7.3 file as `loadmat` would."""
+    if isinstance(item, h5py.Group):
+        return {name: _from_hdf5(file, inner, content) for name, inner in content.members(item)}
+    if not isinstance(item, h5py.Dataset):
+        return None
+    kind = item.attrs.get("MATLAB_class", b"")
+    kind = kind.decode() if isinstance(kind, bytes) else str(kind)
+    if item.attrs.get("MATLAB_empty", 0):
+        return "" if kind == "char" else np.zeros(0)
+    if kind == "char":
+        return "".join(chr(int(code)) for code in np.ravel(content.read(item)))
+    if kind == "cell" or item.dtype.kind == "O":
+        references = np.ravel(content.read(item))
+        inner = [_from_hdf5(file, file[reference], content) for reference in references]
+        return (
+            _cells([str(text) for text in inner])
+            if all(isinstance(t, str) for t in inner)
+            else None
+        )
+    return np.squeeze(np.asarray(content.read(item))) if item.dtype.kind in "biuf" else None

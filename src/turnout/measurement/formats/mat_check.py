@@ -1,0 +1,171 @@
+"""Whether a MATLAB file of version 5 is whole: its elements fill it, as their sizes say.
+
+The reader of such files trusts every size it finds: it can crash on a damaged file, or return
+numbers that are not the file's; so they are checked before. Layout: a header of 128 bytes, then
+elements of a tag (type and number of bytes, 4 bytes each) and data; what is in a matrix is elements
+again, padded to 8 bytes.
+"""
+
+import struct
+import zlib
+from pathlib import Path
+
+from turnout.measurement.formats.extent import Declared
+
+HEADER, TAG = 128, 8
+MATRIX, COMPRESSED = 14, 15
+CELL, STRUCTURE, CHARACTERS, SPARSE, LARGEST_CLASS = 1, 2, 4, 5, 17
+# Bytes of a number by the type of its element.
+WIDTHS = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8, 16: 1, 17: 2, 18: 4}
+LARGEST_DEPTH = 20
+# Bytes of a number at most: what an element declares is no less than so many numbers.
+NUMBER = 8
+
+
+def check_mat5(path: Path) -> None:
+    """Check that the elements of a version 5 file fill it.
+
+    Raises
+    ------
+    ValueError
+        Saying what is wrong.
+    FileError
+        When it declares more than a file of its size may hold.
+    """
+    with path.open("rb") as file:
+        header = file.read(HEADER)
+        if len(header) < HEADER or header[126:128] not in (b"IM", b"MI"):
+            message = "its header is damaged"
+            raise ValueError(message)
+        declared = Declared(path)
+        order = "<" if header[126:128] == b"IM" else ">"
+        while tag := file.read(TAG):
+            if len(tag) < TAG:
+                message = "it is cut off within a tag"
+                raise ValueError(message)
+            kind, size = struct.unpack(f"{order}II", tag)
+            if kind not in (MATRIX, COMPRESSED):
+                message = f"an element of type {kind} stands where a variable must"
+                raise ValueError(message)
+            content = file.read(size)
+            if len(content) < size:
+                message = "it is cut off within a variable"
+                raise ValueError(message)
+            if kind == COMPRESSED:
+                content = _inflated(content, order, declared)
+            _check_matrix(memoryview(content), order, 0)
+
+
+def _inflated(content: bytes, order: str, declared: Declared) -> bytes:
+    """Return the matrix in a compressed element, no more of it than it declares."""
+    try:
+        packed = zlib.decompressobj()
+        plain = packed.decompress(content, TAG)
+        if len(plain) == TAG:
+            kind, size = struct.unpack(f"{order}II", plain)
+            declared.add(size // NUMBER if kind == MATRIX else 0)
+            plain += packed.decompress(packed.unconsumed_tail, size + 1)
+    except zlib.error as error:
+        message = f"a compressed variable is damaged ({error})"
+        raise ValueError(message) from None
+    if len(plain) < TAG:
+        message = "a compressed variable is empty"
+        raise ValueError(message)
+    if kind != MATRIX or size != len(plain) - TAG or not packed.eof:
+        message = "a compressed variable holds no matrix"
+        raise ValueError(message)
+    return plain[TAG:]
+
+
+def _check_matrix(content: memoryview, order: str, depth: int) -> None:
+    """Check that flags, dimensions, name and values of a matrix fit each other."""
+    if not content.nbytes:
+        return  # an empty cell
+    if depth > LARGEST_DEPTH:
+        message = "its structures are nested too deeply"
+        raise ValueError(message)
+    parts = list(_elements(content, order))
+    if len(parts) < 3 or [kind for kind, _ in parts[:2]] != [6, 5] or parts[2][0] not in (1, 2):
+        message = "a variable lacks its flags, dimensions or name"
+        raise ValueError(message)
+    flags, dimensions = parts[0][1], parts[1][1]
+    if flags.nbytes != 8 or dimensions.nbytes < 8 or dimensions.nbytes % 4:
+        message = "the flags or dimensions of a variable are damaged"
+        raise ValueError(message)
+    word = struct.unpack(f"{order}I", flags[:4])[0]
+    _check_values(parts[3:], word, _count(dimensions, order), order, depth)
+
+
+def _check_values(
+    parts: list[tuple[int, memoryview]], word: int, count: int, order: str, depth: int
+) -> None:
+    """Check what follows the name of a matrix, by its class."""
+    kind = word & 0xFF
+    if kind in (CELL, STRUCTURE, 3):
+        inner = [part for part in parts if part[0] == MATRIX]
+        if kind == CELL and (len(inner) != count or len(inner) != len(parts)):
+            message = "a cell array does not hold as many values as it says"
+            raise ValueError(message)
+        if kind == STRUCTURE:
+            _check_fields(parts, count, len(inner), order)
+        for _, values in inner:
+            _check_matrix(values, order, depth + 1)
+        return
+    if not 4 <= kind <= LARGEST_CLASS or kind == SPARSE:
+        return
+    # Real values, and imaginary ones where a flag says so.
+    wanted = 2 if word & 0x0800 else 1
+    if kind <= 15 and (
+        len(parts) != wanted
+        or any(WIDTHS.get(part, 0) == 0 or v.nbytes != count * WIDTHS[part] for part, v in parts)
+    ):
+        if kind == CHARACTERS:
+            return  # characters may take several bytes
+        message = "a variable does not hold as many numbers as it says"
+        raise ValueError(message)
+
+
+def _check_fields(parts: list[tuple[int, memoryview]], count: int, inner: int, order: str) -> None:
+    """Check that a structure has a value for each of its fields."""
+    if len(parts) < 2 or parts[0][0] != 5 or parts[0][1].nbytes != 4 or parts[1][0] != 1:
+        message = "a structure lacks the names of its fields"
+        raise ValueError(message)
+    length = struct.unpack(f"{order}i", parts[0][1])[0]
+    names = parts[1][1].nbytes
+    if length <= 0 or names % length or inner != count * (names // length):
+        message = "a structure does not hold as many values as it says"
+        raise ValueError(message)
+
+
+def _count(dimensions: memoryview, order: str) -> int:
+    count = 1
+    for size in struct.unpack(f"{order}{dimensions.nbytes // 4}i", dimensions):
+        if size < 0:
+            message = "a variable has a negative dimension"
+            raise ValueError(message)
+        count *= size
+    return count
+
+
+def _elements(content: memoryview, order: str) -> "list[tuple[int, memoryview]]":
+    """Return type and data of each element within a matrix."""
+    found, at = [], 0
+    while at < content.nbytes:
+        if content.nbytes - at < TAG:
+            message = "a variable ends within a tag"
+            raise ValueError(message)
+        kind, size = struct.unpack(f"{order}II", content[at : at + TAG])
+        start = at + TAG
+        if kind >> 16:  # up to 4 bytes, packed into the tag
+            size, kind, start = kind >> 16, kind & 0xFFFF, at + 4
+            if size > 4:
+                message = "a packed element is longer than it can be"
+                raise ValueError(message)
+            at += TAG
+        else:
+            at = start + size + (-size % 8 if kind != MATRIX else 0)
+        if start + size > content.nbytes or (kind != MATRIX and kind not in WIDTHS):
+            message = "an element is longer than its variable, or of no known type"
+            raise ValueError(message)
+        found.append((kind, content[start : start + size]))
+    return found

@@ -1,0 +1,110 @@
+"""The process in which recordings are read, started with ``python -P -m`` and its own name.
+
+Readers of binary formats crash on damaged files, and small files can declare huge contents; here
+that harms nobody. Each line on stdin is a request (JSON): reader, file, folder for the samples and
+limits. Two lines answer it: one when the reader is loaded, one when it has read the file or says
+why it could not.
+"""
+
+import json
+import os
+import signal
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from turnout.errors import FileError
+from turnout.measurement.recording import Recording
+
+ARRAYS = "arrays.npz"
+FAULT = "fault"
+
+
+def answer(request: dict[str, Any]) -> dict[str, Any]:
+    """Read a file within a limit of memory; return what describes its channels, or the fault."""
+    path, kind = Path(request["file"]), request["kind"]
+    module, _, function = request["reader"].partition(":")
+    limit_memory(int(request["memory"]))
+    try:
+        recording = getattr(import_module(module), function)(path, **request["options"])
+        return handed_over(recording, Path(request["folder"]))
+    except FileError as error:
+        return {FAULT: str(error)}
+    except MemoryError:
+        megabytes = int(request["memory"]) // 1_000_000
+        message = f"{path}: takes more than {megabytes} MB to read, too much for a file of its size"
+        return {FAULT: f"{message}; export it again, in shorter recordings or uncompressed"}
+    except RecursionError:
+        return {FAULT: f"{path}: what it holds is nested too deeply; save it again"}
+    except Exception as error:  # a damaged file makes a reader raise whatever its parts raise
+        reason = " ".join(str(getattr(error, "message", "") or error).split())[:80]
+        message = f"{path}: is no {kind} file, or a damaged one ({reason}); save it again"
+        return {FAULT: message}
+
+
+def handed_over(recording: Recording, folder: Path) -> dict[str, Any]:
+    """Leave the samples of a recording in a folder; return all else."""
+    channels = list(recording.channels.values())
+    arrays: dict[str, Any] = {f"{i}": item.values for i, item in enumerate(channels)}
+    np.savez(folder / ARRAYS, **arrays)
+    return {
+        "start_time": recording.start_time,
+        "problems": recording.problems,
+        "channels": [
+            {
+                "name": item.name,
+                "unit": item.unit,
+                "rate": float(item.rate),
+                "start": float(item.start),
+                "description": item.description,
+            }
+            for item in channels
+        ],
+    }
+
+
+def limit_memory(more: int) -> None:
+    """Let this process take so much more memory than it has now, where the system can say [byte].
+
+    Linux counts what a process can write to; others do not tell what it has.
+    """
+    status = Path("/proc/self/status")
+    if sys.platform == "win32" or not status.exists():
+        return
+    import resource
+
+    (line,) = (text for text in status.read_text().splitlines() if text.startswith("VmData:"))
+    taken = 1024 * int(line.split()[1])
+    _, most = resource.getrlimit(resource.RLIMIT_DATA)
+    wanted = taken + more
+    limit = wanted if most == resource.RLIM_INFINITY else min(wanted, most)
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, most))
+
+
+def main() -> None:
+    """Answer requests until there are no more; whatever a reader prints is not heard."""
+    with os.fdopen(os.dup(1), "w", encoding="utf-8") as replies:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 1)
+        os.dup2(nowhere, 2)
+        for line in sys.stdin:
+            request = json.loads(line)
+            for name in request["packages"]:
+                import_module(name)
+            replies.write("{}\n")
+            replies.flush()
+            # Should the program that asked be gone, nothing else would end a reader that hangs.
+            if sys.platform != "win32":
+                signal.alarm(int(request["seconds"]) + 5)
+            reply = answer(request)
+            if sys.platform != "win32":
+                signal.alarm(0)
+            replies.write(json.dumps(reply) + "\n")
+            replies.flush()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Whether a throw was recorded well enough to be used."""

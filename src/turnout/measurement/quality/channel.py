@@ -1,0 +1,430 @@
+"""Faults of a recorded throw: their record, their limits, and those that a single channel shows.
+
+What a fault of a recorded throw is, and from what size on something is one. Faults that a single
+channel shows: holes, held and clipped samples, silence, mains hum.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from turnout.measurement.campaign.signals import (
+    Floats,
+    mean_over,
+    spikes,
+    without_holes,
+    without_spikes,
+)
+from turnout.measurement.campaign.throws import Throw
+
+KINDS = (
+    "unit",
+    "clipping",
+    "drop-out",
+    "missing samples",
+    "dead channel",
+    "swapped channels",
+    "reversed polarity",
+    "direction",
+    "sampling rate",
+    "mains hum",
+    "truncated",
+    "spikes",
+    "drift",
+    "zero offset",
+    "quantisation",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One thing that is wrong with a throw.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`.
+    channel : str
+        Such as "drive_force 2"; empty where it concerns the whole throw.
+    text : str
+        What was found, with the figure and its limit.
+    excludes : bool
+        Whether the throw must not be used.
+    """
+
+    kind: str
+    channel: str
+    text: str
+    excludes: bool = True
+
+    def __str__(self) -> str:
+        """Give the line that a user reads."""
+        where = f" of {self.channel}" if self.channel else ""
+        return f"{self.kind}{where}: {self.text}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """From what size on something is a fault.
+
+    Attributes
+    ----------
+    longest_hole : float
+        Missing samples in a row [s].
+    missing_share : float
+        Missing samples of all.
+    least_run : int
+        Equal samples in a row, in a channel that has noise.
+    clipped_share : float
+        Samples at the very largest or least value.
+    least_response : mapping of str to float
+        What a channel must change by in a throw, else it is dead [N, A].
+    most_hum : mapping of str to float
+        Amplitude of a line of the mains [N, A].
+    mains : tuple of float
+        Frequencies of lines that mains put into cables [Hz].
+    rate_share : float
+        Departure of a stated sampling rate.
+    pace_share : float
+        Departure of the pace of a throw from that of the campaign; voltage alone makes some.
+    least_rest : float
+        Rest before the onset and after the end [s].
+    polarity_force : float
+        Change of a rod force against the direction [N].
+    swap_gain : float
+        How many times better channels must fit when they are swapped.
+    most_spike : mapping of str to float
+        Height of a single sample above its neighbours [N, A].
+    most_drift : float
+        Change of the zero of a force in the time that is kept of a throw [N].
+    most_offset : mapping of str to float
+        Departure of the zero: of a rod force from the rest of the campaign, of a current and of
+        the load cell from nothing [N, A].
+    most_step : mapping of str to float
+        Least difference of two samples [N, A].
+    """
+
+    longest_hole: float = 0.01
+    missing_share: float = 0.005
+    least_run: int = 6
+    clipped_share: float = 0.005
+    least_response: tuple[tuple[str, float], ...] = (
+        ("drive_force", 60.0),
+        ("drive_current", 0.2),
+        ("object_force", 40.0),
+    )
+    most_hum: tuple[tuple[str, float], ...] = (
+        ("drive_force", 60.0),
+        ("drive_current", 0.1),
+        ("object_force", 60.0),
+    )
+    mains: tuple[float, ...] = (50.0 / 3.0, 50.0, 60.0, 100.0, 150.0)
+    rate_share: float = 0.002
+    pace_share: float = 0.12
+    least_rest: float = 0.15
+    polarity_force: float = 100.0
+    swap_gain: float = 2.0
+    most_spike: tuple[tuple[str, float], ...] = (
+        ("drive_force", 500.0),
+        ("drive_current", 2.0),
+        ("object_force", 500.0),
+    )
+    most_drift: float = 200.0
+    most_offset: tuple[tuple[str, float], ...] = (
+        ("drive_force", 750.0),
+        ("drive_current", 0.15),
+        ("object_force", 200.0),
+    )
+    most_step: tuple[tuple[str, float], ...] = (
+        ("drive_force", 50.0),
+        ("drive_current", 0.05),
+        ("object_force", 50.0),
+    )
+
+
+MEASURED = ("drive_force", "drive_current", "object_force")
+# A run of equal samples is by chance once in this many throws.
+CHANCE = 1e-4
+# A switch is thrown with some kilonewtons, and no object bears more than this [N].
+MOST_FORCE = 2e5
+# So many equal samples from the start on are a rest without noise.
+LEAST_REST = 10
+
+
+def channel_faults(dataset: xr.Dataset, throw: Throw, *, limits: Limits) -> list[Fault]:
+    """Find the faults of each channel by itself.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        One throw, unfiltered.
+    throw : Throw
+        Its onset and end.
+    limits : Limits
+        From what size on something is a fault.
+
+    Returns
+    -------
+    list of Fault
+    """
+    time = dataset["time"].values
+    rate = (time.size - 1) / float(time[-1] - time[0])
+    begin = int(np.searchsorted(time, throw.onset))
+    finish = int(np.searchsorted(time, throw.end))
+    faults: list[Fault] = []
+    for name, values, key in measured_channels(dataset):
+        holes = hole_fault(name, values, rate=rate, limits=limits)
+        faults += holes
+        filled = without_holes(values)
+        faults += quantisation_fault(name, filled, key=key, limits=limits)
+        teeth = spike_fault(name, filled, key=key, rate=rate, limits=limits)
+        faults += teeth
+        if teeth:
+            continue
+        unit = unit_fault(name, filled, key=key)
+        if unit:
+            faults += unit
+            continue
+        dead = dead_fault(name, filled, begin, finish, key=key, rate=rate, limits=limits)
+        faults += dead
+        if dead:
+            continue
+        if not holes:
+            faults += run_faults(name, filled, begin, finish, limits=limits)
+        faults += hum_faults(name, filled, begin, finish, key=key, rate=rate, limits=limits)
+    return faults
+
+
+def measured_channels(dataset: xr.Dataset) -> list[tuple[str, Floats, str]]:
+    """Return the name, samples and variable of each measured channel.
+
+    Examples
+    --------
+    >>> data = xr.Dataset({"drive_force": (("drive", "time"), [[0.0]])}, {"drive": ["2"]})
+    >>> [(name, key) for name, _, key in measured_channels(data)]
+    [('drive_force 2', 'drive_force')]
+    """
+    found: list[tuple[str, Floats, str]] = []
+    for key in MEASURED:
+        if key not in dataset:
+            continue
+        if "drive" in dataset[key].dims:
+            for drive in dataset["drive"].values:
+                found.append((f"{key} {drive}", dataset[key].sel(drive=drive).values, key))
+        else:
+            found.append((key, dataset[key].values, key))
+    return found
+
+
+def hole_fault(name: str, values: Floats, *, rate: float, limits: Limits) -> list[Fault]:
+    """Find missing samples: one long hole, or many short ones."""
+    missing = ~np.isfinite(values)
+    if not missing.any():
+        return []
+    longest, share = longest_run(missing) / rate, float(missing.mean())
+    text = f"{100 * share:.1f} % of the samples, {1e3 * longest:.0f} ms in a row"
+    if longest > limits.longest_hole or share > limits.missing_share:
+        allowed = f"{100 * limits.missing_share:g} % or {1e3 * limits.longest_hole:g} ms"
+        return [Fault("missing samples", name, f"{text}; at most {allowed}")]
+    return [Fault("missing samples", name, f"{text}, bridged by straight lines", excludes=False)]
+
+
+def spike_fault(name: str, values: Floats, *, key: str, rate: float, limits: Limits) -> list[Fault]:
+    """Find samples that stand alone, as a bad contact or a radio makes them."""
+    most, unit = dict(limits.most_spike)[key], "A" if key == "drive_current" else "N"
+    found = spikes(values, rate=rate, least=most)
+    count = int(found.sum())
+    if not count:
+        return []
+    height = float(np.max(np.abs(values - without_spikes(values, rate=rate, least=most))))
+    what = "1 sample stands" if count == 1 else f"{count} samples stand"
+    text = f"{what} up to {height:.3g} {unit} above or below the ones around, at most {most:g} "
+    return [Fault("spikes", name, f"{text}{unit}")]
+
+
+def quantisation_fault(name: str, values: Floats, *, key: str, limits: Limits) -> list[Fault]:
+    """Find a converter whose steps are too large for what it measures.
+
+    Examples
+    --------
+    >>> coarse = 2000.0 * np.round(np.linspace(0.0, 3.0, 50))
+    >>> str(quantisation_fault("drive_force 1", coarse, key="drive_force", limits=Limits())[0])
+    'quantisation of drive_force 1: it has steps of 2e+03 N, at most 50 N expected'
+    """
+    levels = np.unique(values)
+    steps = np.diff(levels)
+    steps = steps[steps > 1e-9 * max(float(np.ptp(levels)), 1e-300)]
+    most, unit = dict(limits.most_step)[key], "A" if key == "drive_current" else "N"
+    if not steps.size or float(steps.min()) <= most:
+        return []
+    text = f"it has steps of {float(steps.min()):.3g} {unit}, at most {most:g} {unit} expected"
+    return [Fault("quantisation", name, text, excludes=False)]
+
+
+def unit_fault(name: str, values: Floats, *, key: str) -> list[Fault]:
+    """Find a force that no rod carries, as where newtons are taken for kilonewtons.
+
+    Examples
+    --------
+    >>> str(unit_fault("drive_force 1", np.array([0.0, 7.2e6]), key="drive_force")[0])
+    'unit of drive_force 1: up to 7.2e+06 N, at most 2e+05 N are believed; check its unit'
+    """
+    largest = float(np.max(np.abs(values), initial=0.0))
+    if key == "drive_current" or largest <= MOST_FORCE:
+        return []
+    text = f"up to {largest:.2g} N, at most {MOST_FORCE:.2g} N are believed; check its unit"
+    return [Fault("unit", name, text)]
+
+
+def dead_fault(
+    name: str,
+    values: Floats,
+    begin: int,
+    finish: int,
+    *,
+    key: str,
+    rate: float,
+    limits: Limits,
+) -> list[Fault]:
+    """Find a channel that does not answer to a throw.
+
+    A load cell is only remarked upon: an object that the rail does not reach is not squeezed.
+    """
+    around = round(0.2 * rate)
+    smooth = mean_over(values, width=round(0.1 * rate))[max(0, begin - around) : finish + around]
+    least = dict(limits.least_response)[key]
+    response = float(np.ptp(smooth)) if smooth.size else 0.0
+    if response >= least:
+        return []
+    unit = "A" if key == "drive_current" else "N"
+    text = f"it changes by {response:.3g} {unit} in the throw, at least {least:g} {unit} expected"
+    return [Fault("dead channel", name, text, excludes=key != "object_force")]
+
+
+def run_faults(
+    name: str, values: Floats, begin: int, finish: int, *, limits: Limits
+) -> list[Fault]:
+    """Find samples held at one value: at the edge of the range it is clipping, else a drop-out.
+
+    A channel whose samples repeat at rest and after the throw has no noise to tell by, nor has one
+    that is exactly constant from the first sample until the motion begins: held by chance, it
+    would not wake with the motion.
+    """
+    if silent(values[: max(0, begin - 5)], span=float(np.ptp(values))):
+        return []
+    repeats = repeated_share(values, begin, finish)
+    if repeats > 0.7:
+        return []
+    allowed = limits.least_run
+    if repeats > 0.0:
+        by_chance = 1.0 + np.log(CHANCE / values.size) / np.log(repeats)
+        allowed = max(allowed, int(np.ceil(by_chance)))
+    largest, least = float(values.max()), float(values.min())
+    span = largest - least
+    rest = float(np.median(values[: max(begin, 1)]))
+    faults = []
+    held = np.ones(values.size, dtype=bool)
+    for edge in (largest, least):
+        at_edge = np.abs(values - edge) <= 1e-9 * span
+        # A range ends away from the rest, where a quiet channel lies.
+        if abs(edge - rest) < 0.1 * span:
+            continue
+        count, run = int(at_edge.sum()), longest_run(at_edge)
+        if run >= allowed or count > max(limits.clipped_share * values.size, allowed):
+            text = f"{count} samples at the edge of the range, {run} of them in a row"
+            faults.append(Fault("clipping", name, text))
+            held &= ~at_edge
+    same = np.abs(np.diff(values)) <= 1e-9 * span
+    run = longest_run(same & held[1:] & held[:-1]) + 1
+    if run >= allowed:
+        text = f"{run} equal samples in a row, fewer than {allowed} expected of its noise"
+        faults.append(Fault("drop-out", name, text))
+    return faults
+
+
+def silent(rest: Floats, *, span: float) -> bool:
+    """Tell whether a rest has no noise at all, as in a recording that a program wrote.
+
+    Examples
+    --------
+    >>> silent(np.zeros(20), span=1e3), silent(np.r_[np.zeros(19), 0.1], span=1e3)
+    (True, False)
+    """
+    return rest.size >= LEAST_REST and bool(np.ptp(rest) <= 1e-7 * span)
+
+
+def repeated_share(values: Floats, begin: int, finish: int) -> float:
+    """Return the share of samples equal to the one before, where the channel is at rest.
+
+    Of the rest before and the hold after, the livelier counts, as the other may be held. One where
+    samples do not go up and down by turns has no noise.
+    """
+    shares = [1.0]
+    for part in (values[: max(0, begin - 5)], values[finish + 5 :]):
+        if part.size <= 50:
+            continue
+        steps = np.diff(part)
+        turns = float(np.mean(steps[1:] * steps[:-1] < 0.0))
+        if turns > 0.2:
+            shares.append(float(np.mean(steps == 0)))
+    return min(shares)
+
+
+def hum_faults(
+    name: str,
+    values: Floats,
+    begin: int,
+    finish: int,
+    *,
+    key: str,
+    rate: float,
+    limits: Limits,
+) -> list[Fault]:
+    """Find a line of the mains whose amplitude is above its limit, after the inrush."""
+    part = values[begin + round(0.2 * rate) : finish]
+    most, unit = dict(limits.most_hum)[key], "A" if key == "drive_current" else "N"
+    faults = []
+    for frequency in limits.mains:
+        if frequency > 0.4 * rate or part.size * frequency < 10 * rate:
+            continue
+        amplitude = line_amplitude(part, frequency=frequency, rate=rate)
+        if amplitude > most:
+            text = f"{amplitude:.3g} {unit} at {frequency:.4g} Hz, at most {most:g} {unit}"
+            faults.append(Fault("mains hum", name, text))
+    return faults
+
+
+def line_amplitude(values: Floats, *, frequency: float, rate: float) -> float:
+    """Return the amplitude of a line in a spectrum, whatever slower the channel does.
+
+    A slow cubic is taken off first; a Hann window keeps the rest of it away from the line.
+
+    Examples
+    --------
+    >>> time = np.arange(3000) / 1000.0
+    >>> hum = 20.0 * np.sin(2.0 * np.pi * 50.0 * time) + 500.0 * time
+    >>> round(line_amplitude(hum, frequency=50.0, rate=1000.0), 2)
+    20.0
+    """
+    index = np.arange(values.size)
+    scaled = 2.0 * index / max(1, values.size - 1) - 1.0
+    slow = np.polynomial.polynomial.polyfit(scaled, values, 3)
+    fast = values - np.polynomial.polynomial.polyval(scaled, slow)
+    window = np.hanning(values.size)
+    wave = np.exp(-2j * np.pi * frequency / rate * index)
+    return float(2.0 * np.abs(np.sum(window * fast * wave)) / np.sum(window))
+
+
+def longest_run(flags: np.ndarray) -> int:
+    """Return how many flags in a row are true at most.
+
+    Examples
+    --------
+    >>> longest_run(np.array([True, True, False, True]))
+    2
+    """
+    padded = np.concatenate(([False], flags, [False])).astype(np.int8)
+    steps = np.diff(padded)
+    starts, stops = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
+    return int((stops - starts).max()) if starts.size else 0

@@ -1,0 +1,130 @@
+"""Whether a throw was recorded well enough to be used: every fault with its reason."""
+
+from dataclasses import dataclass, field
+
+import xarray as xr
+
+from turnout.measurement.campaign.signals import Floats
+from turnout.measurement.campaign.throws import Throw
+from turnout.measurement.quality.channel import Fault, Limits, channel_faults
+from turnout.measurement.quality.throw import (
+    Profile,
+    direction_faults,
+    drift_faults,
+    offset_faults,
+    rate_faults,
+    swap_faults,
+    truncation_faults,
+)
+
+LOAD_CELL = "object_force"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expected:
+    """What is known of a throw before its samples are looked at.
+
+    Attributes
+    ----------
+    direction : str or None
+        "closing" or "opening", as the run sheet says.
+    load_cell : bool
+        Whether a load cell was mounted.
+    rate : float or None
+        Samples a second that all recordings of the campaign should have [1/s].
+    profile : Profile or None
+        How most throws of the campaign in this direction begin.
+    open_level : ndarray or None, shape (n_drives,)
+        What the rods carry in most of them while the rail is open [N].
+    """
+
+    direction: str | None = None
+    load_cell: bool = True
+    rate: float | None = None
+    profile: Profile | None = None
+    open_level: Floats | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """The faults of a throw: those that exclude it, and those that are worth a remark."""
+
+    faults: tuple[Fault, ...] = field(default=())
+
+    @property
+    def usable(self) -> bool:
+        """Whether no fault excludes the throw."""
+        return not any(fault.excludes for fault in self.faults)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What excludes the throw, a sentence each."""
+        return tuple(str(fault) for fault in self.faults if fault.excludes)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What does not exclude the throw, a sentence each."""
+        return tuple(str(fault) for fault in self.faults if not fault.excludes)
+
+
+def judge(
+    dataset: xr.Dataset,
+    throw: Throw,
+    *,
+    expected: Expected | None = None,
+    limits: Limits | None = None,
+) -> Verdict:
+    """Look for every known fault of a throw.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        The recording that the throw was found in: `drive_force` [N], and where measured
+        `drive_current` [A] and `object_force` [N], unfiltered.
+    throw : Throw
+        From `find_throws` on this dataset.
+    expected : Expected, optional
+        What is known beforehand; without it fewer faults can be seen.
+    limits : Limits, optional
+        From what size on something is a fault.
+
+    Returns
+    -------
+    Verdict
+        All faults, in a fixed order.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from turnout.measurement.campaign.throws import find_throws
+    >>> time = np.arange(0.0, 4.5, 1e-3)
+    >>> current = 1.2 * ((time >= 1.0) & (time < 5.0)) + 1e-3 * np.sin(700.0 * time)
+    >>> data = xr.Dataset(
+    ...     {"drive_force": (("drive", "time"), [1000.0 * np.clip(time - 1.0, 0.0, 3.0)]),
+    ...      "drive_current": (("drive", "time"), [current])},
+    ...     {"time": time, "drive": ["1"]},
+    ... )
+    >>> (throw,) = find_throws(data)
+    >>> judge(data, throw).reasons
+    ('truncated: the recording ends before the motion does',)
+    """
+    chosen, known = limits or Limits(), expected or Expected()
+    kept = dataset.isel(time=slice(throw.first, throw.stop))
+    if LOAD_CELL in kept and not known.load_cell:
+        kept = kept.drop_vars(LOAD_CELL)
+    faults = [
+        *truncation_faults(throw, kept, least_rest=chosen.least_rest),
+        *channel_faults(kept, throw, limits=chosen),
+        *rate_faults(kept, throw, rate=known.rate, profile=known.profile, limits=chosen),
+        *direction_faults(kept, throw, direction=known.direction, limits=chosen),
+        *drift_faults(kept, limits=chosen),
+        *offset_faults(
+            kept,
+            throw,
+            direction=known.direction,
+            typical=known.open_level,
+            limits=chosen,
+        ),
+        *swap_faults(kept, throw, profile=known.profile, limits=chosen),
+    ]
+    return Verdict(faults=tuple(faults))

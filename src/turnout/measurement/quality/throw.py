@@ -1,0 +1,317 @@
+"""Faults that channels show only together: truncation, pace, polarity, direction, swaps."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from turnout.measurement.campaign.signals import (
+    CLOSING,
+    OPENING,
+    Floats,
+    drift,
+    force_changes,
+    mean_over,
+    without_holes,
+)
+from turnout.measurement.campaign.throws import Throw
+from turnout.measurement.quality.channel import Fault, Limits, measured_channels
+
+# The part of a throw that no object has a say in yet, and its samples [s].
+EARLY, EARLY_STEP = 1.5, 0.02
+# Of the rest before a closing and after an opening movement, where the zero is looked at [s].
+REST = 0.3
+# Heights of a profile that another friction can explain.
+GAINS = (0.75, 1.33)
+PACES = np.exp(np.linspace(np.log(0.4), np.log(2.5), 93))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profile:
+    """How throws of one direction begin: channels over time since the onset, less their rest.
+
+    Attributes
+    ----------
+    forces, currents : ndarray, shape (n_drives, n)
+        Every 20 ms for 1.5 s [N, A]; `currents` has no rows where none were measured.
+    """
+
+    forces: Floats
+    currents: Floats
+
+
+def early_profile(dataset: xr.Dataset, throw: Throw) -> Profile | None:
+    """Return how a throw begins.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        The recording, or the part of it that holds the throw; unfiltered.
+    throw : Throw
+        Its onset.
+
+    Returns
+    -------
+    Profile or None
+        None where the recording does not reach from the onset over its 1.5 s.
+    """
+    return next(iter(_at_paces(dataset, throw, [1.0])), None)
+
+
+def _at_paces(dataset: xr.Dataset, throw: Throw, paces: Iterable[float]) -> list[Profile | None]:
+    """Return how a throw begins if its recording runs at each of several paces."""
+    time = dataset["time"].values
+    if throw.cut_start or throw.onset - 0.1 < time[0]:
+        return [None for _ in paces]
+    rate = (time.size - 1) / float(time[-1] - time[0])
+    rest = (time >= throw.onset - 0.3) & (time < throw.onset - 0.01)
+    smooth: dict[str, list[Floats]] = {}
+    for name in ("drive_force", "drive_current"):
+        present = [name] if name in dataset else []
+        values = [row for key in present for row in dataset[key].transpose("drive", "time").values]
+        means = [mean_over(row, width=round(0.04 * rate)) for row in values]
+        smooth[name] = [row - np.median(row[rest]) for row in means]
+    found: list[Profile | None] = []
+    for pace in paces:
+        wanted = throw.onset + pace * np.arange(0.0, EARLY, EARLY_STEP)
+        if wanted[-1] > time[-1]:
+            found.append(None)
+            continue
+        at = np.clip(np.rint((wanted - time[0]) * rate).astype(int), 0, time.size - 1)
+        forces, currents = (
+            np.array([row[at] for row in smooth[name]]).reshape(-1, at.size)
+            for name in ("drive_force", "drive_current")
+        )
+        found.append(Profile(forces, currents))
+    return found
+
+
+def typical_profile(profiles: Sequence[Profile]) -> Profile | None:
+    """Return the median of profiles: what most throws of a direction do.
+
+    Three are needed, as two that differ do not tell which of them is wrong.
+
+    Examples
+    --------
+    >>> some = [Profile(np.full((1, 3), level), np.empty((0, 3))) for level in (1.0, 2.0, 9.0)]
+    >>> typical_profile(some).forces
+    array([[2., 2., 2.]])
+    """
+    if len(profiles) < 3:
+        return None
+    shape = max({p.currents.shape for p in profiles}, key=lambda s: s[0])
+    currents = [p.currents for p in profiles if p.currents.shape == shape]
+    forces = np.median([p.forces for p in profiles], axis=0)
+    return Profile(forces, np.median(currents, axis=0))
+
+
+def truncation_faults(throw: Throw, dataset: xr.Dataset, *, least_rest: float) -> list[Fault]:
+    """Find a throw whose start or end is not in the recording."""
+    time = dataset["time"].values
+    faults = []
+    if throw.cut_start or throw.onset - float(time[0]) < least_rest:
+        text = "the recording begins after the onset of motion"
+        faults.append(Fault("truncated", "", text))
+    if throw.cut_end or float(time[-1]) - throw.end < least_rest:
+        text = "the recording ends before the motion does"
+        faults.append(Fault("truncated", "", text))
+    return faults
+
+
+def drift_faults(dataset: xr.Dataset, *, limits: Limits) -> list[Fault]:
+    """Find rod forces and a load cell whose zero wanders: they change alike before and after."""
+    time = dataset["time"].values
+    span = float(time[-1] - time[0])
+    faults = []
+    for name, values, key in measured_channels(dataset):
+        slope = drift(values, rate=(time.size - 1) / span)
+        if key != "drive_current" and abs(slope) * span > limits.most_drift:
+            text = f"{slope:.3g} N/s before and after the motion, {abs(slope) * span:.3g} N in all"
+            faults.append(Fault("drift", name, f"{text}, at most {limits.most_drift:g} N"))
+    return faults
+
+
+def open_level(dataset: xr.Dataset, throw: Throw, *, direction: str | None) -> Floats | None:
+    """Return what the rods carry while the rail is open, where no object acts, shape (n_drives,).
+
+    Before a closing movement, after an opening one; None where that was not recorded [N].
+    """
+    time = dataset["time"].values
+    if direction == CLOSING and not throw.cut_start:
+        part = (time >= throw.onset - REST) & (time < throw.onset - 0.01)
+    elif direction == OPENING and not throw.cut_end:
+        part = time > max(throw.end, time[-1] - REST)
+    else:
+        return None
+    rows = dataset["drive_force"].transpose("drive", "time").values[:, part]
+    filled = [row[np.isfinite(row)] for row in rows]
+    if not all(row.size for row in filled):
+        return None
+    return np.array([float(np.median(row)) for row in filled])
+
+
+def offset_faults(
+    dataset: xr.Dataset,
+    throw: Throw,
+    *,
+    direction: str | None,
+    typical: Floats | None,
+    limits: Limits,
+) -> list[Fault]:
+    """Find channels whose zero is off.
+
+    What a rod carries at rest is known from the rest of the campaign only; a current and a load
+    cell rest at nothing.
+    """
+    faults = []
+    most = dict(limits.most_offset)
+    own = open_level(dataset, throw, direction=direction) if typical is not None else None
+    if own is not None and typical is not None and own.shape == typical.shape:
+        names = [str(name) for name in dataset["drive"].values]
+        for name, level, usual in zip(names, own, typical, strict=True):
+            if abs(level - usual) > most["drive_force"]:
+                text = (
+                    f"{level:.4g} N with the rail open, {usual:.4g} N in the rest of the campaign"
+                )
+                faults.append(Fault("zero offset", f"drive_force {name}", text, excludes=False))
+    time = dataset["time"].values
+    rest = time < throw.onset - 0.01
+    for name, values, key in measured_channels(dataset):
+        known = values[rest & np.isfinite(values)]
+        if key == "drive_force" or throw.cut_start or not known.size:
+            continue
+        level, unit = float(np.median(known)), "A" if key == "drive_current" else "N"
+        if abs(level) > most[key]:
+            text = f"{level:.3g} {unit} at rest, at most {most[key]:g} {unit} expected"
+            faults.append(Fault("zero offset", name, text, excludes=False))
+    return faults
+
+
+def rate_faults(
+    dataset: xr.Dataset,
+    throw: Throw,
+    *,
+    rate: float | None,
+    profile: Profile | None,
+    limits: Limits,
+) -> list[Fault]:
+    """Find a sampling rate that is stated otherwise than agreed, or stated wrongly.
+
+    A wrong statement stretches time: the early part of the throw, which no object has a say in,
+    then fits the campaign's only at another pace, even if its height may change with friction. All
+    forces must say so: an object that is met early changes some of them.
+    """
+    time = dataset["time"].values
+    stated = (time.size - 1) / float(time[-1] - time[0])
+    if rate is not None and abs(stated / rate - 1.0) > limits.rate_share:
+        text = f"{stated:.6g} Hz stated, {rate:.6g} Hz in the rest of the campaign"
+        return [Fault("sampling rate", "", text)]
+    if profile is None:
+        return []
+    own = _at_paces(dataset, throw, PACES.tolist())
+    away = [_misfits(p, profile) for p in own]
+    best = int(np.argmin([np.sqrt(np.mean(rows**2)) for rows in away]))
+    here = away[int(np.argmin(np.abs(np.log(PACES))))]
+    pace = float(PACES[best])
+    # An object that is met at once changes one force more than the others; a clock, all alike.
+    if abs(np.log(pace)) > np.log1p(limits.pace_share) and np.all(away[best] < 0.5 * here):
+        text = f"the throw begins at {1.0 / pace:.2f} times the pace of the campaign's others"
+        return [Fault("sampling rate", "", text)]
+    return []
+
+
+def direction_faults(
+    dataset: xr.Dataset, throw: Throw, *, direction: str | None, limits: Limits
+) -> list[Fault]:
+    """Find reversed channels, and a throw that goes the other way than its sheet says."""
+    time = dataset["time"].values
+    rate = (time.size - 1) / float(time[-1] - time[0])
+    names = [str(name) for name in dataset["drive"].values]
+    changes = force_changes(dataset["drive_force"].transpose("drive", "time").values, rate=rate)
+    signs = {
+        name: (CLOSING if change > 0 else OPENING)
+        for name, change in zip(names, changes, strict=True)
+        if abs(change) > limits.polarity_force
+    }
+    faults = []
+    wrong = [name for name, sign in signs.items() if direction and sign != direction]
+    if wrong and len(wrong) == len(signs):
+        text = f"the sheet says {direction}, the rod forces {signs[wrong[0]]}"
+        faults.append(Fault("direction", "", f"{text}; one of them is wrong"))
+    elif not direction and len(set(signs.values())) > 1:
+        text = "rod forces of different sign in one throw"
+        faults.append(Fault("reversed polarity", "drive_force", text))
+    else:
+        text = f"it changes as in the {OPENING if direction == CLOSING else CLOSING} direction"
+        faults += [Fault("reversed polarity", f"drive_force {name}", text) for name in wrong]
+    inside = (time > throw.onset + 0.2) & (time < throw.end)
+    for name in names if "drive_current" in dataset else []:
+        level = np.median(without_holes(dataset["drive_current"].sel(drive=name).values)[inside])
+        if level < -0.2:
+            text = f"{level:.2g} A while the motor runs"
+            faults.append(Fault("reversed polarity", f"drive_current {name}", text))
+    if "object_force" in dataset:
+        smooth = mean_over(dataset["object_force"].values, width=round(0.1 * rate))
+        rest = float(np.median(smooth[time < throw.onset])) if time[0] < throw.onset else 0.0
+        if rest - smooth.min() > max(limits.polarity_force, smooth.max() - rest):
+            text = f"{smooth.min() - rest:.3g} N, a load cell is only squeezed"
+            faults.append(Fault("reversed polarity", "object_force", text))
+    return faults
+
+
+def swap_faults(
+    dataset: xr.Dataset, throw: Throw, *, profile: Profile | None, limits: Limits
+) -> list[Fault]:
+    """Find channels of two drives that have changed places.
+
+    The early part of the throw is compared with the campaign's, as it stands and swapped.
+    """
+    own = early_profile(dataset, throw) if profile is not None else None
+    if own is None or profile is None:
+        return []
+    names = [str(name) for name in dataset["drive"].values]
+    faults = []
+    for key, rows, typical in (
+        ("drive_force", own.forces, profile.forces),
+        ("drive_current", own.currents, profile.currents),
+    ):
+        if rows.shape != typical.shape:
+            continue
+        for one in range(len(rows)):
+            for two in range(one + 1, len(rows)):
+                swapped = rows.copy()
+                swapped[[one, two]] = rows[[two, one]]
+                straight = _distance(_loaded(rows), _loaded(typical))
+                crossed = _distance(_loaded(swapped), _loaded(typical))
+                # Inrush is common to all motors and tells nothing.
+                if straight > limits.swap_gain * crossed and np.isfinite(straight):
+                    text = f"they fit the campaign {straight / crossed:.1f} times better swapped"
+                    channel = f"{key} {names[one]} and {names[two]}"
+                    faults.append(Fault("swapped channels", channel, text))
+    return faults
+
+
+def _misfits(own: Profile | None, typical: Profile) -> Floats:
+    """Return the distance of each force of two profiles, whatever friction makes of its height."""
+    count = len(typical.forces)
+    if own is None or own.forces.shape != typical.forces.shape:
+        return np.full(count, np.inf)
+    square = np.sum(typical.forces**2, axis=1)
+    heights = np.divide(
+        np.sum(own.forces * typical.forces, axis=1), square, out=np.ones(count), where=square > 0
+    )
+    gains = np.clip(heights, *GAINS)[:, np.newaxis]
+    return np.asarray(np.sqrt(np.mean((own.forces / gains - typical.forces) ** 2, axis=1)))
+
+
+def _loaded(rows: Floats) -> Floats:
+    """Return the part of a profile behind the inrush."""
+    return rows[:, round(0.2 / EARLY_STEP) :]
+
+
+def _distance(rows: Floats, typical: Floats) -> float:
+    """Return the root mean square difference of two profiles; infinite for different drives."""
+    if rows.shape != typical.shape:
+        return float("inf")
+    return float(np.sqrt(np.mean((rows - typical) ** 2)))

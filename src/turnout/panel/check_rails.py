@@ -1,0 +1,374 @@
+"""Checks of sections, of flexible stock rails, and of tabulated data.
+
+Checks of sections drawn as outlines, and of the names by which rails take a section. Checks of
+flexible stock rails, and who stands at which rail. Checks of tabulated data: sections, stock rail
+gaps, elastic laws of drives.
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from turnout.core.problems import Problem, choices, nearest, show_value
+from turnout.panel.library_outlines import library_outline_names
+from turnout.panel.profile import outline_points, section_columns
+from turnout.panel.records import Drive, Profile, SectionTable
+from turnout.panel.validate import Draft, Partial, until_unknown
+
+Path = tuple[str, ...]
+_POSITIVE = (
+    "area",
+    "second_moment_vertical",
+    "second_moment_lateral",
+    "torsion_constant",
+)
+
+
+def rising_fault(values: Sequence[float], *, unit: str) -> str:
+    """Say where a sequence does not rise, or give an empty text.
+
+    Examples
+    --------
+    >>> rising_fault([0.0, 2.0, 1.0], unit="m")
+    'must rise, but 1 m comes after 2 m'
+    """
+    for before, after in itertools.pairwise(values):
+        if after <= before:
+            return f"must rise, but {after:g} {unit} comes after {before:g} {unit}"
+    return ""
+
+
+def check_profile(path: Path, profile: float | Profile) -> Iterator[Problem]:
+    """Check the table, or the constant, of a stock rail gap."""
+    if not isinstance(profile, Profile):
+        if profile < 0:
+            yield Problem(path, f" = {profile:g} m: a gap must be at least 0")
+        return
+    if len(profile.x) != len(profile.value):
+        text = f": has {len(profile.value)} entries, x has {len(profile.x)}"
+        yield Problem((*path, "value"), text)
+    fault = rising_fault(profile.x, unit="m")
+    if fault:
+        yield Problem((*path, "x"), f": {fault}")
+    if min(profile.value) < 0:
+        yield Problem(
+            (*path, "value"), f": a gap must be at least 0, least {min(profile.value):g} m"
+        )
+
+
+def check_section(path: Path, table: SectionTable) -> Iterator[Problem]:
+    """Check a section table: its stations, the lengths of its columns, what no section can be."""
+    kinds = [name for name in ("x", "running_edge_offset") if getattr(table, name) is not None]
+    if len(kinds) != 1:
+        text = ": needs stations, either x or running_edge_offset" + (", not both" if kinds else "")
+        yield Problem(path, text)
+        return
+    stations = getattr(table, kinds[0])
+    fault = rising_fault(stations, unit="m")
+    if fault:
+        yield Problem((*path, kinds[0]), f": {fault}")
+    columns = {
+        name: values
+        for name, values in section_columns(table).items()
+        if getattr(table, name) is not None
+    }
+    fits = True
+    for name, values in columns.items():
+        if len(values) != len(stations):
+            fits = False
+            text = f": has {len(values)} entries, {kinds[0]} has {len(stations)}"
+            yield Problem((*path, name), text)
+        if name in _POSITIVE and min(values) <= 0:
+            fits = False
+            yield Problem((*path, name), f": must be more than 0, least is {min(values):g}")
+    if fits and table.product_moment is not None:
+        product = np.square(table.product_moment)
+        limit = np.multiply(table.second_moment_vertical, table.second_moment_lateral)
+        if np.any(product >= limit):
+            row = int(np.argmax(product >= limit)) + 1
+            text = f": entry {row}: its square must be less than vertical times lateral"
+            yield Problem((*path, "product_moment"), text)
+
+
+def check_drive_table(path: Path, drive: Drive) -> Iterator[Problem]:
+    """Check the elastic law of a drive where it is given as a table."""
+    given = [name for name in ("extension", "force") if getattr(drive, name) is not None]
+    if len(given) == 1:
+        other = "force" if given == ["extension"] else "extension"
+        yield Problem((*path, other), f": is missing; the elastic law has {given[0]}")
+    if drive.extension is None or drive.force is None:
+        return
+    if len(drive.extension) != len(drive.force) or len(drive.force) < 2:
+        text = f": has {len(drive.force)} entries, extension has {len(drive.extension)}; at least 2"
+        yield Problem((*path, "force"), text)
+        return
+    faults = [
+        (name, fault)
+        for name, unit in (("extension", "m"), ("force", "N"))
+        if (fault := rising_fault(getattr(drive, name), unit=unit))
+    ]
+    for name, fault in faults:
+        yield Problem((*path, name), f": {fault}")
+    if faults:
+        return
+    inside = drive.extension[0] <= 0.0 <= drive.extension[-1]
+    at_zero = float(np.interp(0.0, drive.extension, drive.force))
+    if not inside or abs(at_zero) > 1e-9 * max(abs(value) for value in drive.force):
+        yield Problem((*path, "force"), ": the law must pass through the origin, 0 N at 0 m")
+
+
+SECTION_KINDS = ("section", "outline_section", "planed_section")
+_LEAST_POINTS = 3
+# What a rail can measure across, and how far its underside may lie from z = 0 [m].
+_LEAST_EXTENT, _LARGEST_EXTENT, _UNDERSIDE = 0.005, 1.0, 0.001
+
+
+def find_section(draft: Draft, name: object) -> tuple[str, Any] | None:
+    """Return kind and record of a section by its name, or None where there is none."""
+    for kind in SECTION_KINDS:
+        if name in draft.names.get(kind, ()):
+            return kind, draft.records[kind][name]
+    return None
+
+
+def check_section_name(
+    draft: Draft, path: tuple[str, ...], name: object, *, kinds: tuple[str, ...] = SECTION_KINDS
+) -> Iterator[Problem]:
+    """Say that a rail names no section of the kinds that it may have."""
+    found = find_section(draft, name)
+    if found is not None and found[0] not in kinds:
+        text = f" = {show_value(name)}: is a {found[0]}; a stock rail's section does not vary"
+        yield Problem((*path, "section"), text)
+    elif found is None:
+        names = [n for kind in kinds for n in draft.names.get(kind, ())]
+        text = f"there is no such section{nearest(str(name), names)}; there are {choices(names)}"
+        yield Problem((*path, "section"), f" = {show_value(name)}: {text}")
+
+
+def check_section_kinds(draft: Draft) -> Iterator[Problem]:
+    """Refuse one name for sections of two kinds."""
+    seen: dict[str, str] = {}
+    for kind in SECTION_KINDS:
+        for name in draft.names.get(kind, ()):
+            other = seen.setdefault(name, kind)
+            if other != kind:
+                text = f": a {other} has this name already; names are unique across kinds"
+                yield Problem((kind, name), text)
+
+
+def check_outline(draft: Draft, path: tuple[str, str], outline: Any) -> Iterator[Problem]:
+    """Refuse points that enclose no section."""
+    where = (*path, "points")
+    given = np.array(outline.points)
+    if outline.symmetric and np.any(given[:, 0] < 0.0):
+        place = int(np.argmax(given[:, 0] < 0.0)) + 1
+        text = f": point {place} has y < 0; with symmetric = true give the half with y >= 0"
+        yield Problem(where, text)
+        return
+    repeated = np.flatnonzero(np.all(given[1:] == given[:-1], axis=1))
+    if repeated.size:
+        number = int(repeated[0]) + 2
+        yield Problem(where, f": point {number} repeats point {number - 1}; leave one of them out")
+        return
+    points = outline_points(outline.points, symmetric=outline.symmetric)
+    if len(points) < _LEAST_POINTS:
+        yield Problem(where, f": needs {_LEAST_POINTS} points or more, has {len(points)}")
+        return
+    crossing = first_crossing(points)
+    if crossing is not None:
+        y, z = 1e3 * crossing
+        yield Problem(where, f": the boundary crosses itself near y = {y:.4g} mm, z = {z:.4g} mm")
+        return
+    yield from _extent(where, points)
+
+
+def _extent(where: tuple[str, ...], points: npt.NDArray[np.float64]) -> Iterator[Problem]:
+    """Refuse an outline of no rail's size, or one that is not drawn from its underside."""
+    for axis, span in zip("yz", np.ptp(points, axis=0), strict=True):
+        if not _LEAST_EXTENT <= span <= _LARGEST_EXTENT:
+            text = (
+                f": extends over {1e3 * span:.4g} mm along {axis}, allowed are "
+                f"{1e3 * _LEAST_EXTENT:g} to {1e3 * _LARGEST_EXTENT:g} mm; look at its unit"
+            )
+            yield Problem(where, text)
+            return
+    lowest = float(points[:, 1].min())
+    if abs(lowest) > _UNDERSIDE:
+        text = f": the lowest point is at z = {1e3 * lowest:.4g} mm; z counts from the underside"
+        yield Problem(where, f"{text}, shift the drawing by {-1e3 * lowest:.4g} mm")
+
+
+def check_outline_section(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+    """Check that the outline of a prismatic section exists."""
+    yield from _named_outline(draft, (*path, "outline"), record.outline)
+
+
+def check_planed_section(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+    """Check outlines, stations and lowering of a planed section."""
+    for key in ("outline", "stock_outline"):
+        yield from until_unknown(_planing_outline(draft, (*path, key), record, key))
+    yield from until_unknown(_offsets(path, record, "running_edge_offset"))
+    yield from until_unknown(_offsets(path, record, "lowering_offset"))
+    yield from until_unknown(_lowering(path, record))
+
+
+def first_crossing(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
+    """Find a place where the boundary crosses or touches itself, or None.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2)
+        Vertices in order; the last one is joined to the first.
+
+    Returns
+    -------
+    ndarray, shape (2,), or None
+
+    Examples
+    --------
+    >>> bow = np.array([[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 2.0]])
+    >>> first_crossing(bow).tolist()
+    [1.0, 1.0]
+    """
+    closed = len(points) > 1 and bool(np.all(points[0] == points[-1]))
+    start = points[:-1] if closed else points
+    edge = np.roll(start, -1, axis=0) - start
+    count = len(start)
+    if count < _LEAST_POINTS:
+        return np.asarray(start[0])
+    first, second = np.triu_indices(count, k=1)
+    apart = (second - first > 1) & (second - first < count - 1)
+    first, second = first[apart], second[apart]
+    between = start[second] - start[first]
+    determinant = _cross(edge[first], edge[second])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = _cross(between, edge[second]) / determinant
+        across = _cross(between, edge[first]) / determinant
+    hits = (along >= 0.0) & (along <= 1.0) & (across >= 0.0) & (across <= 1.0)
+    if hits.any():
+        place = int(np.argmax(hits))
+        return np.asarray(start[first[place]] + along[place] * edge[first[place]])
+    area = 0.5 * float(np.sum(_cross(start, np.roll(start, -1, axis=0))))
+    return np.asarray(start[0]) if area == 0.0 else None
+
+
+def _cross(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    product: npt.NDArray[np.float64] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return product
+
+
+def _named_outline(draft: Draft, path: tuple[str, ...], name: str) -> Iterator[Problem]:
+    names = draft.names["outline"]
+    if name not in names:
+        known = list(dict.fromkeys((*names, *library_outline_names())))
+        text = f"there is no such outline{nearest(name, known)}; there are {choices(known)}"
+        yield Problem(path, f" = {show_value(name)}: {text}")
+
+
+def _planing_outline(
+    draft: Draft, path: tuple[str, ...], record: Any, key: str
+) -> Iterator[Problem]:
+    name = getattr(record, key)
+    yield from _named_outline(draft, path, name)
+    outline = draft.records["outline"].get(name, Partial())
+    if outline.running_edge is None:
+        yield Problem(path, f" = {show_value(name)}: that outline lacks running_edge")
+
+
+def _offsets(path: tuple[str, str], record: Any, key: str) -> Iterator[Problem]:
+    values = getattr(record, key)
+    fault = rising_fault(values, unit="m")
+    if fault:
+        yield Problem((*path, key), f": {fault}")
+    elif values[0] < 0.0:
+        yield Problem((*path, key), f": must be at least 0, the first is {values[0]:g} m")
+
+
+def _lowering(path: tuple[str, str], record: Any) -> Iterator[Problem]:
+    if len(record.lowering) != len(record.lowering_offset):
+        text = (
+            f": has {len(record.lowering)} entries, lowering_offset {len(record.lowering_offset)}"
+        )
+        yield Problem((*path, "lowering"), text)
+    if min(record.lowering) < 0.0:
+        text = f": must be at least 0, the least is {min(record.lowering):g} m"
+        yield Problem((*path, "lowering"), text)
+
+
+ON_ONE_RAIL = ("drive", "sensor")
+
+
+def unknown_name(what: str, name: object, names: Iterable[str]) -> str:
+    """Say that there is no such thing, what there is and what is nearest."""
+    known = list(names)
+    return (
+        f" = {show_value(name)}: there is no such {what}{nearest(str(name), known)}; "
+        f"there are {choices(known)}"
+    )
+
+
+def rails_of(family: str, record: Any, draft: Draft) -> list[str]:
+    """Give the names of the rails that a record stands at."""
+    if family in ON_ONE_RAIL:
+        return [record.rail]
+    return list(draft.names["rail"]) if record.rails is None else list(record.rails)
+
+
+def check_stock_rail(draft: Draft, path: tuple[str, str], stock: Any) -> Iterator[Problem]:
+    """Check a flexible stock rail: whom it faces, where it reaches, that something holds it."""
+    yield from until_unknown(_stock_rail_faces(draft, path, stock))
+    yield from until_unknown(_stock_rail_section(draft, path, stock))
+    if stock.end <= stock.start:
+        text = f" = {stock.end:g} m: must be more than start, {stock.start:g} m"
+        yield Problem((*path, "end"), text)
+    fastenings = draft.records["stock_fastening"].values()
+    held = any(f.stiffness_x > 0 and (f.rails is None or path[1] in f.rails) for f in fastenings)
+    if stock.ends == "free" and not held:
+        text = ' = "free": nothing holds the rail; clamp it or give it stock_fastening'
+        yield Problem((*path, "ends"), text)
+
+
+def _stock_rail_section(draft: Draft, path: tuple[str, str], stock: Any) -> Iterator[Problem]:
+    kinds = ("section", "outline_section")
+    yield from check_section_name(draft, path, stock.section, kinds=kinds)
+    kind, section = find_section(draft, stock.section) or ("", Partial())
+    if kind == "section" and len(section.area) > 1:
+        text = f" = {show_value(stock.section)}: has {len(section.area)} rows, a stock rail has one"
+        yield Problem((*path, "section"), text)
+
+
+def _stock_rail_faces(draft: Draft, path: tuple[str, str], stock: Any) -> Iterator[Problem]:
+    names = draft.names["rail"]
+    if stock.faces not in names:
+        yield Problem((*path, "faces"), unknown_name("rail", stock.faces, names))
+        return
+    others = [n for n, s in draft.records["stock_rail"].items() if s.faces == stock.faces]
+    if others[0] != path[1]:
+        text = f" = '{stock.faces}': stock rail '{others[0]}' faces it already"
+        yield Problem((*path, "faces"), text)
+    rail = draft.records["rail"][stock.faces]
+    if rail.stock_rail_gap is None:
+        yield Problem((*path, "faces"), f' = "{stock.faces}": that rail has no stock_rail_gap')
+    for family in ("stop", "stud"):
+        for name, item in draft.records[family].items():
+            if stock.faces in rails_of(family, item, draft) and not (
+                stock.start <= item.x <= stock.end
+            ):
+                text = f": does not reach {family} '{name}' at {item.x:g} m"
+                yield Problem(path, text)
+
+
+def check_stock_fastening(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+    """Check that a fastening of stock rails stands on one."""
+    names = draft.names["stock_rail"]
+    for rail in names if record.rails is None else record.rails:
+        if rail not in names:
+            yield Problem((*path, "rails"), unknown_name("stock rail", rail, names))
+            continue
+        stock = draft.records["stock_rail"][rail]
+        if not stock.start <= record.x <= stock.end:
+            text = f" = {record.x:g} m: is off stock rail '{rail}'"
+            yield Problem((*path, "x"), f"{text}, {stock.start:g} ... {stock.end:g} m")

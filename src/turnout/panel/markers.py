@@ -1,0 +1,296 @@
+"""When and how far the markers of the drives move, by formula or by a recorded table.
+
+When and how far the markers of the drives move.
+
+Positions are in panel axes: positive in the closing direction of the instrumented rail, zero where
+the marker is at t = 0. "Open" and "closed" are the positions of the instrumented rail, also for a
+drive on the other rail, whose marker moves the same way.
+
+Schedules recorded elsewhere: a CSV file with the columns time and fraction.
+"""
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from turnout.core.problems import Problem, shortened, show_value
+from turnout.core.regular import user_path
+from turnout.core.toml import decode, read_bytes
+from turnout.core.units import MOST_VALUES, SI
+from turnout.errors import FileError
+from turnout.panel.document import Document
+from turnout.panel.model import Panel
+from turnout.panel.records import Drive, Movement
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def ordered_movements(panel: Panel) -> list[tuple[str, Movement]]:
+    """Give the movements with their names in the order of their onsets."""
+    return sorted(panel.movement.items(), key=lambda item: item[1].start)
+
+
+def movement_time(movement: Movement, drive: str) -> float:
+    """Give the time [s] that the marker of a drive takes for a movement."""
+    return movement.duration + movement.extra_time.get(drive, 0.0)
+
+
+def movement_end(panel: Panel, movement: Movement) -> float:
+    """Give the time [s] at which the last marker has arrived."""
+    return movement.start + max(movement_time(movement, drive) for drive in panel.drive)
+
+
+def marker_level(drive: Drive, to: str, *, starts: str) -> float:
+    """Give the marker position [m] after a movement to "open" or "closed".
+
+    Parameters
+    ----------
+    drive : Drive
+        Stroke and over-travels; these are added only where a movement goes.
+    to : str
+        "open" or "closed", of the instrumented rail.
+    starts : str
+        Its position at t = 0, where the marker is at zero.
+
+    Returns
+    -------
+    float
+        Position, positive closing [m].
+    """
+    if to == "closed":
+        return (drive.stroke if starts == "open" else 0.0) + drive.over_travel_closed
+    return (-drive.stroke if starts == "closed" else 0.0) - drive.over_travel_open
+
+
+def marker_positions(panel: Panel, time: npt.ArrayLike) -> FloatArray:
+    """Give the position of every drive's marker.
+
+    Parameters
+    ----------
+    panel : Panel
+        Drives, schedule and movements.
+    time : array_like, shape (n_times,)
+        Times [s].
+
+    Returns
+    -------
+    ndarray, shape (n_drives, n_times)
+        Marker positions [m] in the order of `panel.drive`, positive closing, zero at t = 0.
+    """
+    instants = np.atleast_1d(np.asarray(time, dtype=np.float64))
+    positions = np.zeros((len(panel.drive), instants.size))
+    rising = bool(np.all(instants[1:] >= instants[:-1]))
+    for row, (name, drive) in enumerate(panel.drive.items()):
+        level = 0.0
+        for _, movement in ordered_movements(panel):
+            target = marker_level(drive, movement.to, starts=panel.schedule.starts)
+            end = movement.start + movement_time(movement, name)
+            first, last = (
+                np.searchsorted(instants, (movement.start, end)) if rising else (0, instants.size)
+            )
+            elapsed = instants[first:last] - movement.start
+            way = target - level
+            positions[row, first:last] += way * movement_fraction(movement, elapsed, drive=name)
+            positions[row, last:] += way
+            level = target
+    return positions
+
+
+def marker_offsets(panel: Panel) -> FloatArray:
+    """Give where marker zero lies from the stress-free position of each drive's rail.
+
+    Parameters
+    ----------
+    panel : Panel
+        Drives, rails and schedule.
+
+    Returns
+    -------
+    ndarray, shape (n_drives,)
+        Zero where the rail starts in its stress-free position, else plus or minus the stroke [m],
+        positive closing. The bushing is stretched by this at t = 0 if the rail stays stress-free.
+    """
+    return np.array(
+        [start_offset(panel, drive.rail, drive.stroke) for drive in panel.drive.values()]
+    )
+
+
+def start_offset(panel: Panel, rail: str, travel: float) -> float:
+    """Give the position at t = 0 from the stress-free one [m], positive closing.
+
+    Parameters
+    ----------
+    panel : Panel
+        Rails and schedule.
+    rail : str
+        Name of the rail.
+    travel : float
+        Travel between open and closed at the place in question [m].
+    """
+    record = panel.rail[rail]
+    # In panel axes the other rail is at its "+y" end exactly when it is open.
+    free_at_plus = (record.stress_free == "closed") == (record.closes == "+y")
+    starts_at_plus = panel.schedule.starts == "closed"
+    return (float(starts_at_plus) - float(free_at_plus)) * travel
+
+
+def movement_fraction(movement: Movement, elapsed: npt.ArrayLike, *, drive: str) -> FloatArray:
+    r"""Give the share of the travel that a marker has covered.
+
+    The raised cosine has constant speed V with ends of length r in which the speed is
+    :math:`V (1 - \cos(\pi t / r)) / 2`; it covers :math:`V (T - r)` in the time T. The smoothstep
+    is :math:`3 s^2 - 2 s^3`. A table is stretched to the drive's own time.
+
+    Parameters
+    ----------
+    movement : Movement
+        Shape, duration, ramp.
+    elapsed : array_like, shape (n,)
+        Time since the onset [s].
+    drive : str
+        Name of the drive, for its extra time.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        0 before the onset, 1 after the end.
+    """
+    total = movement_time(movement, drive)
+    t = np.clip(np.asarray(elapsed, dtype=np.float64), 0.0, total)
+    s = t / total
+    if movement.shape == "smoothstep":
+        fraction = s * s * (3.0 - 2.0 * s)
+    elif movement.shape == "table":
+        times = np.asarray(movement.table_time, dtype=np.float64)
+        fraction = np.interp(s * times[-1], times, np.asarray(movement.table_fraction))
+    elif movement.shape == "raised cosine" and movement.ramp > 0.0:
+        fraction = _raised_cosine(t, total, movement.ramp)
+    else:
+        fraction = s
+    return np.asarray(fraction, dtype=np.float64)
+
+
+def _raised_cosine(t: FloatArray, total: float, ramp: float) -> FloatArray:
+    speed = 1.0 / (total - ramp)
+    early = t < ramp
+    from_end = np.where(early, t, total - t)
+    bends = from_end < ramp
+    sine = np.sin(np.pi * from_end / ramp, where=bends, out=np.zeros_like(t))
+    bent = 0.5 * speed * (from_end - ramp / np.pi * sine)
+    middle = speed * (t - 0.5 * ramp)
+    fraction = np.where(early, bent, np.where(bends, 1.0 - bent, middle))
+    return np.asarray(fraction, dtype=np.float64)
+
+
+COLUMNS = ("time", "fraction")
+
+MOST_ROWS = 1_000_000
+"""Rows that the movements of a panel take from files, together."""
+
+
+def read_schedule_files(
+    document: Document, *, folder: Path | None
+) -> tuple[Document, list[Problem]]:
+    """Fill the tables of movements that name a CSV file.
+
+    Parameters
+    ----------
+    document : Document
+        The expanded document.
+    folder : Path or None
+        Where relative paths start: the folder of the panel file.
+
+    Returns
+    -------
+    document : Document
+        The document with `table_time` and `table_fraction` filled; it keeps what was read, so
+        that a panel made from it elsewhere does not need the file.
+    problems : list of Problem
+        Files that could not be read.
+    """
+    movements = document.tree.get("movement")
+    if not isinstance(movements, dict) or not any(_names_file(item) for item in movements.values()):
+        return document, []
+    problems: list[Problem] = []
+    tables = dict(document.tables)
+    filled: dict[str, Any] = {}
+    rows = 0
+    for name, movement in movements.items():
+        filled[name] = movement
+        if not _names_file(movement):
+            continue
+        path = ("movement", name, "table_file")
+        given = movement["table_file"]
+        if movement.get("table_time") is not None or movement.get("table_fraction") is not None:
+            text = f" = {show_value(given)}: give either the file or table_time and table_fraction"
+            problems.append(Problem(path, text))
+            continue
+        try:
+            if given not in tables:
+                tables[given] = read_schedule_csv((folder or Path()) / user_path(given))
+        except FileError as error:
+            problems.append(Problem(path, f" = {show_value(given)}: {error}"))
+            continue
+        time, fraction = tables[given]
+        rows += len(time)
+        if rows > MOST_ROWS:
+            text = f" = {show_value(given)}: the movements have more than {MOST_ROWS} rows together"
+            problems.append(Problem(path, f"{text}; give fewer instants"))
+            continue
+        filled[name] = movement | {
+            "table_time": [SI(value) for value in time],
+            "table_fraction": fraction,
+        }
+    tree = document.tree | {"movement": filled}
+    return replace(document, tree=tree, tables=tables), problems
+
+
+def _names_file(movement: object) -> bool:
+    return isinstance(movement, dict) and isinstance(movement.get("table_file"), str)
+
+
+def read_schedule_csv(path: Path) -> tuple[list[float], list[float]]:
+    """Read the columns time [s] and fraction [-] of a CSV file.
+
+    Raises
+    ------
+    FileError
+        When the file or a cell cannot be read; the text names the line.
+    """
+    text = decode(read_bytes(path), source=str(path))
+    rows = csv.reader(line for line in text.splitlines() if not line.lstrip().startswith("#"))
+    columns: dict[str, list[float]] = {name: [] for name in COLUMNS}
+    try:
+        header = [cell.strip().lower() for cell in next(rows, [])]
+        if sorted(header) != sorted(COLUMNS):
+            said = show_value(header)
+            message = f"{path}: the first line must name the columns time,fraction; it says {said}"
+            raise FileError(message)
+        for row in rows:
+            if any(cell.strip() for cell in row):
+                _add_row(columns, header, row, place=f"{path}: line {rows.line_num}")
+    except csv.Error as error:  # such as a cell of more than 131,072 characters
+        message = f"{path}: line {rows.line_num}: {error}"
+        raise FileError(message) from None
+    return columns["time"], columns["fraction"]
+
+
+def _add_row(
+    columns: dict[str, list[float]], header: list[str], row: list[str], *, place: str
+) -> None:
+    if len(row) != len(header):
+        message = f"{place}: {len(row)} cells, must be {len(header)}"
+        raise FileError(message)
+    if len(columns["time"]) >= MOST_VALUES:
+        message = f"{place}: at most {MOST_VALUES} rows are read; give fewer instants"
+        raise FileError(message)
+    for name, cell in zip(header, row, strict=True):
+        try:
+            columns[name].append(float(cell))
+        except ValueError:
+            message = f"{place}: '{shortened(cell.strip())}' is not a number"
+            raise FileError(message) from None

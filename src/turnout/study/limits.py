@@ -1,0 +1,150 @@
+"""Hold the values of a study against the limits of its panel, before anything is thrown."""
+
+from collections.abc import Iterable, Mapping
+
+from turnout.core.problems import show_value
+from turnout.errors import PanelError
+from turnout.panel.foreign_object import object_faults
+from turnout.panel.load import LoadedPanel
+from turnout.study.chance import RandomField, TemperatureLaw
+from turnout.study.design import Axis, Drawn
+from turnout.study.distribution import Choice
+from turnout.study.scenario import Value
+from turnout.study.variable import (
+    OBJECT_KEYS,
+    TEMPERATURE_KEY,
+    Variable,
+    foreign_objects,
+    multiplied,
+)
+
+# An axis with more values than this is checked at its ends and some between.
+MOST_CHECKED = 200
+
+
+def reach_of(axes: Iterable[Axis], drawn: Iterable[Drawn]) -> dict[str, tuple[Value, ...]]:
+    """Return what each variable can be: all values, or the ends of a distribution.
+
+    Parameters
+    ----------
+    axes : iterable of Axis
+        Of a design.
+    drawn : iterable of Drawn
+        Of a design.
+
+    Returns
+    -------
+    dict
+        Values in SI by variable, without repeats, in their order.
+    """
+    found: dict[str, list[Value]] = {}
+    for axis in axes:
+        for column, name in enumerate(axis.names):
+            found[name] = [row[column] for row in axis.rows]
+    for item in drawn:
+        law = item.law
+        found[item.name] = list(law.values if isinstance(law, Choice) else law.bounds)
+    return {name: tuple(dict.fromkeys(values)) for name, values in found.items()}
+
+
+def limit_faults(
+    panel: LoadedPanel,
+    *,
+    reach: Mapping[str, tuple[Value, ...]],
+    variables: Mapping[str, Variable],
+    fields: Iterable[RandomField],
+    law: TemperatureLaw | None,
+    whole: bool = True,
+) -> list[str]:
+    """Find every value that the panel or the place of an object does not allow.
+
+    Each value is tried alone, all other variables as the panel has them.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        What has the limits.
+    reach : mapping
+        From `reach_of`.
+    variables : mapping of str to Variable
+        By name.
+    fields : iterable of RandomField
+        Tried at both ends of their distribution.
+    law : TemperatureLaw or None
+        Tried at the least and the largest temperature.
+    whole : bool
+        Whether nothing is missing, so that what an object lacks may be told.
+    """
+    problems = []
+    for name, values in reach.items():
+        variable = variables[name]
+        if variable.key == TEMPERATURE_KEY:
+            numbers = [float(item) for item in values]
+            faults = law.faults(min(numbers), max(numbers)) if law else []
+            problems += [f"temperature_law: {text}" for text in faults]
+        elif variable.key not in OBJECT_KEYS:
+            for value in _some(values):
+                changes = (
+                    multiplied(panel, {}, [(variable.key, float(value))])
+                    if variable.factor
+                    else {variable.key: value}
+                )
+                problems += _refused(panel, changes, f"variable {name}")
+    for field in fields:
+        for end in field.distribution.bounds:
+            changes = (
+                multiplied(panel, {}, [(field.key, end)]) if field.factor else {field.key: end}
+            )
+            problems += _refused(panel, changes, f"field {field.name}")
+    by_key = {variables[name].key: values for name, values in reach.items()}
+    return [*problems, *_object_faults(panel, by_key, whole=whole)]
+
+
+def _some(values: tuple[Value, ...]) -> tuple[Value, ...]:
+    """Take all values, or of very many some with both ends."""
+    stride = -(-len(values) // MOST_CHECKED)
+    return (*values[::stride], values[-1]) if stride > 1 else values
+
+
+def _refused(panel: LoadedPanel, changes: Mapping[str, Value], where: str) -> list[str]:
+    try:
+        panel.with_overrides(changes)
+    except PanelError as error:
+        return [f"{where}: {error.problems[0]}"]
+    return []
+
+
+def _object_faults(
+    panel: LoadedPanel, by_key: Mapping[str, tuple[Value, ...]], *, whole: bool
+) -> list[str]:
+    """Check the object: complete, positive, and with room at each place for its largest size."""
+    given = [key for key in by_key if key in OBJECT_KEYS]
+    if not given:
+        return []
+    problems = []
+    if whole and "object.size" not in by_key:
+        problems.append(f'{given[0]}: an object needs a size; give a variable "object.size"')
+    if whole and ("object.at" in by_key) == ("object.x" in by_key):
+        problems.append('object: give its place as one of the variables "object.at", "object.x"')
+    sizes = [float(size) for size in by_key.get("object.size", ())]
+    if any(size < 0 for size in sizes):
+        problems.append("object.size: must be at least 0 (0 mm is no object)")
+    for key in ("object.stiffness", "object.disappears"):
+        wrong = [value for value in by_key.get(key, ()) if not float(value) > 0]
+        problems += [f"{key} = {show_value(value)}: must be more than 0" for value in wrong]
+    wrong = [value for value in by_key.get("object.appears", ()) if float(value) < 0]
+    problems += [f"object.appears = {show_value(value)}: must be at least 0" for value in wrong]
+    placed = ("object.at" in by_key) != ("object.x" in by_key)
+    if problems or not placed or not max(sizes, default=0.0) > 0:
+        return problems
+    # Faults that do not depend on each other: each key is tried with the first of the others.
+    usual = {key: by_key[key][0] for key in given} | {"object.size": max(sizes)}
+    usual["object.present"] = True
+    for key in given:
+        for value in () if key == "object.size" else _some(by_key[key]):
+            item = foreign_objects(usual | {key: value, "object.present": True})[0]
+            problems += [
+                f"object of {1e3 * max(sizes):g} mm, {key} = {show_value(value)}: {fault}{text}"
+                for fault, text in object_faults(panel, item)
+            ]
+    return list(dict.fromkeys(problems))

@@ -1,0 +1,276 @@
+"""From the variables of a study file to axes and draws, with everything that is wrong in them."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from turnout.core.problems import choices, nearest, show_value
+from turnout.core.units import TEMPERATURE, TEMPERATURE_DIFFERENCE, Dimension, is_finite
+from turnout.panel.load import LoadedPanel
+from turnout.study.design import Axis, Drawn
+from turnout.study.distribution import (
+    PARAMETERS,
+    PLAIN,
+    SPREAD,
+    Choice,
+    Distribution,
+    parameter_faults,
+)
+from turnout.study.records import FieldRecord, TogetherRecord, VariableRecord
+from turnout.study.scenario import Value
+from turnout.study.variable import Variable, kind_of
+
+CHOICE = "choice"
+EVERY = {"every sleeper": "sleeper", "every drive": "drive"}
+MOST_VALUES = 100_000
+_ALL_PARAMETERS = tuple(dict.fromkeys(name for a, b in PARAMETERS.values() for name in (*a, *b)))
+
+
+@dataclass(slots=True)
+class Found:
+    """What was read so far, and what is wrong.
+
+    Attributes
+    ----------
+    panel : LoadedPanel
+        What the variables are held against.
+    variables : dict
+        By name.
+    axes, drawn : list
+        Of the design.
+    problems : list of str
+        Each with its key, the value and what is allowed.
+    """
+
+    panel: LoadedPanel
+    variables: dict[str, Variable] = field(default_factory=dict)
+    axes: list[Axis] = field(default_factory=list)
+    drawn: list[Drawn] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+    def note(self, where: str, text: str) -> None:
+        """Keep a problem."""
+        self.problems.append(f"{where}{text}")
+
+
+def read_variable(found: Found, record: VariableRecord, *, where: str) -> None:
+    """Read a variable of a study file: an axis where it has values, else a draw."""
+    variable = _variable(found, record, where=where)
+    if variable is None:
+        return
+    if record.distribution is not None:
+        law = read_law(found, record, variable, where=where)
+        if law is not None:
+            found.drawn.append(Drawn(name=variable.name, law=law))
+        return
+    given = [name for name in (*_ALL_PARAMETERS, "weights") if getattr(record, name) is not None]
+    if record.values is None:
+        text = f"; with {', '.join(given)} it needs a distribution" if given else ""
+        found.note(where, f": needs `values` or a `distribution`{text}")
+        return
+    if given:
+        found.note(where, f".{given[0]}: goes with a `distribution`, not with `values` alone")
+    values = _values(found, record.values, variable, where=f"{where}.values")
+    if values:
+        found.axes.append(Axis(names=(variable.name,), rows=tuple((item,) for item in values)))
+
+
+def read_together(found: Found, record: TogetherRecord, *, where: str) -> None:
+    """Read variables that go side by side: a list of cases."""
+    named = []
+    for key in record.keys:
+        record_of_key = VariableRecord.model_validate({"key": key})
+        named.append(_variable(found, record_of_key, where=f"{where}.keys"))
+    rows = []
+    for number, row in enumerate(record.rows, 1):
+        at = f"{where}.rows, row {number}"
+        if len(row) != len(record.keys):
+            found.note(at, f": has {len(row)} values for {len(record.keys)} keys")
+            continue
+        values = []
+        for variable, item in zip(named, row, strict=True):
+            if variable is not None:
+                values += _read(found, [item], variable, where=f"{at}, {variable.name}")
+        rows.append(tuple(values))
+    variables = [item for item in named if item is not None]
+    if len(variables) == len(named) and rows:
+        found.axes.append(Axis(names=tuple(item.name for item in variables), rows=tuple(rows)))
+
+
+def _variable(found: Found, record: VariableRecord, *, where: str) -> Variable | None:
+    """Find what a record varies, and note it under its name."""
+    try:
+        kind = kind_of(found.panel, record.key)
+    except ValueError as error:
+        found.note(where, f'.key = "{record.key}": {error}')
+        return None
+    if (
+        record.factor
+        and kind is not float
+        and (not isinstance(kind, Dimension) or "object." in record.key)
+    ):
+        found.note(where, f'.factor: "{record.key}" has nothing that could be multiplied')
+        return None
+    name = record.name or (f"{record.key}.factor" if record.factor else record.key)
+    if name in found.variables:
+        found.note(where, f': a variable named "{name}" is there already; give one another `name`')
+        return None
+    variable = Variable(name=name, key=record.key, kind=kind, factor=record.factor)
+    found.variables[name] = variable
+    return variable
+
+
+def _values(found: Found, given: Any, variable: Variable, *, where: str) -> list[Value]:
+    """Read the values of an axis; a table {first, last, count} gives even ones."""
+    if isinstance(given, list):
+        items = given
+        if variable.key == "object.at":
+            items = _places(found.panel, given)
+        values = _read(found, items, variable, where=where)
+        if not given:
+            found.note(where, ": needs at least one value")
+        if len(set(values)) < len(values):
+            found.note(where, f" = {show_value(given)}: a value is there twice")
+        return values
+    if set(given) != {"first", "last", "count"}:
+        found.note(
+            where, f" = {show_value(given)}: must be a list or a table {{first, last, count}}"
+        )
+        return []
+    ends = _read(found, [given["first"], given["last"]], variable, where=where)
+    count = given["count"]
+    if isinstance(count, bool) or not isinstance(count, int) or not 2 <= count <= MOST_VALUES:
+        found.note(
+            where, f".count = {show_value(count)}: must be a whole number, 2 to {MOST_VALUES}"
+        )
+        return []
+    if len(ends) < 2 or not all(isinstance(end, float) for end in ends) or ends[0] == ends[1]:
+        if len(ends) == 2:
+            found.note(where, f" = {show_value(given)}: first and last must be different numbers")
+        return []
+    return [round(float(item), 12) for item in np.linspace(float(ends[0]), float(ends[1]), count)]
+
+
+def _places(panel: LoadedPanel, given: list[Any]) -> list[Any]:
+    """Spell "every sleeper" and "every drive" out; then places go from toe to heel."""
+    if not any(item in EVERY for item in given if isinstance(item, str)):
+        return given
+    known: list[tuple[float, str]] = []
+    kept: list[Any] = []
+    for item in given:
+        family = EVERY.get(item) if isinstance(item, str) else None
+        if family is None:
+            kept.append(item)
+        else:
+            members = getattr(panel, family)
+            known += [(member.x, f"{family} {name}") for name, member in members.items()]
+    return [place for _, place in sorted(known)] + kept
+
+
+def _read(found: Found, items: list[Any], variable: Variable, *, where: str) -> list[Value]:
+    values = []
+    for item in items:
+        try:
+            values.append(variable.read(item))
+        except ValueError as error:
+            found.note(where, f" = {show_value(item)}: {error}")
+    return values
+
+
+def read_law(
+    found: Found, record: VariableRecord, variable: Variable, *, where: str
+) -> Distribution | Choice | None:
+    """Read the distribution of a variable; None where it has none that holds."""
+    kind = str(record.distribution)
+    if kind == CHOICE:
+        return _choice(found, record, variable, where=where)
+    if kind not in PARAMETERS:
+        known = [*PARAMETERS, CHOICE]
+        found.note(where, f'.distribution = "{kind}": there is none of this name'
+                   f"{nearest(kind, known)}; there are {choices(known)}")  # fmt: skip
+        return None
+    if not (variable.factor or variable.kind is float or isinstance(variable.kind, Dimension)):
+        found.note(where, f'.distribution = "{kind}": is for numbers; use "{CHOICE}" with values')
+        return None
+    before = len(found.problems)
+    for name in ("values", "weights"):
+        if getattr(record, name) is not None:
+            found.note(where, f'.{name}: goes with distribution "{CHOICE}", not with "{kind}"')
+    parameters = _parameters(found, record, variable, where=where)
+    if len(found.problems) == before:
+        for name, text in parameter_faults(kind, parameters):
+            found.note(where, f".{name}{text}")
+    if len(found.problems) > before:
+        return None
+    return Distribution(kind=kind, parameters=parameters)
+
+
+def _parameters(
+    found: Found, record: VariableRecord, variable: Variable, *, where: str
+) -> dict[str, float]:
+    needed, optional = PARAMETERS[str(record.distribution)]
+    parameters = {}
+    for name in _ALL_PARAMETERS:
+        value = getattr(record, name)
+        if value is None:
+            if name in needed:
+                found.note(where, f".{name}: is missing for distribution {record.distribution!r}")
+            continue
+        if name not in (*needed, *optional):
+            text = f"; its parameters are {choices([*needed, *optional])}"
+            found.note(where, f".{name}: is none of distribution {record.distribution!r}{text}")
+            continue
+        try:
+            parameters[name] = _parameter(variable, name, value)
+        except ValueError as error:
+            found.note(where, f".{name} = {show_value(value)}: {error}")
+    return parameters
+
+
+def _parameter(variable: Variable, name: str, value: Any) -> float:
+    if name in PLAIN:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not is_finite(value):
+            message = "must be a finite plain number, without quotes or unit"
+            raise ValueError(message)
+        return float(value)
+    if name in SPREAD and variable.kind is TEMPERATURE:
+        return float(Variable(name="", key="", kind=TEMPERATURE_DIFFERENCE).read(value))
+    return float(variable.read(value))
+
+
+def _choice(
+    found: Found, record: VariableRecord, variable: Variable, *, where: str
+) -> Choice | None:
+    before = len(found.problems)
+    for name in _ALL_PARAMETERS:
+        if getattr(record, name) is not None:
+            found.note(where, f'.{name}: is none of distribution "{CHOICE}", which takes `values`')
+    if record.values is None:
+        found.note(where, f'.values: are missing for distribution "{CHOICE}"')
+        return None
+    values = _values(found, record.values, variable, where=f"{where}.values")
+    weights = [1.0] * len(values) if record.weights is None else record.weights
+    if not all(is_finite(item) and item > 0 for item in weights):
+        found.note(where, f".weights = {show_value(weights)}: each must be more than 0")
+    if len(weights) != len(values) and len(found.problems) == before:
+        found.note(where, f".weights: {len(weights)} for {len(values)} values")
+    if len(found.problems) > before:
+        return None
+    return Choice(values=tuple(values), weights=tuple(float(item) for item in weights))
+
+
+def read_field_law(
+    found: Found, record: FieldRecord, *, where: str
+) -> tuple[Variable, Distribution] | None:
+    """Read key and distribution of a random field."""
+    scratch = Found(found.panel)
+    variable = _variable(scratch, record, where=where)
+    law = None
+    if variable is not None:
+        if record.distribution is None or record.distribution == CHOICE:
+            scratch.note(where, ".distribution: a field needs one of numbers, such as 'lognormal'")
+        else:
+            law = read_law(scratch, record, variable, where=where)
+    found.problems += scratch.problems
+    return (variable, law) if variable is not None and isinstance(law, Distribution) else None

@@ -1,0 +1,373 @@
+"""A batch of scenarios: which ones it holds, what is stored of them, and its file.
+
+The file of a batch: netCDF-4, written whole or not at all.
+
+It carries a digest of its content in its name, which every reader verifies, and in an attribute
+which study, which sources and which batch of the study it comes from. It is written with the
+functions of the HDF5 library themselves, since for fifty small variables any layer above them takes
+far more time than they do.
+
+A batch of scenarios: which ones it holds, and what is stored of them.
+
+Which scenarios are in which batch depends on the study alone, so that it does not matter who
+throws them, when, and after which interruptions.
+"""
+
+import hashlib
+import io
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from h5py import h5a, h5d, h5ds, h5f, h5p, h5s, h5t
+from numpy.typing import NDArray
+
+from turnout.core.atomic import write_atomic
+from turnout.metric.features import FEATURES
+from turnout.response.signals import Variable
+from turnout.schema.channels import AXES, CONVENTIONS, known_channel
+from turnout.study.scenario import Rule
+from turnout.study.study import Study
+from turnout.sweep.labels import LABELS
+from turnout.sweep.row import (
+    COMPLETE,
+    MOST_TOGETHER,
+    Row,
+    labels_of,
+    skipped,
+    throw_scenarios,
+)
+
+LARGEST_CHUNK = 1_000_000
+"""Of a variable in a file, before compression [bytes]."""
+
+SMALL = 2048
+"""A variable up to this size is stored as it is: chunks and compression would take more [bytes]."""
+
+DIGITS = 32
+"""Of the SHA-256 of a file's content that stand in its name [hexadecimal]."""
+
+ORIGIN = b"origin"
+"""Attribute of a file that says where it comes from."""
+
+BATCH_NAME = re.compile(r"(\d{6,})-([0-9a-f]{32})\.nc")
+_TEXT = h5py.string_dtype()
+_TEXT_KIND, _SINGLE = h5t.py_create(_TEXT, logical=True), h5s.create(h5s.SCALAR)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stored:
+    """A variable of a file.
+
+    Attributes
+    ----------
+    dims : tuple of str
+        Each has a variable of its name, its coordinate.
+    values : ndarray
+        Numbers or texts.
+    attributes : mapping of str to str
+        Unit, meaning and so on.
+    coordinate : bool
+        Whether it is one of others.
+    """
+
+    dims: tuple[str, ...]
+    values: NDArray[Any]
+    attributes: Mapping[str, str]
+    coordinate: bool
+
+
+@dataclass(frozen=True, slots=True)
+class BatchOrigin:
+    """Where a batch comes from, as its file says.
+
+    Attributes
+    ----------
+    study : str
+        Digest of the study.
+    version, code : str
+        Of the program that made it, and a digest of its sources.
+    batch : str
+        Its number in the study.
+    """
+
+    study: str
+    version: str
+    code: str
+    batch: str
+
+    def __str__(self) -> str:
+        """Return all of it in one line, which is quicker to read than an attribute each."""
+        return " ".join(astuple(self))
+
+
+def file_bytes(variables: Mapping[str, Stored], *, origin: BatchOrigin | None = None) -> bytes:
+    """Return the netCDF-4 file of some variables; the same ones always give the same bytes.
+
+    Parameters
+    ----------
+    variables : mapping of str to Stored
+        By their names.
+    origin : BatchOrigin, optional
+        Written as an attribute of the file; a batch of a sweep needs it.
+    """
+    content = io.BytesIO()
+    with h5py.File(content, "w", libver="latest") as file:
+        _attach(file.id, "Conventions", CONVENTIONS)
+        if origin is not None:
+            _attach(file.id, ORIGIN.decode(), str(origin))
+        stored: dict[str, h5d.DatasetID] = {}
+        for name in sorted(variables, key=lambda name: variables[name].dims != (name,)):
+            variable = variables[name]
+            stored[name] = _stored(file, name, variable)
+            if variable.dims == (name,):
+                h5ds.set_scale(stored[name], name.encode())
+            else:
+                for axis, dim in enumerate(variable.dims):
+                    h5ds.attach_scale(stored[name], stored[dim], axis)
+            for key, value in variable.attributes.items():
+                _attach(stored[name], key, value)
+        named = {
+            name: set(variable.dims)
+            for name, variable in variables.items()
+            if variable.coordinate and variable.dims != (name,)
+        }
+        for name, variable in variables.items():
+            if not variable.coordinate:
+                mine = [at for at, dims in named.items() if dims <= set(variable.dims)]
+                _attach(stored[name], "coordinates", " ".join(mine))
+    return content.getvalue()
+
+
+def _stored(file: h5py.File, name: str, variable: Stored) -> h5d.DatasetID:
+    """Store the values of a variable."""
+    values = np.ascontiguousarray(variable.values)
+    properties = h5p.create(h5p.DATASET_CREATE)
+    properties.set_obj_track_times(False)
+    if values.dtype.kind not in "fib":
+        values = values.astype(_TEXT)
+    elif values.nbytes > SMALL:
+        rows = max(1, LARGEST_CHUNK * values.shape[0] // values.nbytes)
+        properties.set_chunk((min(values.shape[0], rows), *values.shape[1:]))
+        properties.set_shuffle()
+        properties.set_deflate(1)
+    kind = h5t.py_create(values.dtype, logical=True)
+    space = h5s.create_simple(variable.values.shape)
+    made = h5d.create(file.id, name.encode(), kind, space, properties)
+    made.write(h5s.ALL, h5s.ALL, values)
+    return made
+
+
+def _attach(stored: h5d.DatasetID | h5f.FileID, key: str, value: str) -> None:
+    """Give a variable, or the file, an attribute."""
+    attribute = h5a.create(stored, key.encode(), _TEXT_KIND, _SINGLE)
+    attribute.write(np.array(value, dtype=_TEXT))
+
+
+def write_batch(folder: Path, number: int, content: bytes) -> Path:
+    """Write the file of a batch durably, named by its number and the digest of its content.
+
+    Raises
+    ------
+    FileError
+        When it cannot be written; nothing is left of it then.
+    """
+    digest = hashlib.sha256(content).hexdigest()[:DIGITS]
+    path = folder / f"{number:06d}-{digest}.nc"
+    write_atomic(path, content)
+    return path
+
+
+def written_batches(folder: Path) -> list[tuple[int, Path]]:
+    """Return number and file of the batches of a folder, by their names alone."""
+    found = ((BATCH_NAME.fullmatch(path.name), path) for path in folder.glob("[0-9]*.nc"))
+    return sorted((int(match[1]), path) for match, path in found if match is not None)
+
+
+SMALLEST_BATCH, LARGEST_BATCH, SHARE_OF_REST = 8, 64, 0.125
+"""Scenarios in a batch, which is otherwise a share of those that are left: towards the end of a
+sweep batches are small, so that no worker waits long for the last one."""
+
+UNKNOWN = -1
+"""Stands for a logical value of a scenario that is not complete."""
+
+SPLITS = {"train": 0.7, "validation": 0.85, "test": 1.0}
+"""Parts of the data, with the share of conditions up to which each reaches [-]."""
+
+
+def batches_of(study: Study) -> list[tuple[Sequence[int], ...]]:
+    """Return the chains of scenarios that each batch holds.
+
+    Parameters
+    ----------
+    study : Study
+        With its chains.
+
+    Returns
+    -------
+    list of tuple of sequences of int
+        Chains are never split.
+    """
+    batches: list[tuple[Sequence[int], ...]] = []
+    held: list[Sequence[int]] = []
+    size, rest = 0, study.count
+    for chain in study.chains:
+        held.append(chain)
+        size += len(chain)
+        if size >= min(LARGEST_BATCH, max(SMALLEST_BATCH, math.ceil(SHARE_OF_REST * rest))):
+            batches.append(tuple(held))
+            held, size, rest = [], 0, rest - size
+    if held:
+        batches.append(tuple(held))
+    return batches
+
+
+def throw_batch(study: Study, chains: Sequence[Sequence[int]]) -> list[Row]:
+    """Throw the scenarios of a batch; return them in the order of their numbers."""
+    rows: list[Row] = []
+    if study.rule is not None:
+        for chain in chains:
+            rows += _thrown_chain(study, study.rule, chain)
+    else:
+        indices = [index for chain in chains for index in chain]
+        for first in range(0, len(indices), MOST_TOGETHER):
+            few = [study.scenario(index) for index in indices[first : first + MOST_TOGETHER]]
+            rows += throw_scenarios(study, few)
+    return sorted(rows, key=lambda row: row.scenario.index)
+
+
+def _thrown_chain(study: Study, rule: Rule, chain: Sequence[int]) -> list[Row]:
+    """Throw scenarios one by one until the rule leaves out the rest."""
+    rows: list[Row] = []
+    reason = ""
+    for index in chain:
+        scenario = study.scenario(index)
+        if reason:
+            rows.append(skipped(scenario, reason=reason))
+            continue
+        rows += throw_scenarios(study, [scenario])
+        if rows[-1].outcome == COMPLETE and rule.stops(labels_of(rows[-1])):
+            reason = f"a drive slipped in scenario {index}"
+    return rows
+
+
+def batch_variables(study: Study, rows: Sequence[Row]) -> dict[str, Stored]:
+    """Return the rows of a batch stacked; NaN, or -1, where a scenario is not complete."""
+    variables = _described(study, rows)
+    known = [row for row in rows if row.outcome == COMPLETE]
+    varying: dict[str, Variable] = {}
+    coordinates: set[str] = set()
+    for row in known:
+        for name, (dims, values) in row.coordinates.items():
+            coordinates.add(name)
+            if dims == (name,):
+                variables.setdefault(
+                    name, Stored(dims, values, attributes_of(name), coordinate=True)
+                )
+            else:
+                varying.setdefault(name, (dims, values))
+        varying |= {name: v for name, v in row.variables.items() if name not in varying}
+    for name, like in varying.items():
+        found = [(row.variables | row.coordinates).get(name) for row in rows]
+        variables[name] = _together(name, found, like, coordinate=name in coordinates)
+    over_time = [v.values.shape[-1] for v in variables.values() if v.dims[-1] == "time"]
+    if over_time:
+        time = np.arange(max(over_time)) * study.output.interval
+        variables["time"] = Stored(("time",), time, attributes_of("time"), coordinate=True)
+    return variables
+
+
+@cache
+def attributes_of(name: str) -> dict[str, str]:
+    """Return unit, meaning and sign of a stored variable.
+
+    Examples
+    --------
+    >>> attributes_of("slipped")["long_name"]
+    'whether a drive slipped in the last movement'
+    """
+    if name in FEATURES:
+        return {"units": FEATURES[name].units, "long_name": FEATURES[name].long_name}
+    if name in LABELS:
+        units, text = LABELS[name]
+        return {"units": units, "long_name": text}
+    channel = known_channel(name)
+    if channel is None:
+        raise KeyError(name)
+    found = {"units": channel.units, "long_name": channel.long_name}
+    found |= {"positive": channel.positive} if channel.positive else {}
+    return found | ({"axis": AXES[name]} if name in AXES else {})
+
+
+def _described(study: Study, rows: Sequence[Row]) -> dict[str, Stored]:
+    """Return number, name, inputs and outcome of each scenario."""
+    scenarios = [row.scenario for row in rows]
+
+    def of(values: Sequence[object], text: str, **attributes: str) -> Stored:
+        array = np.array(values)
+        if array.dtype.kind == "b":
+            array = array.astype(np.int8)
+        about = {"units": "1", "long_name": text, **attributes}
+        return Stored(("scenario",), array, about, coordinate=True)
+
+    found = {
+        "scenario": of([item.index for item in scenarios], "number in the study"),
+        "name": of([item.name for item in scenarios], "name of the scenario"),
+        "condition": of([item.condition for item in scenarios], "group for splits"),
+        "split": of([split_of(item.condition, study.seed) for item in scenarios], "part of data"),
+        "seed": of([item.seed for item in scenarios], "seed of the scenario"),
+        "outcome": of([row.outcome for row in rows], "how the scenario ended"),
+        "reason": of([row.reason for row in rows], "why it is not complete"),
+        "attempts": of([row.attempts for row in rows], "throws that were made"),
+    }
+    for name in scenarios[0].inputs:
+        units = study.units.get(name) or "1"
+        values = [item.inputs[name] for item in scenarios]
+        found[name] = of(values, f"input {name}", units=units, input="varies in the study")
+    return found
+
+
+def split_of(condition: str, seed: int) -> str:
+    """Return the part of the data that a condition belongs to, by a hash of it.
+
+    All scenarios of a condition are in the same part, so that no test looks at a switch that was
+    trained on.
+
+    Examples
+    --------
+    >>> split_of("state 3", 1)
+    'train'
+    """
+    hashed = hashlib.blake2b(f"{seed} {condition}".encode(), digest_size=8).digest()
+    share = int.from_bytes(hashed, "big") / 2**64
+    return next(name for name, bound in SPLITS.items() if share < bound)
+
+
+def _together(
+    name: str, found: Sequence[Variable | None], like: Variable, *, coordinate: bool
+) -> Stored:
+    """Return the variables of scenarios stacked, the shorter ones filled up along time."""
+    shape = [0] * len(like[0])
+    for variable in found:
+        if variable is not None:
+            shape = [max(n, m) for n, m in zip(shape, variable[1].shape, strict=True)]
+    kind = like[1].dtype
+    logical = kind.kind == "b"
+    dtype, empty = (np.dtype(np.int8), UNKNOWN) if logical else (kind, np.nan)
+    values = np.full((len(found), *shape), empty, dtype=dtype)
+    for number, variable in enumerate(found):
+        if variable is not None:
+            place: tuple[int | slice, ...] = (number, *(slice(n) for n in variable[1].shape))
+            values[place] = variable[1]
+    attributes = attributes_of(name)
+    if logical:
+        attributes = attributes | {
+            "values": "1 true, 0 false, -1 not known as the scenario is not complete"
+        }
+    return Stored(("scenario", *like[0]), values, attributes, coordinate=coordinate)

@@ -1,0 +1,168 @@
+"""Single numbers and states that a sweep stores of each throw, made of many throws at once.
+
+They need every instant of a few channels, which are small; the history of a throw is gone by then.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.mechanism.mechanism import Mechanism
+from turnout.metric.features import FEATURES, run_features
+from turnout.metric.slip import Span
+from turnout.panel.load import LoadedPanel
+from turnout.response.labels import control_states, force_margins
+from turnout.response.route import throws
+from turnout.response.signals import Variable
+
+Floats = NDArray[np.float64]
+Variables = dict[str, Variable]
+
+LABELS = {
+    "object_force_peak": ("N", "largest force on foreign objects"),
+    "object_force_end": ("N", "force on foreign objects at the end"),
+    "slipped": ("1", "whether a drive slipped in the last movement"),
+    "slipped_free": ("1", "whether a drive slipped before any object was touched"),
+    "end_locked": ("1", "lock rule met at the end"),
+    "end_in_control": ("1", "sensor gap below its limit at the end"),
+}
+"""Unit and meaning of the labels that only a sweep has."""
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """What is taken from a run while its history is there.
+
+    Attributes
+    ----------
+    panel : LoadedPanel
+        What was thrown.
+    mechanism : Mechanism
+        Of it.
+    time : ndarray, shape (n_times,)
+        Every instant that the solver kept [s].
+    signals : dict
+        Forces of drives and objects at these, what was touched when, and flangeways.
+    kept : dict
+        Histories at the rate of the study.
+    end_gaps : tuple of ndarray
+        At drives and sensors at the end, shapes (n_drives, 1) and (n_sensors, 1) [m].
+    """
+
+    panel: LoadedPanel
+    mechanism: Mechanism
+    time: Floats
+    signals: Variables
+    kept: Variables
+    end_gaps: tuple[Floats, Floats]
+
+
+def labels_of_many(taken: Sequence[Taken]) -> list[Variables]:
+    """Return labels and features of some throws.
+
+    Those with the same instants, movements and number of drives, which most studies have, are
+    looked at together.
+
+    Parameters
+    ----------
+    taken : sequence of Taken
+        Of any throws of one panel, of changed ones too.
+
+    Returns
+    -------
+    list of dict
+        In the same order.
+    """
+    spans = [_spans(item.panel) for item in taken]
+    alike: dict[tuple[object, ...], list[int]] = {}
+    for number, item in enumerate(taken):
+        key = (spans[number], item.time.size, float(item.time[-1]), len(item.panel.drive))
+        alike.setdefault(key, []).append(number)
+    found: list[Variables] = [{}] * len(taken)
+    for numbers in alike.values():
+        together = [taken[number] for number in numbers]
+        features = _features(together, spans[numbers[0]])
+        for number, item, values in zip(numbers, together, features, strict=True):
+            labels = values | object_labels(item.time, item.signals, spans=spans[number])
+            found[number] = labels | _states(item)
+    return found
+
+
+def _spans(panel: LoadedPanel) -> tuple[Span, ...]:
+    return tuple(Span(item.name, item.to, item.start, item.end) for item in throws(panel))
+
+
+def _features(taken: Sequence[Taken], spans: tuple[Span, ...]) -> list[Variables]:
+    """Return the features of each drive and movement, the drives of all throws at once."""
+    found = run_features(
+        taken[0].time,
+        np.concatenate([item.signals["drive_force"][1] for item in taken]).astype(np.float64),
+        spans=spans,
+        limits=np.array(
+            [drive.saturation_force for item in taken for drive in item.panel.drive.values()]
+        ),
+        travel=np.concatenate([item.signals["drive_displacement"][1] for item in taken]).astype(
+            np.float64
+        ),
+    )
+    dims = ("drive", "direction")
+    parts = np.split(found, len(taken), axis=1)
+    return [{name: (dims, row) for name, row in zip(FEATURES, part, strict=True)} for part in parts]
+
+
+def _states(item: Taken) -> Variables:
+    """Return margins, and gaps and states at the end."""
+    panel, (drive_gap, sensor_gap) = item.panel, item.end_gaps
+    margins = force_margins(panel, time=item.time, drive_force=floats(item.signals["drive_force"]))
+    states = control_states(
+        panel,
+        time=item.time[-1:],
+        slipping=item.signals["drive_slipping"][1][:, -1:].astype(np.bool_),
+        drive_gap=drive_gap,
+        sensor_gap=sensor_gap if sensor_gap.size else None,
+    )
+    found: Variables = {
+        "force_margin": (("drive", "direction"), margins),
+        "end_gap": (("drive",), drive_gap[:, -1].copy()),
+    }
+    return found | {
+        f"end_{name}": (dims[:-1], np.asarray(values[..., -1]))
+        for name, (dims, values) in states.items()
+    }
+
+
+def object_labels(time: Floats, every: Variables, *, spans: Sequence[Span]) -> Variables:
+    """Return the largest and last force on the objects, and whether drives slipped.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n_times,)
+        [s]
+    every : dict
+        `object_force`, `drive_force`, `drive_slipping` and `contact_time` as bare arrays.
+    spans : sequence of Span
+        The movements.
+    """
+    force = floats(every["object_force"])
+    sense, onset = np.zeros(time.size), 0
+    for span in spans:
+        onset = int(np.searchsorted(time, span.start - 1e-9))
+        sense[onset:] = 1.0 if span.to == "closed" else -1.0
+    # At the onset of a movement a drive may still hold with the force of the one before.
+    working = sense * floats(every["drive_force"]) > 0
+    slipping = np.any(every["drive_slipping"][1].astype(np.bool_) & working, axis=0)
+    contact = float(floats(every["contact_time"]))
+    alone = np.searchsorted(time, contact if np.isfinite(contact) else np.inf)
+    return {
+        "object_force_peak": ((), np.asarray(np.max(force, initial=0.0))),
+        "object_force_end": ((), np.asarray(force[-1])),
+        "slipped": ((), np.asarray(slipping[onset:].any())),
+        "slipped_free": ((), np.asarray(slipping[:alone].any())),
+    }
+
+
+def floats(variable: Variable) -> Floats:
+    """Return the values of a channel in double precision."""
+    return np.asarray(variable[1], dtype=np.float64)

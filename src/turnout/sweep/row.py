@@ -1,0 +1,330 @@
+"""Scenarios of a sweep thrown and boiled down to what is stored of them.
+
+Labels and features are taken from every instant that the solver kept, histories at the rate of the
+study. What is not asked for is never computed. A throw ends with little more than its history in
+the processor's caches: what need not be done beside it is done before and after, for many throws at
+once, which takes half the time.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.threads import one_blas_thread
+from turnout.errors import FileError, PanelError, TurnoutError
+from turnout.integrate.outcome import Code
+from turnout.integrate.run import History
+from turnout.panel.foreign_object import PlacedObject, resolve_objects
+from turnout.panel.load import LoadedPanel
+from turnout.response.dataset import coordinates_of, response_channels
+from turnout.response.gaps import drive_and_sensor_gaps
+from turnout.response.labels import contact_labels, flangeway_labels
+from turnout.response.recovery import Motion, recover_motion
+from turnout.response.save import Save
+from turnout.response.signals import Variable, drive_signals, object_signals
+from turnout.response.simulate import Solved, solve_placed
+from turnout.scheme import Scheme
+from turnout.study.scenario import Scenario
+from turnout.study.study import Study
+from turnout.sweep.labels import Taken, floats, labels_of_many
+
+Floats = NDArray[np.float64]
+Variables = dict[str, Variable]
+
+OUTCOMES = ("complete", "failed", "invalid", "skipped", "inaccurate")
+"""How a scenario ended: to its end; not even with a finer step; not possible; left out by the
+rule of its chain; to its end, but with an energy balance that does not close, not even with a finer
+step."""
+COMPLETE, FAILED, INVALID, SKIPPED, INACCURATE = OUTCOMES
+UNUSABLE = (FAILED, INVALID, INACCURATE)
+"""Outcomes of scenarios that were to be thrown and gave no numbers."""
+
+MOST_TOGETHER = 16
+"""So many throws are looked at together; more would not fit the processor's caches."""
+
+SINGLE = ("object_placed", "object_touched", "contact_time", "least_flangeway", "least_flangeway_x")
+"""Stored of each throw as they are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spent:
+    """Time that a solver took.
+
+    Attributes
+    ----------
+    wall, processor : float
+        By the clock, and of processors [s].
+    build : float
+        The part of the first in which mechanisms were built [s].
+    """
+
+    wall: float = 0.0
+    processor: float = 0.0
+    build: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What is stored of one scenario.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        What was thrown.
+    outcome : str
+        One of `OUTCOMES`.
+    reason : str
+        Why it is not complete, else empty.
+    attempts : int
+        Throws that were made.
+    variables : dict of str to (dims, ndarray)
+        Histories, labels and features; empty unless complete.
+    coordinates : dict of str to (dims, ndarray)
+        Of these.
+    solver : Spent
+        In building and integrating the throw that counted.
+    """
+
+    scenario: Scenario
+    outcome: str
+    reason: str
+    attempts: int
+    variables: Variables
+    coordinates: Variables
+    solver: Spent
+
+    @property
+    def slipped(self) -> bool:
+        """Whether a drive slipped in the last movement."""
+        return bool(self.variables["slipped"][1])
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """A scenario that can be thrown, or why it cannot.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        What is to be thrown.
+    panel : LoadedPanel
+        With the changes of the scenario.
+    objects : tuple of PlacedObject
+        All that is trapped.
+    fault : str
+        What is wrong with it, else empty.
+    """
+
+    scenario: Scenario
+    panel: LoadedPanel
+    objects: tuple[PlacedObject, ...]
+    fault: str
+
+
+@dataclass(frozen=True, slots=True)
+class Thrown:
+    """A scenario after its throw; `taken` is None unless it is complete."""
+
+    scenario: Scenario
+    outcome: str
+    reason: str
+    attempts: int
+    taken: Taken | None
+    solver: Spent
+
+
+def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Row]:
+    """Throw some scenarios, a second time with half the step if the first does not get to its end.
+
+    Parameters
+    ----------
+    study : Study
+        Panel, scheme, and what is kept.
+    scenarios : sequence of Scenario
+        Of its own; a few of them at a time, since their panels are all made first.
+
+    Returns
+    -------
+    list of Row
+        In the same order.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        On Ctrl-C.
+    """
+    ready = [made_ready(study, scenario) for scenario in scenarios]
+    with one_blas_thread():
+        return rows_of([thrown(study, item) for item in ready])
+
+
+def made_ready(study: Study, scenario: Scenario) -> Ready:
+    """Make the panel of a scenario and place its objects."""
+    panel = study.panel
+    try:
+        if scenario.overrides:
+            panel = panel.with_overrides(dict(scenario.overrides))
+        return Ready(scenario, panel, resolve_objects(panel, scenario.foreign_objects), "")
+    except PanelError as error:
+        return Ready(scenario, panel, (), "; ".join(error.problems))
+    except TurnoutError as error:
+        return Ready(scenario, panel, (), str(error))
+
+
+def thrown(study: Study, ready: Ready) -> Thrown:
+    """Throw a scenario, if need be twice, and take from its history what is needed later.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        On Ctrl-C.
+    """
+    scenario, reason, attempts = ready.scenario, ready.fault, 0
+    if reason:
+        return Thrown(scenario, INVALID, reason, attempts, None, Spent())
+    try:
+        for again in (False, True):
+            attempts += 1
+            scheme = tighter(study.scheme) if again else study.scheme
+            solved = solve_placed(ready.panel, ready.objects, scheme=scheme)
+            outcome = solved.history.outcome
+            if outcome.code is Code.INTERRUPTED:
+                raise KeyboardInterrupt
+            if outcome.complete:
+                spent = Spent(solved.solver_time, solved.processor_time, solved.build_time)
+                taken = taken_from(study, ready.panel, solved)
+                return Thrown(scenario, COMPLETE, "", attempts, taken, spent)
+            reason = outcome.message()
+            ending = INACCURATE if outcome.code is Code.INACCURATE else FAILED
+    except PanelError as error:
+        return Thrown(scenario, INVALID, "; ".join(error.problems), attempts, None, Spent())
+    except TurnoutError as error:
+        return Thrown(scenario, FAILED, str(error), attempts, None, Spent())
+    return Thrown(scenario, ending, reason, attempts, None, Spent())
+
+
+def taken_from(study: Study, panel: LoadedPanel, solved: Solved) -> Taken:
+    """Return what is stored of a complete throw and what its labels are made of.
+
+    Parameters
+    ----------
+    study : Study
+        What is kept, at which rate.
+    panel : LoadedPanel
+        What was thrown.
+    solved : Solved
+        The throw.
+    """
+    given, every, stride = (panel, solved.mechanism), solved.history, stride_of(study)
+    signals = drive_signals(*given, every) | object_signals(solved.mechanism, every)
+    signals |= contact_labels(solved.mechanism, every)
+    wanted = study.output.channels
+    sparse = at_instants(every, slice(None, None, stride))
+    kept = {
+        name: (dims, values[..., ::stride])
+        for name, (dims, values) in signals.items()
+        if name in wanted and "time" in dims
+    }
+    motion = recover_motion(solved.mechanism, every)
+    signals |= flangeway_labels(panel, motion, every.time)
+    gaps = [name for name in ("drive_gap", "sensor_gap") if name in wanted]
+    found = _gaps(panel, replace(motion, history=sparse)) if gaps else None
+    if found is not None:
+        kept |= {name: found[name] for name in gaps if found[name][1].size}
+    further = tuple(name for name in wanted if name not in {*signals, *gaps})
+    if further:
+        kept |= response_channels(*given, sparse, save=Save(fields=further))
+    if found is None or (every.time.size - 1) % stride:
+        last = at_instants(every, slice(-1, None))
+        found = _gaps(panel, replace(motion, history=last))
+    ends = floats(found["drive_gap"])[:, -1:], floats(found["sensor_gap"])[:, -1:]
+    small = {name: (dims, _small(values)) for name, (dims, values) in kept.items()}
+    return Taken(panel, solved.mechanism, every.time, signals, small, ends)
+
+
+def _gaps(panel: LoadedPanel, motion: Motion) -> Variables:
+    """Return gaps at drives and sensors at all instants of a history."""
+    at_drives, at_sensors = drive_and_sensor_gaps(panel, motion, motion.history.time)
+    return {
+        "drive_gap": (("drive", "time"), at_drives),
+        "sensor_gap": (("sensor", "time"), at_sensors),
+    }
+
+
+def rows_of(throws: Sequence[Thrown]) -> list[Row]:
+    """Return what is stored of some throws."""
+    complete = [item.taken for item in throws if item.taken is not None]
+    labels: list[Variables] = []
+    for first in range(0, len(complete), MOST_TOGETHER):
+        labels += labels_of_many(complete[first : first + MOST_TOGETHER])
+    rows, made = [], iter(labels)
+    for item in throws:
+        about = (item.scenario, item.outcome, item.reason, item.attempts)
+        if item.taken is None:
+            rows.append(Row(*about, {}, {}, item.solver))
+            continue
+        taken = item.taken
+        variables = {**taken.kept, **{name: taken.signals[name] for name in SINGLE}, **next(made)}
+        coordinates = coordinates_of(
+            variables, taken.panel, taken.mechanism, time=taken.time, save=Save()
+        )
+        del coordinates["time"]  # of the solver, not of what is kept
+        rows.append(Row(*about, variables, coordinates, item.solver))
+    return rows
+
+
+def skipped(scenario: Scenario, *, reason: str) -> Row:
+    """Return a scenario that the rule of its chain leaves out."""
+    return Row(scenario, SKIPPED, reason, 0, {}, {}, Spent())
+
+
+def tighter(scheme: Scheme) -> Scheme:
+    """Return a scheme with half the step and more patience, for a second attempt."""
+    return replace(
+        scheme,
+        step=0.5 * scheme.step,
+        iterations=2 * scheme.iterations,
+        halvings=scheme.halvings + 2,
+        output_interval=scheme.output_interval,
+    )
+
+
+def at_instants(history: History, index: NDArray[np.int64] | slice) -> History:
+    """Return a history at some of its instants; what was gathered from every step stays.
+
+    A slice copies nothing.
+    """
+    names = ("time", "inputs", "q", "g", "law_force", "friction_force", "stored", "ledger")
+    return replace(history, **{name: getattr(history, name)[index] for name in names})
+
+
+def stride_of(study: Study) -> int:
+    """Return how many instants of the solver there are to one that is kept.
+
+    Raises
+    ------
+    FileError
+        When the rates do not fit together.
+    """
+    fine = study.scheme.output_interval
+    stride = round(study.output.interval / fine)
+    if stride < 1 or not math.isclose(stride * fine, study.output.interval, rel_tol=1e-6):
+        message = (
+            f"output.rate = {study.output.rate:g} Hz: the solver keeps an instant every "
+            f"{1e3 * fine:g} ms; take a rate that divides {1.0 / fine:g} Hz"
+        )
+        raise FileError(message)
+    return stride
+
+
+def _small(values: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Return numbers in single precision; logical values stay."""
+    return values.astype(np.float32) if values.dtype.kind == "f" else values
+
+
+def labels_of(row: Row) -> Mapping[str, object]:
+    """Return what the rule of a chain looks at."""
+    return {"slipped": row.slipped, **row.scenario.inputs}

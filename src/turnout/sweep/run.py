@@ -1,0 +1,299 @@
+"""Throw all scenarios of a study in processes of this machine or of a cluster, and lose none.
+
+Workers write their batches themselves; only counts and times come back. What is written stays, and
+the same call on the same folder does what is missing, however the last one ended.
+"""
+
+import json
+import sys
+import time
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
+from contextlib import closing, contextmanager
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+
+from turnout.core.atomic import write_fault
+from turnout.core.sources import THROWS, digest_of_sources
+from turnout.errors import FileError
+from turnout.response.compilation import must_compile
+from turnout.response.simulate import compile_kernels
+from turnout.study.study import Study
+from turnout.sweep.batch import batches_of
+from turnout.sweep.export import write_card
+from turnout.sweep.folder import (
+    BATCHES,
+    JOURNAL,
+    check_folder,
+    claim_folder,
+    clear_leftovers,
+    identity_of,
+    locked_folder,
+    set_aside,
+)
+from turnout.sweep.row import COMPLETE, SKIPPED, stride_of
+from turnout.sweep.stored_study import stored_study
+from turnout.sweep.verify import sound_batches
+from turnout.sweep.worker import BatchDone, make_batch, worker_processes
+
+# Batches handed out beyond one a worker, so that none waits for the next.
+PREFETCH = 2
+# Breaks of the pool in a row without a batch in between after which a run gives up.
+MOST_BREAKS = 3
+# Progress is told so often at least [s].
+REPORT_INTERVAL = 0.5
+
+MakePool = Callable[[], Executor]
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """How far a run is, for whoever watches it.
+
+    Attributes
+    ----------
+    done, failed, total : int
+        Scenarios that are stored, those of them that failed, and all.
+    rate : float
+        Scenarios a second in this run, 0 before the first batch.
+    """
+
+    done: int
+    failed: int
+    total: int
+    rate: float
+
+    @property
+    def left(self) -> float:
+        """Time left at this rate [s]; infinite before the first batch."""
+        return (self.total - self.done) / self.rate if self.rate else float("inf")
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """What a run came to.
+
+    Attributes
+    ----------
+    thrown : int
+        Scenarios of the batches made in this run.
+    batches : tuple of BatchDone
+        Made in this run.
+    damaged : tuple of Path
+        Files that were damaged, where they are now; what they should hold was thrown again.
+    """
+
+    thrown: int
+    batches: tuple[BatchDone, ...]
+    damaged: tuple[Path, ...]
+
+
+def run_sweep(
+    study: Study,
+    folder: Path | str,
+    *,
+    workers: int = 1,
+    pool: MakePool | None = None,
+    report: Callable[[State], None] | None = None,
+) -> Finished:
+    """Throw what is missing of a study into a folder.
+
+    Parameters
+    ----------
+    study : Study
+        From `load_study`.
+    folder : path-like
+        Made if it is not there; must be empty, or hold the beginning of this sweep.
+    workers : int
+        Processes, or batches at a time for a pool that was given.
+    pool : callable, optional
+        Makes the executor that batches are handed to; default processes of this machine.
+    report : callable, optional
+        Called twice a second or so.
+
+    Returns
+    -------
+    Finished
+
+    Raises
+    ------
+    FileError
+        When the folder is that of another study or version, is in use, or is full.
+    KeyboardInterrupt
+        On Ctrl-C; the batches written by then stay.
+
+    Examples
+    --------
+    >>> from turnout.study.read import load_study  # doctest: +SKIP
+    >>> run_sweep(load_study("study.toml"), "results", workers=2).thrown  # doctest: +SKIP
+    143
+    """
+    folder = Path(folder).absolute()
+    stride_of(study)
+    text = stored_study(study)
+    check_folder(folder, study)
+    with locked_folder(folder):
+        claim_folder(folder, study, text=text)
+        clear_leftovers(folder)
+        chains = batches_of(study)
+        sizes = [sum(len(chain) for chain in batch) for batch in chains]
+        there, torn = sound_batches(folder / BATCHES, identity_of(study).origin)
+        if strangers := [path.name for number, path in there.items() if number >= len(chains)]:
+            message = (
+                f"{folder / BATCHES}: {', '.join(strangers)} cannot come from this study of "
+                f"{len(chains)} batches; move away what is not of it"
+            )
+            raise FileError(message)
+        damaged = tuple(set_aside(path, folder) for path in torn)
+        todo = [number for number in range(len(chains)) if number not in there]
+        make = (
+            pool if pool is not None else partial(worker_processes, min(workers, max(1, len(todo))))
+        )
+        if todo and pool is None and must_compile():
+            compile_kernels()
+        log = ProgressLog(
+            total=study.count,
+            before=sum(sizes[number] for number in there),
+            journal=folder / JOURNAL,
+            report=report,
+        )
+        log.emit()
+        made = _made(folder, study.digest, todo, make=make, ahead=workers + PREFETCH, log=log)
+        with closing(made):
+            for done in made:
+                log.record(done)
+        clear_leftovers(folder)
+        write_card(folder, study)
+    thrown = sum(sum(done.outcomes.values()) for done in log.batches)
+    return Finished(thrown, tuple(log.batches), damaged)
+
+
+class ProgressLog:
+    """Counts what is done, writes the journal, and tells the watcher."""
+
+    def __init__(
+        self, *, total: int, before: int, journal: Path, report: Callable[[State], None] | None
+    ) -> None:
+        self.batches: list[BatchDone] = []
+        self._total, self._done, self._failed, self._before = total, before, 0, before
+        self._journal, self._report = journal, report
+        self._began = time.monotonic()
+
+    def record(self, done: BatchDone) -> None:
+        """Count a batch."""
+        self.batches.append(done)
+        self._done += sum(done.outcomes.values())
+        self._failed += sum(
+            n for name, n in done.outcomes.items() if name not in (COMPLETE, SKIPPED)
+        )
+        try:
+            with self._journal.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(asdict(done)) + "\n")
+        except OSError as error:
+            raise FileError(write_fault(self._journal, error)) from None
+        self.emit()
+
+    def emit(self) -> None:
+        """Tell how far the run is."""
+        if self._report is None:
+            return
+        passed = max(time.monotonic() - self._began, 1e-9)
+        rate = (self._done - self._before) / passed
+        self._report(State(self._done, self._failed, self._total, rate))
+
+
+def _made(
+    folder: Path,
+    digest: str,
+    todo: Sequence[int],
+    *,
+    make: MakePool,
+    ahead: int,
+    log: ProgressLog,
+) -> Generator[BatchDone, None, None]:
+    """Yield batches as they are written; a pool that breaks is replaced."""
+    left, breaks = list(todo), 0
+    while left:
+        with _stopped_at_once(make()) as pool:
+            try:
+                for done in submit_batches(pool, folder, digest, left, ahead=ahead, log=log):
+                    left.remove(done.number)
+                    breaks = 0
+                    yield done
+            except BrokenExecutor as error:
+                breaks += 1
+                if breaks >= MOST_BREAKS:
+                    message = (
+                        f"worker processes were ended {breaks} times in a row ({error}); what is "
+                        "written stays; look for memory running out, then run the same again"
+                    )
+                    raise FileError(message) from None
+            except cluster_errors() as error:
+                message = (
+                    f"the cluster lost its workers or its scheduler ({error}); what is written "
+                    "stays; run the same again once they are back"
+                )
+                raise FileError(message) from None
+
+
+def cluster_errors() -> tuple[type[BaseException], ...]:
+    """Return what a cluster raises where a task cannot be done any more."""
+    cluster = sys.modules.get("distributed")
+    return (CancelledError, cluster.KilledWorker) if cluster else (CancelledError,)
+
+
+def submit_batches(
+    pool: Executor,
+    folder: Path,
+    digest: str,
+    todo: Sequence[int],
+    *,
+    ahead: int,
+    log: ProgressLog,
+) -> Iterator[BatchDone]:
+    """Hand out batches, a few more than there are workers, and yield what is done."""
+    waiting: set[Future[BatchDone]] = set()
+    rest = iter(list(todo))
+    while True:
+        while len(waiting) < ahead and (number := next(rest, None)) is not None:
+            waiting.add(
+                pool.submit(make_batch, str(folder), digest, digest_of_sources(THROWS), number)
+            )
+        if not waiting:
+            return
+        done, waiting = wait(waiting, timeout=REPORT_INTERVAL, return_when=FIRST_COMPLETED)
+        for future in done:
+            yield future.result()
+        if not done:
+            log.emit()
+
+
+@contextmanager
+def _stopped_at_once(pool: Executor) -> Iterator[Executor]:
+    """Close a pool; on an error or Ctrl-C do not wait for the batches under way."""
+    try:
+        yield pool
+    except BaseException:
+        if isinstance(pool, ProcessPoolExecutor):
+            processes = list((pool._processes or {}).values())
+            manager = getattr(pool, "_executor_manager_thread", None)
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in processes:
+                process.terminate()
+            for process in processes:
+                process.join(5.0)
+            if manager is not None:  # which Python would wake up at its end, closed or not
+                manager.join(5.0)
+        else:
+            pool.shutdown(wait=False)
+        raise
+    pool.shutdown(wait=True)

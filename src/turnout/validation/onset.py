@@ -1,0 +1,86 @@
+"""The true onset of movements that no motor current marked.
+
+Forces begin to grow with the cube of time, so that they tell the onset to some tens of milliseconds
+only, and rather too early in all movements alike. Compared on that clock, the right model would be
+off by more than repeats are. The part of a movement in which no object is touched yet tells better.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.calibration.evaluate import Response
+from turnout.calibration.observed import Movement
+from turnout.calibration.predict import predicted
+
+Floats = NDArray[np.float64]
+# As far as a marked onset may be off, and how finely this is searched at first [s].
+REACH, COARSE, FINE = 0.4, 0.01, 0.001
+# Expected of a marked onset: beyond it, forces must say so more clearly [s].
+DOUBT = 0.05
+# Before the onset, and before the contact [s]; less than `LEAST` of movement tells nothing.
+BEFORE, CLEARANCE, LEAST = 0.3, 0.1, 0.3
+# Share of the largest force that a model may miss without saying something of the onset [-].
+MISSED = 0.01
+
+
+def onset_shifts(movements: Sequence[Movement], responses: Sequence[Response]) -> Floats:
+    """Return how much later than marked each movement began.
+
+    Parameters
+    ----------
+    movements : sequence of Movement
+        As observed.
+    responses : sequence of Response
+        Of the model, one each.
+
+    Returns
+    -------
+    ndarray, shape (n_movements,)
+        [s]; zero where a motor current marked the onset; of a movement that touches its object at
+        once, the median of the others in its direction.
+    """
+    found = np.array(
+        [
+            0.0 if item.clocked else _shift(item, response)
+            for item, response in zip(movements, responses, strict=True)
+        ]
+    )
+    directions = np.array([item.direction for item in movements])
+    for number in np.flatnonzero(np.isnan(found)):
+        alike = found[(directions == directions[number]) & np.isfinite(found)]
+        found[number] = float(np.median(alike)) if alike.size else 0.0
+    return found
+
+
+def _shift(item: Movement, response: Response) -> float:
+    """Return the shift that makes the free part of one movement fit best; NaN where there is none.
+
+    The free part ends where the model touches the object, on a clock that may be off itself.
+    """
+    end = item.length
+    if item.size > 0 and np.isfinite(response.contact_time):
+        end = min(end, response.contact_time - response.onsets[item.direction] - CLEARANCE)
+    if response.failure or end < LEAST:
+        return float("nan")
+
+    def cost(shift: float) -> float:
+        total = (shift / DOUBT) ** 2
+        for signal in item.signals:
+            if signal.channel != "drive_force":
+                continue
+            late = min(end + shift, item.length)
+            inside = (signal.time >= -BEFORE) & (signal.time <= late)
+            bins = np.flatnonzero(inside & np.isfinite(signal.values))
+            if not bins.size:
+                continue
+            scale = MISSED * max(float(np.nanmax(np.abs(signal.values))), 1.0)
+            away = predicted(response, item, signal, bins, shift=shift) - signal.values[bins]
+            total += bins.size * float(np.mean((away / scale) ** 2))
+        return total
+
+    coarse = np.arange(-REACH, REACH + 0.5 * COARSE, COARSE)
+    near = coarse[int(np.argmin([cost(shift) for shift in coarse]))]
+    fine = near + np.arange(-COARSE, COARSE + 0.5 * FINE, FINE)
+    return float(fine[int(np.argmin([cost(shift) for shift in fine]))])

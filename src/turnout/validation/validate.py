@@ -1,0 +1,259 @@
+"""Predict every movement of a campaign, with the band in which the measurement should lie."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.calibration.entries import unusable
+from turnout.calibration.evaluate import Evaluator, Throw
+from turnout.calibration.local import stepped_value
+from turnout.calibration.movements import exclude_oversized_objects
+from turnout.calibration.noise import measured_noise
+from turnout.calibration.observed import BIN, Movement, observe
+from turnout.calibration.parameter import Parameter
+from turnout.calibration.result import Calibration, Fitted
+from turnout.core.provenance import provenance
+from turnout.errors import MeasurementError
+from turnout.metric.agreement import (
+    band_cover,
+    channel_scale,
+    nrmse,
+    repeat_spread,
+    repeats,
+    rms_difference,
+)
+from turnout.metric.signal import contact_time, features
+from turnout.panel.load import LoadedPanel
+from turnout.schema.channels import SCHEMA_VERSION
+from turnout.validation.grid import DRIVE, OBJECT, Grid
+from turnout.validation.onset import onset_shifts
+from turnout.validation.scatter import Direction, Scatter, scatter_of
+
+Floats = NDArray[np.float64]
+# 95 % of a normal distribution lie within so many standard deviations.
+QUANTILE = 1.959964
+# Parameters that a throw can have of its own, by the end of their key, and how much is expected.
+FRICTION, LEVEL = ("friction_coefficient", 0.02), ("saturation_force", 0.01)
+# To how much the onset of a movement is told, by motor currents or by its free part [s].
+ONSET = 0.005
+SHEET = ("direction", "size", "place", "repeat", "slipped")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Model:
+    """What the model says: forces, and their slope with each fitted parameter and the onset."""
+
+    forces: Floats
+    slopes: Mapping[str, Floats]
+    later: Floats
+    shifts: Floats
+
+
+def validate(
+    dataset: xr.Dataset,
+    panel: LoadedPanel,
+    calibration: Calibration,
+    *,
+    evaluator: Evaluator,
+) -> xr.Dataset:
+    r"""Predict every movement of a campaign and set it beside what was measured.
+
+    The variance of a measured instant about its prediction is that of the parameters, of what
+    differs from throw to throw (friction, slip levels, the marked onset), and of what is left of
+    the difference between repeats, noise among it:
+
+    .. math:: v(t) = J(t) C J(t)^T + \sum_s \sigma_s^2 J_s(t)^2 + r^2
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A built campaign.
+    panel : LoadedPanel
+        As it was before the calibration.
+    calibration : Calibration
+        Values and covariance; what it was fitted to is marked as used.
+    evaluator : Evaluator
+        Open; throws the same panel.
+
+    Returns
+    -------
+    xarray.Dataset
+        `measured`, `predicted`, `low`, `high` (channel, movement, time) [N]; `rms`, `nrmse`,
+        `cover`, and features as `slope_measured`, `slope_predicted` and so on (channel, movement);
+        `repeat_spread`, `scale` (channel); `used` and `onset_shift`, how much later than marked a
+        movement without motor currents began (movement) [s].
+
+    Raises
+    ------
+    MeasurementError
+        When the campaign does not fit the panel, or no throw can be simulated.
+    """
+    movements, roomless = exclude_oversized_objects(observe(dataset, panel), panel)
+    grid = Grid.of(movements)
+    model = _model(movements, grid, calibration, evaluator)
+    sheet = dataset.sel(movement=[item.name for item in movements])
+    groups = repeats(sheet)
+    measured = _array(grid, grid.measured(movements), sheet)
+    scatter = scatter_of(
+        measured.values,
+        _directions(model, calibration),
+        groups=groups,
+        noise=_noise(movements, grid),
+    )
+    forecast = measured.copy(data=model.forces)
+    reach = QUANTILE * np.sqrt(scatter.variance + _of_parameters(model, calibration))
+    low, high = forecast - reach, forecast + reach
+    return xr.Dataset(
+        {
+            "measured": measured,
+            "predicted": forecast,
+            "low": low,
+            "high": high,
+            "rms": rms_difference(measured, forecast),
+            "nrmse": nrmse(measured, forecast),
+            "cover": band_cover(measured, low, high),
+            "scale": channel_scale(measured),
+            "repeat_spread": _spread(measured, groups, scatter),
+            "used": ("movement", np.isin(sheet["movement"].values, _used(calibration))),
+            "onset_shift": ("movement", model.shifts, {"units": "s"}),
+            **_features(measured, forecast),
+        },
+        attrs={
+            "title": str(dataset.attrs.get("title", "campaign")),
+            "synthetic": str(dataset.attrs.get("synthetic", "")),
+            "kind": "validation",
+            **provenance(),
+            "schema_version": SCHEMA_VERSION,
+            "panel": panel.name,
+            "panel_hash": panel.hash,
+            "calibration_panel_hash": calibration.panel_hash,
+            "scatter": json.dumps({**scatter.sizes, "repeats": scatter.repeated}),
+            "left_out": json.dumps([*unusable(dataset), *roomless]),
+        },
+    )
+
+
+def _used(calibration: Calibration) -> list[str]:
+    """Return every movement that any stage was fitted to."""
+    names = [*calibration.movements, *(n for stage in calibration.stages for n in stage.movements)]
+    return list(dict.fromkeys(names))
+
+
+def _model(
+    movements: Sequence[Movement], grid: Grid, calibration: Calibration, evaluator: Evaluator
+) -> _Model:
+    """Throw all movements at the calibrated values and a step aside for each parameter."""
+    values = calibration.overrides
+    steps: dict[str, float] = {}
+    settings: list[dict[str, float]] = [values]
+    for item in calibration.fitted:
+        aside = stepped_value(_parameter(item), item.value)
+        steps[item.name] = aside - item.value
+        settings.append({**values, **dict.fromkeys(item.keys, aside)})
+    throws = [
+        Throw(overrides=overrides, place=item.place, size=item.size)
+        for overrides in settings
+        for item in movements
+    ]
+    responses = evaluator.responses(throws)
+    count = len(movements)
+    failed = [
+        f"{item.text}: cannot be simulated: {response.failure}"
+        for item, response in zip(movements, responses[:count], strict=True)
+        if response.failure
+    ]
+    if len(failed) == count:
+        raise MeasurementError(failed[:3], source="validation")
+    shifts = onset_shifts(movements, responses[:count])
+    sets = [
+        grid.predicted(movements, responses[count * number : count * (number + 1)], shifts=shifts)
+        for number in range(len(settings))
+    ]
+    slopes = {
+        name: (aside - sets[0]) / step
+        for (name, step), aside in zip(steps.items(), sets[1:], strict=True)
+    }
+    later = -np.gradient(sets[0], BIN, axis=2)
+    return _Model(forces=sets[0], slopes=slopes, later=later, shifts=shifts)
+
+
+def _parameter(item: Fitted) -> Parameter:
+    return Parameter(
+        name=item.name,
+        keys=item.keys,
+        start=item.value,
+        lower=item.lower,
+        upper=item.upper,
+        unit=item.unit,
+        transform="log" if item.lower > 0 else "linear",
+    )
+
+
+def _directions(model: _Model, calibration: Calibration) -> list[Direction]:
+    found = []
+    for item in calibration.fitted:
+        for ending, share in (FRICTION, LEVEL):
+            if any(key.endswith(ending) for key in item.keys):
+                known = calibration.scatter.get(item.name, share)
+                slope = model.slopes[item.name] * item.value
+                found.append(Direction(name=item.name, slope=slope, expected=known))
+    found.append(Direction(name="onset [s]", slope=model.later, expected=ONSET))
+    return found
+
+
+def _of_parameters(model: _Model, calibration: Calibration) -> Floats:
+    """Return the variance that the doubt of the fitted parameters makes [N^2]."""
+    if not model.slopes:
+        return np.zeros_like(model.forces)
+    stacked = np.stack(list(model.slopes.values()))
+    found = np.einsum("i...,ij,j...->...", stacked, calibration.covariance, stacked)
+    return np.asarray(found, dtype=np.float64)
+
+
+def _noise(movements: Sequence[Movement], grid: Grid) -> Floats:
+    known = {
+        f"{DRIVE}{drive}" if drive else OBJECT: noise.total
+        for (_, drive), noise in measured_noise(movements).items()
+    }
+    return np.array([known[name] for name in grid.channels])
+
+
+def _spread(measured: xr.DataArray, groups: list[list[int]], scatter: Scatter) -> xr.DataArray:
+    """Return the spread of repeats; where none were made, what scatter found elsewhere implies.
+
+    Load cells are seldom mounted twice for one size and place, so that friction's share of their
+    spread has to be carried over from the rods.
+    """
+    spread = repeat_spread(measured, groups)
+    variance = measured.copy(data=scatter.variance).where(measured.notnull())
+    implied = variance.mean(("movement", "time")) ** 0.5
+    return spread.fillna(implied).assign_attrs(units="N", long_name="spread of repeats")
+
+
+def _array(grid: Grid, values: Floats, sheet: xr.Dataset) -> xr.DataArray:
+    kept = {key: ("movement", sheet[key].values) for key in SHEET if key in sheet.coords}
+    coordinates = {
+        "channel": list(grid.channels),
+        "movement": sheet["movement"].values,
+        "time": grid.time,
+        **kept,
+    }
+    return xr.DataArray(values, coordinates, ("channel", "movement", "time"), attrs={"units": "N"})
+
+
+def _features(measured: xr.DataArray, forecast: xr.DataArray) -> dict[str, xr.DataArray]:
+    """Return features of both, where there is a measurement."""
+    found: dict[str, xr.DataArray] = {}
+    pairs = (("measured", measured), ("predicted", forecast.where(measured.notnull())))
+    for label, forces in pairs:
+        contact = xr.full_like(forces.isel(channel=0, time=0, drop=True), np.nan)
+        if OBJECT in forces["channel"]:
+            contact = contact_time(forces.sel(channel=OBJECT, drop=True))
+        end = float(forces["time"][-1])
+        for name, values in features(forces, contact=contact, end=end).data_vars.items():
+            found[f"{name}_{label}"] = values
+    return found

@@ -1,0 +1,240 @@
+"""Whether a calibrated model may be trusted on movements that it was not fitted to."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.core.problems import choices
+
+Floats = NDArray[np.float64]
+LEAST_COVER, MOST_SPREADS = 0.80, 3.0
+FEATURES = ("contact", "slope", "peak", "plateau")
+WORST = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelResult:
+    """How one channel was predicted, over the movements that were held back.
+
+    Attributes
+    ----------
+    channel : str
+        Such as "drive 1" or "object".
+    movements : int
+        In which it was measured.
+    rms, nrmse : float
+        Root mean square difference [N], and over the largest measured force [-].
+    spread : float
+        Of repeats [N].
+    cover : float
+        Share of measured instants within the band of 95 %.
+    errors : dict of str to (float, float)
+        Mean and standard deviation of predicted less measured features: "contact" [s], "slope"
+        (relative), "peak", "plateau" [N]; NaN where there are none.
+    """
+
+    channel: str
+    movements: int
+    rms: float
+    nrmse: float
+    spread: float
+    cover: float
+    errors: dict[str, tuple[float, float]]
+
+    @property
+    def spreads(self) -> float:
+        """The RMS difference as a multiple of the spread of repeats [-]."""
+        return self.rms / self.spread
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the prediction of this channel is not accepted; empty where it is."""
+        if self.spreads <= MOST_SPREADS:
+            return ()
+        return (
+            f"{self.channel} is off by {self.rms:.0f} N, {self.spreads:.1f} times the spread of "
+            f"repeats, more than {MOST_SPREADS:g}",
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What a validation came to.
+
+    Attributes
+    ----------
+    channels : tuple of ChannelResult
+        Over the movements that were judged.
+    judged, used : int
+        Movements that were judged, and that the fit had seen.
+    cover : float
+        Share of all measured instants, of all channels, within the band of 95 %.
+    held_back : bool
+        Whether the judged ones were held back; if not, this is a test of the fit alone.
+    reasons : tuple of str
+        Why the model is not accepted.
+    worst : tuple of str
+        Movements that are furthest off, in words.
+    """
+
+    channels: tuple[ChannelResult, ...]
+    judged: int
+    used: int
+    cover: float
+    held_back: bool
+    reasons: tuple[str, ...]
+    worst: tuple[str, ...]
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the model predicts what was held back."""
+        return self.held_back and not self.reasons
+
+    @property
+    def text(self) -> str:
+        """The verdict in one sentence."""
+        if self.reasons:
+            return "NOT VALID: " + "; ".join(self.reasons)
+        if not self.held_back:
+            return (
+                "NOT VALIDATED: the fit has seen every movement, so this only tells that it fits; "
+                "leave some out with `turnout calibrate --exclude MOVEMENT`"
+            )
+        return (
+            f"VALID: all {len(self.channels)} channels of {self.judged} movements that the fit has "
+            f"not seen lie within {MOST_SPREADS:g} repeat spreads, and the band of 95 % covers "
+            f"{100 * self.cover:.0f} % of the measurement"
+        )
+
+
+def judge(validation: xr.Dataset) -> Verdict:
+    """Judge predictions of movements that the fit has not seen.
+
+    Parameters
+    ----------
+    validation : xarray.Dataset
+        From `validate`.
+
+    Returns
+    -------
+    Verdict
+        Accepted where the band of 95 % covers at least 80 % of the measurement, and each channel
+        is off by at most three times its spread of repeats. Where the fit has seen every movement
+        all are judged, and nothing is accepted.
+    """
+    used = validation["used"].values
+    held_back = bool((~used).any())
+    chosen = np.flatnonzero(~used) if held_back else np.arange(used.size)
+    part = validation.isel(movement=chosen)
+    results = tuple(
+        _result(part.sel(channel=name))
+        for name in part["channel"].values
+        if part["rms"].sel(channel=name).notnull().any()
+    )
+    cover = _cover(part)
+    reasons = [reason for item in results for reason in item.reasons]
+    if cover < LEAST_COVER:
+        reasons.append(
+            f"the band of 95 % covers {100 * cover:.0f} % of the measurement, less than "
+            f"{100 * LEAST_COVER:.0f} %"
+        )
+    return Verdict(
+        channels=results,
+        judged=int(chosen.size),
+        used=int(used.sum()),
+        held_back=held_back,
+        cover=cover,
+        reasons=tuple(reasons),
+        worst=_worst(part),
+    )
+
+
+def _result(part: xr.Dataset) -> ChannelResult:
+    rms, known = part["rms"].values, part["rms"].notnull().values
+    pooled = float(np.sqrt(np.mean(rms[known] ** 2)))
+    return ChannelResult(
+        channel=str(part["channel"].values),
+        movements=int(known.sum()),
+        rms=pooled,
+        nrmse=pooled / float(part["scale"]),
+        spread=float(part["repeat_spread"]),
+        cover=_cover(part),
+        errors={name: _error(part, name) for name in FEATURES},
+    )
+
+
+def _cover(part: xr.Dataset) -> float:
+    """Return the share of measured instants in the band, all together."""
+    within = (part["measured"] >= part["low"]) & (part["measured"] <= part["high"])
+    return float(within.sum() / part["measured"].notnull().sum())
+
+
+def _error(part: xr.Dataset, name: str) -> tuple[float, float]:
+    """Return mean and standard deviation of the error of a feature."""
+    measured, forecast = part[f"{name}_measured"].values, part[f"{name}_predicted"].values
+    errors = forecast - measured
+    if name == "slope":
+        errors = np.divide(errors, measured, out=np.full_like(errors, np.nan), where=measured != 0)
+    errors = errors[np.isfinite(errors)]
+    if not errors.size:
+        return float("nan"), float("nan")
+    return float(errors.mean()), float(errors.std(ddof=1)) if errors.size > 1 else 0.0
+
+
+def _worst(part: xr.Dataset) -> tuple[str, ...]:
+    """Name the movements that are furthest off, in repeat spreads."""
+    ratio = (part["rms"] / part["repeat_spread"]).transpose("movement", "channel").values
+    known = np.where(np.isfinite(ratio), ratio, -1.0)
+    order = np.argsort(-known.max(axis=1))[:WORST]
+    found = []
+    for number in order:
+        one = part.isel(movement=int(number))
+        channel = part["channel"].values[int(known[number].argmax())]
+        size = float(one["size"])
+        what = f"{1e3 * size:g} mm at {one['place'].item()}" if size > 0 else "no object"
+        found.append(
+            f"{one['movement'].item()} ({one['direction'].item()}, {what}): {channel} off by "
+            f"{float(one['rms'].sel(channel=channel)):.0f} N, {known[number].max():.1f} spreads"
+        )
+    return tuple(found)
+
+
+def verdict_lines(verdict: Verdict) -> list[str]:
+    """Return a table for the screen: a line a channel, then what is furthest off.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        From `judge`.
+    """
+    lines = [
+        f"{'channel':<10}{'movements':>10}{'RMS':>8}{'NRMSE':>8}{'repeats':>9}{'times':>7}"
+        f"{'cover':>7}{'contact':>12}{'slope':>12}{'peak':>14}{'plateau':>14}"
+    ]
+    for item in verdict.channels:
+        errors = item.errors
+        cells = (
+            _pair(errors["contact"], 1e3, "ms"),
+            _pair(errors["slope"], 1e2, "%"),
+            _pair(errors["peak"], 1.0, "N"),
+            _pair(errors["plateau"], 1.0, "N"),
+        )
+        lines.append(
+            f"{item.channel:<10}{item.movements:>10}{item.rms:>6.0f} N{100 * item.nrmse:>6.1f} %"
+            f"{item.spread:>7.0f} N{item.spreads:>7.1f}{100 * item.cover:>5.0f} %"
+            f"{cells[0]:>12}{cells[1]:>12}{cells[2]:>14}{cells[3]:>14}"
+        )
+    seen = "held back" if verdict.held_back else "all used for the fit"
+    lines.append(f"{verdict.judged} movements judged, {seen}; {verdict.used} used for the fit")
+    if verdict.worst:
+        lines.append(f"furthest off: {choices(verdict.worst)}")
+    return lines
+
+
+def _pair(error: tuple[float, float], factor: float, unit: str) -> str:
+    if not np.isfinite(error[0]):
+        return "-"
+    mean = round(factor * error[0]) + 0
+    return f"{mean:+d} ± {factor * error[1]:.0f} {unit}"

@@ -1,0 +1,1 @@
+"""Virtual campaigns: simulated throws as a data acquisition system would have recorded them."""

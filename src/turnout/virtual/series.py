@@ -1,0 +1,254 @@
+"""Throw the series of a virtual campaign, in one process or several; each throw is kept."""
+
+import json
+import multiprocessing
+import signal
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from turnout.core.atomic import write_atomic
+from turnout.core.kept_arrays import arrays_from_bytes, arrays_to_bytes
+from turnout.measurement.campaign.piece import Piece
+from turnout.measurement.campaign.sheet import LOAD_CELL_FROM
+from turnout.measurement.campaign.throws import Throw
+from turnout.measurement.chain.channel_map import ChannelMap
+from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.load import LoadedPanel
+from turnout.response.save import Save
+from turnout.response.simulate import simulate
+from turnout.virtual.files import write_throw
+from turnout.virtual.noise import disturbed
+from turnout.virtual.plan import Case, Plan, chance_for, overrides_for
+from turnout.virtual.throw import record_throw
+
+STATE = ".virtual"
+FIELDS = ("drive_force", "drive_displacement", "drive_slipping", "object_force", "contact_time")
+# Rest and hold that the truth keeps around a throw, as a build of the campaign does [s].
+AROUND = 1.0
+POLL = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Job:
+    """One series of throws and all that is needed to make it in another process."""
+
+    panel: LoadedPanel
+    plan: Plan
+    cases: tuple[Case, ...]
+    folder: Path
+    suffix: str
+    channel_map: ChannelMap
+    first_number: int
+    note: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """What is kept of a throw: its truth, or why there is none."""
+
+    piece: Piece
+    slipped: bool
+    overrides: Mapping[str, float]
+    failure: str
+
+
+def run_jobs(
+    jobs: Sequence[Job],
+    *,
+    folder: Path,
+    workers: int,
+    report: Callable[[int, int], None] | None,
+) -> None:
+    """Make every series that is not there yet.
+
+    Parameters
+    ----------
+    jobs : sequence of Job
+        One a series.
+    folder : Path
+        Of the campaign.
+    workers : int
+        Processes; with one, all is done in this one.
+    report : callable or None
+        Called now and then with throws done and throws at most.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        On Ctrl-C; what was thrown by then is kept.
+    """
+    total = sum(len(job.cases) for job in jobs)
+
+    def tell() -> None:
+        if report is not None:
+            report(len(list((folder / STATE).glob("*.npz"))), total)
+
+    if workers <= 1:
+        for job in jobs:
+            make_series(job, tell=tell)
+        return
+    context = multiprocessing.get_context("spawn")
+    with context.Pool(min(workers, len(jobs)), initializer=_deaf_to_ctrl_c) as pool:
+        results = [pool.apply_async(make_series, (job,)) for job in jobs]
+        for result in results:
+            while not result.ready():
+                result.wait(POLL)
+                tell()
+            result.get()
+
+
+def _deaf_to_ctrl_c() -> None:
+    """Leave Ctrl-C to the process that shows the progress; it ends the others."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def make_series(job: Job, *, tell: Callable[[], None] | None = None) -> None:
+    """Throw one series until a drive slips with an object, or the solver gives up."""
+    for number, case in enumerate(job.cases):
+        part = read_part(job.folder, case)
+        if part is None:
+            part = make_throw(job, case, number=job.first_number + number)
+            write_atomic(_part_path(job.folder, case), _packed(part, case.name))
+        if tell is not None:
+            tell()
+        if part.failure or ends_series(part, case, job.plan):
+            return
+
+
+def ends_series(part: Part, case: Case, plan: Plan) -> bool:
+    """Tell whether no larger object is tried after this throw."""
+    return part.slipped and case.size >= plan.at_least - 1e-9
+
+
+def make_throw(job: Job, case: Case, *, number: int) -> Part:
+    """Simulate one throw, write its recording, and return its truth.
+
+    Parameters
+    ----------
+    job : Job
+        Panel, plan and folder.
+    case : Case
+        Direction, size and place.
+    number : int
+        Number of the throw in the campaign.
+
+    Returns
+    -------
+    Part
+    """
+    plan, rng = job.plan, chance_for(job.plan, case)
+    overrides = overrides_for(plan, job.panel, rng)
+    panel = job.panel.with_overrides(dict(overrides)) if overrides else job.panel
+    foreign = ForeignObject(case.size, case.place) if case.size > 0 else None
+    run = simulate(
+        panel, foreign_object=foreign, scheme=plan.scheme, save=Save(fields=FIELDS), throw=False
+    )
+    if not run.attrs["complete"]:
+        if run.attrs["outcome"] == "interrupted":
+            raise KeyboardInterrupt
+        return Part(_nothing(), False, overrides, str(run.attrs["outcome_message"]))
+    lag = plan.defects.build_up_lag
+    true = record_throw(
+        run,
+        direction=case.direction,
+        window=plan.window,
+        law=plan.law,
+        build_up_lag={plan.defects.drive: lag} if lag else None,
+    )
+    seen = disturbed(_without_idle_cell(true, case), rng=rng, disturbance=plan.disturbance)
+    write_throw(
+        seen,
+        job.folder / f"{case.name}{job.suffix}",
+        channel_map=job.channel_map,
+        number=number,
+        note=job.note,
+    )
+    return Part(_true_piece(true, case), bool(true.attrs["slipped"]), overrides, "")
+
+
+def read_part(folder: Path, case: Case) -> Part | None:
+    """Return what is kept of a throw; None where there is nothing yet, or it is damaged."""
+    try:
+        arrays = arrays_from_bytes(_part_path(folder, case).read_bytes(), case.name)
+        known: dict[str, Any] = json.loads(str(arrays["known"]))
+        dataset = xr.Dataset(
+            {
+                "drive_force": (("drive", "time"), arrays["drive_force"]),
+                "drive_current": (("drive", "time"), arrays["drive_current"]),
+                "object_force": ("time", arrays["object_force"]),
+            },
+            {"time": arrays["time"], "drive": arrays["drive"]},
+        )
+    except (OSError, ValueError, KeyError):
+        return None
+    throw = _throw(
+        onset=known["onset"],
+        end=known["end"],
+        direction=case.direction,
+        count=dataset.sizes["time"],
+    )
+    piece = Piece(dataset, throw, "", ())
+    return Part(piece, known["slipped"], known["overrides"], known["failure"])
+
+
+def _without_idle_cell(true: xr.Dataset, case: Case) -> xr.Dataset:
+    """Return a throw as recorded: a load cell that is thinner than the object, or nothing on it."""
+    if case.size >= LOAD_CELL_FROM - 1e-9:
+        return true
+    return true.assign(object_force=0.0 * true["object_force"])
+
+
+def _true_piece(true: xr.Dataset, case: Case) -> Piece:
+    """Cut the truth as a build cuts a recording."""
+    time = true["time"].values
+    running = (true["drive_current"].values > 0).any(axis=0)
+    onset, end = float(true.attrs["onset"]), float(time[np.flatnonzero(running)[-1]])
+    kept = true.sel(time=slice(onset - AROUND, end + AROUND)).drop_attrs()
+    throw = _throw(onset=onset, end=end, direction=case.direction, count=kept.sizes["time"])
+    return Piece(kept, throw, "", ())
+
+
+def _throw(*, onset: float, end: float, direction: str, count: int) -> Throw:
+    return Throw(0, count, onset, end, (), "simulation", direction)
+
+
+def _nothing() -> Piece:
+    empty = np.zeros((0, 2))
+    dataset = xr.Dataset(
+        {
+            "drive_force": (("drive", "time"), empty),
+            "drive_current": (("drive", "time"), empty),
+            "object_force": ("time", np.zeros(2)),
+        },
+        {"time": [0.0, 1.0], "drive": np.array([], dtype=np.str_)},
+    )
+    return Piece(dataset, _throw(onset=0.0, end=0.0, direction="unknown", count=2), "", ())
+
+
+def _packed(part: Part, name: str) -> bytes:
+    known = {
+        "slipped": part.slipped,
+        "overrides": dict(part.overrides),
+        "failure": part.failure,
+        "onset": part.piece.throw.onset,
+        "end": part.piece.throw.end,
+    }
+    dataset = part.piece.dataset
+    arrays = {
+        "time": dataset["time"].values,
+        "drive": dataset["drive"].values.astype(np.str_),
+        "drive_force": dataset["drive_force"].values,
+        "drive_current": dataset["drive_current"].values,
+        "object_force": dataset["object_force"].values,
+        "known": np.array(json.dumps(known)),
+    }
+    return arrays_to_bytes(arrays, name)
+
+
+def _part_path(folder: Path, case: Case) -> Path:
+    return folder / STATE / f"{case.name}.npz"

@@ -1,0 +1,239 @@
+"""Caches: what others could have put there is not read, and what is damaged is made again."""
+
+import os
+import stat
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from turnout.core.cache_folder import PRIVATE_VARIABLE, distrust, private_folder, safe_folder
+from turnout.core.kept_arrays import DamagedError, arrays_from_bytes, arrays_to_bytes
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
+
+# A kernel of its own, which is compiled in a moment.
+KERNEL = """
+from turnout.kernels.compiled import compiled
+
+@compiled
+def double(x):
+    return 2.0 * x
+
+def hits():
+    double(1.0)
+    return sum(double.stats.cache_hits.values())
+"""
+
+# Puts a pickle that runs code where Numba looks for the kernel below a folder.
+PLANT = """
+import os, pickle, sys
+from pathlib import Path
+
+class Planted:
+    def __reduce__(self):
+        return (os.makedirs, (MARK, 0o700, True))
+
+def plant(folder):
+    import kernel
+    index = Path(kernel.double._cache._cache_file._index_path)
+    place = folder / index.relative_to(index.parents[1])
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.write_bytes(pickle.dumps(Planted()))
+    kernel.double(1.0)
+"""
+
+
+@pytest.fixture
+def script_folder(tmp_path: Path) -> Path:
+    """A folder for the script and its kernel, and an own one for temporary files."""
+    folder = tmp_path / "script"
+    (folder / "tmp").mkdir(parents=True)
+    (folder / "kernel.py").write_text(KERNEL)
+    return folder
+
+
+def run(folder: Path, script: str, *, cache: Path) -> str:
+    """Run a script with a cache folder; return what it prints."""
+    left_out = ("NUMBA_CACHE_DIR", PRIVATE_VARIABLE)
+    kept = {name: value for name, value in os.environ.items() if name not in left_out}
+    path = folder / "script.py"
+    path.write_text(script)
+    done = subprocess.run(
+        [sys.executable, str(path)],
+        env=kept | {"TURNOUT_CACHE_DIR": str(cache), "TMPDIR": str(folder / "tmp")},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def planted_ran(folder: Path, place: str, *, cache: Path) -> bool:
+    """Plant a pickle in a place (an expression), use the kernel, and tell whether it ran."""
+    mark = folder / "mark"
+    run(
+        folder,
+        f"{PLANT.replace('MARK', repr(str(mark)))}\n"
+        "from turnout.kernels.compiled import kernel_cache_folder\n"
+        f"plant({place})",
+        cache=cache,
+    )
+    return mark.exists()
+
+
+def test_a_trusted_folder_is_read_so_this_test_can_fail(script_folder: Path) -> None:
+    cache = script_folder / "cache"
+    assert planted_ran(script_folder, "kernel_cache_folder()", cache=cache)
+
+
+def test_nothing_is_read_from_a_predictable_place(script_folder: Path) -> None:
+    blocked = script_folder / "file"
+    blocked.write_text("in the way")
+    place = (
+        f"Path({str(script_folder / 'tmp')!r})"
+        " / f'turnout-{os.getpid()}-{kernel_cache_folder().name}'"
+    )
+    assert not planted_ran(script_folder, place, cache=blocked)
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o1777, 0o770])
+def test_nothing_is_read_from_a_folder_that_others_can_write(
+    script_folder: Path, mode: int
+) -> None:
+    cache = script_folder / "cache"
+    run(script_folder, "import kernel", cache=cache)
+    (kernels,) = cache.iterdir()
+    kernels.chmod(mode)
+    assert not planted_ran(script_folder, "kernel_cache_folder()", cache=cache)
+
+
+def test_nothing_is_read_through_a_link_to_such_a_folder(script_folder: Path) -> None:
+    cache, others = script_folder / "cache", script_folder / "others"
+    others.mkdir()
+    others.chmod(0o777)
+    cache.symlink_to(others)
+    assert not planted_ran(script_folder, "kernel_cache_folder()", cache=cache)
+
+
+WORKER = """
+import os, sys, stat
+from pathlib import Path
+
+if __name__ == "__main__":
+    import kernel
+    from turnout.core.cache_folder import why_private
+    from turnout.sweep.worker import worker_processes
+    kernel.double(1.0)
+    with worker_processes(1) as workers:
+        print(workers.submit(kernel.hits).result())
+    folder = Path(os.environ["NUMBA_CACHE_DIR"])
+    print(folder)
+    print(oct(stat.S_IMODE(folder.parent.stat().st_mode)), folder.parent.stat().st_uid)
+    print(why_private())
+"""
+
+
+def test_workers_share_the_private_folder_which_ends_with_the_run(
+    script_folder: Path, worker_processes: None
+) -> None:
+    blocked = script_folder / "file"
+    blocked.write_text("in the way")
+    hits, folder, owner, reason = run(script_folder, WORKER, cache=blocked).splitlines()
+    assert hits == "1"
+    assert Path(folder).parent.parent == script_folder / "tmp"
+    assert not Path(folder).exists()
+    assert list((script_folder / "tmp").iterdir()) == []
+    assert owner == f"0o700 {os.geteuid()}"
+    assert reason.startswith(f"{blocked}/kernels-")
+    assert reason.endswith("is not writable")
+
+
+def test_a_folder_of_another_user_is_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert distrust(tmp_path) == ""
+    me = os.geteuid()
+    monkeypatch.setattr(os, "geteuid", lambda: me + 1)
+    assert distrust(tmp_path) == f"{tmp_path} belongs to another user"
+
+
+def test_a_folder_that_others_can_replace_is_not_used(tmp_path: Path) -> None:
+    folder = tmp_path / "open" / "own"
+    folder.mkdir(parents=True)
+    (tmp_path / "open").chmod(0o777)
+    assert "which can be written by other users" in distrust(folder)
+    (tmp_path / "open").chmod(0o1777)  # there only the owner moves what is his
+    assert distrust(folder) == ""
+
+
+def test_links_and_open_files_in_a_folder_are_not_used(tmp_path: Path) -> None:
+    tmp_path.chmod(0o755)
+    inside = tmp_path / "kernels" / "index"
+    inside.parent.mkdir()
+    inside.write_text("")
+    assert distrust(tmp_path) == ""
+    inside.chmod(0o666)
+    assert distrust(tmp_path) == f"{inside} can be written by other users"
+    tmp_path.chmod(0o700)  # nobody else gets to the file
+    assert distrust(tmp_path) == ""
+    (tmp_path / "link").symlink_to("/etc")
+    assert distrust(tmp_path) == f"{tmp_path / 'link'} is a link"
+
+
+def test_what_is_made_is_for_the_user_alone(tmp_path: Path) -> None:
+    made = safe_folder(tmp_path / "a" / "b")
+    assert made == tmp_path / "a" / "b"
+    for folder in (made, made.parent):
+        assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+
+
+def test_a_private_folder_that_others_opened_is_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(PRIVATE_VARIABLE, str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    assert private_folder() == tmp_path
+    tmp_path.chmod(0o1777)
+    fresh = private_folder()
+    assert fresh is not None
+    assert fresh.parent == tmp_path
+    assert private_folder() == fresh
+
+
+def test_every_flipped_bit_of_kept_arrays_is_seen() -> None:
+    arrays = {"a": np.arange(7.0), "b": np.array(["x", "yz"]), "c": np.zeros((2, 0))}
+    content = arrays_to_bytes(arrays, "key")
+    for name, values in arrays_from_bytes(content, "key").items():
+        np.testing.assert_array_equal(values, arrays[name])
+    seen = 0
+    for bit in range(8 * len(content)):
+        damaged = bytearray(content)
+        damaged[bit // 8] ^= 1 << bit % 8
+        try:
+            back = arrays_from_bytes(bytes(damaged), "key")
+        except DamagedError:
+            seen += 1
+        else:  # a flag or a date of the archive, which says nothing about the arrays
+            assert list(back) == list(arrays)
+            for name, values in back.items():
+                np.testing.assert_array_equal(values, arrays[name])
+    assert seen > 4 * len(content)
+
+
+def test_kept_arrays_of_another_purpose_or_size_are_refused() -> None:
+    content = arrays_to_bytes({"a": np.zeros(10)}, "key")
+    with pytest.raises(DamagedError):
+        arrays_from_bytes(content, "other")
+    with pytest.raises(DamagedError):
+        arrays_from_bytes(content[:-30], "key")
+    with pytest.raises(DamagedError, match="is damaged"):
+        # A size of 80 TB, in a file of a few hundred bytes.
+        arrays_from_bytes(content.replace(b"(10,), }           ", b"(10000000000000,), }"), "key")
+    with pytest.raises(TypeError, match="pickled"):
+        arrays_to_bytes({"a": np.array([object()])}, "key")

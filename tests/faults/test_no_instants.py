@@ -1,0 +1,70 @@
+"""Recordings and runs that hold nothing, or declare far more than they hold: a clear message."""
+
+from pathlib import Path
+
+import h5netcdf
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.io import savemat
+from tests.faults.test_cli_faults import turnout
+
+from turnout.errors import FileError
+from turnout.measurement.formats.files import read_recording
+from turnout.response.store import open_response, save_response
+from turnout.schema.channels import SCHEMA_VERSION
+
+
+def dataset(instants: int, *, movements: int = 0) -> xr.Dataset:
+    dims = ("movement", "drive", "time") if movements else ("drive", "time")
+    shape = (movements, 1, instants) if movements else (1, instants)
+    return xr.Dataset(
+        {"drive_force": (dims, np.ones(shape))},
+        {"time": np.arange(instants) / 1000, "drive": ["1"]},
+        {"schema_version": SCHEMA_VERSION, "kind": "measurement"},
+    )
+
+
+@pytest.mark.parametrize("empty", [np.zeros(0), np.zeros((0, 3)), h5py.Empty("f8")])
+def test_empty_datasets(tmp_path: Path, empty: object) -> None:
+    path = tmp_path / "throw.h5"
+    with h5py.File(path, "w") as file:
+        file["time"] = file["rod 1"] = empty
+    with pytest.raises(FileError, match="'rod 1', 'time' are empty: no sample recorded"):
+        read_recording(path)
+    with h5py.File(path, "a") as file:
+        file.create_dataset("rod 2", data=np.arange(9.0)).attrs["rate"] = 1000.0
+    assert "are empty: no sample recorded" in read_recording(path).problems[-1]
+
+
+def test_empty_arrays_of_matlab(tmp_path: Path) -> None:
+    savemat(tmp_path / "throw.mat", {"rod": np.zeros(0), "time": np.zeros(0), "Fs": 1000.0})
+    with pytest.raises(FileError, match="array 'rod' is empty: no sample recorded"):
+        read_recording(tmp_path / "throw.mat")
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (dataset(0), "no instant"),
+        (dataset(0, movements=2), "no instant"),
+        (dataset(1, movements=2), "one instant only"),
+    ],
+)
+def test_a_run_without_instants(tmp_path: Path, given: xr.Dataset, said: str) -> None:
+    save_response(given, tmp_path / "run.nc")
+    for arguments in (("campaign", "plot", "run.nc"), ("report", "run.nc", "--out", "run.html")):
+        code, message = turnout(*arguments, folder=tmp_path)
+        assert code == 2, message
+        assert f"run.nc: holds {said}, nothing that moves" in message
+        assert "Traceback" not in message
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run.nc"]
+
+
+def test_a_small_run_that_declares_much(tmp_path: Path) -> None:
+    with h5netcdf.File(tmp_path / "run.nc", "w") as file:
+        file.dimensions = {"time": 10**9}
+        file.create_variable("rod", ("time",), "f8", chunks=(1000,), fillvalue=1.0)
+    with pytest.raises(FileError, match="declares 8000000.* bytes of data in"):
+        open_response(tmp_path / "run.nc")
