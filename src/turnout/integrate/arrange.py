@@ -26,6 +26,7 @@ from turnout.integrate.equilibrium import begin_at_rest, equilibrium, resting_se
 from turnout.integrate.march import Record
 from turnout.integrate.outcome import Code
 from turnout.integrate.places import place_laws, whole_lines
+from turnout.integrate.rods import Rods
 from turnout.integrate.scratch import Work, acquire_buffer, new_work, release_buffers
 from turnout.integrate.solve import Tolerances
 from turnout.integrate.state import LEVEL, State, fresh_copy, fresh_state, set_segments
@@ -174,6 +175,7 @@ class Run:
     stepping: Stepping
     positions: Floats
     record: Record
+    rods: Rods | None = None
 
 
 def prepare(

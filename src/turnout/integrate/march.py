@@ -15,6 +15,7 @@ from turnout.integrate.energy import (
 )
 from turnout.integrate.follow import follow_path
 from turnout.integrate.quasistatic import advance_static
+from turnout.integrate.rods import Rods, accept_rods, move_rods, settle_rods, store_rods
 from turnout.integrate.scratch import Work
 from turnout.integrate.solve import (
     CONVERGED,
@@ -78,6 +79,8 @@ def _try_step(
     factors: Factors,
     inputs: tuple[Floats, Floats],
     last: bool,
+    rods: Rods | None,
+    time: float,
 ) -> int:
     """Take and book one step of length `h`; on failure leave the state as it was, bar its inputs.
 
@@ -87,6 +90,9 @@ def _try_step(
     begin_step(system, state, work, stepping, h, factors)
     save_set(state, work)
     code = settle(system, table, state, work, tolerances)
+    if rods is not None:
+        if code == CONVERGED:
+            code = settle_rods(rods, system, table, state, work, tolerances, (time, h))
     if code == NOT_CONVERGED and last:
         copy(work.q, state.q)
         copy(work.g_start, state.g)
@@ -126,6 +132,7 @@ def _advance(
     whole: Factors,
     inputs: tuple[Floats, Floats],
     time: float,
+    rods: Rods | None,
 ) -> int:
     """Cover one nominal step from `time`, in one piece or in halved pieces.
 
@@ -143,10 +150,17 @@ def _advance(
             begin[k] = state.inputs[k]
             state.inputs[k] = old[k] + share * (new[k] - old[k])
             end[k] = state.inputs[k]
+        moved = CONVERGED
+        begun = time + position / marks * stepping.step
+        if rods is not None:
+            moved = move_rods(rods, state, end, (begun, h))
         last = stepping.follow_path and level == stepping.halvings
-        code = _try_step(
-            system, table, state, work, tolerances, stepping, h, factors, (begin, end), last
-        )
+        code = moved
+        if moved == CONVERGED:
+            code = _try_step(
+                system, table, state, work, tolerances, stepping, h, factors, (begin, end), last,
+                rods, begun,
+            )  # fmt: skip
         if code != CONVERGED:
             copy(begin, state.inputs)
             level += 1
@@ -159,6 +173,8 @@ def _advance(
             continue
         if level > 0 or last:
             work.unsettled[:] = 0
+        if rods is not None:
+            accept_rods(rods, state, work, begin, h)
         account_laws(system, table, state, work, begin, time + share * stepping.step)
         account_friction(system, state, work)
         position += size
@@ -205,6 +221,7 @@ def march(
     first: int,
     last: int,
     record: Record,
+    rods: Rods | None = None,
 ) -> tuple[int, int]:
     """Step from instant `first` to instant `last`; return the outcome code and the instant reached.
 
@@ -215,6 +232,8 @@ def march(
     first, last : int
         Indices into `inputs`; the state is that of instant `first`, its columns those of the
         nominal step. Where a march is cut into several does not change a bit of the result.
+    rods : Rods, optional
+        Of drives that are machines; their inputs are written as they come to be.
     """
     whole = factors_of(stepping, stepping.step)
     row, left = first // stepping.stride, stepping.stride - first % stepping.stride
@@ -226,13 +245,17 @@ def march(
         update_marked(system, table, state, work, count)
         pair = (inputs[n], inputs[n + 1])
         if stepping.inertia:
-            code = _advance(system, table, state, work, tolerances, stepping, whole, pair, time)
+            code = _advance(
+                system, table, state, work, tolerances, stepping, whole, pair, time, rods
+            )
         else:
             span = (time, time + stepping.step)
             code = advance_static(system, table, state, work, tolerances, pair, span)
         if code != CONVERGED:
             return code, n
         left -= 1
+        if rods is not None:
+            store_rods(rods, state, inputs[n + 1], row + 1 if left == 0 else -1)
         if left == 0:
             row, left = row + 1, stepping.stride
             store(system, table, state, work, record, row)

@@ -197,6 +197,12 @@ class Circuit(Record):
     limit_opening: Length | None = Field(
         None, description="rod position of the limit contact; default the end of the stroke [m]"
     )
+    overrun: Length = Field(
+        0.0,
+        ge=0,
+        description="in a panel: the limit contacts stand so far before the rest positions, which "
+        "the machine reaches while it is braked; where the limits are not given [m]",
+    )
     cutoff_delay: Time = Field(0.0, ge=0, description="after the limit contact [s]")
     lock_gap: Length | None = Field(
         None, ge=0, description="the limit contact acts only with the rail so near; default any [m]"

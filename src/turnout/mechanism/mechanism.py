@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from turnout.beam.material import Material
 from turnout.law.table import LawTable
+from turnout.machine.records import Machine
 from turnout.panel.records import RailMatrices
 from turnout.section.properties import SectionProperties
 
@@ -75,6 +76,8 @@ class Mechanism:
         Family -> (member names ..., law indices): see `turnout.mechanism.build`.
     rails : tuple of RailBody
         For the recovery of shapes.
+    machines : DriveMachines, optional
+        What moves the inputs of drives that are no markers.
     """
 
     stiffness: Floats
@@ -87,6 +90,42 @@ class Mechanism:
     friction_names: tuple[str, ...] = ()
     index: "LawIndex" = field(default_factory=lambda: LawIndex())
     rails: tuple[RailBody, ...] = ()
+    machines: "DriveMachines | None" = None
+
+
+@dataclass(frozen=True, slots=True)
+class DriveMachines:
+    """The machines of drives as the kernels take them, one row each; see `mechanism.machines`.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the drives.
+    records : tuple of Machine
+        As fitted to their drives: rod, limits, stroke.
+    inputs, laws : ndarray of int, shape (n,)
+        The input that each moves, and the law of its rod.
+    constants, tables, commands, shared_resistance
+        See `turnout.machine.compute.couple.Machines`.
+    start : ndarray, shape (n, STATES)
+        At rest where the schedule starts.
+    shift : ndarray, shape (n,)
+        Input less the rod position of the machine, which is 0 at home [m].
+    lock_gap : ndarray, shape (n,)
+        The limit contact acts in closing only with the rail so near to home, else inf [m].
+    """
+
+    names: tuple[str, ...]
+    records: tuple[Machine, ...]
+    inputs: Ints
+    laws: Ints
+    constants: Floats
+    tables: Floats
+    commands: Floats
+    shared_resistance: float
+    start: Floats
+    shift: Floats
+    lock_gap: Floats
 
 
 @dataclass(frozen=True, slots=True)

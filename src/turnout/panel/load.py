@@ -18,6 +18,7 @@ from turnout.errors import FileError, PanelError
 from turnout.panel.check import check
 from turnout.panel.document import Document, expand
 from turnout.panel.library_outlines import add_library_outlines
+from turnout.panel.machines import add_library_machines
 from turnout.panel.markers import read_schedule_files
 from turnout.panel.matrices import check_matrices, read_matrices
 from turnout.panel.model import Panel
@@ -95,8 +96,13 @@ class LoadedPanel(Panel):
     def hash(self) -> str:
         """Content hash of all SI values; the same for the same panel however it was written."""
         if not self._hash:
+            values = self.model_dump(mode="json", exclude=_NOT_HASHED)
+            if not values["machine"]:  # a panel of markers is what it was before there were any
+                del values["machine"]
+                for drive in values["drive"].values():
+                    del drive["machine"]
             self._hash = content_hash(
-                self.model_dump(mode="json", exclude=_NOT_HASHED)
+                values
                 | {f"matrices of {name}": given.digest for name, given in self.matrices.items()}
             )
         return self._hash
@@ -192,7 +198,7 @@ class LoadedPanel(Panel):
         heading: str,
         known: Known | None = None,
     ) -> Self:
-        document = add_library_outlines(document)
+        document = add_library_machines(add_library_outlines(document))
         filled, file_problems = read_schedule_files(document, folder=folder)
         matrices, faults = read_matrices(
             document.tree.get("rail"), folder=folder, known=document.matrices

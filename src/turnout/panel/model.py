@@ -16,6 +16,7 @@ from turnout.core.quantity import (
     Length,
     Pressure,
 )
+from turnout.machine.records import Machine
 from turnout.panel.records import (
     Chair,
     DrawnOutline,
@@ -100,6 +101,7 @@ class Panel(Record):
     stop: dict[str, Stop] = {}
     stud: dict[str, Stop] = {}
     drive: dict[str, Drive] = Field(min_length=1, max_length=6)
+    machine: dict[str, Machine] = {}
     link: dict[str, Link] = {}
     sensor: dict[str, Sensor] = {}
     sleeper: dict[str, Sleeper] = {}

@@ -19,7 +19,7 @@ from turnout.core.units import SI, is_finite
 from turnout.panel.document import FAMILIES, Document, Path
 from turnout.panel.model import Panel
 
-GROWING = ("object",)
+GROWING = ("object", "machine")
 
 MOST_OVERRIDES = 1000
 """Values set at once; what each covers of the others is looked for."""
