@@ -90,7 +90,7 @@ def _try_step(
     begin_step(system, state, work, stepping, h, factors)
     save_set(state, work)
     code = settle(system, table, state, work, tolerances)
-    if rods is not None:
+    if rods is not None:  # noqa: SIM102, this alone is left out where there are none
         if code == CONVERGED:
             code = settle_rods(rods, system, table, state, work, tolerances, (time, h))
     if code == NOT_CONVERGED and last:

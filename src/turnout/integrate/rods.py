@@ -22,7 +22,7 @@ from turnout.machine.compute.places import (
 )
 
 SETTLED = 1e-8
-"""Movement of a rod end from one correction to the next that is overlooked [m]."""
+"""Movement of a rod end or its rail from one correction to the next that is overlooked [m]."""
 CORRECTIONS = 12
 
 
@@ -149,8 +149,13 @@ def settle_rods(
 ) -> int:
     """Correct rod ends and rails in turn until they hold at once."""
     for _ in range(CORRECTIONS):
+        off = 0.0
         for k in range(rods.input.size):
-            rods.free[k] = state.g[rods.place[k]] - rods.shift[k]
+            y = state.g[rods.place[k]] - rods.shift[k]
+            off = max(off, abs(y - rods.free[k]))
+            rods.free[k] = y
+        if off <= SETTLED:  # a rod end moves by less than its rail
+            return CONVERGED
         code, moved = _try_rods(rods, state, span, SETTLED)
         if code != CONVERGED:
             return code
