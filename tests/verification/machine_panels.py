@@ -1,4 +1,4 @@
-"""Panels whose drives are machines: SB3-rail as a panel, the default panel, and what is read off."""
+"""Panels whose drives are machines: SB3-rail, the default panel, and what is read off them."""
 
 import tomllib
 from collections.abc import Mapping

@@ -27,6 +27,12 @@ STORES = {
     at.TWIST: at.CLUTCH_STIFFNESS,
 }
 """States of a machine that hold energy, with what half of their square is multiplied by."""
+CONTINUOUS = [
+    *range(at.INTEGRATED),
+    *(at.SLIP, at.ROD_POSITION, at.ROD_FORCE, at.CLUTCH_TEMPERATURE),
+    *range(at.ENERGIES, at.STATES),
+]
+"""States that may be interpolated."""
 LOSSES = {
     "copper": (at.COPPER,),
     "line": (at.LINE, at.SNUB),
@@ -95,10 +101,8 @@ class MachineHistory:
             part = share.reshape(-1, *[1] * (values.ndim - 1))
             return values[number] + part * (values[number + 1] - values[number])
 
-        states = between(self.states)
-        nearest = number + (share > 0.5)
-        flags = [at.ENERGISED, at.DIRECTION, at.SUPPLIED, at.LOCKED, at.SLIPPING]
-        states[:, :, flags] = self.states[nearest][:, :, flags]
+        states = self.states[number + (share > 0.5)]  # flags and times of switching
+        states[:, :, CONTINUOUS] = between(self.states[:, :, CONTINUOUS])
         positions[:, self.inputs] = states[:, :, at.ROD_POSITION] + self.shift
         return replace(self, time=instants, states=states, given=between(self.given))
 
