@@ -79,8 +79,8 @@ def _try_step(
     factors: Factors,
     inputs: tuple[Floats, Floats],
     last: bool,
-    rods: Rods | None,
-    time: float,
+    rods: Rods | None = None,
+    time: float = 0.0,
 ) -> int:
     """Take and book one step of length `h`; on failure leave the state as it was, bar its inputs.
 

@@ -165,7 +165,7 @@ def machine_signals(panel: Panel, history: History) -> dict[str, Variable]:
         "drive_power": of_drives(power),
         "motor_speed": of_drives(state[:, :, at.SPEED]),
         "clutch_slip": of_drives(state[:, :, at.SLIP]),
-        "clutch_heat": of_drives(machines.losses["clutch"]),
+        "clutch_heat": of_drives(machines.sums(at.CLUTCH)),
         "drive_state": _states(panel, machines),
         "throw_time": _throw_times(panel, made),
     }
