@@ -146,7 +146,9 @@ class Gear(Record):
 class Stroke(Record):
     """How the rod position follows from the shaft angle."""
 
-    kind: Literal["screw", "crank", "table"] = "screw"
+    kind: Literal["screw", "crank", "table"] = Field(
+        "screw", description="a constant ratio, a crank of half a turn, or a table"
+    )
     ratio: ShaftRatio | None = Field(None, ge=1, le=1e7, description="of a screw or rack [rad/m]")
     angle: Angle | None = Field(None, gt=0, description="of the whole stroke [rad]")
     length: Length | None = Field(None, gt=0, description="of the whole stroke [m]")
@@ -216,7 +218,9 @@ class Circuit(Record):
     detection_closed: Length | None = Field(
         None, description="rod position above which the end contact is made [m]"
     )
-    after_cutoff: Literal["short circuit", "open"] = "short circuit"
+    after_cutoff: Literal["short circuit", "open"] = Field(
+        "short circuit", description="what happens to the armature after the cut-off"
+    )
     snub_resistance: Resistance = Field(0.0, ge=0, description="in the short circuit [ohm]")
     holding: Literal["lock", "brake", "gear"] = Field(
         "lock",
@@ -252,15 +256,17 @@ class HandCrank(Record):
 class Machine(Record):
     """Point machine."""
 
-    description: str = ""
-    motor: Motor
-    clutch: Clutch
-    gear: Gear
-    stroke: Stroke
-    rod: Rod
-    circuit: Circuit
-    supply: Supply = Field(default_factory=lambda: Supply.model_validate({}))
-    hand: HandCrank | None = None
+    description: str = Field("", description="what the machine is, in a few sentences")
+    motor: Motor = Field(description="DC motor with brushes")
+    clutch: Clutch = Field(description="between motor and gear")
+    gear: Gear = Field(description="all between the clutch and the rod")
+    stroke: Stroke = Field(description="how the rod follows the shaft")
+    rod: Rod = Field(description="between machine and rail")
+    circuit: Circuit = Field(description="what switches the motor and holds the rail")
+    supply: Supply = Field(
+        default_factory=lambda: Supply.model_validate({}), description="as it is, not as rated"
+    )
+    hand: HandCrank | None = Field(None, description="a hand crank in place of the motor")
 
     @property
     def constant_at_rest(self) -> float:
