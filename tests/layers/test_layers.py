@@ -20,15 +20,17 @@ ALLOWED: dict[str, set[str]] = {
     "core": {"errors"},
     "kernels": {"errors", "core"},
     "schema": {"errors"},
-    "panel": {"errors", "core"},
+    "law": {"errors", "kernels"},
+    "machine": {"errors", "core", "kernels", "law"},
+    "panel": {"errors", "core", "machine"},  # of machines the records
     "section": {"errors"},
     "beam": {"errors", "section"},
     "reduction": {"errors"},
-    "law": {"errors", "kernels"},
-    "machine": {"errors", "core", "kernels", "law"},
-    "mechanism": {"errors", "core", "panel", "section", "beam", "reduction", "law"},
+    "mechanism": {"errors", "core", "panel", "section", "beam", "reduction", "law", "machine"},
     "condense": {"errors", "scheme", "core", "law", "mechanism"},
-    "integrate": {"errors", "scheme", "core", "kernels", "law", "mechanism", "condense"},
+    "integrate": {
+        *("errors", "scheme", "core", "kernels", "law", "machine", "mechanism", "condense"),
+    },
     "response": {
         *(
             "errors",

@@ -9,6 +9,7 @@ import xarray as xr
 from typer.testing import CliRunner
 
 import turnout
+import turnout.machine.throw as throw_module
 from turnout.cli.machine import app
 from turnout.errors import FileError, MachineError
 from turnout.machine.compute import places
@@ -18,6 +19,7 @@ from turnout.machine.records import Command
 from turnout.machine.rows import angle_at, machine_row, stroke_table
 from turnout.machine.steady import slip_point
 from turnout.machine.throw import throw_one_mass
+from turnout.plot.machine import plot_machine
 
 SHORT = {"throw.duration": 0.3}
 
@@ -75,6 +77,7 @@ def test_own_file(tmp_path: Path) -> None:
         ({"circuit.holding": "gear"}, ("self-locking", "back_efficiency = 0")),
         ({"circuit.holding": "brake"}, ("needs motor.brake_torque",)),
         ({"throw.step": 3e-4}, ("output_interval must be a multiple",)),
+        ({"throw.output_interval": 1e-4, "throw.duration": 500.0}, ("instants are kept",)),
         ({"rail": None, "throw": None}, ("[rail]: is missing", "[throw]: is missing")),
         ({"motor.voltage": -1.0, "rail.mass": 0.0}, ("motor.voltage", "rail.mass", "2 problems")),
         ({"throw.machine": "jea"}, ("no machine is called 'jea'", "there are 'sb3'")),
@@ -135,6 +138,16 @@ def test_derivatives_of_the_stroke(kind: str) -> None:
         assert bend == pytest.approx((d_high - d_low) / 2e-3, rel=1e-4, abs=1e-12)
 
 
+def test_start_in_equilibrium() -> None:
+    thrown = throw_one_mass("sb3", overrides=SHORT)
+    y = (750e3 * -0.117 + 20e3 * -0.031 + 0.9 * 1500) / (750e3 + 20e3)
+    assert thrown["rail_position"][0] == pytest.approx(y, rel=1e-12)
+    assert thrown["rail_position"][100] == pytest.approx(y, rel=1e-9)
+    far = {"rail.bed_stiffness": 1e9, "rail.bed_rest": -7.0, "throw.duration": 0.05}
+    stiff = throw_one_mass("sb3", overrides=far)
+    assert stiff["rail_position"][0] == pytest.approx(-7.0, abs=0.01)
+
+
 def test_where_the_clamp_sits() -> None:
     lead = throw_one_mass("sb3")
     supply = throw_one_mass("sb3", overrides={"circuit.measured_current": "supply"})
@@ -170,11 +183,29 @@ def test_facade() -> None:
     assert list(dataset["event"].values) == ["on"]
 
 
+def test_figure_shows_the_histories() -> None:
+    dataset = turnout.machine_dataset(throw_one_mass("sb3", overrides=SHORT))
+    axes = plot_machine(dataset).axes
+    drawn = axes[2].lines[0].get_ydata()
+    assert np.allclose(drawn, 1e-3 * dataset["rod_force"].values)
+    assert [text.get_text() for text in axes[0].texts] == ["on"]
+
+
 def test_default_command_starts_at_once() -> None:
     assert Command.model_validate({"time": "0.1 s"}).direction == "close"
     base = load_machines("sb3").with_overrides({"throw.command": None})
     assert base.throw is not None
     assert base.throw.command[0].time == 0.0
+
+
+def test_a_run_that_does_not_converge(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """No machine found so far does that: the kernel is kept from it."""
+    monkeypatch.setattr(throw_module, "throw_kernel", lambda *_: 7)
+    out = tmp_path / "run.nc"
+    run = CliRunner().invoke(app, ["run", "sb3", "--out", str(out)])
+    assert run.exit_code == 3
+    assert "did not converge at t = 0.0070 s" in run.stderr
+    assert not out.exists()
 
 
 def test_commands_of_the_program(tmp_path: Path) -> None:
@@ -200,6 +231,8 @@ def test_commands_of_the_program(tmp_path: Path) -> None:
     with xr.open_dataset(out) as dataset:
         assert dataset.attrs["machine"] == "sb3"
         assert dataset["current"].max() == pytest.approx(found["current_peak"])
-    told = runner.invoke(app, ["run", "sb3", *settings, "--out", str(out)])
-    assert "written" in told.stdout
+    figure = tmp_path / "run.png"
+    told = runner.invoke(app, ["run", "sb3", *settings, "--out", str(out), "--plot", str(figure)])
+    assert told.stdout.count("written") == 2
+    assert figure.read_bytes().startswith(b"\x89PNG")
     assert "energy residual" in told.stdout

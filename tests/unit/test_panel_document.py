@@ -10,7 +10,8 @@ from turnout.panel.load import LoadedPanel, library_text, panel_from_file
 FAMILY_NAMES = (
     "outline", "section", "outline_section", "planed_section", "rail", "stock_rail",
     "stock_fastening", "chair", "fastening", "stop", "stud",
-    "drive", "link", "back_drive", "sensor", "sleeper", "movement", "object",
+    "drive", "machine",
+    "link", "back_drive", "sensor", "sleeper", "movement", "object",
 )  # fmt: skip
 
 

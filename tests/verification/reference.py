@@ -3,7 +3,8 @@
 `sb1_A`, `sb1_B`: Exudyn 1.13.6, 0.5 ms, Newmark; OpenSeesPy and a SciPy program agree to 1e-5.
 `sb2_none`, `sb2_sleeper6_13mm`: an independent banded beam program at 1 ms, converged in step and
 element, with an Exudyn twin. `sb3_S1`, `sb3_S2`, `sb3_S4`: a machine on a one-mass rail by an
-event-driven program, DOP853 at 1e-11; Radau agrees to 3e-9. The benchmarks are the project's own;
+event-driven program, DOP853 at 1e-11; Radau agrees to 3e-9. `sb3_rail_A`: two machines on the rail
+of `sb1`, BDF2 at 50 us. The benchmarks are the project's own;
 the panels `sb1` and `sb2` and the machine `sb3` are their definitions. The thinned copies in
 `data/` are made from the full files by
 
@@ -26,7 +27,7 @@ CASES = {
     "sb2_none": ("sb2/none.npz", 5),
     "sb2_sleeper6_13mm": ("sb2/sleeper6_13mm.npz", 5),
 }
-MACHINE_CASES, MACHINE_STRIDE = ("S1", "S2", "S4"), 5
+MACHINE_CASES, MACHINE_STRIDE = ("S1", "S2", "S4", "rail_A"), 5
 Arrays = dict[str, NDArray[np.float64]]
 
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from turnout.cli.json_output import JsonOption, print_json
-from turnout.cli.options import check_outputs, first_sentence
+from turnout.cli.options import FIGURES, check_outputs, first_sentence
+from turnout.errors import SolverError
 
 if TYPE_CHECKING:
     from turnout.machine.load import LoadedMachines
@@ -87,10 +88,14 @@ def run_command(
         Path | None,
         typer.Option("--out", "-o", metavar="FILE.nc", help="Write the histories (netCDF)."),
     ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Draw them (.png, .pdf or .svg)."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Simulate a machine throwing a one-mass rail: current, force, events, energy."""
-    check_outputs({"--out": out}, {"--out": (".nc",)})
+    check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     from turnout.machine.compute.throw import throw as kernel
     from turnout.machine.load import load_machines
     from turnout.machine.throw import throw_one_mass
@@ -101,20 +106,21 @@ def run_command(
         loaded = loaded.with_settings(settings)
     if must_compile(kernel):
         typer.echo("turnout: compiling kernels, first run only (10 to 30 s)", err=True)
-    throw = throw_one_mass(loaded)
-    if out is not None:
-        from turnout.response.machine import machine_dataset
-        from turnout.response.store import save_response
-
-        save_response(machine_dataset(throw), out)
+    try:
+        throw = throw_one_mass(loaded)
+    except SolverError as error:
+        typer.echo(f"turnout: {error}", err=True)
+        raise typer.Exit(NOT_CONVERGED) from None
+    _write(throw, out, plot)
     if as_json:
-        written = [out] if out is not None else []
+        written = [path for path in (out, plot) if path is not None]
         print_json("machine run", throw_summary(throw), units=THROW_UNITS, written=written)
     else:
         for line in throw_lines(throw):
             typer.echo(line)
-        if out is not None:
-            typer.echo(f"{out}: written")
+        for path in (out, plot):
+            if path is not None:
+                typer.echo(f"{path}: written")
     if not throw.is_balanced:
         raise typer.Exit(NOT_CONVERGED)
 
@@ -130,6 +136,25 @@ def machine_record(loaded: "LoadedMachines") -> dict[str, Any]:
         source = f"{origin.kind}: {origin.text}" if origin else "default"
         rows.append({"key": key, "value": value, "unit": loaded.unit_of(key), "origin": source})
     return {"name": loaded.name, "description": loaded.description, "values": rows}
+
+
+def _write(throw: "MachineThrow", out: Path | None, plot: Path | None) -> None:
+    """Write the histories and the figure, to the given paths."""
+    if out is None and plot is None:
+        return
+    from turnout.response.machine import machine_dataset
+
+    dataset = machine_dataset(throw)
+    if out is not None:
+        from turnout.response.store import save_response
+
+        save_response(dataset, out)
+    if plot is not None:
+        from turnout.core.atomic import write_atomic
+        from turnout.plot.machine import plot_machine
+        from turnout.plot.style import rendered
+
+        write_atomic(plot, rendered(plot_machine(dataset), plot.suffix))
 
 
 def machine_lines(loaded: "LoadedMachines") -> list[str]:

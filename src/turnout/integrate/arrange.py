@@ -23,6 +23,7 @@ from turnout.integrate.equilibrium import anchor_at_rest, equilibrium, equilibri
 from turnout.integrate.march import Record
 from turnout.integrate.outcome import Code
 from turnout.integrate.places import place_laws
+from turnout.integrate.rods import Rods
 from turnout.integrate.scratch import Work, acquire_buffer, new_work, release_buffers
 from turnout.integrate.solve import Tolerances
 from turnout.integrate.state import LEVEL, State, fresh_copy, fresh_state, set_segments
@@ -155,6 +156,7 @@ class Run:
     stepping: Stepping
     positions: Floats
     record: Record
+    rods: Rods | None = None
 
 
 def prepare(

@@ -21,6 +21,7 @@ from turnout.integrate.energy import (
 )
 from turnout.integrate.follow import follow_path
 from turnout.integrate.quasistatic import advance_static
+from turnout.integrate.rods import Rods, accept_rods, move_rods, settle_rods, store_rods
 from turnout.integrate.scratch import Work
 from turnout.integrate.solve import (
     CONVERGED,
@@ -86,6 +87,8 @@ def _try_step(
     factors: Factors,
     inputs: tuple[Floats, Floats],
     last: bool,
+    rods: Rods | None = None,
+    time: float = 0.0,
 ) -> int:
     """Take one step of length `h` [s]; on failure restore the state, except its inputs.
 
@@ -95,6 +98,9 @@ def _try_step(
     predict(system, state, work, stepping, h, factors)
     save_contact_set(state, work)
     code = iterate_contact_set(system, table, state, work, tolerances)
+    if rods is not None:  # noqa: SIM102, this alone is left out where there are none
+        if code == CONVERGED:
+            code = settle_rods(rods, system, table, state, work, tolerances, (time, h))
     if code == NOT_CONVERGED and last:
         copy(work.q_start, state.q)
         copy(work.g_start, state.g)
@@ -134,6 +140,7 @@ def _advance(
     nominal: Factors,
     inputs: tuple[Floats, Floats],
     time: float,
+    rods: Rods | None,
 ) -> int:
     """Advance by one nominal step from `time` [s], in one piece or in halved pieces.
 
@@ -151,10 +158,17 @@ def _advance(
             begin[k] = state.inputs[k]
             state.inputs[k] = first[k] + share * (last[k] - first[k])
             end[k] = state.inputs[k]
+        moved = CONVERGED
+        begun = time + position / n_pieces * stepping.step
+        if rods is not None:
+            moved = move_rods(rods, state, end, (begun, h))
         last_attempt = stepping.follow_path and level == stepping.halvings
-        code = _try_step(
-            system, table, state, work, tolerances, stepping, h, factors, (begin, end), last_attempt
-        )
+        code = moved
+        if moved == CONVERGED:
+            code = _try_step(
+                system, table, state, work, tolerances, stepping, h, factors, (begin, end),
+                last_attempt, rods, begun,
+            )  # fmt: skip
         if code != CONVERGED:
             copy(begin, state.inputs)
             level += 1
@@ -167,6 +181,8 @@ def _advance(
             continue
         if level > 0 or last_attempt:
             work.unsettled[:] = 0
+        if rods is not None:
+            accept_rods(rods, state, work, begin, h)
         account_laws(system, table, state, work, begin, time + share * stepping.step)
         account_friction(system, state, work)
         position += size
@@ -213,6 +229,7 @@ def march(
     first: int,
     last: int,
     record: Record,
+    rods: Rods | None = None,
 ) -> tuple[int, int]:
     """Step from instant `first` to instant `last`; return the outcome code and the instant reached.
 
@@ -223,6 +240,8 @@ def march(
     first, last : int
         Indices into `inputs`; the state is that of instant `first`, its columns those of the
         nominal step. Splitting a march into several changes no bit of the result.
+    rods : Rods, optional
+        Of drives that are machines; their inputs are written as they come to be.
     """
     nominal = step_factors(stepping, stepping.step)
     row, remaining = first // stepping.stride, stepping.stride - first % stepping.stride
@@ -234,13 +253,17 @@ def march(
         update_marked(system, table, state, work, count)
         pair = (inputs[n], inputs[n + 1])
         if stepping.inertia:
-            code = _advance(system, table, state, work, tolerances, stepping, nominal, pair, time)
+            code = _advance(
+                system, table, state, work, tolerances, stepping, nominal, pair, time, rods
+            )
         else:
             span = (time, time + stepping.step)
             code = advance_static(system, table, state, work, tolerances, pair, span)
         if code != CONVERGED:
             return code, n
         remaining -= 1
+        if rods is not None:
+            store_rods(rods, state, inputs[n + 1], row + 1 if remaining == 0 else -1)
         if remaining == 0:
             row, remaining = row + 1, stepping.stride
             store_instant(system, table, state, work, record, row)

@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from turnout.errors import SolverError
 from turnout.integrate.accuracy import equilibrium_residual
 from turnout.integrate.arrange import Run, arrange, prepare, start_at_rest, trim_record
 from turnout.integrate.dense import interpolate_record
+from turnout.integrate.driven import MachineHistory, machine_history, new_rods, start_rods
 from turnout.integrate.energy import energy_balance
 from turnout.integrate.march import Record, march, store_instant
 from turnout.integrate.outcome import Code, Outcome, is_closed
@@ -67,6 +68,8 @@ class History:
         How the run ended.
     iterations, flips, halved : int
         Contact-set iterations, rank-one updates, halved steps.
+    machines : MachineHistory, optional
+        Of the drives that are machines.
     """
 
     time: Floats
@@ -85,6 +88,7 @@ class History:
     iterations: int
     flips: int
     halved: int
+    machines: MachineHistory | None = None
 
 
 def integrate(
@@ -132,14 +136,19 @@ def _integrate(
     times = scheme.step * np.arange(grid.n_steps + 1, dtype=np.float64)
     positions = np.ascontiguousarray(inputs(times).T)
     run = prepare(arrangement, scheme, positions, grid.n_stored, filled_in=grid.filled_in)
+    run = replace(run, rods=new_rods(run, mechanism, scheme, grid.n_stored))
     _march(run, 0, 0)  # compiles where needed, while Ctrl-C still ends the program at once
     with one_thread() as thread:
         code, done = start_at_rest(run, mechanism, thread), 0
         if code == Code.COMPLETE:
+            start_rods(run)
             store_instant(run.system, run.table, run.state, run.work, run.record, 0)
             code, done = _march_in_chunks(run, report, thread)
     kept = 0 if code == Code.NO_EQUILIBRIUM else done // stride + 1
     balance = energy_balance(run.record.stored[:kept], run.record.ledger[:kept])
+    machines = machine_history(run, mechanism, kept)
+    if machines is not None:
+        balance = machines.with_balance(*balance)
     if code == Code.COMPLETE and not is_closed(*balance):
         code = Code.INACCURATE
     residual = equilibrium_residual(run.system, run.table, run.state, run.work)
@@ -159,9 +168,11 @@ def _integrate(
         count = int((min(grid.last, instants[-1]) + 1e-9) / scheme.output_interval) + 1
         instants = scheme.output_interval * np.arange(count, dtype=np.float64)
         positions = np.ascontiguousarray(inputs(instants).T)
+        if machines is not None:
+            machines = machines.at(instants, positions)
         given = {"instants": instants, "inputs": positions, "modes": arrangement.model.row_modes}
         record = interpolate_record(record, step=scheme.step, laws=arrangement.laws, **given)
-    return _assemble_history(run, record, arrangement.model, outcome, instants, positions)
+    return _assemble_history(run, record, arrangement.model, outcome, instants, positions, machines)
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,6 +221,7 @@ def _assemble_history(
     outcome: Outcome,
     instants: Floats,
     positions: Floats,
+    machines: MachineHistory | None,
 ) -> History:
     state = run.state
     return History(
@@ -225,6 +237,7 @@ def _assemble_history(
         law_first=np.where(np.isinf(state.law_first), np.nan, state.law_first),
         model=model,
         laws=run.laws,
+        machines=machines,
         outcome=outcome,
         iterations=int(state.counters[COUNT_ITERATIONS]),
         flips=int(state.counters[COUNT_FLIPS]),
@@ -244,6 +257,7 @@ def _march(run: Run, first: int, last: int) -> tuple[int, int]:
         first,
         last,
         run.record,
+        run.rods,
     )
 
 

@@ -19,7 +19,7 @@ from turnout.core.problems import choices, describe_error, nearest
 from turnout.core.quantity import unit_of
 from turnout.core.toml import Origin, TomlFile, parse_toml, read_toml
 from turnout.core.units import SI
-from turnout.errors import FileError, MachineError
+from turnout.errors import MachineError
 from turnout.machine.records import Machine, MachineFile
 
 PACKAGE = "turnout.machine"
@@ -314,23 +314,4 @@ def _put(tree: dict[str, Any], path: tuple[str, ...], value: object) -> None:
         table[path[-1]] = value
 
 
-def named_machine(text: str) -> Machine:
-    """Return a machine of the library, changed or not: a shorthand for scripts and panels.
-
-    Parameters
-    ----------
-    text : str
-        Name of a library machine.
-
-    Raises
-    ------
-    FileError
-        When there is none of that name.
-    """
-    if not isinstance(text, str):
-        message = f"named_machine() takes a name, not {text!r}"
-        raise FileError(message)
-    return load_machines(text).pick()[1]
-
-
-__all__ = ["LoadedMachines", "load_machines", "machine_names", "machine_text", "named_machine"]
+__all__ = ["LoadedMachines", "load_machines", "machine_names", "machine_text"]

@@ -42,6 +42,8 @@ COPPER_REFERENCE = 293.15
 COPPER_COEFFICIENT = 3.9e-3
 """Of the resistance of copper, from its value at 20 degC [1/K]."""
 
+MOST_INSTANTS = 1_000_000
+
 
 class Record(BaseModel):
     """Base of all records here: unknown keys are refused, nothing changes after validation."""
@@ -71,7 +73,7 @@ class Motor(Record):
     )
     inductance: Inductance = Field(gt=0, description="of the motor circuit [H]")
     constant: MotorConstant | None = Field(
-        None, gt=0, description="torque per ampere, of a permanent magnet [V s/rad]"
+        None, gt=0, le=1e4, description="torque per ampere, of a permanent magnet [V s/rad]"
     )
     field_constant: FieldConstant | None = Field(
         None, gt=0, description="motor constant per ampere of field, unsaturated [V s/(rad A)]"
@@ -112,7 +114,7 @@ class Clutch(Record):
     """Friction clutch: elastic until it slips, and it remembers by how much it slipped."""
 
     torque: Torque = Field(gt=0, description="while it slips, new and at ambient [N m]")
-    stiffness: AngularStiffness = Field(gt=0, description="[N m/rad]")
+    stiffness: AngularStiffness = Field(gt=0, le=1e7, description="[N m/rad]")
     static_ratio: float = Field(1.0, ge=1, le=3, description="breakaway torque over torque [-]")
     worn: float = Field(0.0, ge=0, le=0.9, description="share of the torque lost so far [-]")
     wear: PerEnergy = Field(0.0, ge=0, description="share of the torque lost per heat [1/J]")
@@ -144,8 +146,10 @@ class Gear(Record):
 class Stroke(Record):
     """How the rod position follows from the shaft angle."""
 
-    kind: Literal["screw", "crank", "table"] = "screw"
-    ratio: ShaftRatio | None = Field(None, gt=0, description="of a screw or rack [rad/m]")
+    kind: Literal["screw", "crank", "table"] = Field(
+        "screw", description="a constant ratio, a crank of half a turn, or a table"
+    )
+    ratio: ShaftRatio | None = Field(None, ge=1, le=1e7, description="of a screw or rack [rad/m]")
     angle: Angle | None = Field(None, gt=0, description="of the whole stroke [rad]")
     length: Length | None = Field(None, gt=0, description="of the whole stroke [m]")
     start: Length = Field(0.0, description="rod position at the open end, angle 0 [m]")
@@ -195,6 +199,12 @@ class Circuit(Record):
     limit_opening: Length | None = Field(
         None, description="rod position of the limit contact; default the end of the stroke [m]"
     )
+    overrun: Length = Field(
+        0.0,
+        ge=0,
+        description="in a panel: the limit contacts stand so far before the rest positions, which "
+        "the machine reaches while it is braked; where the limits are not given [m]",
+    )
     cutoff_delay: Time = Field(0.0, ge=0, description="after the limit contact [s]")
     lock_gap: Length | None = Field(
         None, ge=0, description="the limit contact acts only with the rail so near; default any [m]"
@@ -208,7 +218,9 @@ class Circuit(Record):
     detection_closed: Length | None = Field(
         None, description="rod position above which the end contact is made [m]"
     )
-    after_cutoff: Literal["short circuit", "open"] = "short circuit"
+    after_cutoff: Literal["short circuit", "open"] = Field(
+        "short circuit", description="what happens to the armature after the cut-off"
+    )
     snub_resistance: Resistance = Field(0.0, ge=0, description="in the short circuit [ohm]")
     holding: Literal["lock", "brake", "gear"] = Field(
         "lock",
@@ -244,15 +256,17 @@ class HandCrank(Record):
 class Machine(Record):
     """Point machine."""
 
-    description: str = ""
-    motor: Motor
-    clutch: Clutch
-    gear: Gear
-    stroke: Stroke
-    rod: Rod
-    circuit: Circuit
-    supply: Supply = Field(default_factory=lambda: Supply.model_validate({}))
-    hand: HandCrank | None = None
+    description: str = Field("", description="what the machine is, in a few sentences")
+    motor: Motor = Field(description="DC motor with brushes")
+    clutch: Clutch = Field(description="between motor and gear")
+    gear: Gear = Field(description="all between the clutch and the rod")
+    stroke: Stroke = Field(description="how the rod follows the shaft")
+    rod: Rod = Field(description="between machine and rail")
+    circuit: Circuit = Field(description="what switches the motor and holds the rail")
+    supply: Supply = Field(
+        default_factory=lambda: Supply.model_validate({}), description="as it is, not as rated"
+    )
+    hand: HandCrank | None = Field(None, description="a hand crank in place of the motor")
 
     @property
     def constant_at_rest(self) -> float:
@@ -336,6 +350,9 @@ class Throw(Record):
         count = self.output_interval / self.step
         if abs(count - round(count)) > 1e-6 * count or round(count) < 1:
             message = f"output_interval must be a multiple of step = {self.step:g} s"
+            raise ValueError(message)
+        if self.duration > MOST_INSTANTS * self.output_interval:
+            message = f"duration / output_interval: at most {MOST_INSTANTS} instants are kept"
             raise ValueError(message)
         times = [command.time for command in self.command]
         if any(a >= b for a, b in zip(times, times[1:], strict=False)):

@@ -228,7 +228,10 @@ def rest_on(rail: Floats, constants: Floats, state: Floats, *, friction_share: f
     def out_of_balance(y: float) -> float:
         return float(bed_force(rail, y)[0] + friction - rod_force(y))
 
-    y = brentq(out_of_balance, x - 1.0, x + 1.0, xtol=1e-16, rtol=1e-15, maxiter=500)
+    reach = 1.0
+    while out_of_balance(x - reach) > 0.0 or out_of_balance(x + reach) < 0.0:
+        reach *= 2.0
+    y = brentq(out_of_balance, x - reach, x + reach, xtol=1e-16, rtol=1e-15, maxiter=500)
     state[at.RAIL_POSITION] = y
     state[at.RAIL_TWIST] = friction / rail[at.FRICTION_STIFFNESS]
     state[at.ROD_FORCE] = rod_force(y)

@@ -92,7 +92,7 @@ UNITS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineThrow:
-    """Histories of a throw, by name; also as attributes of the mapping `histories`.
+    """Histories of a throw: `throw["rod_force"]`, with what happened and how it ended.
 
     Attributes
     ----------

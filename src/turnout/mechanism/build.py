@@ -22,6 +22,7 @@ from turnout.core.lru_cache import LRUCache
 from turnout.core.threads import one_blas_thread
 from turnout.mechanism.build_rails import stock_rail_data, switch_rail_data
 from turnout.mechanism.laws import Layout, Rows, law_table, lay_out, with_stops
+from turnout.mechanism.machines import drive_machines
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailData, ReducedRail
 from turnout.mechanism.offnode_objects import approach_row, is_off_node, local_flexibility
 from turnout.mechanism.reduce import reduce_rail
@@ -33,12 +34,12 @@ from turnout.panel.records import Chair, Drive, Record
 
 _NO_SHAPE = frozenset(
     ("schema_version", "name", "description", "instrumented_rail", "schedule", "movement")
-    + ("object_defaults", "object", "lock", "flangeway", "chair", "drive")
+    + ("object_defaults", "object", "lock", "flangeway", "chair", "drive", "machine")
 )
 _LAW_ALONE = {
     Chair: frozenset(("friction_coefficient", "normal_stiffness", "stick_stiffness", "clearance")),
     Drive: frozenset(
-        ("stiffness", "saturation_force", "saturated_stiffness", "extension", "force")
+        ("stiffness", "saturation_force", "saturated_stiffness", "extension", "force", "machine")
     ),
 }
 """Fields that end up in laws, whose rows do not depend on them."""
@@ -141,6 +142,7 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
         index=layout.index,
         rails=linear.rails,
         shapes=linear.travel.shapes,
+        machines=drive_machines(panel, layout.index),
     )
 
 

@@ -153,6 +153,9 @@ def law_table(
     laws = LawTableBuilder()
     further = iter(layout.further)
     for number, drive in enumerate(panel.drive.values()):
+        if drive.machine is not None:
+            _add_rod(laws, next(further), panel, drive, number)
+            continue
         _add_drive(laws, next(further), drive, number)
     for name, link in panel.link.items():
         _add_linkage(laws, next(further), link, free_length(panel, name, travel) + link.adjustment)
@@ -261,6 +264,19 @@ def _add_drive(laws: LawTableBuilder, row: int, drive: Drive, number: int) -> No
         slopes = np.array([drive.saturated_stiffness, drive.stiffness, drive.saturated_stiffness])
     laws.add_piecewise(
         row, breakpoints=extension, slopes=slopes, input_index=number, base_segment=base
+    )
+
+
+def _add_rod(laws: LawTableBuilder, row: int, panel: Panel, drive: Drive, number: int) -> None:
+    """Add the rod of a machine, which never slips: the clutch does. It may have lost motion."""
+    play, k = 0.5 * panel.machine[drive.machine or ""].rod.play, drive.stiffness
+    ends, slopes = ([-play, play], [k, 0.0, k]) if play > 0.0 else ([], [k])
+    laws.add_piecewise(
+        row,
+        breakpoints=np.array(ends, dtype=float),
+        slopes=np.array(slopes),
+        input_index=number,
+        base_segment=len(ends) // 2,
     )
 
 

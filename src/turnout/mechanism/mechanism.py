@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from turnout.beam.material import Material
 from turnout.law.table import LawTable
+from turnout.machine.records import Machine
 from turnout.panel.profile import Spline
 from turnout.panel.records import RailMatrices
 from turnout.section.properties import SectionProperties
@@ -78,6 +79,8 @@ class Mechanism:
         For the recovery of shapes.
     shapes : dict of str to RailShape
         How far each switch rail moves between closed and open.
+    machines : DriveMachines, optional
+        What moves the inputs of drives that are no markers.
     """
 
     stiffness: Floats
@@ -91,6 +94,7 @@ class Mechanism:
     index: "LawIndex" = field(default_factory=lambda: LawIndex())
     rails: tuple[RailBody, ...] = ()
     shapes: "dict[str, RailShape]" = field(default_factory=dict)
+    machines: "DriveMachines | None" = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,6 +113,41 @@ class RailShape:
         """Return the way at places [m]; beyond the ends of the rail it is held."""
         knots = self.travel.knots
         return self.travel(np.clip(x, knots[0], knots[-1]))
+
+
+@dataclass(frozen=True, slots=True)
+class DriveMachines:
+    """The machines of drives as the kernels take them, one row each; see `mechanism.machines`.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the drives.
+    records : tuple of Machine
+        As fitted to their drives: rod, limits, stroke.
+    inputs, laws : ndarray of int, shape (n,)
+        The input that each moves, and the law of its rod.
+    constants, tables, commands, shared_resistance
+        See `turnout.machine.compute.couple.Machines`.
+    start : ndarray, shape (n, STATES)
+        At rest where the schedule starts.
+    shift : ndarray, shape (n,)
+        Input less the rod position of the machine, which is 0 at home [m].
+    lock_gap : ndarray, shape (n,)
+        The limit contact acts in closing only with the rail so near to home, else inf [m].
+    """
+
+    names: tuple[str, ...]
+    records: tuple[Machine, ...]
+    inputs: Ints
+    laws: Ints
+    constants: Floats
+    tables: Floats
+    commands: Floats
+    shared_resistance: float
+    start: Floats
+    shift: Floats
+    lock_gap: Floats
 
 
 @dataclass(frozen=True, slots=True)

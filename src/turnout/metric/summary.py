@@ -211,8 +211,31 @@ def _drives(dataset: xr.Dataset) -> list[tuple[str, str]]:
             left = [_margin(item) for item in margins(dataset) if item.drive == str(name)]
             parts += [f"margin to slip {', '.join(left)}"] if left else []
         lines.append((f"drive {name}", "; ".join(parts)))
+    lines += _machines(dataset)
     if "end_gap" in dataset:
         lines.append(("", "gaps are raw: a held force stretches the bushing (force / stiffness)"))
+    return lines
+
+
+def _machines(dataset: xr.Dataset) -> list[tuple[str, str]]:
+    """Return what each machine did on its commands: how long it ran, how it ended, its current."""
+    made: list[dict[str, Any]] = json.loads(dataset.attrs.get("machine_throws", "[]"))
+    if not made or "drive_current" not in dataset:
+        return []
+    lines = []
+    time = dataset["time"].values
+    for item in made:
+        direction = "closing" if item["to"] == "closed" else "opening"
+        off = time[-1] if item["off"] is None else item["off"]
+        inside = (time >= item["on"]) & (time <= off)
+        current = np.abs(dataset["drive_current"].sel(drive=item["drive"]).values[inside])
+        text = f"drive {item['drive']} {direction}: "
+        text += "limit contact" if item["outcome"] == "limit" else item["outcome"].upper()
+        text += f" after {off - item['on']:.3f} s"
+        if current.size:
+            end = np.mean(current[time[inside] > off - 0.1])
+            text += f", {current.max():.2f} A at most, {end:.2f} A over its last 0.1 s"
+        lines.append(("machine", text))
     return lines
 
 

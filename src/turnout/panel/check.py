@@ -33,6 +33,7 @@ from turnout.panel.check_rails import (
 )
 from turnout.panel.check_shape import check_back_drive, check_shape, slips_at_rest
 from turnout.panel.foreign_object import from_record, object_faults
+from turnout.panel.machines import check_machines
 from turnout.panel.model import Panel
 from turnout.panel.records import Movement
 from turnout.panel.validate import Draft, Known, Partial, until_unknown
@@ -159,6 +160,7 @@ def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
         "between rails": _between_rails,
         "section kinds": check_section_kinds,
         "schedule": check_schedule,
+        "machines": check_machines,
     }
     checks |= {family: partial(_each, family=family) for family in _CHECKS}
     checks |= {f"places of {name}": partial(_same_places, family=name) for name in _HAVE_PLACES}

@@ -94,8 +94,13 @@ class LoadedPanel(Panel):
     def hash(self) -> str:
         """Content hash of all SI values; the same for the same panel however it was written."""
         if not self._hash:
+            values = self.model_dump(mode="json", exclude=_NOT_HASHED)
+            if not values["machine"]:  # a panel of markers is what it was before there were any
+                del values["machine"]
+                for drive in values["drive"].values():
+                    del drive["machine"]
             self._hash = content_hash(
-                self.model_dump(mode="json", exclude=_NOT_HASHED)
+                values
                 | {f"matrices of {name}": given.digest for name, given in self.matrices.items()}
             )
         return self._hash

@@ -16,6 +16,7 @@ from turnout.core.quantity import (
     Length,
     Pressure,
 )
+from turnout.machine.records import Machine
 from turnout.panel.records import (
     BackDrive,
     Chair,
@@ -98,6 +99,7 @@ class Panel(Record):
     stop: dict[str, Stop] = {}
     stud: dict[str, Stop] = {}
     drive: dict[str, Drive] = Field(min_length=1, max_length=6)
+    machine: dict[str, Machine] = {}
     link: dict[str, Link] = {}
     back_drive: dict[str, BackDrive] = {}
     sensor: dict[str, Sensor] = {}

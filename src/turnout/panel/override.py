@@ -16,7 +16,7 @@ from turnout.panel.document import FAMILIES, Document, Path
 from turnout.panel.keys import is_field, known_keys, records_in, takes_text
 from turnout.panel.model import Panel
 
-GROWING = ("object",)
+GROWING = ("object", "machine")
 
 MOST_OVERRIDES = 1000
 """Values set at once; what each covers of the others is looked for."""

@@ -288,6 +288,11 @@ class Drive(Placed):
         None, description="elastic law as a table: extension of the bushing, rising [m]"
     )
     force: ForceList | None = Field(None, description="elastic law as a table: its force [N]")
+    machine: str | None = Field(
+        None,
+        description="name of a machine, of this file or the library, that moves the rod instead of "
+        "a marker; the rod is then linear, with `stiffness`, and the machine's clutch slips",
+    )
 
 
 class Linkage(Placed):

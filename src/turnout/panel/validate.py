@@ -188,8 +188,8 @@ def _lenient(record: type[BaseModel]) -> type[BaseModel]:
 
 def _partial(record: type[BaseModel], values: object, errors: list[Any]) -> Partial:
     """Keep what is right in a record with problems."""
-    if not isinstance(values, dict):
-        return Partial()
+    if not isinstance(values, dict) or record.__pydantic_decorators__.model_validators:
+        return Partial()  # such as a machine, which is judged as a whole
     wrong = frozenset(str(error["loc"][0]) for error in errors if error["loc"])
     right = {name: value for name, value in values.items() if name not in wrong}
     return Partial(_lenient(record).model_validate(right), wrong)

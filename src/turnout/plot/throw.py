@@ -3,7 +3,7 @@
 Object force, drive forces, markers and gaps as stacked axes; energies as a sheet.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 
 KILO, MILLI = 1e-3, 1e3
+MEAN = 0.1  # of currents, as published [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,9 +155,13 @@ def throw_rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
         for number, name in enumerate(dataset["sensor"].values, start=len(gaps)):
             values = dataset["sensor_gap"].sel(sensor=name).values * MILLI
             gaps.append(Curve(str(name), values, number))
+    currents = (
+        _of_drives(dataset, "drive_current", 1.0) if "machine_throws" in dataset.attrs else []
+    )
     return [
         ("Object force\n[kN]", objects),
         ("Drive force\non rail [kN]", forces),
+        ("Motor current,\n0.1 s mean [A]", [_averaged(curve, dataset) for curve in currents]),
         ("Marker\nposition [mm]", markers),
         ("Gap to stock\nrail [mm]", gaps),
     ]
@@ -169,6 +174,14 @@ def _of_drives(dataset: xr.Dataset, channel: str, factor: float) -> list[Curve]:
         Curve(f"Drive {name}", dataset[channel].sel(drive=name).values * factor, number)
         for number, name in enumerate(dataset["drive"].values)
     ]
+
+
+def _averaged(curve: Curve, dataset: xr.Dataset) -> Curve:
+    """Return a curve as means over 0.1 s, as clamps show currents."""
+    time = dataset["time"].values
+    count = max(1, round(MEAN / (time[1] - time[0]))) if time.size > 1 else 1
+    padded = np.pad(curve.values, (count // 2, count - 1 - count // 2), mode="edge")
+    return replace(curve, values=np.convolve(padded, np.full(count, 1.0 / count), mode="valid"))
 
 
 def _torn(values: np.ndarray, dataset: xr.Dataset) -> np.ndarray:

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.mechanism.machines import slip_force
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel
 from turnout.panel.records import Drive
@@ -31,9 +32,7 @@ def coordinates(panel: Panel, mechanism: Mechanism, *, time: Floats) -> dict[str
         "rail": _names("rail", panel.rail),
         "drive": _names("drive", panel.drive),
         "drive_x": _numbers("drive", [drive.x for drive in panel.drive.values()]),
-        "saturation_force": _numbers(
-            "drive", [drive.saturation_force for drive in panel.drive.values()]
-        ),
+        "saturation_force": _numbers("drive", [slip_force(panel, name) for name in panel.drive]),
         "drive_stiffness": _numbers("drive", [_stiffness(drive) for drive in panel.drive.values()]),
         "direction": _names("direction", DIRECTIONS),
     }

@@ -16,6 +16,14 @@ from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height
 from turnout.panel.records import Placed
 from turnout.response.coordinates import coordinates, stations
+from turnout.response.drives import (
+    duties,
+    duty_records,
+    machine_energies,
+    machine_signals,
+    machine_slips,
+    moved_throws,
+)
 from turnout.response.gaps import drive_and_sensor_gaps, rail_gap
 from turnout.response.labels import (
     contact_labels,
@@ -29,7 +37,7 @@ from turnout.response.recovery import (
     lateral_displacement,
     recover_motion,
 )
-from turnout.response.route import throws
+from turnout.response.route import Throw
 from turnout.response.save import Save
 from turnout.response.signals import (
     ENERGIES,
@@ -114,6 +122,9 @@ def response_channels(
         By the names of the schema, in SI.
     """
     channels = drive_signals(panel, mechanism, history)
+    machine_slips(panel, history, np.asarray(channels["drive_slipping"][1]))
+    channels |= machine_signals(panel, history)
+    moved = moved_throws(panel, history)
     for names, signals in _FORCES.items():
         if save.keeps(*names):
             channels |= signals(panel, mechanism, history)
@@ -122,11 +133,12 @@ def response_channels(
         if save.keeps(*_SHAPES):
             channels |= _shapes(panel, motion, stations(panel, mechanism, save))
         channels |= fastening_signals(panel, motion, save)
-        channels |= _gaps(panel, motion, history.time, save)
+        channels |= _gaps(panel, motion, history.time, save, moved)
     channels |= contact_labels(mechanism, history)
     if save.keeps(*ENERGIES):
         channels |= energy_channels(history.stored, history.ledger)
-    channels |= _states(panel, history.time, channels, save)
+        channels |= machine_energies(history, channels)
+    channels |= _states(panel, history.time, channels, save, moved)
     return {name: value for name, value in channels.items() if save.keeps(name)}
 
 
@@ -170,7 +182,9 @@ def _shapes(panel: Panel, motion: Motion, x: Floats) -> dict[str, Variable]:
     return {"gap": (dims, gap), "lateral_displacement": (dims, moved)}
 
 
-def _gaps(panel: Panel, motion: Motion, time: Floats, save: Save) -> dict[str, Variable]:
+def _gaps(
+    panel: Panel, motion: Motion, time: Floats, save: Save, moved: Sequence[Throw]
+) -> dict[str, Variable]:
     """Return gaps at drives and sensors, and the least flangeway."""
     found: dict[str, Variable] = {}
     if save.keeps(*_DRIVE_GAPS, *_SENSOR_GAPS):
@@ -181,12 +195,16 @@ def _gaps(panel: Panel, motion: Motion, time: Floats, save: Save) -> dict[str, V
         if panel.sensor:
             found["sensor_gap"] = (("sensor", "time"), at_sensors)
     if save.keeps(*_FLANGEWAYS):
-        found |= flangeway_labels(panel, motion, time)
+        found |= flangeway_labels(panel, motion, time, moved)
     return found
 
 
 def _states(
-    panel: Panel, time: Floats, channels: dict[str, Variable], save: Save
+    panel: Panel,
+    time: Floats,
+    channels: dict[str, Variable],
+    save: Save,
+    moved: Sequence[Throw],
 ) -> dict[str, Variable]:
     """Return what follows from forces and gaps, as far as these were made."""
 
@@ -204,6 +222,7 @@ def _states(
             slipping=np.asarray(channels["drive_slipping"][1], dtype=np.bool_),
             drive_gap=values("drive_gap"),
             sensor_gap=values("sensor_gap") if "sensor_gap" in channels else None,
+            moved=moved,
         )
     return found
 
@@ -229,7 +248,8 @@ def describe_run(
         "panel_hash": panel.hash,
         "overrides": json.dumps(dict(panel.overrides), default=_plain),
         "foreign_objects": json.dumps([_object_record(panel, item) for item in objects]),
-        "movements": movement_records(panel),
+        "movements": movement_records(moved_throws(panel, history)),
+        **({"machine_throws": duty_records(made)} if (made := duties(panel, history)) else {}),
         "lock_rule": panel.lock.rule,
         "lock_gap_limit": panel.lock.gap_limit,
         "lock_gap_limits": json.dumps(panel.gap_limits()),
@@ -256,7 +276,9 @@ def describe_run(
         "modes": history.model.eigenvalues.size,
         "highest_mode_frequency": float(history.model.frequencies[-1]),
         "superelements": json.dumps(_superelement_records(mechanism)),
-        "energy_scale": energy_scale(history.stored, history.ledger),
+        "energy_scale": outcome.energy_scale
+        if history.machines
+        else energy_scale(history.stored, history.ledger),
     }
 
 
@@ -288,12 +310,12 @@ def _place_name(panel: Panel, x: float) -> str:
     return f"x = {x:g} m"
 
 
-def movement_records(panel: Panel) -> str:
-    """Return the movements of a panel as JSON text, as a dataset names them in its attributes."""
+def movement_records(moved: Sequence[Throw]) -> str:
+    """Return movements as JSON text, as a dataset names them in its attributes."""
     return json.dumps(
         [
             {"name": throw.name, "to": throw.to, "start": throw.start, "end": throw.end}
-            for throw in throws(panel)
+            for throw in moved
         ]
     )
 

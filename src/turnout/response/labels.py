@@ -1,9 +1,12 @@
 """Single numbers and states of a run: contact, margins, control, lock, least flangeway."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.integrate.run import History
+from turnout.mechanism.machines import slip_force
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel
 from turnout.response.gaps import least_flangeway
@@ -55,7 +58,7 @@ def force_margins(panel: Panel, *, time: Floats, drive_force: Floats) -> Floats:
         Saturation force less the largest force in the direction of a movement, from its onset to
         that of the next one; opening first [N]. NaN where there is no such movement.
     """
-    limits = np.array([drive.saturation_force for drive in panel.drive.values()])
+    limits = np.array([slip_force(panel, name) for name in panel.drive])
     margins = np.full((limits.size, len(DIRECTIONS)), np.nan)
     for throw in throws(panel):
         bounds = (throw.start - TIME_TOLERANCE, throw.until - TIME_TOLERANCE)
@@ -71,7 +74,13 @@ def force_margins(panel: Panel, *, time: Floats, drive_force: Floats) -> Floats:
 
 
 def control_states(
-    panel: Panel, *, time: Floats, slipping: Flags, drive_gap: Floats, sensor_gap: Floats | None
+    panel: Panel,
+    *,
+    time: Floats,
+    slipping: Flags,
+    drive_gap: Floats,
+    sensor_gap: Floats | None,
+    moved: Sequence[Throw] | None = None,
 ) -> dict[str, Variable]:
     """Return `in_control` of every sensor and `locked` by the panel's rule.
 
@@ -92,6 +101,8 @@ def control_states(
         Raw gap at the rods [m].
     sensor_gap : ndarray, shape (n_sensors, n_times), optional
         [m]
+    moved : sequence of Throw, optional
+        The movements as they were made; default those of the schedule.
     """
     held = ~slipping.any(axis=0)
     limits = np.array(list(panel.gap_limits().values()))[:, np.newaxis]
@@ -101,17 +112,22 @@ def control_states(
     elif panel.lock.rule == "slip or gap":
         wide = (drive_gap >= limits).any(axis=0)  # a gap that is not known is never wide
         held &= ~(wide & rail_closes(panel, time))
-    states: dict[str, Variable] = {"locked": (("time",), held & at_rest(panel, time))}
+    states: dict[str, Variable] = {"locked": (("time",), held & at_rest(panel, time, moved))}
     if sensor_gap is not None:
         limits = np.array([sensor.limit for sensor in panel.sensor.values()])
         states["in_control"] = (("sensor", "time"), sensor_gap < limits[:, np.newaxis])
     return states
 
 
-def flangeway_labels(panel: Panel, motion: Motion, time: Floats) -> dict[str, Variable]:
-    """Return the least flangeway at the end of any movement with its place and rail."""
+def flangeway_labels(
+    panel: Panel, motion: Motion, time: Floats, moved: Sequence[Throw] | None = None
+) -> dict[str, Variable]:
+    """Return the least flangeway at the end of any movement with its place and rail.
+
+    Movements are those of the schedule, or as they were made.
+    """
     found = []
-    for throw in throws(panel):
+    for throw in throws(panel) if moved is None else moved:
         at = _end_index(throw, time)
         if at is not None:
             found.append(least_flangeway(panel, motion, throw, at=at))

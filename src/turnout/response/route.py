@@ -1,5 +1,6 @@
 """Which rail should be closed when: what the schedule asks of the switch."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,9 +99,12 @@ def rail_closes(panel: Panel, time: Floats) -> Flags:
     return wanted_closed(panel, time)[0][1]
 
 
-def at_rest(panel: Panel, time: Floats) -> Flags:
-    """Return whether no movement is under way, shape (n_times,)."""
+def at_rest(panel: Panel, time: Floats, moved: Sequence[Throw] | None = None) -> Flags:
+    """Return whether no movement is under way, shape (n_times,).
+
+    Movements are those of the schedule, or as they were made.
+    """
     rest = np.ones(time.size, dtype=np.bool_)
-    for throw in throws(panel):
+    for throw in throws(panel) if moved is None else moved:
         rest &= (time < throw.start - 1e-9) | (time >= throw.end - 1e-9)
     return rest

@@ -31,6 +31,7 @@ from turnout.integrate.energy import (
 )
 from turnout.integrate.run import History
 from turnout.mechanism.build_rails import fastening_offset
+from turnout.mechanism.machines import slip_force
 from turnout.mechanism.mechanism import Mechanism, RailBody
 from turnout.panel.markers import marker_offsets
 from turnout.panel.model import Panel
@@ -47,7 +48,7 @@ def drive_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[
     columns = [mechanism.index.drive[name] for name in panel.drive]
     # 0.0 - F: no negative zeros where a drive is free
     force = 0.0 - history.law_force[:, columns].T
-    limits = np.array([drive.saturation_force for drive in panel.drive.values()])
+    limits = np.array([slip_force(panel, name) for name in panel.drive])
     dims = ("drive", "time")
     return {
         "drive_force": (dims, force),

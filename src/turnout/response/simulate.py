@@ -10,6 +10,7 @@ import numpy as np
 from turnout.core.threads import one_blas_thread
 from turnout.errors import ResponseError
 from turnout.integrate.outcome import NotConverged
+from turnout.integrate.rods import store_rods
 from turnout.integrate.run import Floats, History, integrate
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
@@ -228,7 +229,10 @@ def solve_placed(
 ) -> Solved:
     """Do what `solve` does with all objects in their places, those of the panel among them."""
     began = time.perf_counter()
-    if must_compile():
+    machines = any(drive.machine is not None for drive in panel.drive.values())
+    if machines and must_compile(store_rods):
+        compile_kernels(machines=True)
+    elif must_compile():
         compile_kernels()
     compiled, used = time.perf_counter(), time.process_time()
     mechanism = build_mechanism(panel, objects)
@@ -251,11 +255,19 @@ def solve_placed(
     )
 
 
-def compile_kernels() -> None:
-    """Throw a small panel for an instant, so that no run's own time holds the compilation."""
+def compile_kernels(*, machines: bool = False) -> None:
+    """Throw a small panel for an instant, so that no run's own time holds the compilation.
+
+    Parameters
+    ----------
+    machines : bool
+        Whether the kernels for drives that are machines are wanted.
+    """
     moments = {"throw.start": 0.0, "throw.duration": 0.01, "return.start": 0.02}
     changes: dict[str, object] = {f"movement.{key}": value for key, value in moments.items()}
     changes |= {"movement.return.duration": 0.01, "movement.return.extra_time": {"2": 0.0}}
+    if machines:
+        changes["drive.1.machine"] = "sb3"
     panel = load_panel("sb1").with_overrides({**changes, "schedule.end": 0.03})
     integrate(
         build_mechanism(panel, ()),

@@ -89,6 +89,18 @@ CHANNELS: Mapping[str, Channel] = _table(
     Channel(
         "drive_slipping", ("drive", "time"), "1", "drive at its saturation force", kind="logical"
     ),
+    Channel("drive_voltage", ("drive", "time"), "V", "voltage at the motor circuit"),
+    Channel("drive_power", ("drive", "time"), "W", "power from the supply"),
+    Channel("motor_speed", ("drive", "time"), "rad/s", "speed of the motor", "closing"),
+    Channel("clutch_slip", ("drive", "time"), "rad", "slip of the clutch", "closing"),
+    Channel("clutch_heat", ("drive", "time"), "J", "heat of the slipping clutch", "taken out"),
+    Channel(
+        "drive_state",
+        ("drive", "time"),
+        "1",
+        "state of the machine: 0 off, 1 on, 2 on and slipping, 3 off and locked, -1 no machine",
+        kind="count",
+    ),
     Channel("object_force", ("time",), "N", "force on the foreign object", "compression"),
     Channel(
         "single_object_force",
@@ -168,6 +180,16 @@ CHANNELS: Mapping[str, Channel] = _table(
         "brought in where an object is placed or removed",
         "put in",
     ),
+    Channel("energy_supply", ("time",), "J", "from the supply of the machines", "put in"),
+    Channel("energy_copper", ("time",), "J", "lost in the motors' copper", "taken out"),
+    Channel("energy_line", ("time",), "J", "lost in lines, supply and snubbers", "taken out"),
+    Channel("energy_brush", ("time",), "J", "lost at the brushes", "taken out"),
+    Channel(
+        "energy_motor_friction", ("time",), "J", "friction and drag of the motors", "taken out"
+    ),
+    Channel("energy_gear", ("time",), "J", "lost in the gears", "taken out"),
+    Channel("energy_machine", ("time",), "J", "change in coils, inertias and clutches", "stored"),
+    Channel("work_rods", ("time",), "J", "work of the machines on their rods", "put in"),
     Channel("energy_numerical", ("time",), "J", "lost by the time stepping", "taken out"),
     Channel("energy_residual", ("time",), "J", "left over when the books are closed"),
     Channel("object_placed", (), "1", "whether there was room for every object", kind="logical"),
@@ -181,6 +203,9 @@ CHANNELS: Mapping[str, Channel] = _table(
         "N",
         "saturation force less the largest drive force in the direction of a movement",
         "not slipping",
+    ),
+    Channel(
+        "throw_time", ("drive", "direction"), "s", "from the contactor to the cut-off", "forward"
     ),
     Channel("least_flangeway", (), "m", "least flangeway at the end of a movement", "open"),
     Channel("least_flangeway_x", (), "m", "place of the least flangeway", "towards the heel"),
@@ -211,9 +236,17 @@ MEASURED = frozenset(
         "recorded",
     }
 )
+# Made where drives are machines.
+OF_MACHINES = frozenset(
+    {
+        *("drive_voltage", "drive_power", "motor_speed", "clutch_slip", "clutch_heat"),
+        *("drive_state", "throw_time", "energy_supply", "energy_copper", "energy_line"),
+        *("energy_brush", "energy_motor_friction", "energy_gear", "energy_machine", "work_rods"),
+    }
+)
 # Made only where a run is asked for them.
 ON_REQUEST = frozenset({"fastening_force", "fastening_moment"})
-OPTIONAL = MEASURED | ON_REQUEST | {"single_object_force", "object_contact_time"}
+OPTIONAL = MEASURED | OF_MACHINES | ON_REQUEST | {"single_object_force", "object_contact_time"}
 
 
 def label(dataset: "xr.Dataset") -> "xr.Dataset":

@@ -108,7 +108,8 @@ def make_virtual_campaign(
         message = f"panel {panel.name} has no closing movement, so nothing can be trapped in it"
         raise FileError(message)
     _claim(folder, panel, plan)
-    note = synthetic_note(panel.name)
+    machines = sum(drive.machine is not None for drive in panel.drive.values())
+    note = synthetic_note(panel.name, machines=machines, drives=len(panel.drive))
     map_text = channel_map_text(list(panel.drive), note=note)
     write_atomic(folder / CHANNELS, map_text)
     series = series_of(plan, directions)

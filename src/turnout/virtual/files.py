@@ -22,18 +22,26 @@ SHEET, CHANNELS = "runs.csv", "channels.toml"
 START = datetime(2025, 1, 1, 8, 0, 0)
 
 
-def synthetic_note(panel: str) -> str:
+def synthetic_note(panel: str, *, machines: int = 0, drives: int = 1) -> str:
     """Return the sentence that every file of a virtual campaign carries.
+
+    Parameters
+    ----------
+    panel : str
+        Its name.
+    machines, drives : int
+        How many drives are machines, whose currents are simulated, and how many there are.
 
     Examples
     --------
     >>> synthetic_note("sb2").startswith("synthetic: simulated with turnout")
     True
     """
-    return (
-        f"synthetic: simulated with turnout {version()} on panel {panel}, not measured; "
-        "motor currents follow an assumed law"
-    )
+    note = f"synthetic: simulated with turnout {version()} on panel {panel}, not measured; "
+    if machines == drives:
+        return f"{note}motor currents are those of the simulated machines"
+    which = "the currents of drives without a machine" if machines else "motor currents"
+    return f"{note}{which} follow an assumed law"
 
 
 def channel_map_text(drives: Sequence[str], *, note: str) -> str:

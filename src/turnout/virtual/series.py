@@ -24,10 +24,13 @@ from turnout.response.simulate import simulate
 from turnout.virtual.files import write_throw
 from turnout.virtual.noise import disturbed
 from turnout.virtual.plan import Case, Plan, chance_for, overrides_for
-from turnout.virtual.throw import record_throw
+from turnout.virtual.throw import record_throw, with_time_to_stop
 
 STATE = ".virtual"
-FIELDS = ("drive_force", "drive_displacement", "drive_slipping", "object_force", "contact_time")
+FIELDS = (
+    *("drive_force", "drive_displacement", "drive_slipping", "drive_current", "object_force"),
+    "contact_time",
+)
 # Rest and hold that the truth keeps around a throw, as a build of the campaign does [s].
 AROUND = 1.0
 POLL = 0.5
@@ -146,7 +149,11 @@ def make_throw(job: Job, case: Case, *, number: int) -> Part:
     panel = job.panel.with_overrides(dict(overrides)) if overrides else job.panel
     foreign = ForeignObject(case.size, case.place) if case.size > 0 else None
     run = simulate(
-        panel, foreign_object=foreign, scheme=plan.scheme, save=Save(fields=FIELDS), throw=False
+        with_time_to_stop(panel),
+        foreign_object=foreign,
+        scheme=plan.scheme,
+        save=Save(fields=FIELDS),
+        throw=False,
     )
     if not run.attrs["complete"]:
         if run.attrs["outcome"] == "interrupted":

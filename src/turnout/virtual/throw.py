@@ -64,6 +64,8 @@ def finer_scheme(scheme: Scheme | None = None) -> Scheme:
 
 
 Floats = NDArray[np.float64]
+REST = 1.0
+"""Simulated after the last motor has stopped [s]."""
 DIRECTIONS = {"closed": "closing", "open": "opening"}
 
 
@@ -118,6 +120,30 @@ class Window:
         return np.arange(round(self.length * self.rate)) / self.rate
 
 
+def with_time_to_stop(panel: LoadedPanel) -> LoadedPanel:
+    """Return a panel whose schedule lasts until the time-outs of its machines have passed.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> with_time_to_stop(load_panel("sb1")).schedule.end
+    9.0
+    >>> long = with_time_to_stop(load_panel("sb1", overrides={"drive.1.machine": "sb3"}))
+    >>> round(long.schedule.end, 2)
+    14.26
+    """
+    circuits = [panel.machine[d.machine].circuit for d in panel.drive.values() if d.machine]
+    if not circuits or not panel.movement:
+        return panel
+    longest = max(circuit.contactor_delay + (circuit.time_out or 0.0) for circuit in circuits)
+    last = max(
+        movement.start + max(movement.extra_time.values(), default=0.0)
+        for movement in panel.movement.values()
+    )
+    end = last + longest + REST
+    return panel if end <= panel.schedule.end else panel.with_overrides({"schedule.end": end})
+
+
 def movement_named(run: xr.Dataset, direction: str) -> Span:
     """Return the last movement of a run in a direction.
 
@@ -154,7 +180,8 @@ def record_throw(
     window : Window, optional
         Start, length and rate of the recording.
     law : CurrentLaw, optional
-        Of the motor current, which no simulation has; it is assumed.
+        Of the motor current of drives that are markers; it is assumed. Machines have their own,
+        counted positive while it drives.
     build_up_lag : mapping of drive to float, optional
         Time constant with which a drive's force follows after contact with an object [s].
 
@@ -190,6 +217,10 @@ def record_throw(
             for row, end, limit in zip(forces, ends, run["saturation_force"].values, strict=True)
         ]
     )
+    if "drive_current" in run:  # of the drives that are machines
+        made = _sampled(run["drive_current"], instants, time)
+        driving = np.where(made.sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+        currents = np.where(np.isnan(made), currents, driving * made)
     squeezed = _sampled(run["object_force"], instants, time)[0]
     dataset = xr.Dataset(
         {

@@ -29,12 +29,16 @@ from turnout.machine.compute.places import (
     RAIL_STEP,
     RAIL_TIME,
     ROD_FORCE,
+    ROD_STIFFNESS,
     SHARED_DROP,
+    VOLTAGE,
 )
 
 SWEEPS = 40
 FORCE_ROUNDING = 1e-9
-"""Change of a rod force from sweep to sweep, as a share of it or of 1 N, that ends them."""
+"""Error of a rod force that is overlooked, as a share of it and 1 N together."""
+VOLTAGE_ROUNDING = 1e-9
+"""Error of what the others take from a shared supply, as a share of its voltage."""
 
 
 class Machines(NamedTuple):
@@ -124,9 +128,7 @@ def try_machines(
         for k in range(state.shape[1]):
             trial[number, k] = state[number, k]
     for _ in range(SWEEPS):
-        change = 0.0
         for number in range(count):
-            before = trial[number, ROD_FORCE]
             rail = room.rails[number]
             rail[ONE_MASS] = 0.0
             rail[RAIL_START], rail[RAIL_START_SPEED] = start[number], speed[number]
@@ -149,11 +151,26 @@ def try_machines(
             )
             if code != CONVERGED:
                 return code
-            after = trial[number, ROD_FORCE]
-            change = max(change, abs(after - before) / (1.0 + abs(after)))
-        if count == 1 or change <= FORCE_ROUNDING:
+        if _agree(machines, trial, free, compliance, room.rails):
             return CONVERGED
     return NOT_CONVERGED
+
+
+@compiled_part
+def _agree(
+    machines: Machines, trial: Floats, free: Floats, compliance: Floats, rails: Floats
+) -> bool:
+    """Tell whether each machine was solved with what the others came to."""
+    for number in range(trial.shape[0]):
+        moved = free[number] + _others_move(compliance, trial, number) - rails[number, RAIL_FREE]
+        error = machines.constants[number, ROD_STIFFNESS] * abs(moved)
+        if not error <= FORCE_ROUNDING * (1.0 + abs(trial[number, ROD_FORCE])):
+            return False
+        drop = machines.shared_resistance * _others_current(trial, number)
+        error = abs(drop - trial[number, SHARED_DROP])
+        if not error <= VOLTAGE_ROUNDING * machines.constants[number, VOLTAGE]:
+            return False
+    return True
 
 
 @compiled

@@ -1,0 +1,151 @@
+"""The machines of a panel's drives, fitted to them and arranged for the kernels.
+
+Stroke, over-travels, rod stiffness and schedule are the drive's and the panel's; motor, clutch,
+gear and circuit are the machine's. A machine counts its rod position from home, the closed position
+without over-travel; its input is that position from the stress-free one of the rail.
+
+A command is given at the onset of a movement, later by the drive's `extra_time`: the supply does
+not know how long a marker was meant to take, and a machine that starts later is nearer to what the
+`extra_time` of a measured drive stands for than one with another gear.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.machine.compute import places as at
+from turnout.machine.records import Machine
+from turnout.machine.rows import machine_row, start_state, stroke_table
+from turnout.machine.steady import shaft_travel
+from turnout.mechanism.mechanism import DriveMachines, LawIndex
+from turnout.panel.markers import marker_offsets, ordered_movements
+from turnout.panel.model import Panel
+from turnout.panel.records import Drive
+
+Floats = NDArray[np.float64]
+
+
+def fitted_machine(panel: Panel, name: str) -> Machine:
+    """Return the machine of a drive with the drive's rod, limit contacts and travel.
+
+    Parameters
+    ----------
+    panel : Panel
+        A checked panel.
+    name : str
+        A drive that has a machine.
+
+    Returns
+    -------
+    Machine
+        A crank or table covers stroke and over-travels, whatever its own length. Limit contacts
+        that the machine gives itself are kept.
+    """
+    drive = panel.drive[name]
+    machine = panel.machine[drive.machine or ""]
+    closed, opened = drive.over_travel_closed, -(drive.stroke + drive.over_travel_open)
+    circuit, stroke = machine.circuit, machine.stroke
+    limits = {"limit_closing": closed - circuit.overrun, "limit_opening": opened + circuit.overrun}
+    given = {key: value for key in limits if (value := getattr(circuit, key)) is not None}
+    changed = {
+        "rod": machine.rod.model_copy(update={"stiffness": drive.stiffness}),
+        "circuit": circuit.model_copy(update=limits | given),
+    }
+    if stroke.kind != "screw":
+        travel = {"start": opened, "length": closed - opened}
+        changed["stroke"] = stroke.model_copy(update=travel)
+    return machine.model_copy(update=changed)
+
+
+def slip_force(panel: Panel, name: str) -> float:
+    """Return the force at which a drive slips: its clutch's in mid-stroke, or as the panel says.
+
+    Parameters
+    ----------
+    panel : Panel
+    name : str
+        Of the drive.
+
+    Returns
+    -------
+    float
+        [N]. A standing gear may hold more, up to this over the gear's efficiencies both ways.
+    """
+    drive = panel.drive[name]
+    if drive.machine is None:
+        return drive.saturation_force
+    machine = fitted_machine(panel, name)
+    level = machine.clutch.torque * (1.0 - machine.clutch.worn)
+    return level * machine.gear.efficiency / shaft_travel(machine)
+
+
+def command_times(panel: Panel, name: str) -> Floats:
+    """Return when a drive is commanded, and where to: time [s], 1 closing or -1 opening.
+
+    Parameters
+    ----------
+    panel : Panel
+    name : str
+        Of the drive.
+    """
+    rows = [
+        (
+            movement.start + movement.extra_time.get(name, 0.0),
+            1.0 if movement.to == "closed" else -1,
+        )
+        for _, movement in ordered_movements(panel)
+    ]
+    return np.array(rows, dtype=np.float64).reshape(len(rows), 2)
+
+
+def drive_machines(panel: Panel, index: LawIndex) -> DriveMachines | None:
+    """Return the machines of a panel's drives; None where all are markers.
+
+    Parameters
+    ----------
+    panel : Panel
+        A checked panel.
+    index : LawIndex
+        With the laws of the drives.
+    """
+    names = tuple(name for name, drive in panel.drive.items() if drive.machine is not None)
+    if not names:
+        return None
+    records = tuple(fitted_machine(panel, name) for name in names)
+    inputs = [number for number, name in enumerate(panel.drive) if name in names]
+    constants = [machine_row(machine) for machine in records]
+    starts = [_start(panel, panel.drive[name]) for name in names]
+    states = [start_state(*item) for item in zip(records, constants, starts, strict=True)]
+    return DriveMachines(
+        names=names,
+        records=records,
+        inputs=np.array(inputs, dtype=np.int64),
+        laws=np.array([index.drive[name] for name in names], dtype=np.int64),
+        constants=np.array(constants),
+        tables=_stacked([stroke_table(machine.stroke)[:-1] for machine in records], more=1),
+        commands=_stacked([command_times(panel, name) for name in names]),
+        shared_resistance=records[0].supply.shared_resistance,
+        start=np.array(states),
+        shift=marker_offsets(panel)[inputs] - np.array([s[at.ROD_POSITION] for s in states]),
+        lock_gap=np.array([_or_inf(machine.circuit.lock_gap) for machine in records]),
+    )
+
+
+def _start(panel: Panel, drive: Drive) -> float:
+    """Return where the rod of a machine stands at t = 0, from home [m]."""
+    return -drive.stroke if panel.schedule.starts == "open" else 0.0
+
+
+def _or_inf(value: float | None) -> float:
+    return math.inf if value is None else value
+
+
+def _stacked(tables: list[Floats], *, more: int = 0) -> Floats:
+    """Stack tables of different lengths; what fills them up begins at infinity."""
+    most = max(len(table) for table in tables) + more
+    filled = np.zeros((len(tables), most, tables[0].shape[1]))
+    filled[:, :, 0] = math.inf
+    for whole, table in zip(filled, tables, strict=True):
+        whole[: len(table)] = table
+    return filled

@@ -1,0 +1,266 @@
+"""Channels of the drives that are machines: current, power, clutch, state, energies, throw times.
+
+Rows of drives that are markers are NaN, and none of these channels is made where all are.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.integrate.driven import MachineHistory
+from turnout.integrate.run import History
+from turnout.machine.compute import places as at
+from turnout.machine.rows import supply_voltage
+from turnout.machine.steady import shaft_travel
+from turnout.mechanism.machines import command_times
+from turnout.panel.markers import movement_time
+from turnout.panel.model import Panel
+from turnout.response.route import Throw, throws
+from turnout.response.signals import Variable
+
+Floats = NDArray[np.float64]
+
+OFF, ON, SLIPS, HELD = range(4)
+"""Values of `drive_state`."""
+LEAST_SLIP = 1e-4
+"""Slip of a clutch on one command, as travel of the rod, that is overlooked: a lock that opens
+under load lets the rod throw the gear back by less than its backlash [m]."""
+SLIP_ROUNDING = 1e-6
+"""From one stored instant to the next [rad]."""
+LEAST_MOVE = 1e-4
+"""A rod that moved by less while its motor was on never moved [m]."""
+_ENERGIES = {
+    "energy_copper": ("copper", "field"),
+    "energy_line": ("line",),
+    "energy_brush": ("brush",),
+    "energy_motor_friction": ("motor friction",),
+    "energy_gear": ("gear",),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Duty:
+    """What a machine did on one command.
+
+    Attributes
+    ----------
+    drive : str
+    to : str
+        "open" or "closed".
+    command, on, off, rest : float
+        Command, contactor closed, motor off, gear at rest [s]; NaN where it did not come to that.
+    outcome : str
+        "limit", "time-out", "overload"; "reversed" by the next command; "moving" where the motor
+        was still on at the end; "stalled" where the rod never moved and no limit contact opened.
+    """
+
+    drive: str
+    to: str
+    command: float
+    on: float
+    off: float
+    rest: float
+    outcome: str
+
+
+def duties(panel: Panel, history: History) -> tuple[Duty, ...]:
+    """Return what every machine did on every command that it was given."""
+    machines = history.machines
+    if machines is None:
+        return ()
+    return tuple(
+        duty for number in range(len(machines.names)) for duty in _duties(panel, machines, number)
+    )
+
+
+def _duties(panel: Panel, machines: MachineHistory, number: int) -> list[Duty]:
+    name, events = machines.names[number], machines.events[number]
+    state, time = machines.states[:, number], machines.time
+    ons = [place for place, (_, text) in enumerate(events) if text == "on"]
+    found = []
+    for (command, direction), first, last in zip(
+        command_times(panel, name), ons, [*ons[1:], None], strict=False
+    ):
+        after = events[first:last]
+        on = after[0][0]
+        offs = [(t, text) for t, text in after if text.startswith("off ")]
+        unended = (events[last][0], "off reversed") if last else (np.nan, "off moving")
+        off, how = offs[0] if offs else unended
+        held = [t for t, text in after if text == "locked" and t >= off]
+        stands = (time >= off) & (state[:, at.GEAR_SPEED] == 0.0)
+        rest = held[0] if held else next(iter(time[stands]), np.nan)
+        inside = state[(time >= on) & ~(time > off), at.ROD_POSITION]
+        moved = float(np.ptp(inside)) if inside.size else 0.0
+        stays = moved < LEAST_MOVE and how != "off limit"
+        outcome = "stalled" if stays else how.removeprefix("off ")
+        to = "closed" if direction > 0 else "open"
+        found.append(Duty(name, to, float(command), on, float(off), float(rest), outcome))
+    return found
+
+
+def moved_throws(panel: Panel, history: History) -> tuple[Throw, ...]:
+    """Return the movements with the times at which their last drive came to rest."""
+    made = duties(panel, history)
+    if history.machines is None:
+        return throws(panel)
+    found = []
+    for throw in throws(panel):
+        movement = panel.movement[throw.name]
+        ends = []
+        for name, drive in panel.drive.items():
+            if drive.machine is None:
+                ends.append(movement.start + movement_time(movement, name))
+                continue
+            begins = movement.start + movement.extra_time.get(name, 0.0)
+            own = [d.rest for d in made if d.drive == name and abs(d.command - begins) < 1e-9]
+            ends.append(own[0] if own and not np.isnan(own[0]) else np.inf)
+        last = max(panel.schedule.end, float(history.time[-1]) if history.time.size else 0.0)
+        found.append(replace(throw, end=min(max(ends), throw.until, last + 1.0)))
+    return tuple(found)
+
+
+def duty_records(made: Sequence[Duty]) -> str:
+    """Return what the machines did as JSON text, for the attributes of a dataset."""
+    return json.dumps(
+        [
+            {
+                "drive": duty.drive,
+                "to": duty.to,
+                "outcome": duty.outcome,
+                "on": duty.on,
+                "off": None if np.isnan(duty.off) else duty.off,
+            }
+            for duty in made
+        ]
+    )
+
+
+def machine_signals(panel: Panel, history: History) -> dict[str, Variable]:
+    """Return the channels of machines; none where all drives are markers.
+
+    `drive_slipping` is not among them, see `machine_slips`.
+    """
+    machines = history.machines
+    if machines is None:
+        return {}
+    state, made = machines.states, duties(panel, history)
+
+    def of_drives(values: Floats) -> Variable:
+        found = np.full((len(panel.drive), values.shape[0]), np.nan)
+        found[machines.inputs] = values.T
+        return ("drive", "time"), found
+
+    voltage, lead = state[:, :, at.SUPPLIED], state[:, :, at.CURRENT]
+    field = state[:, :, at.ENERGISED] * machines.constants[:, at.FIELD_POWER]
+    power = voltage * lead + field
+    rated = np.array([supply_voltage(machine) for machine in machines.records])
+    places = [machine.circuit.measured_current for machine in machines.records]
+    current = np.where(np.array(places) == "supply", power / rated, lead)
+    return {
+        "drive_current": of_drives(current),
+        "drive_voltage": of_drives(voltage),
+        "drive_power": of_drives(power),
+        "motor_speed": of_drives(state[:, :, at.SPEED]),
+        "clutch_slip": of_drives(state[:, :, at.SLIP]),
+        "clutch_heat": of_drives(machines.sums(at.CLUTCH)),
+        "drive_state": _states(panel, machines),
+        "throw_time": _throw_times(panel, made),
+    }
+
+
+def _clutch_slips(machines: MachineHistory) -> NDArray[np.bool_]:
+    """Return whether each clutch slips, beyond what is overlooked, shape (n, n_times)."""
+    found = np.zeros((len(machines.names), machines.time.size), dtype=np.bool_)
+    for number, (machine, events) in enumerate(zip(machines.records, machines.events, strict=True)):
+        slip, travel = machines.states[:, number, at.SLIP], shaft_travel(machine)
+        ons = [time for time, text in events if text == "on"]
+        first = np.maximum(np.searchsorted(machines.time, ons, side="right") - 1, 0)
+        begun = np.searchsorted(ons, machines.time, side="right") - 1
+        before = np.where(begun >= 0, slip[first[begun]] if ons else 0.0, 0.0)
+        goes_on = np.abs(np.diff(slip, prepend=slip[:1])) > SLIP_ROUNDING
+        found[number] = goes_on & (np.abs(slip - before) * travel > LEAST_SLIP)
+    return found
+
+
+def machine_slips(panel: Panel, history: History, flags: NDArray[np.bool_]) -> None:
+    """Put the clutches in the place of saturation forces, where drives are machines.
+
+    A machine that was switched off before its limit contact stays marked until its next throw: its
+    end position is not proved, as that of a drive which rests at its saturation force.
+
+    Parameters
+    ----------
+    flags : ndarray of bool, shape (n_drives, n_times)
+        `drive_slipping`; rows of machines are written.
+    """
+    machines = history.machines
+    if machines is None:
+        return
+    flags[machines.inputs] = _clutch_slips(machines)
+    rows = dict(zip(machines.names, machines.inputs, strict=True))
+    made = duties(panel, history)
+    for duty in made:
+        if duty.outcome == "limit" or np.isnan(duty.off):
+            continue
+        later = [d.on for d in made if d.drive == duty.drive and d.on > duty.on]
+        until = min(later, default=np.inf)
+        flags[rows[duty.drive]] |= (history.time >= duty.off) & (history.time < until)
+
+
+def _states(panel: Panel, machines: MachineHistory) -> Variable:
+    state = machines.states
+    value = np.where(state[:, :, at.ENERGISED] > 0.0, ON, OFF)
+    value = np.where((state[:, :, at.LOCKED] > 0.0) & (value == OFF), HELD, value)
+    value[_clutch_slips(machines).T & (value == ON)] = SLIPS
+    found = np.full((len(panel.drive), value.shape[0]), -1, dtype=np.int64)
+    found[machines.inputs] = value.T
+    return ("drive", "time"), found
+
+
+def _throw_times(panel: Panel, made: Sequence[Duty]) -> Variable:
+    """Return from contactor to cut-off of the last throw in each direction, opening first."""
+    names = list(panel.drive)
+    found = np.full((len(names), 2), np.nan)
+    for duty in made:
+        found[names.index(duty.drive), int(duty.to == "closed")] = duty.off - duty.on
+    return ("drive", "direction"), found
+
+
+def machine_energies(history: History, channels: dict[str, Variable]) -> dict[str, Variable]:
+    """Return the energies of all machines together, and the books of rails and machines as one.
+
+    Parameters
+    ----------
+    history : History
+    channels : dict
+        From `energy_channels`, of the rails.
+
+    Returns
+    -------
+    dict
+        Supply = copper + line + brush + motor friction + gear + clutch heat + work of the rods +
+        what the machines store + what the schemes lose.
+    """
+    machines = history.machines
+    if machines is None:
+        return {}
+    losses = machines.losses
+
+    def total(values: Floats) -> Variable:
+        return ("time",), np.asarray(values.sum(axis=1))
+
+    found = {
+        name: total(np.sum([losses[part] for part in parts], axis=0))
+        for name, parts in _ENERGIES.items()
+    }
+    numerical, residual = channels["energy_numerical"][1], channels["energy_residual"][1]
+    return found | {
+        "energy_supply": total(machines.sums(at.SUPPLY, at.HAND)),
+        "energy_machine": total(machines.stored),
+        "work_rods": total(machines.given),
+        "energy_numerical": (("time",), numerical + machines.numerical.sum(axis=1)),
+        "energy_residual": (("time",), residual - machines.residual.sum(axis=1)),
+    }
