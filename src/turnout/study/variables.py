@@ -101,7 +101,7 @@ def read_together(found: Found, record: TogetherRecord, *, where: str) -> None:
 def _variable(found: Found, record: VariableRecord, *, where: str) -> Variable | None:
     """Find what a record varies, and note it under its name."""
     try:
-        kind = kind_of(found.panel, record.key)
+        kind = kind_of(found.panel, record.key, factor=record.factor)
     except ValueError as error:
         found.note(where, f'.key = "{record.key}": {error}')
         return None
