@@ -8,6 +8,7 @@ import typer
 from turnout.cli import (
     calibrate,
     campaign,
+    limit,
     machine,
     panel,
     recording,
@@ -34,6 +35,7 @@ app.command("import")(recording.import_command)
 app.command("report")(report.report_command)
 app.command("calibrate")(calibrate.calibrate_command)
 app.command("validate")(validate.validate_command)
+app.command("limit")(limit.limit_command)
 app.command("studio")(studio.studio_command)
 app.add_typer(panel.app, name="panel")
 app.add_typer(machine.app, name="machine")
