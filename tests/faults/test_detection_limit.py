@@ -17,7 +17,7 @@ from turnout.errors import TurnoutError
         (["--history", "-1"], "history = -1"),
         (["--kernel", "cubic"], 'kernel = "cubic": allowed are exponential, matern 3/2'),
         (["-o", "map.txt"], "the name must end in .nc"),
-        (["sb1"], "matches nothing in this panel"),
+        (["sb1"], "panel sb1 has no rail.fit_gap.value, which the reference case varies"),
     ],
 )
 def test_bad_input_is_refused_before_anything_is_thrown(

@@ -95,7 +95,9 @@ def limit_command(
     else:
         _print(found)
     if out is not None:
-        write_and_report(out, bytes(found.to_netcdf(engine="h5netcdf")))
+        from turnout.response.store import response_bytes
+
+        write_and_report(out, response_bytes(found))
     if plot is not None:
         from turnout.plot.limit import plot_limit
         from turnout.plot.style import rendered

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
 from turnout.study.study import Study, load_study
+from turnout.study.variable import values_at
 
 STUDY = "detection-reference"
 
@@ -106,8 +107,25 @@ def reference_study(panel: LoadedPanel | None = None, *, count: int | None = Non
     """
     study = load_study(STUDY)
     if panel is not None:
-        study = replace(study, panel=panel)
+        study = replace(study, panel=_fitting(panel, study))
     return study if count is None else replace(study, design=replace(study.design, draws=count))
+
+
+def _fitting(panel: LoadedPanel, study: Study) -> LoadedPanel:
+    """Return a panel that has all that the population varies, or refuse it."""
+    keys = [*(item.key for item in study.variables.values()), *(item.key for item in study.fields)]
+    lacking = []
+    for key in dict.fromkeys(keys):
+        try:
+            found = key == TEMPERATURE or bool(values_at(panel, key))
+        except (AttributeError, KeyError, TypeError):
+            found = False
+        if not found:
+            lacking.append(f"panel {panel.name} has no {key}, which the reference case varies")
+    if lacking:
+        lacking.append(f"take a panel such as {study.panel.name}, or a calibration of it")
+        raise StudyError(lacking, source=STUDY)
+    return panel
 
 
 def switch_inputs(study: Study) -> tuple[str, ...]:

@@ -187,7 +187,6 @@ def throw_all(
     """
     whole = reference_study(panel, count=sound)
     first = reference_study(panel, count=states)
-    whole.panel.with_overrides(dict(whole.scenario(0).overrides))  # a panel without these values
     folder.mkdir(parents=True, exist_ok=True)
 
     def run(study: Study, name: str) -> xr.Dataset:
