@@ -16,7 +16,7 @@ PLACES = {"sleeper 6": (0.5e-3, 12e-3)}
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two states: sound, with gaps kept, and with an object that is too thin and one that is not."""
+    """Two states: sound, with gaps kept, and with objects too thin and thick enough."""
     place, study = tmp_path_factory.mktemp("limit"), reference_study(count=2)
     run_sweep(study, place / "sound")
     run_sweep(floor_study(study), place / "floor")

@@ -6,9 +6,10 @@ from dataclasses import asdict
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
+from turnout.core.threads import one_blas_thread
 from turnout.detection.bound import (
-    detection_index,
     predictive_covariances,
     probability_of_detection,
 )
@@ -61,6 +62,11 @@ def limit_map(throws: Throws, conditions: Conditions, *, closing: float) -> xr.D
         `touch_floor` over place. A size beyond the largest that was thrown at a place counts as
         that one, and an a90 beyond it is NaN.
     """
+    with one_blas_thread():
+        return _limit_map(throws, conditions, closing=closing)
+
+
+def _limit_map(throws: Throws, conditions: Conditions, *, closing: float) -> xr.Dataset:
     means = window_means(throws.time, closing=closing)
     drives = len(throws.amplitude)
     models = local_models(
@@ -89,7 +95,7 @@ def limit_map(throws: Throws, conditions: Conditions, *, closing: float) -> xr.D
         channels[f"drive {number + 1}"] = np.arange(len(means)) + number * len(means)
     pod = np.stack(
         [
-            _detected(signatures[..., used], on_sizes, covariances, nearest, used, conditions)
+            _detected(signatures, on_sizes, covariances, nearest, used, conditions)
             for used in channels.values()
         ]
     )
@@ -140,18 +146,18 @@ def _detected(
     conditions: Conditions,
 ) -> Floats:
     """Return the probability of detection, shape (n_states, n_places, n_sizes)."""
-    roots = [np.linalg.cholesky(item[np.ix_(used, used)]) for item in covariances]
+    lower = [np.linalg.cholesky(item[np.ix_(used, used)]) for item in covariances]
+    roots = [solve_triangular(item, np.eye(len(used)), lower=True).T for item in lower]
     found = []
     for state, row in enumerate(on_sizes):
         root = roots[nearest[state]]
         each = []
         for place, weights in enumerate(row):
-            known = np.isfinite(signatures[state, place]).all(axis=-1)
-            white = np.zeros_like(signatures[state, place])
-            if known.any():
-                white[known] = np.linalg.solve(root, signatures[state, place][known].T).T
-            whole = detection_index(weights @ white, np.eye(len(used)))
-            each.append(whole)
+            known = np.isfinite(signatures[state, place][:, used]).all(axis=-1)
+            white = np.where(known[:, np.newaxis], signatures[state, place][:, used], 0.0) @ root
+            gram = white @ white.T
+            squared = np.einsum("ni,ij,nj->n", weights, gram, weights)
+            each.append(np.sqrt(np.maximum(squared, 0.0)))
         found.append(each)
     return probability_of_detection(np.array(found), false_alarm_rate=conditions.false_alarm_rate)
 
