@@ -1,6 +1,6 @@
 """Where the work of the drives goes: almost all of it into the friction of the chairs.
 
-The books close to rounding; what the time stepping loses is a millionth of the whole.
+The energy residual is rounding error; numerical dissipation is small beside the total.
 """
 
 import turnout

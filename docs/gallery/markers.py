@@ -1,4 +1,4 @@
-"""What the drives are told to do: the markers at the far ends of their rods.
+"""Prescribed motion of the drives: the markers at the far ends of their rods.
 
 They begin and end beyond the closed position: that over-travel is the closing force. Drive 2 takes
 0.2 s longer to come home than Drive 1.

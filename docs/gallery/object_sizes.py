@@ -1,6 +1,6 @@
 """Drive forces by object size at sleeper 6: the larger the object, the sooner and the higher.
 
-5 mm cannot be told from nothing; 13 mm adds 0.82 kN at Drive 2; at 31 mm the drive slips.
+5 mm changes nothing; 13 mm adds 0.82 kN at Drive 2; at 31 mm the drive slips.
 """
 
 import turnout

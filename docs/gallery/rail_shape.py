@@ -1,4 +1,4 @@
-"""A 13 mm object half-way between the drives bows the rail, and no control contact tells.
+"""A 13 mm object half-way between the drives bows the rail, and no control contact detects it.
 
 The rail lies 12.97 mm open at the contact TKK1, whose limit is 13 mm: the switch is in control and
 locked.

@@ -1,18 +1,37 @@
-"""Take the pictures of the studio that the documentation shows: python -m tests.browser.make."""
+"""Take the pictures of studio and report in the documentation: python -m tests.browser.make."""
 
+import tempfile
 from pathlib import Path
 
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Browser, sync_playwright
 from tests.browser.conftest import ARGUMENTS, chromium, opened
 from tests.unit.served import served
 
+import turnout
 from turnout.panel.load import load_panel
+from turnout.report.inputs import panel_of
+from turnout.report.page import page_html
+from turnout.report.run import run_page
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 
 
+def make_report(browser: Browser) -> None:
+    """Write docs/figures/report.png: the head of the report of 13 mm at sleeper 6."""
+    trapped = turnout.ForeignObject(size=0.013, at="sleeper 6")
+    dataset = turnout.simulate(turnout.load_panel("uic60-760-1-15"), foreign_object=trapped)
+    page = browser.new_page(viewport={"width": 1280, "height": 720})
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "report.html"
+        report = run_page(dataset, panel=panel_of(dataset.attrs))
+        file.write_text(page_html(report), encoding="utf-8")
+        page.goto(file.as_uri())
+        page.wait_for_timeout(2000)
+        page.screenshot(path=FIGURES / "report.png")
+
+
 def make() -> None:
-    """Write docs/figures/studio.png and studio_space.png, of the default panel."""
+    """Write docs/figures/studio.png, studio_space.png and report.png, of the default panel."""
     with served(load_panel("uic60-760-1-15")) as client, sync_playwright() as started:
         client.enter()
         browser = started.chromium.launch(executable_path=chromium(), args=ARGUMENTS)
@@ -24,10 +43,11 @@ def make() -> None:
             screen.set("object.size", 18)
             page.wait_for_timeout(500)
             page.screenshot(path=FIGURES / "studio.png")
-            page.get_by_role("slider", name="Time", exact=True).fill("95")
+            page.get_by_role("slider", name="Time", exact=True).fill("86")
             page.get_by_role("tab", name="3-D").click()
             page.wait_for_timeout(3000)
             page.screenshot(path=FIGURES / "studio_space.png")
+        make_report(browser)
         browser.close()
 
 

@@ -69,6 +69,9 @@ ALLOWED: dict[str, set[str]] = {
         *("errors", "scheme", "core", "schema", "panel", "mechanism", "integrate"),
         *("response", "measurement", "metric", "study"),
     },
+    "detection": {
+        *("errors", "core", "schema", "panel", "response", "study", "sweep"),
+    },
     "validation": {
         *("errors", "scheme", "core", "schema", "panel", "response", "measurement"),
         *("metric", "calibration"),
@@ -109,8 +112,8 @@ ALLOWED: dict[str, set[str]] = {
             "response",
         ),
         *("measurement",),
-        *("metric", "analysis", "virtual", "calibration", "study", "sweep", "validation"),
-        *("plot", "report", "web"),
+        *("metric", "analysis", "virtual", "calibration", "study", "sweep", "detection"),
+        *("validation", "plot", "report", "web"),
     },
     "__main__": {"cli"},
 }
@@ -118,7 +121,7 @@ ALLOWED: dict[str, set[str]] = {
 # Slow to load, or a matter of one layer only: who may import it, at any depth of a file.
 FACES = {
     *("schema", "response", "measurement", "metric", "analysis", "virtual", "calibration"),
-    *("study", "sweep", "validation", "plot", "report", "api", "web", "cli"),
+    *("study", "sweep", "detection", "validation", "plot", "report", "api", "web", "cli"),
 }
 HEAVY: dict[str, set[str]] = {
     "xarray": FACES,

@@ -33,9 +33,9 @@ def ended(*, locked: bool, control: bool, touched: bool | None = None) -> xr.Dat
     [
         (ended(locked=True, control=True), "good", "Locked and in control", "nothing is trapped"),
         (ended(locked=False, control=True), "bad", "Not locked", "nothing is trapped, yet"),
-        (ended(locked=True, control=True, touched=True), "bad", "Object NOT noticed", "13 mm at s"),
-        (ended(locked=False, control=True, touched=True), "good", "Object noticed", "not locked"),
-        (ended(locked=True, control=False, touched=True), "good", "Object noticed", "not in con"),
+        (ended(locked=True, control=True, touched=True), "bad", "Undetected object", "13 mm at s"),
+        (ended(locked=False, control=True, touched=True), "good", "Object detected", "not locked"),
+        (ended(locked=True, control=False, touched=True), "good", "Object detected", "not in con"),
         (ended(locked=True, control=True, touched=False), "look", "Object never touched", "locked"),
     ],
 )

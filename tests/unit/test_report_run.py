@@ -31,7 +31,7 @@ def test_it_is_one_small_file_that_names_no_address(html: str) -> None:
 
 def test_it_says_first_what_matters(html: str) -> None:
     words = html[html.index("<body>") :]
-    assert words.index("Object NOT noticed") < words.index("Locked?") < words.index("class='chart'")
+    assert words.index("Undetected object") < words.index("Locked?") < words.index("class='chart'")
 
 
 def test_every_figure_is_there_as_data_and_as_files(html: str) -> None:

@@ -247,7 +247,7 @@ numbers of the middle column.
   of it by rolling: nothing without an object, below 1 % with one.
 - **Dashpots** change end forces by 0.2 %. They are there against flutter: without them complex
   modes of the sliding rails grow, at 132 Hz and with 1.6 1/s at friction 0.4 (25 1/s at 0.5). That
-  is too slow to be seen in the end forces of one throw; `turnout panel check` tells it.
+  is too slow to be seen in the end forces of one throw; `turnout panel check` warns of it.
 - **Curve.** The rails of the diverging route are curved in their stress-free state. Between chairs
   0.6 m apart an arc of 760 m rises by 0.06 mm, so the weight hardly hangs off the line of the
   feet; over the length between the drives the arc turns by 9 mrad, which is the share of a bending

@@ -11,6 +11,7 @@ from typer.core import TyperCommand
 from turnout.cli import (
     calibrate,
     campaign,
+    limit,
     machine,
     panel,
     recording,
@@ -44,6 +45,9 @@ app.command("calibrate", short_help="Fit friction and drives to a measured campa
 )
 app.command("validate", short_help="Predict a campaign and judge the errors.")(
     validate.validate_command
+)
+app.command("limit", short_help="Show what the drives can detect: places, sizes, blind zones.")(
+    limit.limit_command
 )
 app.command("studio", short_help="Open an interactive page that runs locally.")(
     studio.studio_command

@@ -40,7 +40,7 @@ class Finding:
 
 
 def findings(dataset: xr.Dataset) -> list[Finding]:
-    """Return what a run says, the answer to "was the object noticed?" first.
+    """Return what a run says, the answer to "was the object detected?" first.
 
     Parameters
     ----------
@@ -108,8 +108,8 @@ def _outcome(dataset: xr.Dataset) -> list[Finding]:
     if "object_touched" in dataset and not dataset["object_touched"]:
         return [Finding("look", HEADLINE, "Object never touched", f"{what}; {state}")]
     if tells:
-        return [Finding("good", HEADLINE, "Object noticed", f"{what}; the switch is {state}")]
-    return [Finding("bad", HEADLINE, "Object NOT noticed", f"{what}, yet the switch is {state}")]
+        return [Finding("good", HEADLINE, "Object detected", f"{what}; the switch is {state}")]
+    return [Finding("bad", HEADLINE, "Undetected object", f"{what}, yet the switch is {state}")]
 
 
 def _refusal(locked: bool | None, control: bool | None) -> str:

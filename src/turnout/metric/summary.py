@@ -313,8 +313,8 @@ def _energy(dataset: xr.Dataset) -> list[tuple[str, str]]:
     lines = [
         (
             "energy",
-            f"books close to {residual_share(dataset):.1e} of {scale:.3g} J; "
-            f"the scheme itself lost {numerical_share(dataset):.1e} of it",
+            f"residual {residual_share(dataset):.1e} of {scale:.3g} J; "
+            f"numerical dissipation {numerical_share(dataset):.1e} of it",
         )
     ]
     warning = numerical_warning(dataset)

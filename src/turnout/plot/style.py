@@ -9,6 +9,7 @@ import xarray as xr
 
 from turnout.errors import FileError
 from turnout.metric.summary import format_overrides
+from turnout.metric.verdict import verdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,6 +82,7 @@ def title_of(dataset: xr.Dataset, compare: xr.Dataset | None = None) -> str:
         parts.append(f"NOT COMPLETE ({dataset.attrs.get('outcome', 'ended early')})")
     elif "locked" in dataset and dataset.sizes.get("time", 0):
         parts.append("locked" if dataset["locked"].values[-1] else "NOT locked")
+        parts.extend(["object not detected"] if verdict(dataset).missed else [])
     text = ", ".join(parts)
     if compare is not None:
         text += f"\ngrey: {_described(compare)}"

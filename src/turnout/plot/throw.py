@@ -267,6 +267,7 @@ def _saturation(ax: "Axes", dataset: xr.Dataset) -> None:
             va="top",
             color=GREY,
             fontsize=7,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0},
         )
 
 

@@ -87,8 +87,11 @@ def _read_number(value: object) -> float:
     return float(value)
 
 
-def value_kind(panel: LoadedPanel, key: str) -> Dimension | type:
+def value_kind(panel: LoadedPanel, key: str, *, factor: bool = False) -> Dimension | type:
     """Tell what the values of a key are; ValueError where nothing of that name can vary.
+
+    A list, such as the gaps of `rail.fit_gap.value`, can be multiplied as a whole by a factor, but
+    not be set.
 
     Examples
     --------
@@ -102,7 +105,7 @@ def value_kind(panel: LoadedPanel, key: str) -> Dimension | type:
         return TEMPERATURE
     path = tuple(key.split("."))
     info = field_at(path) if path[0] != "schema_version" else None
-    kind = _kind_of_field(info) if info is not None else None
+    kind = _kind_of_field(info, factor=factor) if info is not None else None
     if kind is None:
         names = [*OBJECT_KEYS, TEMPERATURE_KEY, *variable_keys(panel)]
         message = f"no value of this name can vary in panel {panel.name}{nearest(key, names)}"
@@ -110,15 +113,15 @@ def value_kind(panel: LoadedPanel, key: str) -> Dimension | type:
     return kind
 
 
-def _kind_of_field(info: Any) -> Dimension | type | None:
-    """Tell what a field takes; None where that is no single value."""
+def _kind_of_field(info: Any, *, factor: bool) -> Dimension | type | None:
+    """Tell what a field takes; None where that is no single value, nor a list to be multiplied."""
     forms = {typing.get_origin(form) or form for form in _alternatives(info.annotation)}
-    if forms & {list, tuple}:
-        return None
     dimension = dimension_of(info)
+    if forms & {list, tuple}:
+        return dimension if factor else None
     if dimension is not None:
         return dimension
-    if forms & {str, typing.Literal}:
+    if forms & {str, typing.Literal} and float not in forms:
         return str
     return next((kind for kind in (bool, float) if kind in forms), None)
 
@@ -205,13 +208,20 @@ def apply_factors(
         for full, own in values_at(panel, key).items():
             family, _, *below = full.split(".")
             broad = result.get(".".join((family, *below)), own)
-            changed[full] = float(result.get(full, broad)) * factor
+            changed[full] = _times(result.get(full, broad), factor)
         # One value for a whole family is written as one, unless a member has an own one already.
         alike = key not in changed and len(set(changed.values())) == 1
         if alike and not any(full in result for full in changed):
             changed = {key: next(iter(changed.values()))}
         result |= changed
     return result
+
+
+def _times(value: Any, factor: float) -> Any:
+    """Multiply a number, or each of a list."""
+    if isinstance(value, tuple):
+        return tuple(float(item) * factor for item in value)
+    return float(value) * factor
 
 
 def foreign_objects(by_key: Mapping[str, Value]) -> tuple[ForeignObject, ...]:

@@ -103,7 +103,7 @@ def read_together(parsed: ParsedStudy, record: TogetherRecord, *, where: str) ->
 def _add_variable(parsed: ParsedStudy, record: VariableRecord, *, where: str) -> Variable | None:
     """Find what a record varies, and note it under its name."""
     try:
-        kind = value_kind(parsed.panel, record.key)
+        kind = value_kind(parsed.panel, record.key, factor=record.factor)
     except ValueError as error:
         parsed.add_problem(where, f'.key = "{record.key}": {error}')
         return None

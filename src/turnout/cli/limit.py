@@ -1,0 +1,158 @@
+"""The command `turnout limit`: what can be seen of a trapped object from the drives, and where."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from turnout.cli.options import (
+    FIGURES,
+    CalibrationOption,
+    FigureOption,
+    PanelArgument,
+    check_outputs,
+    write_and_report,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import xarray as xr
+
+    from turnout.sweep.run import SweepProgress
+
+TEXTS = {"sound": "sound throws", "floor": "gaps", "objects": "throws with objects"}
+
+
+def limit_command(
+    panel: PanelArgument = None,
+    calibration: CalibrationOption = None,
+    discrepancy: Annotated[
+        float,
+        typer.Option("--discrepancy", help="Of model and switch, share of the peak force [-]."),
+    ] = 0.05,
+    far: Annotated[
+        float, typer.Option("--far", help="False-alarm rate, alarms a sound throw.")
+    ] = 1e-3,
+    history: Annotated[
+        int, typer.Option("--history", help="Sound throws known of the switch.")
+    ] = 0,
+    kernel: Annotated[
+        str, typer.Option("--kernel", help="Of the discrepancy: exponential or 'matern 3/2'.")
+    ] = "exponential",
+    states: Annotated[
+        int, typer.Option("--states", min=10, help="States thrown with objects at each place.")
+    ] = 200,
+    sound: Annotated[
+        int, typer.Option("--sound", min=400, help="Sound throws of the population.")
+    ] = 1500,
+    folder: Annotated[
+        Path,
+        typer.Option(
+            "--folder", metavar="DIR", help="Keeps the throws; the same command goes on with them."
+        ),
+    ] = Path("limit-throws"),
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE.nc", help="Write the map (netCDF).")
+    ] = None,
+    plot: FigureOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the table as JSON.")] = False,
+    workers: Annotated[
+        int, typer.Option("--workers", min=0, help="Processes; default one a core.")
+    ] = 0,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
+) -> None:
+    """Tell the smallest object that the drive forces can reveal at each place, whoever tries."""
+    check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
+    from turnout.cli.options import opened_panel
+    from turnout.cli.sweep import cores
+    from turnout.detection.limit import limit_map, rows_of
+    from turnout.detection.reference import Conditions
+    from turnout.detection.throws import closing_time, throw_all
+
+    conditions = Conditions(
+        discrepancy=discrepancy, false_alarm_rate=far, history=history, kernel=kernel
+    )
+    if discrepancy == 0.0:
+        text = "--discrepancy 0: no model is exact; the result is far too good"
+        typer.echo(f"turnout: {text}", err=True)
+    given = None
+    if panel is not None or calibration is not None:
+        given = opened_panel(panel, [], calibration)
+    throws = throw_all(
+        given,
+        folder,
+        sound=max(sound, states),
+        states=states,
+        workers=workers or cores(),
+        report=_watching(quiet=quiet),
+    )
+    found = limit_map(throws, conditions, closing=closing_time(given))
+    if as_json:
+        content = {"conditions": _plain(found.attrs), "places": rows_of(found)}
+        typer.echo(json.dumps(content, indent=2))
+    else:
+        _print(found)
+    if out is not None:
+        from turnout.response.store import response_bytes
+
+        write_and_report(out, response_bytes(found))
+    if plot is not None:
+        from turnout.plot.limit import plot_limit
+        from turnout.plot.style import rendered
+
+        write_and_report(plot, rendered(plot_limit(found), plot.suffix))
+
+
+def _watching(*, quiet: bool) -> "Callable[[str], Callable[[SweepProgress], None]]":
+    """Return what makes a watch for each sweep; a finished one takes its bar off the screen."""
+    from turnout.cli.sweep import SweepWatch
+
+    shown: list[SweepWatch] = []
+
+    def watch(name: str) -> "Callable[[SweepProgress], None]":
+        for before in shown:
+            before.__exit__()
+        shown[:] = [SweepWatch(TEXTS[name], quiet=quiet).__enter__()]
+
+        def report(state: "SweepProgress") -> None:
+            shown[0].report(state)
+            if state.done == state.total:
+                shown[0].__exit__()
+
+        return report
+
+    return watch
+
+
+def _plain(attributes: "dict[str, object]") -> "dict[str, object]":
+    return {
+        name: value.tolist() if hasattr(value, "tolist") else value
+        for name, value in attributes.items()
+    }
+
+
+def _print(found: "xr.Dataset") -> None:
+    from turnout.detection.limit import rows_of
+
+    said = found.attrs
+    typer.echo(
+        f"smallest size that the bound detects in 90 % of {said['states']} states "
+        f"(discrepancy {100 * said['discrepancy']:g} %, {said['history']} sound throws known, "
+        f"false-alarm rate {said['false_alarm_rate']:g}); optimistic: place and size are known"
+    )
+    channels = [str(name) for name in found["channel"].to_numpy()]
+    others = "".join(f"{name + ' alone':>16}" for name in channels[1:])
+    typer.echo(f"{'place':<12}{'x [m]':>7}{'touch floor':>13}{'a90 [mm]':>10}{'95 %':>15}{others}")
+    for row in rows_of(found):
+        cells = [_millimetres(row[name]) for name in ("a90", "a90_low", "a90_high")]
+        more = "".join(f"{_millimetres(row[f'a90, {name}']):>16}" for name in channels[1:])
+        typer.echo(
+            f"{row['place']:<12}{row['x']:>7.2f}{_millimetres(row['touch_floor']):>13}"
+            f"{cells[0]:>10}{cells[1] + ' ... ' + cells[2]:>15}{more}"
+        )
+
+
+def _millimetres(value: object) -> str:
+    return f"{1e3 * value:.1f}" if isinstance(value, float) else "beyond"

@@ -1,0 +1,154 @@
+r"""The linear-Gaussian bound: what no detector exceeds that is told place, size and signature.
+
+Of two normal distributions with the covariance :math:`C` whose means differ by :math:`s`, the best
+test (Neyman and Pearson 1933) detects, at a false-alarm rate :math:`\alpha`, the share
+
+.. math:: \Phi(d - z), \qquad d^2 = s^T C^{-1} s, \quad z = \Phi^{-1}(1 - \alpha)
+
+Real sound throws are not normal, and a detector does not know place and size: the bound is
+optimistic.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.stats import binom, norm
+
+from turnout.detection.population import Local
+
+Floats = NDArray[np.float64]
+
+
+def detection_index(signature: ArrayLike, covariance: Floats) -> Floats:
+    """Return :math:`d` of signatures, shape (...,) [-].
+
+    Parameters
+    ----------
+    signature : array_like, shape (..., n_features)
+        Change of the features that an object causes [N].
+    covariance : ndarray, shape (n_features, n_features)
+        Of the features without an object [N^2].
+
+    Examples
+    --------
+    >>> detection_index([3.0, 4.0], np.eye(2)).item()
+    5.0
+    """
+    given = np.asarray(signature, dtype=np.float64)
+    flat = given.reshape(-1, given.shape[-1])
+    solved = cho_solve(cho_factor(covariance), flat.T)
+    index = np.sqrt(np.einsum("ij,ji->i", flat, solved))
+    return np.asarray(index.reshape(given.shape[:-1]))
+
+
+def probability_of_detection(index: ArrayLike, *, false_alarm_rate: float) -> Floats:
+    """Return the share of throws that the best test detects [-].
+
+    Examples
+    --------
+    >>> probability_of_detection(0.0, false_alarm_rate=1e-3).round(6).item()
+    0.001
+    """
+    threshold = norm.isf(false_alarm_rate)
+    return np.asarray(norm.cdf(np.asarray(index, dtype=np.float64) - threshold))
+
+
+def predictive_covariances(
+    models: Sequence[Local],
+    *,
+    discrepancy: Floats,
+    noise: Floats,
+    fixed_share: float,
+    level_deviation: float,
+    history: int,
+) -> list[Floats]:
+    r"""Return the covariance of the next sound throw of a switch at each level.
+
+    Exact conditioning of the linear-Gaussian model: what is fixed for a switch,
+    :math:`(\theta, \delta)` with the fixed part of the discrepancy :math:`\delta`, has a normal
+    prior; each throw of the history, at friction levels spread as in the population, gives
+    :math:`y = m(l) + G(l)\,\theta + \delta + e`. Without a history it is the covariance of the
+    population at that level.
+
+    Parameters
+    ----------
+    models : sequence of Local
+        At levels that share the history evenly.
+    discrepancy, noise : ndarray, shape (n_features, n_features)
+        Covariances [N^2].
+    fixed_share : float
+        Of the variance of the discrepancy, fixed for a switch [-].
+    level_deviation : float
+        Standard deviation of a level beside what forces tell [-].
+    history : int
+        Sound throws that are known.
+
+    Returns
+    -------
+    list of ndarray, each of shape (n_features, n_features)
+        [N^2]
+    """
+    fixed = fixed_share * discrepancy
+    inputs = models[0].sensitivity.shape[1]
+    maps = [np.hstack([item.sensitivity, np.eye(len(discrepancy))]) for item in models]
+    own = [
+        item.within
+        + (1.0 - fixed_share) * discrepancy
+        + noise
+        + level_deviation**2 * np.outer(item.slope, item.slope)
+        for item in models
+    ]
+    prior = np.zeros((inputs + len(fixed), inputs + len(fixed)))
+    prior[:inputs, :inputs] = np.eye(inputs)
+    prior[inputs:, inputs:] = fixed
+    known = prior
+    if history:
+        share = history / len(models)
+        for way, error in zip(maps, own, strict=True):
+            known = conditioned(known, way=way, error=error / share)
+    found = [way @ known @ way.T + error for way, error in zip(maps, own, strict=True)]
+    return [0.5 * (item + item.T) for item in found]
+
+
+def conditioned(prior: Floats, *, way: Floats, error: Floats) -> Floats:
+    """Return the covariance of what is known after an observation (Kalman 1960).
+
+    Parameters
+    ----------
+    prior : ndarray, shape (n, n)
+        Covariance before.
+    way : ndarray, shape (m, n)
+        What is observed, of what is to be known.
+    error : ndarray, shape (m, m)
+        Covariance of the observation.
+
+    Examples
+    --------
+    >>> conditioned(np.eye(1), way=np.eye(1), error=np.eye(1)).tolist()
+    [[0.5]]
+    """
+    crossed = prior @ way.T
+    found = prior - crossed @ cho_solve(cho_factor(way @ crossed + error), crossed.T)
+    return np.asarray(0.5 * (found + found.T))
+
+
+def excess_over_bound(detected: int, throws: int, *, bound: float) -> float:
+    """Return how likely so many detections are where the bound holds: below 0.001 something is off.
+
+    Parameters
+    ----------
+    detected, throws : int
+        Of a detector, with objects.
+    bound : float
+        Probability of detection that cannot be exceeded [-].
+
+    Examples
+    --------
+    >>> excess_over_bound(50, 100, bound=0.5) > 0.4
+    True
+    >>> excess_over_bound(80, 100, bound=0.5) < 1e-6
+    True
+    """
+    return float(binom.sf(detected - 1, throws, bound))

@@ -1,0 +1,258 @@
+"""From paired throws to the map of what can be seen: probability of detection, a90, touch floor."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from turnout.core.threads import one_blas_thread
+from turnout.detection.bound import (
+    predictive_covariances,
+    probability_of_detection,
+)
+from turnout.detection.features import (
+    discrepancy_covariance,
+    features_of,
+    noise_covariance,
+    window_means,
+)
+from turnout.detection.floor import touch_floor, touched
+from turnout.detection.population import local_models
+from turnout.detection.reference import Conditions
+from turnout.detection.throws import Throws
+
+Floats = NDArray[np.float64]
+
+SIZE_STEP, LARGEST_SIZE = 0.1e-3, 25e-3
+"""Of the sizes at which the map is evaluated [m]."""
+WANTED = 0.9
+"""Probability of detection of the size a90 [-]."""
+RESAMPLES = 200
+UNITS = {
+    "pod": ("1", "probability of detection"),
+    "a90": ("m", "smallest size from which nine of ten objects are detected"),
+    "a90_low": ("m", "lower end of the 95 % interval of a90 over drawn states"),
+    "a90_high": ("m", "upper end of the 95 % interval of a90 over drawn states"),
+    "touch_floor": ("m", "size that is touched in nine of ten states"),
+    "largest_size": ("m", "largest size that was thrown"),
+    "x": ("m", "position from the toe"),
+    "size": ("m", "size of the object"),
+}
+
+
+def limit_map(throws: Throws, conditions: Conditions, *, closing: float) -> xr.Dataset:
+    """Return probability of detection over place and size, from both drives and from each alone.
+
+    Parameters
+    ----------
+    throws : Throws
+        From `throw_all`.
+    conditions : Conditions
+        Discrepancy, noise, history, rate of false alarms.
+    closing : float
+        When the last closing begins [s].
+
+    Returns
+    -------
+    xarray.Dataset
+        With `pod` over channel, place and size; `a90` with its interval over channel and place;
+        `touch_floor` over place. A size beyond the largest that was thrown at a place counts as
+        that one, and an a90 beyond it is NaN.
+    """
+    with one_blas_thread():
+        return _limit_map(throws, conditions, closing=closing)
+
+
+def _limit_map(throws: Throws, conditions: Conditions, *, closing: float) -> xr.Dataset:
+    means = window_means(throws.time, closing=closing)
+    drives = len(throws.amplitude)
+    models = local_models(
+        features_of(throws.sound, means), switch=throws.switch, level=throws.level
+    )
+    covariances = predictive_covariances(
+        models,
+        discrepancy=discrepancy_covariance(
+            throws.time, means, amplitude=throws.amplitude, conditions=conditions
+        ),
+        noise=noise_covariance(means, drives=drives, conditions=conditions),
+        fixed_share=conditions.fixed_share,
+        level_deviation=conditions.level_deviation,
+        history=conditions.history,
+    )
+    levels = np.array([item.level for item in models])
+    nearest = np.abs(throws.level[throws.states][:, np.newaxis] - levels).argmin(axis=1)
+    signatures = features_of(throws.change, means)
+    sizes = np.arange(0.0, LARGEST_SIZE + 0.5 * SIZE_STEP, SIZE_STEP)
+    on_sizes = [
+        [size_weights(sizes, throws.sizes[place], gap=gap) for place, gap in enumerate(row)]
+        for row in throws.gap
+    ]
+    channels = {"both drives": np.arange(drives * len(means))}
+    for number in range(drives):
+        channels[f"drive {number + 1}"] = np.arange(len(means)) + number * len(means)
+    pod = np.stack(
+        [
+            _detected(signatures, on_sizes, covariances, nearest, used, conditions)
+            for used in channels.values()
+        ]
+    )
+    return _dataset(throws, conditions, pod=pod, sizes=sizes, channels=list(channels))
+
+
+def size_weights(sizes: Floats, thrown: Floats, *, gap: float) -> Floats:
+    """Return how signatures of thrown sizes make up those of others, by straight lines.
+
+    At the gap of a sound closing the signature is zero, below it too.
+
+    Parameters
+    ----------
+    sizes : ndarray, shape (n,)
+        Wanted [m].
+    thrown : ndarray, shape (k,)
+        Rising [m].
+    gap : float
+        [m]
+
+    Returns
+    -------
+    ndarray, shape (n, k)
+        [-]
+
+    Examples
+    --------
+    >>> thrown = np.array([1.0, 2.0, 4.0])
+    >>> size_weights(np.array([1.0, 1.75, 3.0, 9.0]), thrown, gap=1.5).tolist()
+    [[0.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.5, 0.5], [0.0, 0.0, 1.0]]
+    """
+    kept = np.flatnonzero(thrown > gap)
+    found = np.zeros((sizes.size, thrown.size))
+    nodes = np.concatenate([[gap], thrown[kept]])
+    for column, place in enumerate(kept, 1):
+        hat = np.zeros(nodes.size)
+        hat[column] = 1.0
+        found[:, place] = np.interp(sizes, nodes, hat)
+    return found
+
+
+def _detected(
+    signatures: Floats,
+    on_sizes: Sequence[Sequence[Floats]],
+    covariances: Sequence[Floats],
+    nearest: NDArray[np.intp],
+    used: NDArray[np.intp],
+    conditions: Conditions,
+) -> Floats:
+    """Return the probability of detection, shape (n_states, n_places, n_sizes)."""
+    lower = [np.linalg.cholesky(item[np.ix_(used, used)]) for item in covariances]
+    roots = [solve_triangular(item, np.eye(len(used)), lower=True).T for item in lower]
+    found = []
+    for state, row in enumerate(on_sizes):
+        root = roots[nearest[state]]
+        each = []
+        for place, weights in enumerate(row):
+            known = np.isfinite(signatures[state, place][:, used]).all(axis=-1)
+            white = np.where(known[:, np.newaxis], signatures[state, place][:, used], 0.0) @ root
+            gram = white @ white.T
+            squared = np.einsum("ni,ij,nj->n", weights, gram, weights)
+            each.append(np.sqrt(np.maximum(squared, 0.0)))
+        found.append(each)
+    return probability_of_detection(np.array(found), false_alarm_rate=conditions.false_alarm_rate)
+
+
+def smallest_seen(pod: Floats, sizes: Floats, *, wanted: float = WANTED) -> Floats:
+    """Return the smallest size from which on a probability is reached, NaN where it never is.
+
+    Parameters
+    ----------
+    pod : ndarray, shape (..., n_sizes)
+        [-]
+    sizes : ndarray, shape (n_sizes,)
+        Rising [m].
+
+    Examples
+    --------
+    >>> smallest_seen(np.array([[0.0, 0.95, 1.0], [0.0, 0.1, 0.2]]), np.array([1.0, 2.0, 3.0]))
+    array([ 2., nan])
+    """
+    below = pod < wanted
+    after = below.shape[-1] - np.argmax(below[..., ::-1], axis=-1)  # first one after the last below
+    after = np.where(below.any(axis=-1), after, 0)
+    reached = after < sizes.size
+    return np.where(reached, sizes[np.minimum(after, sizes.size - 1)], np.nan)
+
+
+def _dataset(
+    throws: Throws,
+    conditions: Conditions,
+    *,
+    pod: Floats,
+    sizes: Floats,
+    channels: list[str],
+) -> xr.Dataset:
+    rng = np.random.default_rng(1)
+    states = pod.shape[1]
+    largest = throws.sizes.max(axis=1)
+
+    def seen(values: Floats) -> Floats:
+        found = smallest_seen(values, sizes)
+        return np.where(found <= largest, found, np.nan)
+
+    drawn = np.array(
+        [seen(pod[:, rng.integers(0, states, states)].mean(axis=1)) for _ in range(RESAMPLES)]
+    )
+    drawn = np.where(np.isnan(drawn), np.inf, drawn)
+    low, high = np.quantile(drawn, [0.025, 0.975], axis=0, method="nearest")
+    places = ("channel", "place")
+    agree = touched(throws.force_peak) == (throws.sizes > throws.gap[..., np.newaxis])
+    dataset = xr.Dataset(
+        {
+            "pod": (("channel", "place", "size"), pod.mean(axis=1)),
+            "a90": (places, seen(pod.mean(axis=1))),
+            "a90_low": (places, np.where(np.isinf(low), np.nan, low)),
+            "a90_high": (places, np.where(np.isinf(high), np.nan, high)),
+            "touch_floor": (("place",), touch_floor(throws.gap)),
+            "largest_size": (("place",), largest),
+        },
+        {
+            "channel": channels,
+            "place": list(throws.places),
+            "x": (("place",), throws.x),
+            "size": sizes,
+        },
+        {
+            **asdict(conditions),
+            "states": states,
+            "sound_throws": len(throws.sound),
+            "object_throws": int(np.isfinite(throws.force_peak).sum()),
+            "amplitude": throws.amplitude.tolist(),
+            "touch_agreement": float(agree.mean()),
+            "bound": "linear-Gaussian: place, size and signature known; optimistic",
+        },
+    )
+    for name, (units, long_name) in UNITS.items():
+        dataset[name].attrs |= {"units": units, "long_name": long_name}
+    return dataset
+
+
+def rows_of(dataset: xr.Dataset) -> list[Mapping[str, float | str | None]]:
+    """Return touch floor and a90 at each place, lengths in metres; None beyond what was thrown."""
+    rows: list[Mapping[str, float | str | None]] = []
+    for place in dataset["place"].to_numpy().tolist():
+        at = dataset.sel(place=place)
+        row: dict[str, float | str | None] = {
+            "place": str(place),
+            "x": float(at["x"]),
+            "touch_floor": float(at["touch_floor"]),
+            "largest_size": float(at["largest_size"]),
+        }
+        for channel in dataset["channel"].to_numpy().tolist():
+            one = at.sel(channel=channel)
+            for name in ("a90", "a90_low", "a90_high"):
+                value = float(one[name])
+                key = name if channel == "both drives" else f"{name}, {channel}"
+                row[key] = value if np.isfinite(value) else None
+        rows.append(row)
+    return rows

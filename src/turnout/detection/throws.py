@@ -1,0 +1,251 @@
+"""Throws of the reference case with and without an object, of the same states.
+
+Three sweeps in one folder, each resumable: sound throws of the whole population; gaps after a sound
+closing of the first states, at a few instants; the same first states with an object, at each place
+in growing sizes.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.detection.floor import touch_floor
+from turnout.detection.reference import (
+    FIELD_MEAN,
+    FRICTION,
+    NOMINAL_FRICTION,
+    TEMPERATURE,
+    reference_study,
+    switch_inputs,
+)
+from turnout.panel.foreign_object import resolve_objects
+from turnout.panel.load import LoadedPanel
+from turnout.response.signals import drive_signals
+from turnout.response.simulate import solve_placed
+from turnout.study.chance import TemperatureLaw
+from turnout.study.design import Axis
+from turnout.study.scenario import Output
+from turnout.study.study import Study
+from turnout.study.variable import Variable, value_kind
+from turnout.sweep.read import open_sweep
+from turnout.sweep.run import SweepProgress, run_sweep
+
+Floats = NDArray[np.float64]
+Report = Callable[[SweepProgress], None]
+
+SOUND, FLOOR, OBJECTS = "sound", "floor", "objects"
+OBJECT_INPUTS = ("object.at", "object.size")
+STEPS = (0.7e-3, 2.0e-3, 4.5e-3, 10.0e-3)
+"""Sizes thrown at a place beyond its touch floor [m]; between them signatures are interpolated."""
+RESOLUTION = 0.1e-3
+"""Thrown sizes are whole multiples of this [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Throws:
+    """What the bound is computed from.
+
+    Attributes
+    ----------
+    sound : ndarray, shape (n_sound, n_drives, n_times)
+        Drive forces of sound throws [N].
+    time : ndarray, shape (n_times,)
+        [s]
+    switch : ndarray, shape (n_sound, n_inputs)
+        What is fixed for a switch, in SI.
+    level : ndarray, shape (n_sound,)
+        Mean friction coefficient of the chairs in each throw [-].
+    states : ndarray of int, shape (n_states,)
+        Rows of `sound` that were also thrown with objects.
+    change : ndarray, shape (n_states, n_places, n_sizes, n_drives, n_times)
+        Force with an object less that without [N]; NaN where the object found no room.
+    force_peak : ndarray, shape (n_states, n_places, n_sizes)
+        Largest force on the object [N].
+    gap : ndarray, shape (n_states, n_places)
+        After a sound closing [m].
+    places : tuple of str
+    x : ndarray, shape (n_places,)
+        [m]
+    sizes : ndarray, shape (n_places, n_sizes)
+        Thrown at each place [m].
+    amplitude : ndarray, shape (n_drives,)
+        Peak absolute force of the nominal sound throw [N].
+    """
+
+    sound: Floats
+    time: Floats
+    switch: Floats
+    level: Floats
+    states: NDArray[np.intp]
+    change: Floats
+    force_peak: Floats
+    gap: Floats
+    places: tuple[str, ...]
+    x: Floats
+    sizes: Floats
+    amplitude: Floats
+
+
+def places_of(panel: LoadedPanel) -> dict[str, float]:
+    """Return where objects are tried, from the toe on: every sleeper and every drive [m].
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> list(places_of(load_panel("uic60-760-1-15")))[:2]
+    ['drive 1', 'sleeper 1']
+    """
+    found = {f"drive {name}": drive.x for name, drive in panel.drive.items()}
+    found |= {f"sleeper {name}": sleeper.x for name, sleeper in panel.sleeper.items()}
+    return dict(sorted(found.items(), key=lambda item: item[1]))
+
+
+def closing_time(panel: LoadedPanel | None = None) -> float:
+    """Return when the last movement of the panel's schedule begins [s].
+
+    Examples
+    --------
+    >>> closing_time()
+    4.4
+    """
+    loaded = reference_study(panel, count=1).panel
+    return max(float(item.start) for item in loaded.movement.values())
+
+
+def nominal_amplitude(study: Study, *, friction: float) -> Floats:
+    """Return the peak absolute force of each drive in a sound throw of the panel itself [N]."""
+    panel = study.panel.with_overrides({FRICTION: friction})
+    solved = solve_placed(panel, resolve_objects(panel, ()), scheme=study.scheme)
+    signals = drive_signals(panel, solved.mechanism, solved.history)
+    force = np.asarray(signals["drive_force"][1], dtype=np.float64)
+    return np.asarray(np.abs(force).max(axis=-1))
+
+
+def floor_study(study: Study) -> Study:
+    """Return a study that keeps gaps along the rails, at few instants, the last after closing."""
+    end = float(study.panel.schedule.end)
+    rate = 2.0 if (2.0 * end).is_integer() else 1.0
+    return replace(study, name=f"{study.name}, gaps", output=Output(rate=rate, channels=("gap",)))
+
+
+def objects_study(study: Study, sizes: Mapping[str, Sequence[float]]) -> Study:
+    """Return a study that throws each state with objects, at each place in rising sizes.
+
+    Parameters
+    ----------
+    study : Study
+        Without an object.
+    sizes : mapping of str to sequence of float
+        At each place [m].
+    """
+    rows = tuple((place, size) for place, given in sizes.items() for size in given)
+    added = {
+        name: Variable(name=name, key=name, kind=value_kind(study.panel, name))
+        for name in OBJECT_INPUTS
+    }
+    return replace(
+        study,
+        name=f"{study.name}, objects",
+        design=replace(study.design, axes=(Axis(names=OBJECT_INPUTS, rows=rows),)),
+        variables=added | dict(study.variables),
+    )
+
+
+def sizes_beyond(floor: Floats) -> Floats:
+    """Return the sizes to throw at places with some touch floors, shape (n_places, n_sizes) [m]."""
+    sizes = np.asarray(floor)[:, np.newaxis] + np.array(STEPS)
+    return np.asarray(np.round(sizes / RESOLUTION) * RESOLUTION)
+
+
+def throw_all(
+    panel: LoadedPanel | None,
+    folder: Path,
+    *,
+    sound: int,
+    states: int,
+    workers: int = 1,
+    report: Callable[[str], Report] | None = None,
+) -> Throws:
+    """Throw what is missing of the three sweeps in a folder, and read them.
+
+    Parameters
+    ----------
+    panel : LoadedPanel or None
+        None for the panel of the reference case.
+    folder : Path
+        Made if it is not there.
+    sound, states : int
+        Sound throws, and how many of their states are thrown with objects.
+    workers : int
+        Processes.
+    report : callable, optional
+        Given the name of a sweep, returns what watches it.
+    """
+    whole = reference_study(panel, count=sound)
+    first = reference_study(panel, count=states)
+    folder.mkdir(parents=True, exist_ok=True)
+
+    def run(study: Study, name: str) -> xr.Dataset:
+        watch = report(name) if report is not None else None
+        run_sweep(study, folder / name, workers=workers, report=watch)
+        return open_sweep(folder / name)
+
+    where = places_of(whole.panel)
+    x = np.array(list(where.values()))
+    gaps = gaps_at(run(floor_study(first), FLOOR), x, rail=whole.panel.object_defaults.rail)
+    sizes = sizes_beyond(touch_floor(gaps))
+    rows = {place: tuple(map(float, sizes[i])) for i, place in enumerate(where)}
+    sound_set = run(whole, SOUND)
+    object_set = run(objects_study(first, rows), OBJECTS)
+    return throws_from(whole, sound_set, object_set, gap=gaps, where=where, sizes=sizes)
+
+
+def gaps_at(dataset: xr.Dataset, x: Floats, *, rail: str) -> Floats:
+    """Return gaps at the end of each throw at some places, shape (n_states, n_places) [m]."""
+    last = dataset["gap"].sel(rail=rail).isel(time=-1).to_numpy()
+    along = dataset["x"].to_numpy()
+    there = np.isfinite(last).any(axis=0)
+    return np.array([np.interp(x, along[there], row[there]) for row in last])
+
+
+def throws_from(
+    study: Study,
+    sound: xr.Dataset,
+    objects: xr.Dataset,
+    *,
+    gap: Floats,
+    where: Mapping[str, float],
+    sizes: Floats,
+) -> Throws:
+    """Put sweeps together; states without a complete sound throw are left out."""
+    force = sound["drive_force"].to_numpy().astype(np.float64)
+    complete = (sound["outcome"].astype(str) == "complete").to_numpy()
+    law = study.law or TemperatureLaw()
+    warmth = np.array([law.factor(t) for t in sound[TEMPERATURE].to_numpy().astype(float)])
+    level = sound[FRICTION].to_numpy() * sound[FIELD_MEAN].to_numpy() * warmth
+    fixed = np.stack([sound[name].to_numpy() for name in switch_inputs(study)], axis=1)
+    count = gap.shape[0]
+    shape = (count, len(where), sizes.shape[1])
+    with_object = objects["drive_force"].to_numpy().astype(np.float64)
+    with_object = with_object.reshape(*shape, *force.shape[1:])
+    peak = objects["object_force_peak"].to_numpy().reshape(shape)
+    used = complete[:count]
+    rows = np.cumsum(complete)[:count][used] - 1
+    return Throws(
+        sound=force[complete],
+        time=sound["time"].to_numpy(),
+        switch=fixed[complete],
+        level=level[complete],
+        states=rows.astype(np.intp),
+        change=(with_object - force[:count, np.newaxis, np.newaxis])[used],
+        force_peak=peak[used],
+        gap=gap[used],
+        places=tuple(where),
+        x=np.array(list(where.values())),
+        sizes=sizes,
+        amplitude=nominal_amplitude(study, friction=NOMINAL_FRICTION),
+    )

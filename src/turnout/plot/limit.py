@@ -1,0 +1,65 @@
+"""The blind-zone map: probability of detection along the blade, size upwards."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from turnout.plot.style import GREY
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LEVELS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0)
+
+
+def plot_limit(dataset: xr.Dataset, *, channel: str = "both drives") -> "Figure":
+    """Draw the map of a dataset of `turnout limit`; below the touch floor nothing can be seen.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        With pod, a90 and touch_floor.
+    channel : str
+        Which forces.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    at = dataset.sel(channel=channel)
+    x, size = at["x"].to_numpy(), 1e3 * at["size"].to_numpy()
+    floor, largest = 1e3 * at["touch_floor"].to_numpy(), 1e3 * at["largest_size"].to_numpy()
+    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    ax = figure.subplots()
+    pod = np.where(size[:, np.newaxis] <= largest, at["pod"].to_numpy().T, np.nan)
+    top = float(np.ceil(max(floor.max() * 2.0, np.nanmax(1e3 * at["a90"].fillna(0.0)) * 1.25)))
+    drawn = ax.contourf(x, size, np.ma.masked_invalid(pod), levels=LEVELS, cmap="RdYlGn")
+    ax.fill_between(
+        x, 0.0, floor, facecolor="white", edgecolor=GREY, hatch="///", linewidth=0.8,
+        label="not touched in 1 of 10 states or more",
+    )  # fmt: skip
+    low, high = (1e3 * at[name].to_numpy() for name in ("a90_low", "a90_high"))
+    ax.plot(x, 1e3 * at["a90"], "o-", color="black", markersize=4, label="a90, 95 % over states")
+    ax.vlines(x, low, high, color="black", linewidth=1.0)
+    ax.set_xlim(float(x.min()), float(x.max()))
+    ax.set_ylim(0.0, top)
+    ax.set_xlabel("Position from the toe [m]")
+    ax.set_ylabel("Object size [mm]")
+    names = [
+        str(place).replace("sleeper ", "").replace("drive ", "D") for place in at["place"].values
+    ]
+    above = ax.secondary_xaxis("top")
+    above.set_xticks(x, names, fontsize=8)
+    above.tick_params(length=2)
+    above.set_xlabel("Sleeper, drive", fontsize=8)
+    bar = figure.colorbar(drawn, ax=ax, ticks=LEVELS, label="Probability of detection (bound) [-]")
+    bar.outline.set_visible(False)
+    ax.legend(loc="upper right", fontsize=8, framealpha=0.9)
+    said = dataset.attrs
+    figure.suptitle(
+        f"What {channel} can show at best: discrepancy {100 * said['discrepancy']:g} %, "
+        f"{said['history']} throws known, false-alarm rate {said['false_alarm_rate']:g}",
+        fontsize=10,
+    )
+    return figure

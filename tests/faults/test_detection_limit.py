@@ -1,0 +1,30 @@
+"""Bad input of `turnout limit`: one message, exit code 2, nothing thrown."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from turnout.cli.main import app
+from turnout.errors import TurnoutError
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--far", "0"], "false alarm rate = 0: must be more than 0"),
+        (["--discrepancy", "1.5"], "discrepancy = 1.5: must be from 0 to below 1"),
+        (["--history", "-1"], "history = -1"),
+        (["--kernel", "cubic"], 'kernel = "cubic": allowed are exponential, matern 3/2'),
+        (["-o", "map.txt"], "the name must end in .nc"),
+        (["sb1"], "panel sb1 has no rail.fit_gap.value, which the reference case varies"),
+    ],
+)
+def test_bad_input_is_refused_before_anything_is_thrown(
+    options: list[str], words: str, tmp_path: Path
+) -> None:
+    folder = tmp_path / "throws"
+    found = CliRunner().invoke(app, ["limit", *options, "--folder", str(folder)])
+    assert isinstance(found.exception, TurnoutError)
+    assert words in str(found.exception)
+    assert not folder.exists()

@@ -1,0 +1,58 @@
+"""The reference case: what is drawn, and that a smaller population is the beginning of a larger."""
+
+import numpy as np
+import pytest
+
+from turnout.detection.reference import (
+    PER_THROW,
+    Conditions,
+    reference_study,
+    switch_inputs,
+)
+from turnout.errors import StudyError
+
+
+def test_every_input_is_of_a_switch_or_of_a_throw() -> None:
+    study = reference_study()
+    names = {*study.variables, *(field.name for field in study.fields)}
+    assert set(PER_THROW) < names
+    assert set(switch_inputs(study)) == names - set(PER_THROW)
+    assert len(switch_inputs(study)) == 10
+
+
+def test_fewer_states_are_the_first_of_many() -> None:
+    few, many = reference_study(count=3), reference_study(count=30)
+    assert few.scenario(2).overrides == many.scenario(2).overrides
+
+
+def test_spreads_are_those_that_are_stated() -> None:
+    study = reference_study(count=400)
+    drawn = [study.design.in_state(state) for state in range(400)]
+
+    def column(name: str) -> np.ndarray:
+        return np.array([float(row[name]) for row in drawn])
+
+    assert np.log(column("drive.1.stiffness.factor")).std() == pytest.approx(0.05, abs=0.005)
+    assert np.log(column("drive.2.saturation_force.factor")).std() == pytest.approx(0.03, abs=0.003)
+    over_travel = column("drive.2.over_travel_closed")
+    assert over_travel.min() > 2.8e-3
+    assert over_travel.max() < 4.8e-3
+    common = column("rail.straight.stress_free") + column("rail.curved.stress_free")
+    np.testing.assert_allclose(common, 1.0, atol=2e-3)  # the copula's rank correlation is -0.9999
+
+
+def test_the_fit_is_multiplied_as_a_whole() -> None:
+    study = reference_study(count=1)
+    scenario = study.scenario(0)
+    factor = float(scenario.inputs["rail.fit_gap.value.factor"])
+    own = study.panel.rail["straight"].fit_gap.value  # type: ignore[union-attr]
+    changed = study.panel.with_overrides(dict(scenario.overrides))
+    found = changed.rail["straight"].fit_gap.value  # type: ignore[union-attr]
+    np.testing.assert_allclose(found, factor * np.array(own), rtol=1e-12)
+
+
+def test_conditions_without_meaning_are_refused_together() -> None:
+    with pytest.raises(StudyError) as found:
+        Conditions(discrepancy=-0.1, false_alarm_rate=0.0, history=-1, kernel="cubic")
+    assert len(found.value.problems) == 4
+    assert "more than 0" in str(found.value)
