@@ -30,27 +30,37 @@ def limit_command(
     calibration: CalibrationOption = None,
     discrepancy: Annotated[
         float,
-        typer.Option("--discrepancy", help="Of model and switch, share of the peak force [-]."),
+        typer.Option(
+            "--discrepancy",
+            metavar="SHARE",
+            help="Of model and switch, share of the peak force [-].",
+        ),
     ] = 0.05,
     far: Annotated[
-        float, typer.Option("--far", help="False-alarm rate, alarms a sound throw.")
+        float, typer.Option("--far", metavar="RATE", help="False-alarm rate, alarms a sound throw.")
     ] = 1e-3,
     history: Annotated[
-        int, typer.Option("--history", help="Sound throws known of the switch.")
+        int, typer.Option("--history", metavar="N", help="Sound throws known of the switch.")
     ] = 0,
     kernel: Annotated[
-        str, typer.Option("--kernel", help="Of the discrepancy: exponential or 'matern 3/2'.")
+        str,
+        typer.Option(
+            "--kernel", metavar="NAME", help="Of the discrepancy: exponential or 'matern 3/2'."
+        ),
     ] = "exponential",
     states: Annotated[
-        int, typer.Option("--states", min=10, help="States thrown with objects at each place.")
+        int,
+        typer.Option(
+            "--states", metavar="N", min=10, help="States thrown with objects at each place."
+        ),
     ] = 200,
     sound: Annotated[
-        int, typer.Option("--sound", min=400, help="Sound throws of the population.")
+        int, typer.Option("--sound", metavar="N", min=400, help="Sound throws of the population.")
     ] = 1500,
     folder: Annotated[
         Path,
         typer.Option(
-            "--folder", metavar="DIR", help="Keeps the throws; the same command goes on with them."
+            "--folder", metavar="DIR", help="Keeps the throws; run the same command to continue."
         ),
     ] = Path("limit-throws"),
     out: Annotated[
@@ -59,11 +69,11 @@ def limit_command(
     plot: FigureOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the table as JSON.")] = False,
     workers: Annotated[
-        int, typer.Option("--workers", min=0, help="Processes; default one a core.")
+        int, typer.Option("--workers", metavar="N", min=0, help="Processes; default one a core.")
     ] = 0,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
 ) -> None:
-    """Tell the smallest object that the drive forces can reveal at each place, whoever tries."""
+    """Show the smallest object that the drive forces can reveal at each place, by any method."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     from turnout.cli.options import opened_panel
     from turnout.cli.sweep import cores

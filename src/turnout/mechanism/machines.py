@@ -14,7 +14,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.machine.compute import places as at
 from turnout.machine.records import Machine
 from turnout.machine.rows import machine_row, start_state, stroke_table
 from turnout.machine.steady import shaft_travel
@@ -116,6 +115,7 @@ def drive_machines(panel: Panel, index: LawIndex) -> DriveMachines | None:
     inputs = [number for number, name in enumerate(panel.drive) if name in names]
     constants = [machine_row(machine) for machine in records]
     starts = [_start(panel, panel.drive[name]) for name in names]
+    nominal = [-panel.drive[n].stroke if panel.schedule.starts == "open" else 0.0 for n in names]
     states = [start_state(*item) for item in zip(records, constants, starts, strict=True)]
     return DriveMachines(
         names=names,
@@ -127,14 +127,17 @@ def drive_machines(panel: Panel, index: LawIndex) -> DriveMachines | None:
         commands=_stacked([command_times(panel, name) for name in names]),
         shared_resistance=records[0].supply.shared_resistance,
         start=np.array(states),
-        shift=marker_offsets(panel)[inputs] - np.array([s[at.ROD_POSITION] for s in states]),
+        shift=marker_offsets(panel)[inputs] - np.array(nominal),
         lock_gap=np.array([_or_inf(machine.circuit.lock_gap) for machine in records]),
     )
 
 
 def _start(panel: Panel, drive: Drive) -> float:
-    """Return where the rod of a machine stands at t = 0, from home [m]."""
-    return -drive.stroke if panel.schedule.starts == "open" else 0.0
+    """Return where the rod of a machine stands at t = 0, from home [m]; loaded, past the end."""
+    loaded = panel.schedule.loaded
+    if panel.schedule.starts == "open":
+        return -drive.stroke - (drive.over_travel_open if loaded else 0.0)
+    return drive.over_travel_closed if loaded else 0.0
 
 
 def _or_inf(value: float | None) -> float:
