@@ -10,6 +10,9 @@ from tests.unit.test_response_simulate import interrupted
 
 from turnout.metric.finding import findings
 from turnout.metric.verdict import KINDS, verdict
+from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.load import load_panel
+from turnout.response.simulate import simulate
 
 
 def run_with(
@@ -193,4 +196,38 @@ def test_a_single_rail_without_sensors_is_judged() -> None:
 def test_what_cannot_be_judged_says_why(dataset: xr.Dataset, words: str) -> None:
     found = verdict(dataset)
     assert found.kind == "not judged"
+    assert words in found.text
+
+
+@pytest.mark.parametrize(
+    ("setting", "item", "kind", "words"),
+    [
+        (
+            {"object_defaults.rail": "curved"},
+            ForeignObject(size=0.013, at="drive 1"),
+            "detected by slip",
+            "Drive 1 slips at 6.00 kN, opening; the lock is refused after the movement to open",
+        ),
+        (
+            {"chair.friction_coefficient": 0.8},
+            ForeignObject(size=0.003, at="sleeper 6"),
+            "not locked",
+            "3 mm at sleeper 6 is never touched, but Drive 2 slips",
+        ),
+        (
+            {"drive.2.stiffness": 7500e3},
+            ForeignObject(size=0.003, at="sleeper 6"),
+            "not locked",
+            "Drive 2 slips at rest, at 6.85 kN, before the first movement",
+        ),
+        ({"drive.2.stroke": 0.02}, None, "not sound", "the flangeway of rail curved"),
+    ],
+    ids=["other rail", "friction", "stiff rod", "short stroke"],
+)
+def test_throws_of_the_default_panel(
+    setting: dict[str, object], item: ForeignObject | None, kind: str, words: str
+) -> None:
+    panel = load_panel("uic60-760-1-15").with_overrides(setting)
+    found = verdict(simulate(panel, foreign_object=item, mode="quick"))
+    assert found.kind == kind
     assert words in found.text
