@@ -8,7 +8,11 @@ import xarray as xr
 from tests.unit.simulated import sb1_dataset, sb2_dataset
 from tests.unit.test_response_simulate import interrupted
 
+from turnout.metric.finding import findings
 from turnout.metric.verdict import KINDS, verdict
+from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.load import load_panel
+from turnout.response.simulate import simulate
 
 
 def run_with(
@@ -18,6 +22,7 @@ def run_with(
     locked: bool = True,
     control: bool = True,
     gap: float = 0.002,
+    flangeway: float = 0.06,
 ) -> xr.Dataset:
     """Return a throw of sb2 with its states at the end replaced, judged by "slip or gap"."""
     dataset = sb2_dataset().copy(deep=True)
@@ -27,6 +32,7 @@ def run_with(
     dataset["locked"].values[-1] = locked
     dataset["in_control"].values[:, -1] = control
     dataset["drive_gap"].values[:, -1] = np.array([gap, 0.001])
+    dataset["least_flangeway"] = ((), flangeway)
     dataset.attrs["lock_rule"] = "slip or gap"
     if not trapped:
         dataset.attrs["foreign_objects"] = "[]"
@@ -74,8 +80,103 @@ def test_an_object_that_was_taken_out_or_never_fitted_is_not_trapped() -> None:
     dataset = run_with()
     (item,) = json.loads(dataset.attrs["foreign_objects"])
     dataset.attrs["foreign_objects"] = json.dumps([{**item, "disappears": 1.0}])
-    assert verdict(dataset).kind == "sound"
-    assert verdict(run_with().assign(object_placed=False)).kind == "sound"
+    found = verdict(dataset)
+    assert (found.kind, found.text[:52]) == (
+        "sound",
+        "Sound: 13 mm at sleeper 6 was taken out at t = 1.00 s"[:52],
+    )
+    unplaced = verdict(run_with().assign(object_placed=False))
+    assert (unplaced.kind, unplaced.text) == (
+        "not judged",
+        "Not judged: 13 mm at sleeper 6 does not fit.",
+    )
+
+
+def test_an_object_without_room_is_told_with_the_room_there_is() -> None:
+    dataset = changed(run_with(), size=0.5).assign(object_placed=False)
+    assert "500 mm at sleeper 6 (at most " in verdict(dataset).text
+
+
+def changed(dataset: xr.Dataset, **values: object) -> xr.Dataset:
+    """Return a run with other values of its one object."""
+    (item,) = json.loads(dataset.attrs["foreign_objects"])
+    return dataset.assign_attrs(foreign_objects=json.dumps([item | values]))
+
+
+def slipping(dataset: xr.Dataset, drive: str, start: float, end: float) -> xr.Dataset:
+    """Return a run in which a drive slips from one time to another."""
+    time = dataset["time"].values
+    during = (time >= start) & (time <= end)
+    dataset["drive_slipping"].loc[{"drive": drive}] |= during
+    return dataset
+
+
+def unlocked_when_open(dataset: xr.Dataset) -> xr.Dataset:
+    """Return a run that is not locked between its two movements."""
+    time = dataset["time"].values
+    dataset["locked"].values[(time >= 3.4) & (time < 4.4)] = False
+    return dataset
+
+
+def test_an_object_is_judged_by_the_movement_in_which_its_rail_closes() -> None:
+    opening = unlocked_when_open(slipping(run_with(), "1", 3.2, 4.3))
+    opening["contact_time"] = ((), 2.9)
+    found = verdict(changed(opening, rail="B", place="drive 1", appears=0.2))
+    assert found.kind == "detected by slip"
+    assert "13 mm at drive 1; Drive 1 slips at 6.00 kN, opening; the lock is ref" in found.text
+    # The last movement tells nothing of it, and one that failed before contact nothing either.
+    assert findings(opening)[0].answer == "Object NOT noticed"
+
+
+def test_a_slip_without_contact_is_no_detection() -> None:
+    untouched = run_with(slips="2", locked=False)
+    untouched = untouched.assign(object_touched=False, contact_time=np.nan)
+    found = verdict(untouched)
+    assert found.kind == "not locked"
+    assert "13 mm at sleeper 6 is never touched, but Drive 2 slips" in found.text
+    before = slipping(run_with(locked=False), "2", 7.2, 9.0)
+    assert verdict(before).kind == "not locked"
+    assert "is touched only after a slip" in verdict(before).text
+
+
+def test_a_missed_object_is_told_beside_a_slip_on_opening() -> None:
+    found = verdict(unlocked_when_open(slipping(run_with(), "2", 2.6, 4.3)))
+    assert found.kind == "undetected object"
+    assert "apart from the object, Drive 2 slips at 6.00 kN, opening; the lock is" in found.text
+    assert "refused after the movement to open" in found.text
+
+
+def test_a_slip_at_rest_before_the_first_movement_is_told_as_such() -> None:
+    found = verdict(slipping(run_with(trapped=False), "2", 0.0, 0.1))
+    assert "Drive 2 slips at rest, at 6.00 kN, before the first movement" in found.text
+
+
+def test_a_flangeway_below_its_limit_is_not_sound() -> None:
+    found = verdict(run_with(trapped=False, flangeway=0.01086))
+    assert found.kind == "not sound"
+    assert "is 10.86 mm, limit 58 mm" in found.text
+
+
+def test_an_object_that_was_taken_out_after_a_slip_is_detected() -> None:
+    found = verdict(changed(slipping(run_with(), "1", 7.4, 7.6), disappears=7.7))
+    assert found.kind == "detected by slip"
+    assert "13 mm at sleeper 6, taken out at t = 7.70 s; Drive 1 slips" in found.text
+
+
+def test_several_objects_stay() -> None:
+    dataset = run_with()
+    (item,) = json.loads(dataset.attrs["foreign_objects"])
+    both = [item, item | {"size": 0.003, "place": "drive 1"}]
+    found = verdict(dataset.assign_attrs(foreign_objects=json.dumps(both)))
+    assert "13 mm at sleeper 6 and 3 mm at drive 1 stay in the switch" in found.text
+
+
+def test_findings_and_verdict_agree() -> None:
+    assert findings(run_with())[0].answer == "Object NOT noticed"
+    opening = changed(slipping(run_with(), "1", 3.2, 4.3), rail="B")
+    opening["contact_time"] = ((), 2.9)
+    assert findings(opening)[0].answer == "Object noticed"
+    assert findings(run_with(trapped=False, flangeway=0.01))[0].answer == "Not sound"
 
 
 def test_a_single_rail_without_sensors_is_judged() -> None:
@@ -95,4 +196,38 @@ def test_a_single_rail_without_sensors_is_judged() -> None:
 def test_what_cannot_be_judged_says_why(dataset: xr.Dataset, words: str) -> None:
     found = verdict(dataset)
     assert found.kind == "not judged"
+    assert words in found.text
+
+
+@pytest.mark.parametrize(
+    ("setting", "item", "kind", "words"),
+    [
+        (
+            {"object_defaults.rail": "curved"},
+            ForeignObject(size=0.013, at="drive 1"),
+            "detected by slip",
+            "Drive 1 slips at 6.00 kN, opening; the lock is refused after the movement to open",
+        ),
+        (
+            {"chair.friction_coefficient": 0.8},
+            ForeignObject(size=0.003, at="sleeper 6"),
+            "not locked",
+            "3 mm at sleeper 6 is never touched, but Drive 2 slips",
+        ),
+        (
+            {"drive.2.stiffness": 7500e3},
+            ForeignObject(size=0.003, at="sleeper 6"),
+            "not locked",
+            "Drive 2 slips at rest, at 6.85 kN, before the first movement",
+        ),
+        ({"drive.2.stroke": 0.02}, None, "not sound", "the flangeway of rail curved"),
+    ],
+    ids=["other rail", "friction", "stiff rod", "short stroke"],
+)
+def test_throws_of_the_default_panel(
+    setting: dict[str, object], item: ForeignObject | None, kind: str, words: str
+) -> None:
+    panel = load_panel("uic60-760-1-15").with_overrides(setting)
+    found = verdict(simulate(panel, foreign_object=item, mode="quick"))
+    assert found.kind == kind
     assert words in found.text

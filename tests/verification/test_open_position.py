@@ -14,12 +14,14 @@ import xarray as xr
 from tests.verification.open_position import beam, position
 from tests.verification.runs import DEFAULT, SYMMETRIC, books
 
+from turnout.analysis.panel_check import resting_concerns
 from turnout.core.toml import parse_toml
 from turnout.errors import MechanicsError, PanelError
 from turnout.mechanism.build import build_mechanism
 from turnout.metric.slip import settled
 from turnout.panel.load import LoadedPanel, library_text, load_panel, panel_from_file
 from turnout.panel.markers import marker_offsets, marker_positions
+from turnout.panel.stored import panel_data, panel_from_data
 from turnout.response.save import Save
 from turnout.response.simulate import simulate
 from turnout.scheme import Scheme
@@ -196,6 +198,7 @@ def test_a_loaded_start_is_pressed_home_and_let_go_first() -> None:
         ("link.2.lost_motion", -0.001, "must be at least 0"),
         ("link.2.rails", ["straight", "straight"], "names the same rail twice"),
         ("drive.2.gap_limit", 0.0, "must be more than 0"),
+        ("link.2.adjustment", -0.060, "adjustment = -60 mm: at most 10 mm either way"),
     ],
 )
 def test_what_no_switch_can_be_is_refused(key: str, value: object, told: str) -> None:
@@ -213,9 +216,38 @@ def test_a_typed_shape_must_fit_its_stroke_but_may_be_told_not_to() -> None:
     assert load_panel("sb2", overrides=told).drive["2"].stroke == 0.076
 
 
-def test_a_study_of_stiffness_is_not_refused_for_its_closing_force() -> None:
-    stiff = load_panel(DEFAULT, overrides={"drive.1.stiffness": 7500e3})
-    assert stiff.drive["1"].over_travel_closed * stiff.drive["1"].stiffness > 6e3
+def test_a_shape_that_rests_open_is_no_closed_shape() -> None:
+    with pytest.raises(PanelError) as caught:
+        load_panel("sb2", overrides={"rail.A.stock_rail_gap": 0.020})
+    told = "leaves 20.0 mm at drive '1', where stress_free \"closed\" leaves none"
+    assert told in caught.value.problems[0]
+    load_panel("sb2", overrides={"rail.A.stock_rail_gap": 0.0004})
+
+
+@pytest.mark.parametrize("set_at_once", [True, False])
+@pytest.mark.parametrize("key", ["drive.2.stiffness", "drive.stiffness"])
+def test_a_study_of_stiffness_is_warned_of_its_closing_force(
+    key: str, *, set_at_once: bool
+) -> None:
+    overrides = {key: 7500e3}
+    stiff = (
+        load_panel(DEFAULT, overrides=overrides)
+        if set_at_once
+        else load_panel(DEFAULT).with_overrides(overrides)
+    )
+    again = panel_from_data(panel_data(stiff))
+    assert again.hash == stiff.hash
+    for panel in (stiff, again):
+        told = [concern.text for concern in resting_concerns(panel)]
+        assert any("slips at rest: drive 2 against rail straight" in text for text in told)
+
+
+def test_an_over_travel_beyond_slip_is_refused_beside_a_studied_stiffness_too() -> None:
+    panel = load_panel(DEFAULT).with_overrides({"drive.1.stiffness": 740e3})
+    with pytest.raises(PanelError, match="the drive slips at rest"):
+        panel.with_overrides({"drive.1.over_travel_closed": 0.009})
+    with pytest.raises(PanelError, match="the drive slips at rest"):
+        with_text(('over_travel_closed = "3.8 mm"', 'over_travel_closed = "9 mm"'))
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import xarray as xr
 from turnout.analysis.stability import FrictionStability, friction_stability
 from turnout.metric.slip import LEAST_SHARE, margins
 from turnout.metric.summary import is_inaccurate
+from turnout.panel.check_shape import resting_slips
 from turnout.panel.model import Panel
 from turnout.panel.unusual import unusual_values
 
@@ -156,9 +157,15 @@ def panel_concerns(panel: Panel, dataset: xr.Dataset) -> list[Concern]:
     Returns
     -------
     list of Concern
-        Unusual values, those of the throw (`turnout.analysis.panel_check.concerns`), then flutter.
+        Unusual values, drives that slip at rest, those of the throw
+        (`turnout.analysis.panel_check.concerns`), then flutter.
     """
-    return [*unusual_concerns(panel), *concerns(dataset), *flutter_concerns(panel)]
+    return [
+        *unusual_concerns(panel),
+        *resting_concerns(panel),
+        *concerns(dataset),
+        *flutter_concerns(panel),
+    ]
 
 
 def unusual_concerns(panel: Panel) -> list[Concern]:
@@ -174,6 +181,27 @@ def unusual_concerns(panel: Panel) -> list[Concern]:
     return [
         Concern("unusual value", item.given, item.usual, "check value and unit")
         for item in unusual_values(panel)
+    ]
+
+
+def resting_concerns(panel: Panel) -> list[Concern]:
+    """Return the drives whose closing force is beyond their slip level.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> resting_concerns(load_panel("uic60-760-1-15"))
+    []
+    """
+    return [
+        Concern(
+            "drive slips at rest",
+            f"drive {item.drive} against rail {item.rail}",
+            f"{item.key} of {1e3 * item.reach:g} mm needs {item.force / 1e3:.2f} kN, "
+            f"it slips at {item.limit / 1e3:.2f} kN",
+            f"less than {1e3 * item.most:.2f} mm of {item.key}, or a higher slip level",
+        )
+        for item in resting_slips(panel)
     ]
 
 

@@ -10,6 +10,7 @@ import xarray as xr
 from turnout.metric.signal import at_end
 from turnout.metric.slip import Slip, margins, slips
 from turnout.metric.summary import is_inaccurate, kilo, milli, numerical_warning
+from turnout.metric.verdict import verdict
 
 HEADLINE = "Outcome"
 """The question that the headline of a run answers; it goes without being asked."""
@@ -89,6 +90,9 @@ def _complete(dataset: xr.Dataset) -> list[Finding]:
 
 def _outcome(dataset: xr.Dataset) -> list[Finding]:
     """Return the one sentence that matters: whether the switch tells what is trapped."""
+    judged = _by_verdict(dataset)
+    if judged is not None:
+        return [judged]
     locked, control = is_locked(dataset), is_in_control(dataset)
     if locked is None and control is None:
         return []
@@ -110,6 +114,28 @@ def _outcome(dataset: xr.Dataset) -> list[Finding]:
     if tells:
         return [Finding("good", HEADLINE, "Object detected", f"{what}; the switch is {state}")]
     return [Finding("bad", HEADLINE, "Undetected object", f"{what}, yet the switch is {state}")]
+
+
+def _by_verdict(dataset: xr.Dataset) -> Finding | None:
+    """Return the verdict as an answer; None where only the states at the end can be told."""
+    found = verdict(dataset)
+    detail = found.text.partition(": ")[2].rstrip(".")
+    if found.kind == "not judged":
+        if bool(dataset.get("object_placed", True)):
+            return None
+        return Finding("look", HEADLINE, "Not judged", detail)
+    if found.missed:
+        return Finding("bad", HEADLINE, "Object NOT noticed", detail)
+    if found.kind.startswith("detected"):
+        return Finding("good", HEADLINE, "Object noticed", detail)
+    if _objects(dataset) and not bool(dataset.get("object_touched", True)):
+        return Finding("look", HEADLINE, "Object never touched", detail)
+    locked, control = is_locked(dataset), is_in_control(dataset)
+    if found.kind == "sound":
+        answer = "Locked" if control is None else "Locked and in control"
+        return Finding("good", HEADLINE, answer, detail)
+    answer = _refusal(locked, control) if locked is False or control is False else "not sound"
+    return Finding("bad", HEADLINE, _capital(answer), detail)
 
 
 def _refusal(locked: bool | None, control: bool | None) -> str:

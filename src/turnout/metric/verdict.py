@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from turnout.metric.signal import at_end
-from turnout.metric.slip import Slip, movements, slips
-from turnout.metric.summary import kilo, milli
+from turnout.metric.slip import TIME_TOLERANCE, Slip, Span, movements, slips
+from turnout.metric.summary import kilo
+from turnout.metric.verdict_words import (
+    accepted_by,
+    narrow_flangeway,
+    out_of_control,
+    slip_words,
+    wide_gaps,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -20,11 +27,15 @@ Kind = Literal[
     "detected by TKK",
     "detected by slip",
     "not locked",
+    "not sound",
     "sound",
     "not judged",
 ]
 KINDS: tuple[str, ...] = get_args(Kind)
 """Every kind of verdict."""
+
+# What is told first where several things report an object.
+_ORDER: tuple[Kind, ...] = ("detected by slip", "detected by lock", "detected by TKK")
 
 # Without one of these a run cannot be judged.
 _NEEDED = ("locked", "in_control", "drive_slipping")
@@ -38,12 +49,14 @@ class Verdict:
     Attributes
     ----------
     kind : str
-        "undetected object": an object is trapped, and lock, control and drives accept the
-        movement. "detected by slip", "detected by lock", "detected by TKK": an object is trapped,
-        and a drive slips in the last movement, the lock is refused, or a sensor reports a gap; the
-        first of these that holds, the sentence names the others. "not locked": no object, and the
-        switch fails a check of its own. "sound": no object, and every check is passed.
-        "not judged": the dataset lacks what the verdict rests on.
+        An object is judged by the movements in which its own rail closes, from its first contact
+        on. "undetected object": an object is trapped, and lock, control and drives accept the
+        movement. "detected by slip", "detected by lock", "detected by TKK": a drive slips, the
+        lock is refused, or a sensor reports a gap; the first of these that holds, the sentence
+        names the others. The rest is for a switch in which no object is touched, or a drive slips
+        before: "not locked", a drive slips, the lock is refused, or a sensor reports a gap;
+        "not sound", only the flangeway is below its limit; "sound", every check is passed.
+        "not judged": the dataset lacks what the verdict rests on, or an object does not fit.
     text : str
         One plain sentence with its numbers.
     """
@@ -69,7 +82,7 @@ def verdict(dataset: "xr.Dataset") -> Verdict:
     Returns
     -------
     Verdict
-        States are those at the end of the run and, without an object, at the end of every movement.
+        States are those at the rest after each movement.
 
     Examples
     --------
@@ -80,8 +93,10 @@ def verdict(dataset: "xr.Dataset") -> Verdict:
     lacking = _lacking(dataset)
     if lacking:
         return Verdict("not judged", f"Not judged: {lacking}.")
-    trapped = _trapped(dataset)
-    return _with_object(dataset, trapped) if trapped else _without_object(dataset)
+    unplaced = _unplaced(dataset)
+    if unplaced:
+        return Verdict("not judged", f"Not judged: {unplaced}.")
+    return _judged(dataset, _cases(dataset))
 
 
 def _lacking(dataset: "xr.Dataset") -> str:
@@ -122,165 +137,229 @@ def _measured_slip(dataset: "xr.Dataset") -> str:
     return f"; the largest forces are {', '.join(found)}" if found else ""
 
 
-def _trapped(dataset: "xr.Dataset") -> list[dict[str, Any]]:
-    """Return the objects that are in the switch at the end of the run."""
-    if "object_placed" in dataset and not bool(dataset["object_placed"]):
-        return []
+@dataclass(frozen=True, slots=True)
+class _Case:
+    """One object: when it was first touched and taken out [s], and what reports it."""
+
+    what: str
+    contact: float
+    gone: float
+    signs: tuple[tuple[Kind, str], ...]
+    refused: bool
+    accepted: str
+
+    @property
+    def touched(self) -> bool:
+        """Whether a rail reached it before it was taken out."""
+        return self.contact < self.gone
+
+    @property
+    def trapped(self) -> bool:
+        """Whether it was touched and is still there at the end."""
+        return self.touched and math.isinf(self.gone)
+
+
+def _objects(dataset: "xr.Dataset") -> list[dict[str, Any]]:
     items: list[dict[str, Any]] = json.loads(dataset.attrs.get("foreign_objects", "[]"))
+    return items
+
+
+def _name(item: dict[str, Any]) -> str:
+    return f"{1e3 * item['size']:g} mm at {item['place']}"
+
+
+def _unplaced(dataset: "xr.Dataset") -> str:
+    """Say which object had no room; empty where all had."""
+    items = _objects(dataset)
+    if not items or "object_placed" not in dataset or bool(dataset["object_placed"]):
+        return ""
+    most = [_most_room(dataset, item) for item in items]
+    large = [
+        f"{_name(item)} (at most {1e3 * room:.1f} mm)"
+        for item, room in zip(items, most, strict=True)
+        if room < item["size"]
+    ]
+    named = large or [_name(item) for item in items]
+    return f"{_and(named)} {'does' if len(named) == 1 else 'do'} not fit"
+
+
+def _most_room(dataset: "xr.Dataset", item: dict[str, Any]) -> float:
+    """Return the widest gap at the place of an object while it should be there [m], or NaN."""
+    if "gap" not in dataset or item.get("rail") not in dataset["gap"]["rail"].values:
+        return math.nan
+    time = dataset["time"].values
+    appears, disappears = item.get("appears"), item.get("disappears")
+    there = time >= (-math.inf if appears is None else appears)
+    there &= time <= (math.inf if disappears is None else disappears)
+    gap = dataset["gap"].sel(rail=item["rail"]).transpose("time", "x").values[there]
+    places = dataset["x"].values
+    return max((float(np.interp(item["x"], places, row)) for row in gap), default=math.nan)
+
+
+def _cases(dataset: "xr.Dataset") -> list[_Case]:
+    """Judge every object by the movements in which its own rail closes."""
+    items = _objects(dataset)
     end = float(dataset["time"][-1])
-    return [item for item in items if item.get("disappears") is None or item["disappears"] > end]
+    cases = []
+    for item, contact in zip(items, _contacts(dataset, len(items)), strict=True):
+        taken = item.get("disappears")
+        gone = math.inf if taken is None or taken > end else float(taken)
+        instrumented = dataset.attrs.get("instrumented_rail", item.get("rail"))
+        position = "closed" if item.get("rail") in (None, instrumented) else "open"
+        cases.append(_case(dataset, _name(item), contact, gone, position))
+    return cases
 
 
-def _with_object(dataset: "xr.Dataset", trapped: list[dict[str, Any]]) -> Verdict:
-    what = " and ".join(f"{1e3 * item['size']:g} mm at {item['place']}" for item in trapped)
-    signs = _signs(dataset)
-    if not signs:
-        return Verdict(
-            "undetected object",
-            f"Undetected object: {what} stays in the switch, which {_accepted(dataset)}.",
-        )
-    kind = signs[0][0]
-    reasons = "; ".join(text for _, text in signs)
-    return Verdict(kind, f"D{kind[1:]}: {what}; {reasons}.")
+def _contacts(dataset: "xr.Dataset", count: int) -> list[float]:
+    """Return when each object was first touched [s]; NaN for never, from ever if not kept."""
+    if "object_contact_time" in dataset and dataset["object_contact_time"].size == count:
+        return [float(value) for value in dataset["object_contact_time"].values]
+    if "object_touched" in dataset and not bool(dataset["object_touched"]):
+        return [math.nan] * count
+    return [float(dataset.get("contact_time", -math.inf))] * count
 
 
-def _signs(dataset: "xr.Dataset") -> list[tuple[Kind, str]]:
-    """Return what reports a trapped object, in the order of the kinds."""
+def _case(dataset: "xr.Dataset", what: str, contact: float, gone: float, position: str) -> _Case:
     signs: list[tuple[Kind, str]] = []
-    slipped = _last_slips(dataset)
+    refused, accepted = False, accepted_by(dataset, _last(dataset))
+    for span, until in _periods(dataset):
+        start = -math.inf if span is None else span.start
+        if not (contact < min(gone, until) and start < gone):
+            continue
+        if span is not None and span.to != position:
+            continue
+        mine = [slip for slip in slips(dataset) if slip.movement == span and slip.time < gone]
+        rest = _at_rest(dataset, span, min(until, gone))
+        if any(slip.time < contact - TIME_TOLERANCE for slip in mine):
+            # Whether the object adds to what failed before it was touched, nothing tells.
+            refused |= rest is not None and bool(_signs(dataset, rest, [], span))
+            continue
+        last = math.isinf(until)
+        after = "" if last or span is None else f" after the movement to {span.to}"
+        found = _signs(dataset, rest, mine, span, after)
+        signs += [sign for sign in found if sign not in signs]
+        if rest is not None:
+            accepted = f"{accepted_by(rest, span)}{after}"
+    return _Case(what, contact, gone, tuple(signs), refused, accepted)
+
+
+def _periods(dataset: "xr.Dataset") -> list[tuple[Span | None, float]]:
+    """Return each movement with the onset of the next one [s]; None where none is named."""
+    spans = movements(dataset)
+    if not spans:
+        return [(None, math.inf)]
+    return list(zip(spans, [*(span.start for span in spans[1:]), math.inf], strict=True))
+
+
+def _last(dataset: "xr.Dataset") -> Span | None:
+    spans = movements(dataset)
+    return spans[-1] if spans else None
+
+
+def _at_rest(dataset: "xr.Dataset", span: Span | None, until: float) -> "xr.Dataset | None":
+    """Return the last instant before a time; None where the movement is not over by then."""
+    time = dataset["time"].values
+    last = int((time < until - TIME_TOLERANCE).sum()) - 1
+    if last < 0 or (span is not None and time[last] < span.end - TIME_TOLERANCE):
+        return None
+    return dataset.isel(time=[last])
+
+
+def _signs(
+    dataset: "xr.Dataset",
+    rest: "xr.Dataset | None",
+    slipped: list[Slip],
+    span: Span | None,
+    after: str = "",
+) -> list[tuple[Kind, str]]:
+    """Return what reports an object in a movement and at its rest, in the order of the kinds."""
+    signs: list[tuple[Kind, str]] = []
     if slipped:
-        signs.append(("detected by slip", "; ".join(_slip(dataset, slip) for slip in slipped)))
-    if not bool(at_end(dataset["locked"])):
-        wide = _wide_gaps(dataset)
-        if wide:
-            signs.append(("detected by lock", f"the lock is refused: {wide}"))
-        elif not slipped:
-            signs.append(("detected by lock", "the lock is refused"))
-    out = _out_of_control(dataset)
+        signs.append(("detected by slip", "; ".join(slip_words(dataset, slip) for slip in slipped)))
+    if rest is None:
+        return signs
+    if not bool(at_end(rest["locked"])):
+        wide = wide_gaps(rest)
+        if wide or not slipped or after:
+            told = f"the lock is refused{after}{': ' + wide if wide else ''}"
+            signs.append(("detected by lock", told))
+    out = out_of_control(rest, span)
     if out:
-        signs.append(("detected by TKK", out))
+        signs.append(("detected by TKK", f"{out}{after}"))
     return signs
 
 
-def _without_object(dataset: "xr.Dataset") -> Verdict:
-    faults = [_slip(dataset, slip) for slip in slips(dataset)]
-    faults += [
-        f"the lock is refused after the movement to {to}{': ' + wide if wide else ''}"
-        for to, wide in _refusals(dataset)
-    ]
-    out = _out_of_control(dataset)
-    if out:
-        faults.append(out)
+def _judged(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
+    caught = [case for case in cases if case.signs]
+    missed = [case for case in cases if case.trapped and not case.signs and not case.refused]
+    if missed:
+        what = _and([case.what for case in missed])
+        stays = "stays" if len(missed) == 1 else "stay"
+        text = f"Undetected object: {what} {stays} in the switch, which {missed[0].accepted}"
+        for case in caught:
+            text += f"; {case.what} is detected: {'; '.join(told for _, told in case.signs)}"
+        faults = [] if caught else _faults(dataset)
+        text += f"; apart from the object, {'; '.join(faults)}" if faults else ""
+        return Verdict("undetected object", f"{text}.")
+    if caught:
+        signs = sorted(
+            {sign: None for case in caught for sign in case.signs},
+            key=lambda sign: _ORDER.index(sign[0]),
+        )
+        what = _and([f"{case.what}{_taken_out(case)}" for case in caught])
+        before = _faults(dataset, before=min(case.contact for case in caught))
+        reasons = "; ".join(told for _, told in signs)
+        reasons += f"; before contact, {'; '.join(before)}" if before else ""
+        return Verdict(signs[0][0], f"D{signs[0][0][1:]}: {what}; {reasons}.")
+    return _switch_alone(dataset, cases)
+
+
+def _taken_out(case: _Case) -> str:
+    return "" if math.isinf(case.gone) else f", taken out at t = {case.gone:.2f} s"
+
+
+def _and(parts: list[str]) -> str:
+    return " and ".join(parts)
+
+
+def _switch_alone(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
+    """Judge a switch in which no object is trapped, or none that tells from its own faults."""
+    told = "; ".join(_uninvolved(case) for case in cases) or "no object"
+    faults = _faults(dataset)
+    narrow = narrow_flangeway(dataset)
+    accepted = accepted_by(dataset, _last(dataset))
     if faults:
-        return Verdict("not locked", f"Not locked: no object, but {'; '.join(faults)}.")
-    return Verdict("sound", f"Sound: no object, and the switch {_accepted(dataset)}.")
+        text = "; ".join([*faults, *narrow])
+        return Verdict("not locked", f"Not locked: {told}, but {text}.")
+    if narrow:
+        text = f"Not sound: {told}, and the switch {accepted}, but {narrow[0]}."
+        return Verdict("not sound", text)
+    return Verdict("sound", f"Sound: {told}, and the switch {accepted}.")
 
 
-def _refusals(dataset: "xr.Dataset") -> list[tuple[str, str]]:
-    """Return each position in which the switch rested unlocked, with the gaps that are too wide."""
-    time, spans = dataset["time"].values, movements(dataset)
-    locked = dataset["locked"].values.astype(bool)
-    if not spans:
-        return [] if locked[-1] else [("the end", _wide_gaps(dataset))]
-    found = []
-    for number, span in enumerate(spans):
-        until = spans[number + 1].start if number + 1 < len(spans) else math.inf
-        last = int((time < until - 1e-9).sum()) - 1
-        if last >= 0 and time[last] >= span.end - 1e-9 and not locked[last]:
-            found.append((span.to, _wide_gaps(dataset.isel(time=[last]))))
-    return found
+def _uninvolved(case: _Case) -> str:
+    """Say why an object is not what a verdict rests on."""
+    if not math.isinf(case.gone):
+        return f"{case.what} was taken out at t = {case.gone:.2f} s"
+    if not case.touched:
+        return f"{case.what} is never touched"
+    return f"{case.what} is touched only after a slip"
 
 
-def _last_slips(dataset: "xr.Dataset") -> list[Slip]:
-    """Return where drives slip in the last movement."""
-    spans = movements(dataset)
-    found = slips(dataset)
-    return [slip for slip in found if slip.movement == spans[-1]] if spans else found
-
-
-def _slip(dataset: "xr.Dataset", slip: Slip) -> str:
-    limit = float(dataset["saturation_force"].sel(drive=slip.drive))
-    where = "" if slip.movement is None else f", {_direction(slip.movement.to)}"
-    return f"Drive {slip.drive} slips at {kilo(limit)}{where}"
-
-
-def _direction(to: str) -> str:
-    return "closing" if to == "closed" else "opening"
-
-
-def _gap_limit(dataset: "xr.Dataset", drive: str) -> float:
-    limits = json.loads(dataset.attrs.get("lock_gap_limits", "{}"))
-    return float(limits.get(drive, dataset.attrs.get("lock_gap_limit", math.nan)))
-
-
-def _gaps(dataset: "xr.Dataset") -> list[tuple[str, float, float]]:
-    """Return drive, gap and limit at the end [m], where the lock rule looks at gaps."""
-    if "drive_gap" not in dataset or dataset.attrs.get("lock_rule") == "no slip":
-        return []
-    gaps = at_end(dataset["drive_gap"])
-    found = []
-    for drive in dataset["drive"].values:
-        gap, limit = float(gaps.sel(drive=drive)), _gap_limit(dataset, str(drive))
-        if not math.isnan(gap + limit):
-            found.append((str(drive), gap, limit))
-    return found
-
-
-def _wide_gaps(dataset: "xr.Dataset") -> str:
-    """Name the gaps at drives that are at or above their limits; empty where there are none."""
-    return " and ".join(
-        f"{milli(gap)} at Drive {drive}, limit {1e3 * limit:g} mm"
-        for drive, gap, limit in _gaps(dataset)
-        if gap >= limit
-    )
-
-
-def _out_of_control(dataset: "xr.Dataset") -> str:
-    """Name the sensors that report a gap at the end; empty where none does."""
-    if "in_control" not in dataset:
-        return ""
-    inside = at_end(dataset["in_control"])
-    out = [str(name) for name in dataset["sensor"].values if not bool(inside.sel(sensor=name))]
-    if not out or not _closed_at_end(dataset):
-        return ""
-    return f"out of control: {' and '.join(_sensor(dataset, name) for name in out)}"
-
-
-def _closed_at_end(dataset: "xr.Dataset") -> bool:
-    """Whether the instrumented rail, which carries the sensors, should be closed at the end."""
-    spans = movements(dataset)
-    return not spans or spans[-1].to == "closed"
-
-
-def _sensor(dataset: "xr.Dataset", name: str) -> str:
-    limit = 1e3 * float(dataset["sensor_limit"].sel(sensor=name))
-    if "sensor_gap" not in dataset:
-        return f"{name}, limit {limit:g} mm"
-    gap = milli(at_end(dataset["sensor_gap"]).sel(sensor=name))
-    return f"{name} {gap}, limit {limit:g} mm"
-
-
-def _accepted(dataset: "xr.Dataset") -> str:
-    """Say what accepts a movement, with the numbers that come nearest to their limits."""
-    parts = []
-    gaps = _gaps(dataset)
-    if gaps:
-        drive, gap, limit = max(gaps, key=lambda row: row[1] / row[2])
-        parts.append(f"{1e3 * gap:.2f} of {1e3 * limit:g} mm open at Drive {drive}")
-    forces = abs(at_end(dataset["drive_force"])) if "drive_force" in dataset else None
-    if forces is not None:
-        drive = _largest(forces / dataset["saturation_force"], "drive")
-        level = dataset["saturation_force"].sel(drive=drive)
-        parts.append(f"Drive {drive} holds {kilo(forces.sel(drive=drive))} of {kilo(level)}")
-    words = f"locks ({', '.join(parts)})" if parts else "locks"
-    if "in_control" not in dataset or not _closed_at_end(dataset):
-        return words
-    if "sensor_gap" not in dataset:
-        return f"{words} and is in control"
-    nearest = _largest(at_end(dataset["sensor_gap"]) / dataset["sensor_limit"], "sensor")
-    return f"{words} and is in control ({_sensor(dataset, nearest)})"
-
-
-def _largest(values: "xr.DataArray", dimension: str) -> str:
-    """Return the member of a dimension at which values are largest."""
-    return str(values[dimension].values[int(np.argmax(values.values))])
+def _faults(dataset: "xr.Dataset", *, before: float = math.inf) -> list[str]:
+    """Name what fails in any movement, its rest included; only what fails before a time [s]."""
+    faults = [
+        slip_words(dataset, slip) for slip in slips(dataset) if slip.time < before - TIME_TOLERANCE
+    ]
+    for span, until in _periods(dataset):
+        rest = _at_rest(dataset, span, until)
+        if rest is None or not float(rest["time"][-1]) < before:
+            continue
+        to = "the end" if span is None else f"the movement to {span.to}"
+        if not bool(at_end(rest["locked"])):
+            wide = wide_gaps(rest)
+            faults.append(f"the lock is refused after {to}{': ' + wide if wide else ''}")
+        out = out_of_control(rest, span)
+        if out and out not in faults:
+            faults.append(out)
+    return faults

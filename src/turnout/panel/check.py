@@ -31,7 +31,7 @@ from turnout.panel.check_rails import (
     rising_fault,
     unknown_name,
 )
-from turnout.panel.check_shape import check_back_drive, check_shape, slips_at_rest
+from turnout.panel.check_shape import check_back_drive, check_link, check_shape, slips_at_rest
 from turnout.panel.foreign_object import from_record, object_faults
 from turnout.panel.machines import check_machines
 from turnout.panel.model import Panel
@@ -167,7 +167,7 @@ def check(draft: Draft, *, known: Known | None = None) -> list[Problem]:
     found: list[Problem] = []
     for name, look in checks.items():
         found += draft.checked(name, look, known)
-    found += until_unknown(slips_at_rest(draft, before=known.panel if known else None))
+    found += until_unknown(slips_at_rest(draft))
     if objects := draft.records["object"]:
         blocked = {problem.path[0] for problem in (*draft.problems, *found) if problem.path}
         panel = Panel.model_construct(**draft.records)
@@ -369,6 +369,11 @@ def _drive_saturated(path: tuple[str, str], drive: Any) -> Iterator[Problem]:
         yield Problem((*path, "saturated_stiffness"), text)
 
 
+def _link(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
+    yield from _standing(draft, path, record)
+    yield from until_unknown(check_link(path, record))
+
+
 def _back_drive(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
     yield from _standing(draft, path, record)
     yield from until_unknown(check_back_drive(draft, path, record))
@@ -387,7 +392,7 @@ _CHECKS = {
     "stop": _standing,
     "stud": _standing,
     "drive": _drive,
-    "link": _standing,
+    "link": _link,
     "back_drive": _back_drive,
     "sensor": _standing,
     "sleeper": _sleeper,

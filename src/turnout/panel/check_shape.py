@@ -1,6 +1,7 @@
 """Checks of shapes against strokes, of the closing force at rest, and of back drives."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -37,28 +38,36 @@ def check_shape(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Prob
 
 
 def _against_strokes(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
-    if rail.stock_rail_gap is None or rail.independent_shape or rail.fraction == 0.0:
+    if rail.stock_rail_gap is None or rail.independent_shape:
         return
     for name in _moved_by(draft, path[1]):
         drive = draft.records["drive"][name]
         gap = float(evaluate_profile(rail.stock_rail_gap, [drive.x])[0])
         wanted = rail.fraction * drive.stroke
         if abs(gap - wanted) > MOST_CONTRADICTION:
+            makes = (
+                f"the stroke of {1e3 * drive.stroke:g} mm makes {1e3 * wanted:.1f} mm"
+                if rail.fraction
+                else 'stress_free "closed" leaves none'
+            )
             text = (
-                f": leaves {1e3 * gap:.1f} mm at drive '{name}', where the stroke of "
-                f"{1e3 * drive.stroke:g} mm makes {1e3 * wanted:.1f} mm; type the shape of this "
-                "stroke, or give fit_gap in its place and the shape is computed"
+                f": leaves {1e3 * gap:.1f} mm at drive '{name}', where {makes}; type the shape of "
+                "this position, or give fit_gap in its place and the shape is computed"
             )
             yield Problem((*path, "stock_rail_gap"), text)
 
 
 def _moved_by(draft: Draft, rail: str) -> list[str]:
+    return _drives_of(draft.records, rail)
+
+
+def _drives_of(records: Mapping[str, Any], rail: str) -> list[str]:
     """Return the drives of a rail, and those at whose places links join it to another."""
-    drives = draft.records["drive"]
+    drives = records["drive"]
     own = [name for name, drive in drives.items() if drive.rail == rail]
     if own:
         return own
-    linked = [link.x for link in draft.records["link"].values() if rail in link.rails]
+    linked = [link.x for link in records["link"].values() if rail in link.rails]
     at_links = [
         name for name, drive in drives.items() if any(abs(drive.x - x) < SAME_PLACE for x in linked)
     ]
@@ -77,46 +86,107 @@ def check_back_drive(draft: Draft, path: tuple[str, str], record: Any) -> Iterat
         yield Problem((*path, "x"), text)
 
 
-def slips_at_rest(draft: Draft, *, before: Panel | None) -> Iterator[Problem]:
+MOST_ADJUSTMENT = 10e-3
+"""So far a link may be lengthened or shortened [m]: what its adjusters take up in the field."""
+
+
+def check_link(path: tuple[str, str], link: Any) -> Iterator[Problem]:
+    """Check that a link is not adjusted by so much that neither rail can close."""
+    if abs(link.adjustment) > MOST_ADJUSTMENT:
+        text = (
+            f" = {1e3 * link.adjustment:g} mm: at most {1e3 * MOST_ADJUSTMENT:g} mm either way, "
+            "or the rails cannot close; change the stroke of the drives to move a rail further"
+        )
+        yield Problem((*path, "adjustment"), text)
+
+
+# Studies and calibrations set these; where one of them makes a drive slip at rest, the verdict and
+# `panel check` say so.
+_STUDIED = ("stiffness", "saturation_force", "extension", "force")
+
+
+@dataclass(frozen=True, slots=True)
+class RestingSlip:
+    """A drive that presses a closed rail so hard that it slips without moving.
+
+    Attributes
+    ----------
+    drive, rail, key : str
+        Names, and the key of the over-travel that presses the rail home.
+    reach : float
+        This over-travel [m].
+    force, limit : float
+        Force that it would need, and slip level [N].
+    most : float
+        Over-travel at which the drive would begin to slip [m].
+    """
+
+    drive: str
+    rail: str
+    key: str
+    reach: float
+    force: float
+    limit: float
+    most: float
+
+
+def slips_at_rest(draft: Draft) -> Iterator[Problem]:
     """Find drives that press a closed rail so hard that they slip without moving.
 
-    Parameters
-    ----------
-    draft : Draft
-        The records.
-    before : Panel, optional
-        The valid panel that this one was made from. Where it has the same over-travel nothing is
-        refused: a study may make a rod stiffer than the closing force allows, and sees it slip.
+    Refused, unless an override has set stiffness, slip level or force table of the drive, and none
+    the over-travel. That follows from the document alone, so a stored panel can be made again.
     """
-    for name, drive in draft.records["drive"].items():
-        known = before.drive.get(name) if before is not None else None
-        yield from until_unknown(_slips_at_rest(draft, ("drive", name), drive, known))
+    for name in draft.names["drive"]:
+        yield from until_unknown(_refused_at_rest(draft, name))
 
 
-def _slips_at_rest(
-    draft: Draft, path: tuple[str, str], drive: Any, known: Drive | None
-) -> Iterator[Problem]:
-    for name, rail in draft.records["rail"].items():
+def _refused_at_rest(draft: Draft, name: str) -> Iterator[Problem]:
+    given = draft.given
+    studied = any(f"drive.{name}.{key}" in given for key in _STUDIED)
+    for found in _at_rest(draft.records, name):
+        if studied and f"drive.{name}.{found.key}" not in given:
+            continue
+        text = (
+            f" = {1e3 * found.reach:g} mm: presses rail '{found.rail}' home with "
+            f"{found.force / 1e3:.2f} kN, so that the drive slips at rest, at "
+            f"{found.limit / 1e3:g} kN; give less than {1e3 * found.most:.2f} mm"
+        )
+        yield Problem(("drive", name, found.key), text)
+
+
+def resting_slips(panel: Panel) -> list[RestingSlip]:
+    """Return the drives of a valid panel that slip at rest, which a study may have made so.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> panel = load_panel("uic60-760-1-15")
+    >>> resting_slips(panel)
+    []
+    >>> stiff = panel.with_overrides({"drive.2.stiffness": "7500 kN/m"})
+    >>> [(found.drive, found.rail) for found in resting_slips(stiff)]
+    [('2', 'straight'), ('2', 'curved')]
+    """
+    records = {"rail": panel.rail, "drive": panel.drive, "link": panel.link}
+    return [found for name in panel.drive for found in _at_rest(records, name)]
+
+
+def _at_rest(records: Mapping[str, Any], name: str) -> Iterator[RestingSlip]:
+    drive = records["drive"][name]
+    for rail_name, rail in records["rail"].items():
         if isinstance(rail, Partial) or rail.independent_shape:
             continue
-        if path[1] not in _moved_by(draft, name):
+        if name not in _drives_of(records, rail_name):
             continue
         key = "over_travel_closed" if rail.closes == "+y" else "over_travel_open"
-        reach = getattr(drive, key)
-        if known is not None and getattr(known, key) == reach:
-            continue
         fit = _fit_at(rail, drive)
-        if fit is None or any(check_drive_table(path, drive)):
+        if fit is None or any(check_drive_table(("drive", name), drive)):
             continue
+        reach, limit = getattr(drive, key), drive.saturation_force
         force = _force_at(drive, reach - fit)
-        if force >= drive.saturation_force:
-            most = drive.saturation_force / drive.stiffness + fit
-            text = (
-                f" = {1e3 * reach:g} mm: presses rail '{name}' home with {force / 1e3:.2f} kN, so "
-                f"that the drive slips at rest, at {drive.saturation_force / 1e3:g} kN; give less "
-                f"than {1e3 * most:.2f} mm"
-            )
-            yield Problem((*path, key), text)
+        if force >= limit:
+            most = limit / drive.stiffness + fit
+            yield RestingSlip(name, rail_name, key, reach, force, limit, most)
 
 
 def _fit_at(rail: Rail, drive: Drive) -> float | None:

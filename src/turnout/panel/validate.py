@@ -98,6 +98,8 @@ class Draft:
         What was wrong with the rest.
     shared : frozenset of key paths
         Values (family, member, field) that come from the family, not from the member.
+    given : mapping of str to object
+        What overrides have set, by dotted place.
     changed : set of str
         Fields of `Panel` that are not those of the known panel.
     asked : dict of str to frozenset
@@ -108,6 +110,7 @@ class Draft:
     names: AccessTracker = field(default_factory=AccessTracker)
     problems: list[Problem] = field(default_factory=list)
     shared: frozenset[Path] = frozenset()
+    given: Mapping[str, object] = field(default_factory=dict)
     changed: set[str] = field(default_factory=set)
     asked: dict[str, frozenset[str]] = field(default_factory=dict)
 
@@ -135,7 +138,7 @@ def validate(document: Document, *, known: Known | None = None) -> Draft:
         A valid panel that this one was made from: its records are taken over where their tables
         are the very same objects.
     """
-    draft = Draft(problems=list(document.problems), shared=document.shared)
+    draft = Draft(problems=list(document.problems), shared=document.shared, given=document.given)
     tree = document.tree
     unknown = [name for name in tree if name not in Panel.model_fields]
     for name in unknown[:MOST_PROBLEMS]:

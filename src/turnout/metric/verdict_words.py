@@ -1,0 +1,120 @@
+"""What lock, control, drives and flangeway say of a movement, in the words of the verdict."""
+
+import json
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from turnout.metric.signal import at_end
+from turnout.metric.slip import TIME_TOLERANCE, Slip, Span
+from turnout.metric.summary import kilo, milli
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def narrow_flangeway(dataset: "xr.Dataset") -> list[str]:
+    """Name a flangeway below the limit of the panel; empty where there is none."""
+    limit = float(dataset.attrs.get("flangeway_limit", math.nan))
+    if "least_flangeway" not in dataset or not float(dataset["least_flangeway"]) < limit:
+        return []
+    where = ""
+    if "least_flangeway_x" in dataset and "least_flangeway_rail" in dataset:
+        rail, x = dataset["least_flangeway_rail"].values, float(dataset["least_flangeway_x"])
+        where = f" of rail {rail!s} at x = {x:g} m"
+    return [
+        f"the flangeway{where} is {milli(dataset['least_flangeway'])}, limit {1e3 * limit:g} mm"
+    ]
+
+
+def slip_words(dataset: "xr.Dataset", slip: Slip) -> str:
+    """Name a drive that slips, its slip level and when."""
+    told = f"Drive {slip.drive} slips"
+    level = ""
+    if "saturation_force" in dataset.coords:
+        level = f"at {kilo(dataset['saturation_force'].sel(drive=slip.drive))}"
+    if slip.movement is None:
+        return f"{told} {level}".rstrip()
+    if slip.time < slip.movement.start - TIME_TOLERANCE:
+        return f"{told} at rest{', ' if level else ''}{level}, before the first movement"
+    return f"{told} {level}".rstrip() + f", {_direction(slip.movement.to)}"
+
+
+def _direction(to: str) -> str:
+    return "closing" if to == "closed" else "opening"
+
+
+def _gap_limit(dataset: "xr.Dataset", drive: str) -> float:
+    limits = json.loads(dataset.attrs.get("lock_gap_limits", "{}"))
+    return float(limits.get(drive, dataset.attrs.get("lock_gap_limit", math.nan)))
+
+
+def _gaps(dataset: "xr.Dataset") -> list[tuple[str, float, float]]:
+    """Return drive, gap and limit at the end [m], where the lock rule looks at gaps."""
+    if "drive_gap" not in dataset or dataset.attrs.get("lock_rule") == "no slip":
+        return []
+    gaps = at_end(dataset["drive_gap"])
+    found = []
+    for drive in dataset["drive"].values:
+        gap, limit = float(gaps.sel(drive=drive)), _gap_limit(dataset, str(drive))
+        if not math.isnan(gap + limit):
+            found.append((str(drive), gap, limit))
+    return found
+
+
+def wide_gaps(dataset: "xr.Dataset") -> str:
+    """Name the gaps at drives that are at or above their limits; empty where there are none."""
+    return " and ".join(
+        f"{milli(gap)} at Drive {drive}, limit {1e3 * limit:g} mm"
+        for drive, gap, limit in _gaps(dataset)
+        if gap >= limit
+    )
+
+
+def out_of_control(dataset: "xr.Dataset", span: Span | None) -> str:
+    """Name the sensors that report a gap after a movement; empty where none does.
+
+    They are on the instrumented rail, which closes in movements to "closed" alone.
+    """
+    if "in_control" not in dataset or (span is not None and span.to != "closed"):
+        return ""
+    inside = at_end(dataset["in_control"])
+    out = [str(name) for name in dataset["sensor"].values if not bool(inside.sel(sensor=name))]
+    if not out:
+        return ""
+    return f"out of control: {' and '.join(_sensor(dataset, name) for name in out)}"
+
+
+def _sensor(dataset: "xr.Dataset", name: str) -> str:
+    limit = 1e3 * float(dataset["sensor_limit"].sel(sensor=name))
+    if "sensor_gap" not in dataset:
+        return f"{name}, limit {limit:g} mm"
+    gap = milli(at_end(dataset["sensor_gap"]).sel(sensor=name))
+    return f"{name} {gap}, limit {limit:g} mm"
+
+
+def accepted_by(dataset: "xr.Dataset", span: Span | None) -> str:
+    """Say what accepts a movement at its rest, with the numbers nearest to their limits."""
+    parts = []
+    gaps = _gaps(dataset)
+    if gaps:
+        drive, gap, limit = max(gaps, key=lambda row: row[1] / row[2])
+        parts.append(f"{1e3 * gap:.2f} of {1e3 * limit:g} mm open at Drive {drive}")
+    forces = abs(at_end(dataset["drive_force"])) if "drive_force" in dataset else None
+    if forces is not None:
+        drive = _largest(forces / dataset["saturation_force"], "drive")
+        level = dataset["saturation_force"].sel(drive=drive)
+        parts.append(f"Drive {drive} holds {kilo(forces.sel(drive=drive))} of {kilo(level)}")
+    words = f"locks ({', '.join(parts)})" if parts else "locks"
+    if "in_control" not in dataset or (span is not None and span.to != "closed"):
+        return words
+    if "sensor_gap" not in dataset:
+        return f"{words} and is in control"
+    nearest = _largest(at_end(dataset["sensor_gap"]) / dataset["sensor_limit"], "sensor")
+    return f"{words} and is in control ({_sensor(dataset, nearest)})"
+
+
+def _largest(values: "xr.DataArray", dimension: str) -> str:
+    """Return the member of a dimension at which values are largest."""
+    return str(values[dimension].values[int(np.argmax(values.values))])
