@@ -220,7 +220,7 @@ extra. A test compares this page with what is installed.
 
 ## Libraries in wheels
 
-Some wheels carry shared libraries under other licences than their own. Whoever passes on an
+Some wheels carry shared libraries under other licences than their own. If you pass on an
 environment, such as a container, passes on these too; each is linked at run time and can be
 replaced.
 
