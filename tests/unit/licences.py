@@ -221,7 +221,7 @@ extra. A test compares this page with what is installed.
 ## Libraries in wheels
 
 Some wheels carry shared libraries under other licences than their own. If you pass on an
-environment, such as a container, passes on these too; each is linked at run time and can be
+environment, such as a container, you pass on these too; each is linked at run time and can be
 replaced.
 
 | package | files | what | licence |

@@ -27,7 +27,7 @@ its books of energy to 1e-6 of their scale, and keep every law: no contact pulls
 (or the scheme's gap tolerance times its stiffness, if that is more), no friction is above its
 limit, no force is off its law, friction in sum takes energy. A run that comes to its end with an
 open balance must say so itself (`inaccurate`). In a run that stops early, where the balance is a
-small difference of large terms, as under chairs lifted by metres, rounding is let pass: 5e-13 of
+small difference of large terms, as under chairs lifted by metres, rounding is allowed for: 5e-13 of
 the energy in the linear system with all closed chairs folded in. A run that stops early is repeated
 with steps of 0.1 ms; if that one comes to its end, the first counts as a defect. Every tenth run,
 and all that take more than 3 s, are repeated and ended by Ctrl-C at a random time.
