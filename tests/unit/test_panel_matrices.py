@@ -220,7 +220,7 @@ def test_an_object_needs_a_node(folder: Path) -> None:
         appears=0.0,
         disappears=np.inf,
     )
-    gap = panel.with_overrides({"rail.A.stock_rail_gap": 0.1})
+    gap = panel.with_overrides({"rail.A.stock_rail_gap": 0.1, "rail.A.independent_shape": True})
     with pytest.raises(MechanicsError, match=r"no node at x = 1.234 m, the nearest is at 1.2 m"):
         build_mechanism(gap, [item])
 
