@@ -179,6 +179,7 @@ def judged(path: Path, what: str) -> Record:
         _forget_memory(item.process.pid)
     _forget_memory("self")
     before, ended_before = _processor_time(), _ended_readers()
+    own = _most_memory("self")
     said, fault, outcome = "", "", "answered"
     try:
         recording = read_recording(path)
@@ -190,9 +191,12 @@ def judged(path: Path, what: str) -> Record:
     except Exception as error:  # anything else is a fault
         fault = f"{type(error).__name__}: {error}"[:2000]
     seconds = _processor_time() - before
-    memory = max(_most_memory(who) for who in ("self", *(i.process.pid for i in isolated._kept)))
-    # Of readers that ended the system tells the largest only.
-    if (ended := _ended_readers()) > ended_before:
+    # Of this process counts what it took on top: it may hold a suite of tests.
+    memory = max(
+        _most_memory("self") - own, *(_most_memory(i.process.pid) for i in isolated._kept), 0.0
+    )
+    # Of readers that ended the system gives the largest only, with what they were forked from.
+    if (ended := _ended_readers()) > max(ended_before, _most_memory("self")):
         memory = max(memory, ended)
     if len(said.splitlines()) > 1 or len(said) > LONGEST_MESSAGE:
         fault = f"not one line: {said[:2000]!r}"

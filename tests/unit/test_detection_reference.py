@@ -27,7 +27,7 @@ def test_fewer_states_are_the_first_of_many() -> None:
 
 def test_spreads_are_those_that_are_stated() -> None:
     study = reference_study(count=400)
-    drawn = [study.design.in_state(state) for state in range(400)]
+    drawn = [study.design.drawn_values(state) for state in range(400)]
 
     def column(name: str) -> np.ndarray:
         return np.array([float(row[name]) for row in drawn])

@@ -125,7 +125,7 @@ def test_an_object_is_judged_by_the_movement_in_which_its_rail_closes() -> None:
     assert found.kind == "detected by slip"
     assert "13 mm at drive 1; Drive 1 slips at 6.00 kN, opening; the lock is ref" in found.text
     # The last movement tells nothing of it, and one that failed before contact nothing either.
-    assert findings(opening)[0].answer == "Object NOT noticed"
+    assert findings(opening)[0].answer == "Undetected object"
 
 
 def test_a_slip_without_contact_is_no_detection() -> None:
@@ -172,10 +172,10 @@ def test_several_objects_stay() -> None:
 
 
 def test_findings_and_verdict_agree() -> None:
-    assert findings(run_with())[0].answer == "Object NOT noticed"
+    assert findings(run_with())[0].answer == "Undetected object"
     opening = changed(slipping(run_with(), "1", 3.2, 4.3), rail="B")
     opening["contact_time"] = ((), 2.9)
-    assert findings(opening)[0].answer == "Object noticed"
+    assert findings(opening)[0].answer == "Object detected"
     assert findings(run_with(trapped=False, flangeway=0.01))[0].answer == "Not sound"
 
 

@@ -262,7 +262,11 @@ def test_checks_that_are_spared_would_have_found_nothing(
     assert found
 
 
-@pytest.mark.parametrize("record", FAMILIES.values(), ids=lambda record: record.__name__)
+# The parts of a machine are right only together: it is checked, and taken over, as a whole.
+SIMPLE = [record for record in FAMILIES.values() if record.__name__ != "Machine"]
+
+
+@pytest.mark.parametrize("record", SIMPLE, ids=lambda record: record.__name__)
 def test_fields_of_members_are_valid_each_by_itself(record: type[BaseModel]) -> None:
     """A member takes over a value that was read for another one; checks between come later."""
     found = record.__pydantic_decorators__

@@ -126,7 +126,7 @@ def conditioned(prior: Floats, *, way: Floats, error: Floats) -> Floats:
 
     Examples
     --------
-    >>> conditioned(np.eye(1), way=np.eye(1), error=np.eye(1)).tolist()
+    >>> conditioned(np.eye(1), way=np.eye(1), error=np.eye(1)).round(9).tolist()
     [[0.5]]
     """
     crossed = prior @ way.T

@@ -4,8 +4,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
-from scipy.optimize import brentq
 
 from turnout.law.table import Floats
 from turnout.machine.compute import places as at
@@ -61,6 +59,8 @@ def stroke_table(stroke: Stroke) -> Floats:
         return np.zeros((2, 5))
     s = np.array([0.0, *(stroke.angle_share or ())])
     x = np.array([0.0, *(stroke.length_share or ())])
+    from scipy.interpolate import PchipInterpolator  # slow to load, and of tables only
+
     pieces = PchipInterpolator(s, x)
     table = np.zeros((s.size, 5))
     table[:, 0] = s
@@ -77,6 +77,8 @@ def angle_at(machine: Machine, position: float) -> float:
     position : float
         Of the rod's machine end [m]; beyond the ends of a crank or table it is taken at the end.
     """
+    from scipy.optimize import brentq  # slow to load; sweeps of markers need none
+
     stroke = machine.stroke
     if stroke.ratio is not None and stroke.kind == "screw":
         return position * stroke.ratio
@@ -218,6 +220,8 @@ def rest_on(rail: Floats, constants: Floats, state: Floats, *, friction_share: f
 
     The friction acts with a share of its limit, positive against the closing direction.
     """
+    from scipy.optimize import brentq  # slow to load; sweeps of markers need none
+
     x, play = state[at.ROD_POSITION], 0.5 * constants[at.ROD_PLAY]
     friction = friction_share * rail[at.FRICTION_FORCE]
 

@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass
 
-from scipy.optimize import brentq
 
 from turnout.machine.records import Machine
 from turnout.machine.rows import (
@@ -60,6 +59,8 @@ def steady_point(machine: Machine, *, torque: float, drag: bool = True) -> Stead
     -----
     k(i) i = T_0 + (c1 + c2) w + torque with V = R i + k(i) w + V_b.
     """
+    from scipy.optimize import brentq  # slow to load; sweeps of markers need none
+
     motor = machine.motor
     viscous = motor.drag + (machine.gear.drag if drag else 0.0)
     most = (supply_voltage(machine) - motor.brush_drop) / circuit_resistance(machine)

@@ -125,9 +125,9 @@ def _by_verdict(dataset: xr.Dataset) -> Finding | None:
             return None
         return Finding("look", HEADLINE, "Not judged", detail)
     if found.missed:
-        return Finding("bad", HEADLINE, "Object NOT noticed", detail)
+        return Finding("bad", HEADLINE, "Undetected object", detail)
     if found.kind.startswith("detected"):
-        return Finding("good", HEADLINE, "Object noticed", detail)
+        return Finding("good", HEADLINE, "Object detected", detail)
     if _objects(dataset) and not bool(dataset.get("object_touched", True)):
         return Finding("look", HEADLINE, "Object never touched", detail)
     locked, control = is_locked(dataset), is_in_control(dataset)
