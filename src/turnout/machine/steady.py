@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass
 
-
 from turnout.machine.records import Machine
 from turnout.machine.rows import (
     copper_factor,
