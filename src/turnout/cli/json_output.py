@@ -71,3 +71,24 @@ def json_text(
         "written": [str(path) for path in written],
     }
     return json.dumps(to_plain(whole, nonfinite=lambda _: None), indent=2, allow_nan=False)
+
+
+def print_library(command: str, family: str, found: Mapping[str, str], *, as_json: bool) -> None:
+    """Print the names and descriptions of library members, such as panels.
+
+    Parameters
+    ----------
+    command, family : str
+        Such as "panel list" and "panels".
+    found : mapping of str to str
+        Description by name.
+    as_json : bool
+        Whether it is printed as JSON.
+    """
+    if as_json:
+        rows = [{"name": name, "description": text} for name, text in found.items()]
+        print_json(command, {family: rows})
+        return
+    width = max(map(len, found)) + 2
+    for name, text in found.items():
+        typer.echo(f"{name:<{width}}{text}")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from turnout.cli.json_output import JsonOption, print_json
+from turnout.cli.json_output import JsonOption, print_json, print_library
 from turnout.cli.options import FIGURES, check_outputs, first_sentence
 from turnout.errors import SolverError
 
@@ -46,13 +46,7 @@ def list_command(as_json: JsonOption = False) -> None:
     from turnout.machine.load import load_machines, machine_names
 
     found = {name: first_sentence(load_machines(name).description) for name in machine_names()}
-    if as_json:
-        rows = [{"name": name, "description": text} for name, text in found.items()]
-        print_json("machine list", {"machines": rows})
-        return
-    width = max(map(len, found)) + 2
-    for name, text in found.items():
-        typer.echo(f"{name:<{width}}{text}")
+    print_library("machine list", "machines", found, as_json=as_json)
 
 
 @app.command("show", short_help="Show every value with its origin, and operating points.")

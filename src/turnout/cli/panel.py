@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from turnout.cli.json_output import JsonOption, print_json
+from turnout.cli.json_output import JsonOption, print_json, print_library
 from turnout.cli.modes import modes_command
 from turnout.cli.options import (
     FIGURES,
@@ -37,13 +37,7 @@ def list_command(as_json: JsonOption = False) -> None:
     from turnout.panel.load import library_names, load_panel
 
     found = {name: first_sentence(load_panel(name).description) for name in library_names()}
-    if as_json:
-        rows = [{"name": name, "description": text} for name, text in found.items()]
-        print_json("panel list", {"panels": rows})
-        return
-    width = max(map(len, found)) + 2
-    for name, text in found.items():
-        typer.echo(f"{name:<{width}}{text}")
+    print_library("panel list", "panels", found, as_json=as_json)
 
 
 @app.command("show", short_help="Show plan, gaps, margins, test piece and assumptions.")

@@ -18,9 +18,8 @@ from turnout.machine.records import Machine
 from turnout.machine.rows import machine_row, start_state, stroke_table
 from turnout.machine.steady import shaft_travel
 from turnout.mechanism.mechanism import DriveMachines, LawIndex
-from turnout.panel.markers import marker_offsets, ordered_movements
+from turnout.panel.markers import marker_offsets, ordered_movements, start_level
 from turnout.panel.model import Panel
-from turnout.panel.records import Drive
 
 Floats = NDArray[np.float64]
 
@@ -114,8 +113,10 @@ def drive_machines(panel: Panel, index: LawIndex) -> DriveMachines | None:
     records = tuple(fitted_machine(panel, name) for name in names)
     inputs = [number for number, name in enumerate(panel.drive) if name in names]
     constants = [machine_row(machine) for machine in records]
-    starts = [_start(panel, panel.drive[name]) for name in names]
-    nominal = [-panel.drive[n].stroke if panel.schedule.starts == "open" else 0.0 for n in names]
+    drives = [panel.drive[name] for name in names]
+    nominal = [-drive.stroke if panel.schedule.starts == "open" else 0.0 for drive in drives]
+    levels = [start_level(panel, drive) for drive in drives]
+    starts = [home + level for home, level in zip(nominal, levels, strict=True)]
     states = [start_state(*item) for item in zip(records, constants, starts, strict=True)]
     return DriveMachines(
         names=names,
@@ -130,14 +131,6 @@ def drive_machines(panel: Panel, index: LawIndex) -> DriveMachines | None:
         shift=marker_offsets(panel)[inputs] - np.array(nominal),
         lock_gap=np.array([_or_inf(machine.circuit.lock_gap) for machine in records]),
     )
-
-
-def _start(panel: Panel, drive: Drive) -> float:
-    """Return where the rod of a machine stands at t = 0, from home [m]; loaded, past the end."""
-    loaded = panel.schedule.loaded
-    if panel.schedule.starts == "open":
-        return -drive.stroke - (drive.over_travel_open if loaded else 0.0)
-    return drive.over_travel_closed if loaded else 0.0
 
 
 def _or_inf(value: float | None) -> float:
