@@ -14,6 +14,7 @@ from turnout.cli import (
     limit,
     machine,
     panel,
+    pod,
     recording,
     report,
     simulate,
@@ -48,6 +49,9 @@ app.command("validate", short_help="Predict a campaign and judge the errors.")(
 )
 app.command("limit", short_help="Show what the drives can detect: places, sizes, blind zones.")(
     limit.limit_command
+)
+app.command("pod", short_help="Estimate probability of detection, a90 and a90/95 of a campaign.")(
+    pod.pod_command
 )
 app.command("studio", short_help="Open an interactive page that runs locally.")(
     studio.studio_command
