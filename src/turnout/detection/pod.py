@@ -243,16 +243,16 @@ def curve_of(pod: Pod, size: Floats) -> Floats:
     return marginal_probability(x, pod.parameters, shape)
 
 
-def _campaigns(throws: TestThrows, model: PodModel) -> Campaigns:
-    """Return the throws with objects as the likelihood takes them, or refuse them."""
+def _refuse_unusable(throws: TestThrows, model: PodModel) -> None:
+    """Refuse a table that lacks what the model needs, with everything that is wrong."""
     problems = []
-    binary = model.threshold is None
-    if binary and throws.hit is None:
-        problems.append("has no column hit that is filled in every row; or give a threshold")
-    if not binary and throws.response is None:
-        problems.append("has no column response; leave the threshold away to use hits and misses")
     used = throws.size > 0.0
-    if not binary and throws.response is not None:
+    if model.threshold is None:
+        if throws.hit is None:
+            problems.append("has no column hit that is filled in every row; or give a threshold")
+    elif throws.response is None:
+        problems.append("has no column response; leave the threshold away to use hits and misses")
+    else:
         lacking = int((~np.isfinite(throws.response[used])).sum())
         if lacking:
             problems.append(f"has {lacking} throws with objects but without a response")
@@ -268,6 +268,12 @@ def _campaigns(throws: TestThrows, model: PodModel) -> Campaigns:
         )
     if problems:
         raise StudyError(problems, source=throws.source)
+
+
+def _campaigns(throws: TestThrows, model: PodModel) -> Campaigns:
+    """Return the throws with objects as the likelihood takes them, or refuse them."""
+    _refuse_unusable(throws, model)
+    used = throws.size > 0.0
     names = np.array(throws.switch)[used]
     known = {name: number for number, name in enumerate(dict.fromkeys(names))}
     switch = np.array([known[name] for name in names], dtype=np.intp)
@@ -275,13 +281,15 @@ def _campaigns(throws: TestThrows, model: PodModel) -> Campaigns:
     size = throws.size[used][order]
     x = np.log(size) if model.size_scale == "log" else size
     grouped = model.grouped and 1 < len(known) < len(names)
-    if binary:
+    if model.threshold is None:
+        assert throws.hit is not None
         hit = throws.hit[used][order]
         return Campaigns(
             x=x, switch=switch[order], y=np.zeros((1, x.size)),
             side=np.where(hit, 1, -1).astype(np.int8)[np.newaxis],
             link=model.link, grouped=grouped,
         )  # fmt: skip
+    assert throws.response is not None
     y, least, most = (
         _response(values, model)
         for values in (throws.response[used][order], model.least, model.most)
@@ -344,7 +352,7 @@ def _with_asymptotes(campaigns: Campaigns, alarms: int, sound: int) -> tuple[Cam
             return low, 1.0 - (0.5 * float(expit(values[-1])) if ceiling else 0.0)
 
         found = minimize(
-            lambda values: -fitted(*ends(values))[2], [-3.0] * (floor + ceiling),
+            lambda values: -fitted(*ends(values))[2], np.full(floor + ceiling, -3.0),
             method="Nelder-Mead", options={"xatol": 0.02, "fatol": 1e-3, "maxfev": 60},
         )  # fmt: skip
         return fitted(*ends(found.x))

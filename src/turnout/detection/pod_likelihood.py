@@ -32,7 +32,7 @@ INTERCEPT, SLOPE, SPREAD, SCALE = 0, 1, 2, 3
 """Columns of the parameters a0, a1, w and gamma."""
 MODE_STEPS = 5
 _ROOT_2_PI = float(np.sqrt(2.0 * np.pi))
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
 _EVEN_NODES, _EVEN_WEIGHTS = np.polynomial.hermite_e.hermegauss(40)
 _EVEN_WEIGHTS = _EVEN_WEIGHTS / _ROOT_2_PI
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from turnout.core.problems import choices, nearest, show_value
 from turnout.core.toml import decode, read_bytes
 from turnout.errors import StudyError
-from turnout.measurement.campaign.sheet import object_size, truth
+from turnout.measurement.campaign.run_sheet import object_size, truth
 
 Floats = NDArray[np.float64]
 T = TypeVar("T")
