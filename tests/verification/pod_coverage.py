@@ -3,10 +3,10 @@
     python -m tests.verification.pod_coverage run --count 2000 --out DIR --workers 1
     python -m tests.verification.pod_coverage report DIR
 
-Even numbers are campaigns of responses with a floor and slip, odd ones of hits and misses. Each has
-6 switches with 10 sizes; the spread between switches is 0.8 of that between throws. The truth is the
-size that 90 % of all switches and throws detect. A campaign is fixed by its number; a job that was
-stopped continues. `report` writes into docs/detection-limit.md.
+Even numbers are campaigns of responses with a floor and slip, odd ones of hits and misses. Each
+has 6 switches with 10 sizes; the spread between switches is 0.8 of that between throws. The truth
+is the size that 90 % of all switches and throws detect. A campaign is fixed by its number; a job
+that was stopped continues. `report` writes into docs/detection-limit.md.
 """
 
 from dataclasses import replace

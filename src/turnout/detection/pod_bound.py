@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from turnout.detection.pod_fit import (
+    STEEPEST,
     Fit,
     detected_size,
     draw_campaigns,
@@ -172,4 +173,4 @@ def confidence_bound(
 
 def separated(fit: Fit, campaigns: Campaigns) -> bool:
     """Tell whether hits and misses do not overlap, so that the slope has no finite estimate."""
-    return bool(abs(fit.parameters[0, SLOPE]) * np.ptp(campaigns.x) > 200.0)
+    return bool(abs(fit.parameters[0, SLOPE]) * np.ptp(campaigns.x) > STEEPEST)

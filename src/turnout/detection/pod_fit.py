@@ -13,19 +13,23 @@ from turnout.detection.pod_likelihood import (
     SPREAD,
     Campaigns,
     Constraint,
+    Evaluation,
     evaluate,
     margin,
 )
 
 Floats = NDArray[np.float64]
 
-MOST_STEPS, HALVINGS = 60, 12
-CLOSE = 1e-7
+MOST_STEPS, SHORTENINGS = 60, 6
+CLOSE = 1e-5
 """Gain of log-likelihood that a further step promises at the end [-]."""
 LEAST_SHARE = 0.3
 """Of the scale, which a step may leave."""
-STEEPEST = 1e4
-"""Change of the mean over the range of sizes, in units of the error, at which it is unbounded."""
+STEEPEST, WIDEST = 100.0, 30.0
+"""Change of the mean over the sizes, and spread of switches, that count as infinite, in errors.
+
+Hits and misses that do not overlap have no finite estimate; their likelihood no longer changes.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,28 +71,20 @@ def maximise(
     active = np.arange(count)
     data = campaigns
     found = evaluate(data, parameters, constraint)
+    stuck = np.zeros(count, dtype=np.bool_)
     for _ in range(MOST_STEPS):
         value[active] = found.value
         step = _step(found.gradient, found.hessian)
         promised = np.einsum("bk,bk->b", found.gradient, step)
-        steep = np.abs(parameters[active, SLOPE]) * np.ptp(campaigns.x) > STEEPEST
-        going = (promised > CLOSE) & ~steep
+        here = np.abs(parameters[active])
+        endless = (here[:, SLOPE] * np.ptp(campaigns.x) > STEEPEST) | (here[:, SPREAD] > WIDEST)
+        going = (promised > CLOSE) & ~(endless & campaigns.binary) & ~stuck
         if not going.any():
             break
         active, step, data = active[going], step[going], data.rows(going)
-        before = found.value[going]
-        length = np.ones(active.size)
-        if not campaigns.binary:
-            change = -step[:, -1] / parameters[active, SCALE]
-            length = np.minimum(1.0, (1.0 - LEAST_SHARE) / np.maximum(change, 1e-12))
-        for _halving in range(HALVINGS):
-            trial = parameters[active]
-            trial[:, free] += length[:, None] * step
-            found = evaluate(data, trial, constraint)
-            worse = ~(found.value >= before - 1e-10)
-            if not worse.any():
-                break
-            length[worse] *= 0.25
+        trial, found, stuck = _uphill(
+            data, parameters[active], step, free, found.value[going], constraint
+        )
         parameters[active] = trial
     value[active] = found.value
     parameters[:, SPREAD] = np.abs(parameters[:, SPREAD])
@@ -96,6 +92,35 @@ def maximise(
         mean = margin(parameters[:, SPREAD], campaigns, constraint.probability)[0]
         parameters[:, INTERCEPT] = mean - parameters[:, SLOPE] * constraint.x
     return Fit(parameters=parameters, value=value)
+
+
+def _uphill(
+    data: Campaigns,
+    begin: Floats,
+    step: Floats,
+    free: list[int],
+    before: Floats,
+    constraint: Constraint | None,
+) -> tuple[Floats, Evaluation, NDArray[np.bool_]]:
+    """Take a step, shortened where the likelihood would fall; say where no length is uphill.
+
+    Near the maximum quadrature is not exact enough to see a gain: such campaigns are done.
+    """
+    length = np.ones(len(step))
+    if not data.binary:
+        change = -step[:, -1] / begin[:, SCALE]
+        length = np.minimum(1.0, (1.0 - LEAST_SHARE) / np.maximum(change, 1e-12))
+    worse = np.ones(len(step), dtype=np.bool_)
+    for _ in range(SHORTENINGS):
+        trial = begin.copy()
+        trial[:, free] += length[:, None] * step
+        found = evaluate(data, trial, constraint)
+        worse = ~(found.value >= before)
+        if not worse.any():
+            return trial, found, worse
+        length[worse] *= 0.2
+    trial[worse] = begin[worse]
+    return trial, evaluate(data, trial, constraint), worse
 
 
 def _step(gradient: Floats, hessian: Floats) -> Floats:
