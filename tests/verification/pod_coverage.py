@@ -21,7 +21,7 @@ from turnout.detection.pod_likelihood import Campaigns
 
 SEED = 20261122
 SWITCHES, SIZES, SPREAD = 6, 10, 0.8
-DRAWN = 200
+DRAWN = 150
 KINDS = ("responses", "hits and misses")
 LEAST, MOST = 0.93, 0.97
 PAGE = Path(__file__).parents[2] / "docs" / "detection-limit.md"

@@ -1,11 +1,11 @@
 """The command `turnout limit`: what can be seen of a trapped object from the drives, and where."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     FIGURES,
     CalibrationOption,
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from turnout.sweep.run import SweepProgress
 
+LENGTHS = dict.fromkeys(("x", "touch_floor", "largest_size", "a90", "a90_low", "a90_high"), "m")
 TEXTS = {"sound": "sound throws", "floor": "gaps", "objects": "throws with objects"}
 
 
@@ -67,7 +68,7 @@ def limit_command(
         Path | None, typer.Option("--out", "-o", metavar="FILE.nc", help="Write the map (netCDF).")
     ] = None,
     plot: FigureOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the table as JSON.")] = False,
+    as_json: JsonOption = False,
     workers: Annotated[
         int, typer.Option("--workers", metavar="N", min=0, help="Processes; default one a core.")
     ] = 0,
@@ -99,20 +100,22 @@ def limit_command(
         report=_watching(quiet=quiet),
     )
     found = limit_map(throws, conditions, closing=closing_time(given))
-    if as_json:
-        content = {"conditions": _plain(found.attrs), "places": rows_of(found)}
-        typer.echo(json.dumps(content, indent=2))
-    else:
-        _print(found)
+    still = quiet or as_json
     if out is not None:
         from turnout.response.store import response_bytes
 
-        write_and_report(out, response_bytes(found))
+        write_and_report(out, response_bytes(found), quiet=still)
     if plot is not None:
         from turnout.plot.limit import plot_limit
         from turnout.plot.style import rendered
 
-        write_and_report(plot, rendered(plot_limit(found), plot.suffix))
+        write_and_report(plot, rendered(plot_limit(found), plot.suffix), quiet=still)
+    if as_json:
+        record = {"conditions": _plain(found.attrs), "places": rows_of(found)}
+        written = [path for path in (out, plot) if path is not None]
+        print_json("limit", record, units=LENGTHS, written=written)
+    elif not quiet:
+        _print(found)
 
 
 def _watching(*, quiet: bool) -> "Callable[[str], Callable[[SweepProgress], None]]":

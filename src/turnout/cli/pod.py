@@ -9,7 +9,7 @@ from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import FIGURES, FigureOption, check_outputs, write_and_report
 
 if TYPE_CHECKING:
-    from turnout.detection.pod import Pod
+    from turnout.detection.pod_result import Pod
 
 TABLES = (".nc", ".csv")
 METRES = ("a50", "a90", "a90_95", "a90_95_profile", "required_size", "required_size_bound")
@@ -71,7 +71,8 @@ def pod_command(
 ) -> None:
     """Estimate the probability of detection over size, with a90 and a90/95."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": TABLES, "--plot": FIGURES})
-    from turnout.detection.pod import PodModel, estimate_pod, key_figures
+    from turnout.detection.pod import estimate_pod
+    from turnout.detection.pod_result import PodModel, key_figures
     from turnout.detection.pod_table import read_test_throws
 
     model = PodModel(
@@ -85,7 +86,15 @@ def pod_command(
         drawn=campaigns,
     )
     found = estimate_pod(read_test_throws(results), model)
-    written = [path for path in (out, plot) if path is not None]
+    still = quiet or as_json
+    if out is not None:
+        write_and_report(out, _content(found, out.suffix.lower()), quiet=still)
+    if plot is not None:
+        from turnout.detection.pod_result import pod_dataset
+        from turnout.plot.pod import plot_pod
+        from turnout.plot.style import rendered
+
+        write_and_report(plot, rendered(plot_pod(pod_dataset(found)), plot.suffix), quiet=still)
     if as_json:
         record = key_figures(found) | {
             "notes": found.notes,
@@ -95,23 +104,15 @@ def pod_command(
                 "required_size_bound": found.size_bound,
             },
         }
+        written = [path for path in (out, plot) if path is not None]
         print_json("pod", record, units=dict.fromkeys(METRES, "m"), written=written)
     elif not quiet:
         _print(found)
-    still = quiet or as_json
-    if out is not None:
-        write_and_report(out, _content(found, out.suffix.lower()), quiet=still)
-    if plot is not None:
-        from turnout.detection.pod import pod_dataset
-        from turnout.plot.pod import plot_pod
-        from turnout.plot.style import rendered
-
-        write_and_report(plot, rendered(plot_pod(pod_dataset(found)), plot.suffix), quiet=still)
 
 
 def _content(found: "Pod", suffix: str) -> bytes | str:
     """Return the file of a result: all of it as netCDF, or its curve as a table."""
-    from turnout.detection.pod import pod_dataset
+    from turnout.detection.pod_result import pod_dataset
 
     dataset = pod_dataset(found)
     if suffix == ".nc":

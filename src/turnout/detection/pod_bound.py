@@ -15,17 +15,18 @@ import numpy as np
 from scipy.special import ndtri
 
 from turnout.detection.pod_fit import (
-    STEEPEST,
     Fit,
     detected_size,
     draw_campaigns,
     maximise,
     signed_root,
 )
-from turnout.detection.pod_likelihood import SLOPE, Campaigns, Constraint
+from turnout.detection.pod_likelihood import Campaigns, Constraint
 
 DRAWN, ROUNDS = 400, 2
 """Simulated campaigns, and how often the place where they are drawn is moved to the bound."""
+PERFECT = -0.1
+"""Log-likelihood above which every hit and miss counts as explained: the slope has no end."""
 FARTHEST = 20.0
 """Ranges of the sizes beyond which a bound counts as none."""
 
@@ -173,4 +174,4 @@ def confidence_bound(
 
 def separated(fit: Fit, campaigns: Campaigns) -> bool:
     """Tell whether hits and misses do not overlap, so that the slope has no finite estimate."""
-    return bool(abs(fit.parameters[0, SLOPE]) * np.ptp(campaigns.x) > STEEPEST)
+    return campaigns.binary and float(fit.value[0]) > PERFECT

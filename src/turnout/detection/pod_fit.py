@@ -21,7 +21,7 @@ from turnout.detection.pod_likelihood import (
 Floats = NDArray[np.float64]
 
 MOST_STEPS, SHORTENINGS = 60, 6
-CLOSE = 1e-5
+CLOSE = 1e-7
 """Gain of log-likelihood that a further step promises at the end [-]."""
 LEAST_SHARE = 0.3
 """Of the scale, which a step may leave."""
