@@ -210,7 +210,7 @@ def _with_asymptotes(campaigns: Campaigns, alarms: int, sound: int) -> tuple[Cam
 
         found = minimize(
             lambda values: -fitted(*ends(values))[2], np.full(floor + ceiling, -3.0),
-            method="Nelder-Mead", options={"xatol": 0.02, "fatol": 1e-3, "maxfev": 60},
+            method="Nelder-Mead", tol=2e-3,
         )  # fmt: skip
         return fitted(*ends(found.x))
 
