@@ -78,13 +78,13 @@ def command() -> float:
 FIRST_STEP = """
 import sys, time
 from turnout.cli.main import main
-from turnout.integrate import run
-march = run._march_in_chunks
+from turnout.integrate import integration
+march = integration._march_in_chunks
 def first(*given):
     sys.stderr.write(f"{time.time()}")
-    run._march_in_chunks = march
+    integration._march_in_chunks = march
     return march(*given)
-run._march_in_chunks = first
+integration._march_in_chunks = first
 main()
 """
 

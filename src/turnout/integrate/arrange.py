@@ -18,7 +18,7 @@ from turnout.condense.modal import ModalModel
 from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
 from turnout.integrate.march import Record
-from turnout.integrate.places import place_laws
+from turnout.integrate.numbering import place_laws
 from turnout.integrate.rods import Rods
 from turnout.integrate.scratch import Work, acquire_buffer, new_work, release_buffers
 from turnout.integrate.solve import Tolerances
@@ -26,7 +26,7 @@ from turnout.integrate.state import State, fresh_copy, fresh_state
 from turnout.integrate.step import Stepping
 from turnout.integrate.system import System, check_normals, condensed_system
 from turnout.kernels.lanes import whole_lines
-from turnout.kernels.records import clone_record, shared_record
+from turnout.kernels.shared_record import clone_record, shared_record
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import AlphaCoefficients, Scheme

@@ -25,12 +25,12 @@ from turnout.integrate.equilibrium import (
     start_energy_balance,
 )
 from turnout.integrate.march import march
+from turnout.integrate.numbering import place_laws
 from turnout.integrate.outcome import Code
-from turnout.integrate.places import place_laws
 from turnout.integrate.state import LEVEL, set_segments
 from turnout.integrate.system import System
 from turnout.kernels.interrupt import call_interruptible
-from turnout.kernels.records import shared_record
+from turnout.kernels.shared_record import shared_record
 from turnout.law.kernel import SLIP_FORWARD
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
