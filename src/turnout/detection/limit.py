@@ -43,7 +43,9 @@ UNITS = {
 }
 
 
-def limit_map(throws: Throws, conditions: Conditions, *, closing: float) -> xr.Dataset:
+def limit_map(
+    throws: Throws, conditions: Conditions, *, closing: float, averaged: int = 1
+) -> xr.Dataset:
     """Return probability of detection over place and size, from both drives and from each alone.
 
     Parameters
@@ -54,6 +56,8 @@ def limit_map(throws: Throws, conditions: Conditions, *, closing: float) -> xr.D
         Discrepancy, noise, history, rate of false alarms.
     closing : float
         When the last closing begins [s].
+    averaged : int
+        Throws of the same switch, with the object in place, whose mean is judged.
 
     Returns
     -------
@@ -63,7 +67,7 @@ def limit_map(throws: Throws, conditions: Conditions, *, closing: float) -> xr.D
         that one, and an a90 beyond it is NaN.
     """
     with one_blas_thread():
-        return _limit_map(throws, conditions, closing=closing)
+        return _limit_map(throws, conditions, closing=closing, averaged=averaged)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,7 +96,9 @@ class SoundThrows:
         return np.asarray(np.abs(level[:, np.newaxis] - self.levels).argmin(axis=1))
 
 
-def sound_throws(throws: Throws, conditions: Conditions, *, closing: float) -> SoundThrows:
+def sound_throws(
+    throws: Throws, conditions: Conditions, *, closing: float, averaged: int = 1
+) -> SoundThrows:
     """Return the covariances of sound throws under some conditions.
 
     Parameters
@@ -103,6 +109,8 @@ def sound_throws(throws: Throws, conditions: Conditions, *, closing: float) -> S
         Discrepancy, noise, history.
     closing : float
         When the last closing begins [s].
+    averaged : int
+        Throws of the same switch whose mean is judged.
     """
     means = window_means(throws.time, closing=closing)
     drives, windows = len(throws.amplitude), len(means)
@@ -119,6 +127,7 @@ def sound_throws(throws: Throws, conditions: Conditions, *, closing: float) -> S
         fixed_share=conditions.fixed_share,
         level_deviation=conditions.level_deviation,
         history=conditions.history,
+        averaged=averaged,
     )
     channels = {"both drives": np.arange(drives * windows)}
     for number in range(drives):
@@ -131,8 +140,10 @@ def sound_throws(throws: Throws, conditions: Conditions, *, closing: float) -> S
     )
 
 
-def _limit_map(throws: Throws, conditions: Conditions, *, closing: float) -> xr.Dataset:
-    known = sound_throws(throws, conditions, closing=closing)
+def _limit_map(
+    throws: Throws, conditions: Conditions, *, closing: float, averaged: int
+) -> xr.Dataset:
+    known = sound_throws(throws, conditions, closing=closing, averaged=averaged)
     nearest = known.nearest(throws.level[throws.states])
     signatures = features_of(throws.change, known.means)
     sizes = np.arange(0.0, LARGEST_SIZE + 0.5 * SIZE_STEP, SIZE_STEP)
