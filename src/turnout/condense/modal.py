@@ -102,8 +102,9 @@ def modal_model(
     cutoff_frequency: float,
 ) -> ModalModel:
     """Condense a linear system at a cut-off frequency; see `split_modes`."""
-    given = {"rows": rows, "load": load, "cutoff_frequency": cutoff_frequency}
-    return split_modes(stiffness, mass, damping=damping, **given)[0]
+    return split_modes(
+        stiffness, mass, damping=damping, rows=rows, load=load, cutoff_frequency=cutoff_frequency
+    )[0]
 
 
 def split_modes(

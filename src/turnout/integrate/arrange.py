@@ -353,7 +353,7 @@ def trim_record(run: Run, count: int) -> Record:
     )
 
 
-def start_at_rest(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
+def start_at_rest(run: Run, mechanism: Mechanism, thread: Executor | None) -> Code:
     """Find the static equilibrium without friction, then anchor the feet at their places."""
     system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
     state.present[:] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9) & (laws.waits == 0)
@@ -375,7 +375,7 @@ def start_at_rest(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
     return Code.COMPLETE
 
 
-def _find_equilibrium(run: Run, thread: Executor) -> bool:
+def _find_equilibrium(run: Run, thread: Executor | None) -> bool:
     """Iterate the contact set to static equilibrium from the present one; tell if it converged."""
     patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
     given = (run.system, run.table, run.state, run.work, patient)

@@ -270,7 +270,7 @@ def _march(run: Run, first: int, last: int) -> tuple[int, int]:
 
 
 def _march_in_chunks(
-    run: Run, report: Callable[[int, int], None] | None, thread: Executor
+    run: Run, report: Callable[[int, int], None] | None, thread: Executor | None
 ) -> tuple[Code, int]:
     """March in chunks of about `INTERRUPT_INTERVAL`, and report the progress after each."""
     n_steps = run.positions.shape[0] - 1

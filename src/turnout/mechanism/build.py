@@ -107,7 +107,7 @@ def _geometry(record: type[Record]) -> tuple[str, ...]:
 Floats = NDArray[np.float64]
 
 MOST_LINEAR = 64
-"""So many linear parts are kept in memory, the latest used; of rails with objects the rows alone."""
+"""So many linear parts are kept in memory, the latest used; with objects the rows alone."""
 _MATRICES = ("stiffness", "mass", "damping", "load")
 
 
