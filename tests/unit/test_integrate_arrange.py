@@ -7,7 +7,7 @@ import pytest
 
 from turnout.condense import condense
 from turnout.integrate.arrange import arrange, forget
-from turnout.integrate.run import integrate
+from turnout.integrate.integration import integrate
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.build import forget as forget_linear
 from turnout.mechanism.mechanism import Mechanism

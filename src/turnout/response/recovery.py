@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from turnout.condense.condense import BlockModel, folded_stiffness, sum_at_rows
 from turnout.core.lru_cache import LRUCache
-from turnout.integrate.run import History
+from turnout.integrate.integration import History
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailShape
 
 Floats = NDArray[np.float64]
