@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.condense.condense import CondensedRails
 from turnout.condense.modal import ModalModel
 from turnout.core.threads import one_blas_thread
 from turnout.errors import SolverError
@@ -63,8 +64,8 @@ class History:
     law_placed, law_first : ndarray, shape (n_laws,)
         Times at which a law that does not always act (an object) appeared, and first had a force
         [s]; NaN where it did not, as an object that never fits, and for all other laws.
-    model : ModalModel
-        The condensed system, from which shapes are recovered.
+    condensed : CondensedRails
+        The condensed system, from which shapes are recovered; `model` is the whole of it.
     laws : LawTable
         The laws as integrated: those that join rails are not part of the linear system.
     outcome : Outcome
@@ -85,13 +86,18 @@ class History:
     ledger: Floats
     law_placed: Floats
     law_first: Floats
-    model: ModalModel
+    condensed: CondensedRails
     laws: LawTable
     outcome: Outcome
     iterations: int
     flips: int
     halved: int
     machines: MachineHistory | None = None
+
+    @property
+    def model(self) -> ModalModel:
+        """The condensed system in the coordinates of the mechanism."""
+        return self.condensed.model
 
 
 def integrate(
@@ -180,7 +186,9 @@ def _integrate(
             machines = machines.at(instants, positions)
         given = {"instants": instants, "inputs": positions, "modes": arrangement.model.row_modes}
         record = interpolate_record(record, step=scheme.step, laws=arrangement.laws, **given)
-    return _assemble_history(run, record, arrangement.model, outcome, instants, positions, machines)
+    return _assemble_history(
+        run, record, arrangement.condensed, outcome, instants, positions, machines
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +233,7 @@ def _choose_grid(mechanism: Mechanism, scheme: Scheme, end: float) -> _Grid:
 def _assemble_history(
     run: Run,
     record: Record,
-    model: ModalModel,
+    condensed: CondensedRails,
     outcome: Outcome,
     instants: Floats,
     positions: Floats,
@@ -243,7 +251,7 @@ def _assemble_history(
         ledger=record.ledger,
         law_placed=state.law_placed,
         law_first=np.where(np.isinf(state.law_first), np.nan, state.law_first),
-        model=model,
+        condensed=condensed,
         laws=run.laws,
         machines=machines,
         outcome=outcome,
@@ -270,7 +278,7 @@ def _march(run: Run, first: int, last: int) -> tuple[int, int]:
 
 
 def _march_in_chunks(
-    run: Run, report: Callable[[int, int], None] | None, thread: Executor
+    run: Run, report: Callable[[int, int], None] | None, thread: Executor | None
 ) -> tuple[Code, int]:
     """March in chunks of about `INTERRUPT_INTERVAL`, and report the progress after each."""
     n_steps = run.positions.shape[0] - 1

@@ -84,7 +84,7 @@ def find_start(
     run: Run,
     arrangement: Arrangement,
     scheme: Scheme,
-    thread: Executor,
+    thread: Executor | None,
     prior: PriorMotion | None,
 ) -> Code:
     """Put the state of a run where it starts.
@@ -97,7 +97,7 @@ def find_start(
         What it was prepared from.
     scheme : Scheme
         Numerical choices of the run.
-    thread : Executor
+    thread : Executor or None
         For the kernels.
     prior : PriorMotion, optional
         The motion before the start.
@@ -162,7 +162,7 @@ def _present_at_start(laws: LawTable) -> NDArray[np.bool_]:
     return np.asarray(present & (laws.waits == 0))
 
 
-def _move(motion: Run, mechanism: Mechanism, thread: Executor) -> Code:
+def _move(motion: Run, mechanism: Mechanism, thread: Executor | None) -> Code:
     """Move the rails as before a start, from equilibrium without friction."""
     _call_march(motion, 0)  # compiles where needed, while Ctrl-C still ends the program at once
     if start_at_rest(motion, mechanism, thread) != Code.COMPLETE:
@@ -202,7 +202,7 @@ def _state_left(motion: Run) -> _StateLeft:
     )
 
 
-def _start_from(run: Run, left: _StateLeft, thread: Executor) -> Code:
+def _start_from(run: Run, left: _StateLeft, thread: Executor | None) -> Code:
     """Bring the rails to rest with the contact set and the anchors that a motion left."""
     system, table, state, work = run.system, run.table, run.state, run.work
     _set_present(run)
@@ -221,7 +221,7 @@ def _start_from(run: Run, left: _StateLeft, thread: Executor) -> Code:
     return Code.COMPLETE
 
 
-def start_at_rest(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
+def start_at_rest(run: Run, mechanism: Mechanism, thread: Executor | None) -> Code:
     """Find the static equilibrium without friction, then anchor the feet at their places."""
     system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
     _set_present(run)
@@ -247,7 +247,7 @@ def _set_present(run: Run) -> None:
     run.state.law_placed[run.state.present == 1] = 0.0
 
 
-def _find_equilibrium(run: Run, thread: Executor) -> bool:
+def _find_equilibrium(run: Run, thread: Executor | None) -> bool:
     """Iterate the contact set to static equilibrium from the present one; tell if it converged."""
     patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
     given = (run.system, run.table, run.state, run.work, patient)
