@@ -11,7 +11,7 @@ from turnout.measurement.quality.throw_faults import Profile, early_profile, typ
 from turnout.panel.foreign_object import ForeignObject
 from turnout.response.save import Save
 from turnout.response.simulate import simulate
-from turnout.virtual.disturbance import disturbed
+from turnout.virtual.disturbance import add_disturbance
 from turnout.virtual.record_throw import record_throw
 
 FIELDS = ("drive_force", "drive_displacement", "drive_slipping", "object_force", "contact_time")
@@ -34,7 +34,7 @@ def clean(size: float = 0.0, direction: str = "closing", friction: float = 0.4) 
 def noisy(
     seed: int, size: float = 0.0, direction: str = "closing", friction: float = 0.4
 ) -> xr.Dataset:
-    return disturbed(clean(size, direction, friction), rng=np.random.default_rng(seed))
+    return add_disturbance(clean(size, direction, friction), rng=np.random.default_rng(seed))
 
 
 def only(dataset: xr.Dataset) -> Throw:

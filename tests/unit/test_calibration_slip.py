@@ -8,7 +8,7 @@ import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, MadeUp, misfit, movement, response
 
 from turnout.calibration.covariance import spread_of
-from turnout.calibration.evaluate import Response, Throw
+from turnout.calibration.evaluate import Response, ThrowInputs
 from turnout.calibration.fit import fit
 from turnout.calibration.measured_movements import Movement, selected
 from turnout.calibration.misfit import Misfit
@@ -25,7 +25,7 @@ LEVEL = replace(
 class Slipping(MadeUp):
     """The force is cut where the drive slips."""
 
-    def responses(self, throws: Sequence[Throw]) -> list[Response]:
+    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
         found = []
         for throw in throws:
             made = response(throw.overrides)

@@ -154,13 +154,13 @@ def test_a_calibration(
 def test_a_validation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, documented: dict[str, set[str]]
 ) -> None:
-    from turnout.validation.acceptance import ChannelResult, Verdict
+    from turnout.validation.acceptance import Acceptance, ChannelResult
 
     channel = ChannelResult(
         channel="drive 1", movements=8, rms=90.0, nrmse=0.02, spread=10.0, cover=0.6,
         errors={"contact": (1e-3, 2e-3)},
     )  # fmt: skip
-    verdict = Verdict(
+    verdict = Acceptance(
         channels=(channel,), judged=8, used=1, cover=0.6, held_back=True,
         reasons=channel.reasons, worst=(),
     )  # fmt: skip

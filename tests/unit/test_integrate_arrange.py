@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from turnout.integrate.arrange import arrange, forget
+from turnout.integrate.arrange import arrange, clear_memory
 from turnout.integrate.integration import integrate
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
@@ -18,7 +18,7 @@ QUICK = Scheme.of("quick")
 
 @pytest.fixture(autouse=True)
 def _own_memory() -> None:
-    forget()
+    clear_memory()
 
 
 def mechanism(**overrides: object) -> Mechanism:
@@ -63,6 +63,6 @@ def test_a_run_from_memory_gives_the_same_bits() -> None:
 
     first = history()
     kept = history()
-    forget()
+    clear_memory()
     np.testing.assert_array_equal(first, kept)
     np.testing.assert_array_equal(first, history())

@@ -13,7 +13,7 @@ from turnout.measurement.campaign import build_campaign as module
 from turnout.measurement.campaign import recorded_throw
 from turnout.measurement.campaign.build_campaign import Campaign, build_campaign, stacked
 from turnout.measurement.campaign.find_throws import Throw
-from turnout.measurement.campaign.recorded_throw import Piece
+from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.measurement.campaign.run_sheet import find_sheet, read_sheet
 from turnout.measurement.campaign.sheet_checks import order_remarks, series_remarks
 from turnout.measurement.formats.file_format import read_recording
@@ -225,7 +225,7 @@ def test_slips_are_found_where_most_movements_slip() -> None:
     pieces = []
     for end in (5.4, 10.0, 10.0, 10.0, 10.0):
         throw = Throw(0, kept.sizes["time"], 2.0, end, (end, end), "current", "closing")
-        pieces.append(Piece(kept, throw, "", ()))
+        pieces.append(RecordedThrow(kept, throw, "", ()))
     assert module._slipped(pieces) == [False, True, True, True, True]
 
 
@@ -235,7 +235,7 @@ def test_movements_cut_at_different_times_are_aligned() -> None:
     for start, stop in ((1.0, 6.0), (1.7, 6.5)):
         kept = clean(0.013).sel(time=slice(start, stop))
         throw = Throw(0, kept.sizes["time"], 2.0, 5.4, (5.2, 5.4), "current", "closing")
-        pieces.append(Piece(kept.drop_attrs(), throw, "", ()))
+        pieces.append(RecordedThrow(kept.drop_attrs(), throw, "", ()))
     dataset = stacked(list(zip(runs, pieces, strict=True)), [False, False])
     force = dataset["drive_force_unfiltered"]
     assert (float(force["time"][0]), float(force["time"][-1])) == (-1.0, 4.5)

@@ -17,7 +17,7 @@ from tests.unit.recorded import changed, noisy, samples, typical
 
 from turnout.measurement.campaign.find_throws import find_throws
 from turnout.measurement.quality.channel_faults import Limits
-from turnout.measurement.quality.judge import Expected, Verdict, judge
+from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
 
 PAGE = Path(__file__).parents[2] / "docs" / "measurement-quality.md"
 FIRST_SEED, TRIALS, SOUND = 13_000, 24, 144
@@ -45,7 +45,7 @@ class Sweep:
     levels: tuple[Level, ...]
 
 
-def judged(dataset: xr.Dataset, *, direction: str = "closing") -> Verdict | None:
+def judged(dataset: xr.Dataset, *, direction: str = "closing") -> ThrowQuality | None:
     """Judge the first throw as a build does; None where there is none."""
     throws = find_throws(dataset)
     if not throws:
@@ -54,7 +54,7 @@ def judged(dataset: xr.Dataset, *, direction: str = "closing") -> Verdict | None
     return judge(dataset, throws[0], expected=expected)
 
 
-def is_seen(verdict: Verdict | None, kind: str) -> bool:
+def is_seen(verdict: ThrowQuality | None, kind: str) -> bool:
     """Tell whether a throw is excluded for this kind of fault; no throw at all is excluded too."""
     if verdict is None:
         return True

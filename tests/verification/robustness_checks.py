@@ -140,7 +140,7 @@ def _message_faults(run: Run) -> Iterator[str]:
         "remedy": ADVICE[outcome.code],
     }
     if outcome.code is not Code.INACCURATE:
-        wanted["contacts"] = "unsettled: "
+        wanted["contacts"] = "unconverged: "
     yield from (f"message without {what}" for what, part in wanted.items() if part not in text)
     expected = outcome.step // run.scheme.stride + 1
     if run.history.time.size not in (0, expected):

@@ -90,7 +90,7 @@ def _without_gain_uncertainty(found: Fit) -> Fit:
         found,
         misfit=misfit,
         frame=frame,
-        residuals=misfit.residuals_of(found.local.here, frame),
+        residuals=misfit.residuals_of(found.local.simulated, frame),
         jacobian=jacobian(found.local, frame, [item.name for item in found.parameters]),
     )
 
@@ -215,7 +215,7 @@ def _slopes(found: Fit, movement: Movement, names: Sequence[str]) -> Floats:
         if channel == OBJECT_FORCE and movement.size == 0:
             continue
         bare = Signal(channel=channel, drive=drive, time=time, values=0.0 * time)
-        values = predicted(local.here[0], movement, bare, bins)
+        values = predicted(local.simulated[0], movement, bare, bins)
         signals.append(replace(bare, values=values))
     whole = replace(misfit, movements=(replace(movement, signals=tuple(signals)),))
     return jacobian(local, framed(local, whole), names)

@@ -14,7 +14,7 @@ from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import Spread, spread_of
 from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.fit import JOINT_SHARES, ROUGH_SHARES, Fit, fit
-from turnout.calibration.grid_search import Sweep, sweep
+from turnout.calibration.grid_search import GridSearch, sweep
 from turnout.calibration.measured_movements import Movement, observe, selected
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import measured_noise
@@ -35,8 +35,13 @@ from turnout.calibration.result_entries import (
     stage_log,
     warnings_from,
 )
-from turnout.calibration.stage_progress import State, Watch, planned_throws, throws_per_step
-from turnout.calibration.stages import Plan, Stage, default_plan
+from turnout.calibration.stage_progress import (
+    CalibrationProgress,
+    ProgressReporter,
+    planned_throws,
+    throws_per_step,
+)
+from turnout.calibration.stages import CalibrationPlan, Stage, default_plan
 from turnout.core.provenance import provenance
 from turnout.errors import PanelError, SolverError
 from turnout.panel.load import LoadedPanel
@@ -57,7 +62,7 @@ class Outcome:
         The last stage.
     spread : Spread
         Its uncertainty.
-    sweeps : tuple of Sweep
+    sweeps : tuple of GridSearch
         The grid searches, to draw.
     movements : tuple of Movement
         All that were measured.
@@ -66,7 +71,7 @@ class Outcome:
     calibration: Calibration
     final: Fit
     spread: Spread
-    sweeps: tuple[Sweep, ...]
+    sweeps: tuple[GridSearch, ...]
     movements: tuple[Movement, ...]
 
 
@@ -74,7 +79,7 @@ def calibrate(
     dataset: xr.Dataset,
     panel: LoadedPanel,
     *,
-    plan: Plan | None = None,
+    plan: CalibrationPlan | None = None,
     exclude: Sequence[str] = (),
     folder: Path | None = None,
     workers: int = 1,
@@ -82,7 +87,7 @@ def calibrate(
     uncertainty: Uncertainty | None = None,
     posterior: bool = False,
     advise: bool = False,
-    report: Callable[[State], None] | None = None,
+    report: Callable[[CalibrationProgress], None] | None = None,
 ) -> Outcome:
     """Calibrate a panel to a campaign, stage by stage.
 
@@ -92,7 +97,7 @@ def calibrate(
         A built campaign.
     panel : LoadedPanel
         What was measured, with start values.
-    plan : Plan, optional
+    plan : CalibrationPlan, optional
         Parameters and stages; default the published ones and a joint refinement.
     exclude : sequence of str
         Movements to leave out.
@@ -136,7 +141,7 @@ def calibrate(
     )
     planned = planned_throws(plan, movements, panel, posterior=posterior, advise=advise)
     per_step = throws_per_step(plan, movements, panel)
-    watch = Watch(report, len(plan.stages), planned=planned, per_step=per_step)
+    watch = ProgressReporter(report, len(plan.stages), planned=planned, per_step=per_step)
     with Evaluator(panel, folder=folder, workers=workers, scheme=scheme or Scheme()) as evaluator:
         evaluator.on_throw = lambda: watch.tell(evaluator)
         run = _Run(plan, panel, movements, comparison, evaluator, watch)
@@ -184,7 +189,7 @@ def _result(
     final: Fit,
     spread: Spread,
     *,
-    of: tuple[Plan, LoadedPanel, xr.Dataset, Sequence[Movement]],
+    of: tuple[CalibrationPlan, LoadedPanel, xr.Dataset, Sequence[Movement]],
     scheme: Scheme,
 ) -> Calibration:
     """Return the values and their uncertainty, without the history of the stages."""
@@ -214,19 +219,19 @@ def _result(
 class _Run:
     """The stages of one calibration."""
 
-    plan: Plan
+    plan: CalibrationPlan
     panel: LoadedPanel
     movements: tuple[Movement, ...]
     comparison: Comparison
     evaluator: Evaluator
-    watch: Watch
+    watch: ProgressReporter
 
-    def stages(self) -> tuple[list[StageLog], list[Sweep], list[str], Fit]:
+    def stages(self) -> tuple[list[StageLog], list[GridSearch], list[str], Fit]:
         """Do all stages, each from where the one before ended."""
         values = {item.name: item.start for item in self.plan.parameters}
         scatter = dict(self.comparison.scatter)
         logs: list[StageLog] = []
-        sweeps: list[Sweep] = []
+        sweeps: list[GridSearch] = []
         warnings: list[str] = []
         final: Fit | None = None
         for number, stage in enumerate(self.plan.stages, 1):
@@ -238,7 +243,7 @@ class _Run:
                 continue
             before = self.evaluator.made
             misfit = self._misfit(stage, chosen, values, scatter)
-            swept: Sweep | None = None
+            swept: GridSearch | None = None
             if "sweep" in stage.method and parameters[0].name == stage.parameters[0]:
                 swept = sweep(replace(misfit, quick=True), parameters[0], stage.grid, values)
                 sweeps.append(swept)

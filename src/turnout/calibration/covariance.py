@@ -88,13 +88,13 @@ def gain_column(found: Fit, key: Key, *, source: Key | None = None) -> Floats:
         for signal, bins in alignment.parts:
             if (signal.channel, signal.drive) == key:
                 place = slice(first, first + bins.size)
-                row[place] = _taken_up(alignment.movement, source, bins)
+                row[place] = _measured_at(alignment.movement, source, bins)
             first += bins.size
         rows.append(alignment.whitened(row))
     return np.concatenate(rows)
 
 
-def _taken_up(movement: Movement, source: Key, bins: NDArray[np.intp]) -> Floats:
+def _measured_at(movement: Movement, source: Key, bins: NDArray[np.intp]) -> Floats:
     """Return what was measured of a channel in some bins, 0 where there is nothing."""
     for signal in movement.signals:
         if (signal.channel, signal.drive) == source:

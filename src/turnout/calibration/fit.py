@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from turnout.calibration.comparison import Key
-from turnout.calibration.linearisation import Local
+from turnout.calibration.linearisation import Linearisation
 from turnout.calibration.measured_movements import BIN
 from turnout.calibration.misfit import (
     EFFECT_PASSES,
@@ -65,7 +65,7 @@ class Fit:
         Those that it changed.
     values : mapping of str to float
         Of all parameters.
-    local, frame : Local, Frame
+    local, frame : Linearisation, Frame
         Responses and alignments there.
     residuals : ndarray, shape (n,)
         Whitened.
@@ -82,7 +82,7 @@ class Fit:
     misfit: Misfit
     parameters: tuple[Parameter, ...]
     values: Mapping[str, float]
-    local: Local
+    local: Linearisation
     frame: Frame
     residuals: Floats
     jacobian: Floats
@@ -205,7 +205,7 @@ def inflate_noise(
     """
     local = misfit.local(values, [item.name for item in parameters])
     squares: dict[Key, list[Floats]] = {}
-    for movement, response in zip(misfit.movements, local.here, strict=True):
+    for movement, response in zip(misfit.movements, local.simulated, strict=True):
         for signal, bins in compared(
             movement, misfit.comparison.channels, misfit.comparison.window
         ):
@@ -236,16 +236,16 @@ def _least_squares(
     *,
     rough: bool,
     on_step: Callable[[float], None] | None,
-    local: Local | None = None,
+    local: Linearisation | None = None,
     min_decrease: float = MIN_DECREASE,
 ) -> Fit:
     """Levenberg-Marquardt within bounds, in one state of noise and scatter."""
     names = [item.name for item in parameters]
-    if local is None or not set(names) <= set(local.moved):
+    if local is None or not set(names) <= set(local.stepped):
         local = misfit.local(values, names)
     else:
         whole = {**misfit.base, **values}
-        local = replace(local, values=whole, here=tuple(misfit.responses([whole])[0]))
+        local = replace(local, values=whole, simulated=tuple(misfit.responses([whole])[0]))
     damping, iterations = 1e-4, 0
     max_steps, max_rejected = (ROUGH_STEPS, ROUGH_REJECTED) if rough else (MAX_STEPS, MAX_STEPS)
     message, converged = "", rough
@@ -253,7 +253,7 @@ def _least_squares(
         misfit, local, frame = update_movement_effects(
             misfit, local, names, passes=1 if rough else EFFECT_PASSES
         )
-        r = misfit.residuals_of(local.here, frame)
+        r = misfit.residuals_of(local.simulated, frame)
         J = jacobian(local, frame, names)
         cost = float(r @ r)
         if on_step is not None:
@@ -285,7 +285,7 @@ def _least_squares(
                 break
         if not accepted:
             break
-        local = replace(local, values=trial, here=here)
+        local = replace(local, values=trial, simulated=here)
     return Fit(
         misfit=misfit,
         parameters=tuple(parameters),
@@ -355,7 +355,7 @@ def reestimate_noise(found: Fit, first: Misfit) -> Misfit:
     """
     series: dict[Key, list[Floats]] = {}
     misfit_noise = found.misfit.comparison.noise
-    for alignment, response in zip(found.frame.alignments, found.local.here, strict=True):
+    for alignment, response in zip(found.frame.alignments, found.local.simulated, strict=True):
         for (signal, _), row in zip(
             alignment.parts, alignment.remaining_residuals(response), strict=True
         ):

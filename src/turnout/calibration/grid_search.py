@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sweep:
+class GridSearch:
     """Misfit over a grid.
 
     Attributes
@@ -46,7 +46,7 @@ class Sweep:
 
 def sweep(
     misfit: Misfit, parameter: Parameter, grid: Sequence[float], values: Mapping[str, float]
-) -> Sweep:
+) -> GridSearch:
     """Try each value of a grid, with the force at which drives slip as it is and as measured.
 
     Parameters
@@ -62,7 +62,7 @@ def sweep(
 
     Returns
     -------
-    Sweep
+    GridSearch
     """
     tried = tuple(value for value in grid if parameter.lower <= value <= parameter.upper)
     bases = [dict(values)]
@@ -78,7 +78,7 @@ def sweep(
     shown = int(np.argmax([movement.direction == "closing" for movement in misfit.movements]))
     base = best // count
     rows = [made[base * count + n][shown] for n in range(count)]
-    return Sweep(
+    return GridSearch(
         parameter=parameter,
         grid=tried,
         misfit=tuple(per_value),

@@ -21,18 +21,18 @@ UNTOUCHED = 0.98
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Local:
+class Linearisation:
     """Responses at a point and one step aside for each parameter.
 
     Attributes
     ----------
     values : mapping of str to float
         The point.
-    here : tuple of Response
+    simulated : tuple of Response
         To each movement.
     origin : tuple of Response
         Where the steps aside were taken, as they were: here, or near by.
-    moved : mapping of str to tuple of Response
+    stepped : mapping of str to tuple of Response
         By parameter.
     steps : mapping of str to tuple of float
         How far aside for each movement, in the coordinate.
@@ -45,15 +45,15 @@ class Local:
     """
 
     values: Mapping[str, float]
-    here: tuple[Response, ...]
+    simulated: tuple[Response, ...]
     origin: tuple[Response, ...]
-    moved: Mapping[str, tuple[Response, ...]]
+    stepped: Mapping[str, tuple[Response, ...]]
     steps: Mapping[str, tuple[float, ...]]
     shares: Mapping[str, tuple[float, ...]]
     about: tuple[Mapping[str, float], ...]
     quick: bool
 
-    def with_movements(self, numbers: Sequence[int], other: "Local") -> "Local":
+    def with_movements(self, numbers: Sequence[int], other: "Linearisation") -> "Linearisation":
         """Return this with some movements of another one, in the order of the numbers."""
         place = {number: n for n, number in enumerate(numbers)}
 
@@ -67,9 +67,9 @@ class Local:
 
         return replace(
             self,
-            here=joined(self.here, other.here),
+            simulated=joined(self.simulated, other.simulated),
             origin=joined(self.origin, other.origin),
-            moved=by_name(self.moved, other.moved),
+            stepped=by_name(self.stepped, other.stepped),
             steps=by_name(self.steps, other.steps),
             shares=by_name(self.shares, other.shares),
             about=joined(self.about, other.about),

@@ -15,7 +15,7 @@ from turnout.calibration.linearisation import is_slip_level, touches
 from turnout.calibration.measured_movements import Movement, selected
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.result import Calibration
-from turnout.calibration.stages import NONE, Plan
+from turnout.calibration.stages import NONE, CalibrationPlan
 from turnout.errors import MeasurementError
 from turnout.panel.foreign_object import OPENING_MARGIN, ForeignObject
 from turnout.panel.layout import largest_opening
@@ -29,7 +29,7 @@ LEAST_FORCE = 30.0
 
 
 def check_campaign(
-    movements: Sequence[Movement], plan: Plan, panel: LoadedPanel, *, source: str
+    movements: Sequence[Movement], plan: CalibrationPlan, panel: LoadedPanel, *, source: str
 ) -> None:
     """Refuse a campaign that the stages cannot be fitted to, with all problems."""
     problems = []
@@ -148,7 +148,7 @@ def _is_identified(found: Fit, item: Parameter, column: int) -> bool:
     """Tell whether a higher level makes the cost rise, whatever the other parameters do."""
     value = found.values[item.name]
     higher = item.value(item.coordinate(value) + FURTHER)
-    numbers = [n for n, row in enumerate(found.local.here) if touches(item, value, row)]
+    numbers = [n for n, row in enumerate(found.local.simulated) if touches(item, value, row)]
     if not numbers or higher <= value:
         return bool(numbers)
     others = np.delete(found.jacobian, column, axis=1)
@@ -165,7 +165,7 @@ def _residuals(found: Fit, item: Parameter, value: float, numbers: Sequence[int]
         effects={name: tuple(row[n] for n in numbers) for name, row in misfit.effects.items()},
     )
     made = part.responses([{**found.values, item.name: value}])[0]
-    responses = list(found.local.here)
+    responses = list(found.local.simulated)
     for number, response in zip(numbers, made, strict=True):
         responses[number] = response
     return misfit.residuals_of(responses, found.frame)

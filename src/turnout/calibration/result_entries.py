@@ -8,12 +8,12 @@ import xarray as xr
 
 from turnout.calibration.covariance import Spread
 from turnout.calibration.fit import Fit
-from turnout.calibration.grid_search import Sweep
+from turnout.calibration.grid_search import GridSearch
 from turnout.calibration.measured_movements import Movement
 from turnout.calibration.noise import poorly_followed
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.result import Fitted, StageLog
-from turnout.calibration.stages import Plan, Stage
+from turnout.calibration.stages import CalibrationPlan, Stage
 from turnout.core.provenance import content_hash
 
 # A model error this much above the noise is warned of [-].
@@ -71,7 +71,7 @@ def stage_log(
     parameters: Sequence[Parameter],
     values: Mapping[str, float],
     final: Fit | None,
-    swept: Sweep | None,
+    swept: GridSearch | None,
     made: int,
 ) -> StageLog:
     """Return what a stage did, for the record."""
@@ -139,7 +139,7 @@ def _channel_name(channel: str, drive: str) -> str:
     return f"{channel} of drive {drive}" if drive else channel
 
 
-def fitted_parameters(plan: Plan, final: Fit, spread: Spread) -> tuple[Fitted, ...]:
+def fitted_parameters(plan: CalibrationPlan, final: Fit, spread: Spread) -> tuple[Fitted, ...]:
     """Return every parameter of the plan as it came out of the last stage."""
     places = {item.name: number for number, item in enumerate(final.parameters)}
     found = []

@@ -8,7 +8,7 @@ from turnout.calibration.emulator import points_needed
 from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.fit import ROUGH_STEPS
 from turnout.calibration.measured_movements import Movement, selected
-from turnout.calibration.stages import Plan
+from turnout.calibration.stages import CalibrationPlan
 from turnout.panel.load import LoadedPanel
 
 # Steps that the last stage usually takes, each with its own sensitivities.
@@ -18,7 +18,7 @@ CANDIDATES = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class State:
+class CalibrationProgress:
     """Calibration progress.
 
     Attributes
@@ -46,7 +46,7 @@ class State:
 
 
 def planned_throws(
-    plan: Plan,
+    plan: CalibrationPlan,
     movements: Sequence[Movement],
     panel: LoadedPanel,
     *,
@@ -68,7 +68,9 @@ def planned_throws(
     return total
 
 
-def throws_per_step(plan: Plan, movements: Sequence[Movement], panel: LoadedPanel) -> int:
+def throws_per_step(
+    plan: CalibrationPlan, movements: Sequence[Movement], panel: LoadedPanel
+) -> int:
     """Return how many throws one step of the last stage takes."""
     stage = plan.stages[-1]
     count = len(plan.named(stage.parameters))
@@ -76,10 +78,10 @@ def throws_per_step(plan: Plan, movements: Sequence[Movement], panel: LoadedPane
 
 
 @dataclass(slots=True)
-class Watch:
+class ProgressReporter:
     """Collects the progress of a calibration and reports it after each throw."""
 
-    report: Callable[[State], None] | None
+    report: Callable[[CalibrationProgress], None] | None
     stages: int
     planned: int
     per_step: int = 0
@@ -95,7 +97,7 @@ class Watch:
             return
         seconds, made = time.monotonic() - self.began, max(evaluator.made, 1)
         self.report(
-            State(
+            CalibrationProgress(
                 stage=self.stage,
                 number=self.number,
                 stages=self.stages,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from turnout.measurement.campaign.build_campaign import Campaign
     from turnout.panel.load import LoadedPanel
-    from turnout.virtual.campaign_plan import Plan
+    from turnout.virtual.campaign_plan import CampaignPlan
 
 FIGURES = (".png", ".pdf", ".svg")
 INTERRUPTED = 130
@@ -90,10 +90,10 @@ def build_command(
     """Build one dataset of all usable movements; unchanged recordings are not read again."""
     if out is not None:
         check_outputs({"--out": out}, {"--out": (".nc",)})
-    from turnout.measurement.campaign.campaign_folder import refuse_to_leave
+    from turnout.measurement.campaign.campaign_folder import refuse_to_write_outside
 
     target = out if out is not None else folder / "campaign.nc"
-    refuse_to_leave(target, folder)
+    refuse_to_write_outside(target, folder)
     campaign = built_campaign(
         folder, channels, strict=strict, allow_outside=allow_outside, quiet=quiet
     )
@@ -247,7 +247,13 @@ def _place(text: str) -> str:
 
 
 def _make(
-    panel: "LoadedPanel", out: Path, plan: "Plan", *, workers: int, as_json: bool, quiet: bool
+    panel: "LoadedPanel",
+    out: Path,
+    plan: "CampaignPlan",
+    *,
+    workers: int,
+    as_json: bool,
+    quiet: bool,
 ) -> None:
     from turnout.cli.watch import Watch
     from turnout.response.compilation import must_compile
@@ -332,14 +338,14 @@ def dataset_of(
     from turnout.measurement.campaign.campaign_folder import (
         STORE,
         campaign_folder,
-        refuse_links_out,
-        refuse_to_leave,
+        refuse_links_outside,
+        refuse_to_write_outside,
     )
 
     received = campaign_folder(source)
-    refuse_links_out(received / STORE, received)
+    refuse_links_outside(received / STORE, received)
     if out is not None:
-        refuse_to_leave(out, received)
+        refuse_to_write_outside(out, received)
     if source.suffix.lower() == ".nc":
         from turnout.response.store import open_response
 

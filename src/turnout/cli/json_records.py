@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from turnout.panel.load import LoadedPanel
     from turnout.study.study import Study
     from turnout.sweep.forecast import Forecast
-    from turnout.validation.acceptance import Verdict
+    from turnout.validation.acceptance import Acceptance
 
 Record = dict[str, Any]
 
@@ -233,7 +233,7 @@ def calibration_record(calibration: "Calibration") -> tuple[Record, dict[str, st
 
 
 def validation_record(
-    verdict: "Verdict", remarks: Sequence[str], laws: "LawComparison | None" = None
+    verdict: "Acceptance", remarks: Sequence[str], laws: "LawComparison | None" = None
 ) -> Record:
     """Return verdict, errors of each channel, and the comparison of drive laws."""
     return {

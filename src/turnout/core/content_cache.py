@@ -82,7 +82,7 @@ def cached_arrays(
     return _memory.put(key, found)
 
 
-def forget() -> None:
+def clear_memory() -> None:
     """Clear the cache in memory; files stay."""
     _memory.clear()
 

@@ -96,7 +96,7 @@ def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
     return replace(cached, mechanism=mechanism, laws=laws, table=table)
 
 
-def forget() -> None:
+def clear_memory() -> None:
     """Clear the cache of condensed mechanisms, and release the buffers of histories."""
     _cache.clear()
     release_buffers()

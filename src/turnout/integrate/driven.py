@@ -68,7 +68,7 @@ class MachineHistory:
         Work of the rod ends on the rods, by the sums of the rails [J].
     events : tuple of tuple of (float, str)
         Time [s] and what happened, machine by machine.
-    left_over : float
+    imbalance : float
         Largest movement of a rod end that a step left uncorrected [m].
     """
 
@@ -81,7 +81,7 @@ class MachineHistory:
     states: Floats
     given: Floats
     events: tuple[tuple[tuple[float, str], ...], ...]
-    left_over: float
+    imbalance: float
 
     def at(self, instants: Floats, positions: Floats) -> "MachineHistory":
         """Return the history at other instants, linear in between, and write its inputs.
@@ -227,5 +227,5 @@ def machine_history(run: Run, mechanism: Mechanism, kept: int) -> MachineHistory
             tuple((float(time), at.EVENT_TEXTS[int(event)]) for time, event in rows[:count])
             for rows, count in zip(rods.log, counts, strict=True)
         ),
-        left_over=float(rods.left[0]),
+        imbalance=float(rods.left[0]),
     )

@@ -115,5 +115,5 @@ def anchor_at_rest(system: System, table: LawTable, state: State, work: Work) ->
     account_laws(system, table, state, work, state.inputs, 0.0)
     account_friction(system, state, work)
     state.ledger[:] = 0.0
-    work.unsettled[:] = 0
+    work.unconverged[:] = 0
     set_energy_reference(system, table, state, work)

@@ -157,7 +157,7 @@ def _integrate(
         time=done * scheme.step,
         step=done,
         residual=max(float(run.record.residual[0]), float(residual)),
-        contacts=_name_unsettled(mechanism, run),
+        contacts=_name_unconverged(mechanism, run),
         energy_residual=balance[0],
         energy_scale=balance[1],
     )
@@ -283,9 +283,9 @@ def _march_in_chunks(
     return Code.COMPLETE, done
 
 
-def _name_unsettled(mechanism: Mechanism, run: Run) -> tuple[str, ...]:
+def _name_unconverged(mechanism: Mechanism, run: Run) -> tuple[str, ...]:
     """Return the names of the laws on rows that still changed when the last attempt ended."""
-    rows, table = run.work.unsettled.astype(bool), run.table
+    rows, table = run.work.unconverged.astype(bool), run.table
     names = [name for name, row in zip(mechanism.law_names, table.row, strict=True) if rows[row]]
     names += [
         f"friction {name}"

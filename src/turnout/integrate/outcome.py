@@ -116,7 +116,7 @@ class Outcome:
         if self.contacts:
             shown = ", ".join(self.contacts[:6])
             more = len(self.contacts) - 6
-            text += f"; unsettled: {shown}" + (f" and {more} more" if more > 0 else "")
+            text += f"; unconverged: {shown}" + (f" and {more} more" if more > 0 else "")
         return text
 
 

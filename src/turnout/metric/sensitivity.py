@@ -21,7 +21,7 @@ OUTPUTS = ("peak_force", "object_force_peak", "end_gap")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Output:
+class NumericOutput:
     """One number of each throw: its name with drive or sensor, its unit, and its values."""
 
     name: str
@@ -77,7 +77,7 @@ class OutputEffects:
 
     Attributes
     ----------
-    output : Output
+    output : NumericOutput
         Name, unit and values.
     indices : tuple of Index
         One an input, first and, from a sweep that was made for it, total.
@@ -85,7 +85,7 @@ class OutputEffects:
         One an input.
     """
 
-    output: Output
+    output: NumericOutput
     indices: tuple[SobolIndex, ...]
     effects: tuple[Effect, ...]
 
@@ -108,7 +108,7 @@ def varying_inputs(labels: xr.Dataset) -> list[str]:
 
 def numeric_outputs(
     labels: xr.Dataset, names: tuple[str, ...] = OUTPUTS, *, direction: str = "closing"
-) -> list[Output]:
+) -> list[NumericOutput]:
     """Return outputs one by one, each with its drive or sensor.
 
     Parameters
@@ -140,12 +140,14 @@ def numeric_outputs(
         units = str(values.attrs.get("units", ""))
         others = [dim for dim in values.dims if dim != "scenario"]
         if not others:
-            found.append(Output(name=name, units=units, values=_numbers(values)))
+            found.append(NumericOutput(name=name, units=units, values=_numbers(values)))
             continue
         dim = others[0]
         for item in values[dim].values if dim in values.coords else range(values.sizes[dim]):
             one = values.sel({dim: item}) if dim in values.coords else values.isel({dim: item})
-            found.append(Output(name=f"{name}, {dim} {item}", units=units, values=_numbers(one)))
+            found.append(
+                NumericOutput(name=f"{name}, {dim} {item}", units=units, values=_numbers(one))
+            )
     return found
 
 

@@ -122,7 +122,7 @@ def write_throw(
 
 
 @dataclass(frozen=True, slots=True)
-class Thrown:
+class WrittenThrow:
     """What became of a case: its file, and whether a drive slipped."""
 
     case: Case
@@ -130,13 +130,13 @@ class Thrown:
     slipped: bool
 
 
-def sheet_text(thrown: Sequence[Thrown], *, note: str, title: str) -> str:
+def sheet_text(thrown: Sequence[WrittenThrow], *, note: str, title: str) -> str:
     """Return a run sheet.
 
     Examples
     --------
     >>> case = Case(name="a", direction="closing", size=0.013, place="sleeper 6")
-    >>> print(sheet_text([Thrown(case, "a.csv", False)], note="synthetic: x", title="y"))
+    >>> print(sheet_text([WrittenThrow(case, "a.csv", False)], note="synthetic: x", title="y"))
     # title: y
     # synthetic: x
     file,direction,size [mm],place,repeat,slip,remark
@@ -156,8 +156,8 @@ def sheet_text(thrown: Sequence[Thrown], *, note: str, title: str) -> str:
 
 
 def mistype(
-    thrown: Sequence[Thrown], *, count: int, rng: np.random.Generator
-) -> tuple[list[Thrown], list[str]]:
+    thrown: Sequence[WrittenThrow], *, count: int, rng: np.random.Generator
+) -> tuple[list[WrittenThrow], list[str]]:
     """Return a sheet's lines with mistakes as people make them, and what they are.
 
     Sizes of two neighbours are exchanged, a direction is turned, a slip is ticked wrongly, a file
@@ -165,7 +165,7 @@ def mistype(
 
     Parameters
     ----------
-    thrown : sequence of Thrown
+    thrown : sequence of WrittenThrow
         The true lines.
     count : int
         How many mistakes.
@@ -174,7 +174,7 @@ def mistype(
 
     Returns
     -------
-    lines : list of Thrown
+    lines : list of WrittenThrow
     mistakes : list of str
     """
     lines = list(thrown)
@@ -220,13 +220,13 @@ def mistype(
     return lines, mistakes
 
 
-def true_run(item: Thrown) -> Run:
+def true_run(item: WrittenThrow) -> Run:
     """Return the line of a sheet without mistakes.
 
     Examples
     --------
     >>> case = Case(name="a", direction="closing", size=0.013, place="sleeper 6")
-    >>> true_run(Thrown(case, "a.csv", True)).load_cell
+    >>> true_run(WrittenThrow(case, "a.csv", True)).load_cell
     True
     """
     case = item.case

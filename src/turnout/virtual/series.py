@@ -14,7 +14,7 @@ import xarray as xr
 from turnout.core.files import write_atomic
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.measurement.campaign.find_throws import Throw
-from turnout.measurement.campaign.recorded_throw import Piece
+from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.measurement.campaign.run_sheet import LOAD_CELL_FROM
 from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.panel.foreign_object import ForeignObject
@@ -22,8 +22,8 @@ from turnout.panel.load import LoadedPanel
 from turnout.response.save import Save
 from turnout.response.simulate import simulate
 from turnout.virtual.campaign_files import write_throw
-from turnout.virtual.campaign_plan import Case, Plan, chance_for, overrides_for
-from turnout.virtual.disturbance import disturbed
+from turnout.virtual.campaign_plan import CampaignPlan, Case, chance_for, overrides_for
+from turnout.virtual.disturbance import add_disturbance
 from turnout.virtual.record_throw import record_throw, with_time_to_stop
 
 STATE = ".virtual"
@@ -41,7 +41,7 @@ class Job:
     """One series of throws and all that is needed to make it in another process."""
 
     panel: LoadedPanel
-    plan: Plan
+    plan: CampaignPlan
     cases: tuple[Case, ...]
     folder: Path
     suffix: str
@@ -54,7 +54,7 @@ class Job:
 class Part:
     """What is kept of a throw: its truth, or why there is none."""
 
-    piece: Piece
+    piece: RecordedThrow
     slipped: bool
     overrides: Mapping[str, float]
     failure: str
@@ -96,7 +96,7 @@ def run_jobs(
             make_series(job, tell=tell)
         return
     context = multiprocessing.get_context("spawn")
-    with context.Pool(min(workers, len(jobs)), initializer=_deaf_to_ctrl_c) as pool:
+    with context.Pool(min(workers, len(jobs)), initializer=_ignore_ctrl_c) as pool:
         results = [pool.apply_async(make_series, (job,)) for job in jobs]
         for result in results:
             while not result.ready():
@@ -105,7 +105,7 @@ def run_jobs(
             result.get()
 
 
-def _deaf_to_ctrl_c() -> None:
+def _ignore_ctrl_c() -> None:
     """Leave Ctrl-C to the process that shows the progress; it ends the others."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
@@ -123,7 +123,7 @@ def make_series(job: Job, *, tell: Callable[[], None] | None = None) -> None:
             return
 
 
-def ends_series(part: Part, case: Case, plan: Plan) -> bool:
+def ends_series(part: Part, case: Case, plan: CampaignPlan) -> bool:
     """Tell whether no larger object is tried after this throw."""
     return part.slipped and case.size >= plan.at_least - 1e-9
 
@@ -158,7 +158,7 @@ def make_throw(job: Job, case: Case, *, number: int) -> Part:
     if not run.attrs["complete"]:
         if run.attrs["outcome"] == "interrupted":
             raise KeyboardInterrupt
-        return Part(_nothing(), False, overrides, str(run.attrs["outcome_message"]))
+        return Part(_empty_part(), False, overrides, str(run.attrs["outcome_message"]))
     lag = plan.defects.build_up_lag
     true = record_throw(
         run,
@@ -167,7 +167,7 @@ def make_throw(job: Job, case: Case, *, number: int) -> Part:
         law=plan.law,
         build_up_lag={plan.defects.drive: lag} if lag else None,
     )
-    seen = disturbed(_without_idle_cell(true, case), rng=rng, disturbance=plan.disturbance)
+    seen = add_disturbance(_without_idle_cell(true, case), rng=rng, disturbance=plan.disturbance)
     write_throw(
         seen,
         job.folder / f"{case.name}{job.suffix}",
@@ -199,7 +199,7 @@ def read_part(folder: Path, case: Case) -> Part | None:
         direction=case.direction,
         count=dataset.sizes["time"],
     )
-    piece = Piece(dataset, throw, "", ())
+    piece = RecordedThrow(dataset, throw, "", ())
     return Part(piece, known["slipped"], known["overrides"], known["failure"])
 
 
@@ -210,21 +210,21 @@ def _without_idle_cell(true: xr.Dataset, case: Case) -> xr.Dataset:
     return true.assign(object_force=0.0 * true["object_force"])
 
 
-def _true_piece(true: xr.Dataset, case: Case) -> Piece:
+def _true_piece(true: xr.Dataset, case: Case) -> RecordedThrow:
     """Cut the truth as a build cuts a recording."""
     time = true["time"].values
     running = (true["drive_current"].values > 0).any(axis=0)
     onset, end = float(true.attrs["onset"]), float(time[np.flatnonzero(running)[-1]])
     kept = true.sel(time=slice(onset - AROUND, end + AROUND)).drop_attrs()
     throw = _throw(onset=onset, end=end, direction=case.direction, count=kept.sizes["time"])
-    return Piece(kept, throw, "", ())
+    return RecordedThrow(kept, throw, "", ())
 
 
 def _throw(*, onset: float, end: float, direction: str, count: int) -> Throw:
     return Throw(0, count, onset, end, (), "simulation", direction)
 
 
-def _nothing() -> Piece:
+def _empty_part() -> RecordedThrow:
     empty = np.zeros((0, 2))
     dataset = xr.Dataset(
         {
@@ -234,7 +234,7 @@ def _nothing() -> Piece:
         },
         {"time": [0.0, 1.0], "drive": np.array([], dtype=np.str_)},
     )
-    return Piece(dataset, _throw(onset=0.0, end=0.0, direction="unknown", count=2), "", ())
+    return RecordedThrow(dataset, _throw(onset=0.0, end=0.0, direction="unknown", count=2), "", ())
 
 
 def _packed(part: Part, name: str) -> bytes:

@@ -131,8 +131,8 @@ def compare_laws(
     """Fit friction, stiffness and slip level of a drive with each law, and compare the fits.
 
     Noise, what a law misses and how long that hangs together are estimated with each law; each law
-    is judged with whichever of these estimates makes it likeliest, so that none is judged by what
-    another one misses.
+    is judged with the likeliest of these estimates, so that none is judged by what another one
+    misses.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def compare_laws(
     fits = fitted_laws(
         movements, panel, calibration, drive=drive, evaluator=evaluator, report=report
     )
-    results, samples = judged(fits)
+    results, samples = law_results(fits)
     return LawComparison(
         drive=drive,
         nominal=panel.drive[drive].saturation_force,
@@ -207,7 +207,7 @@ def fitted_laws(
             fits.append(fitted_variant(law, misfit, vary, plain=fits[0].found, drive=drive))
         else:
             scores = [score for score, _ in _scores(fits)]
-            fits[0], scores[0] = _again(fits, scores, misfits[0])
+            fits[0], scores[0] = _refit_plain(fits, scores, misfits[0])
             # Two defects are looked for where one of them shows.
             gains = {
                 item.law.name: scores[0] - score for item, score in zip(fits, scores, strict=True)
@@ -226,7 +226,9 @@ def _scores(fits: Sequence[LawFit]) -> list[tuple[float, int]]:
     ]
 
 
-def _again(fits: Sequence[LawFit], scores: Sequence[float], misfit: Misfit) -> tuple[LawFit, float]:
+def _refit_plain(
+    fits: Sequence[LawFit], scores: Sequence[float], misfit: Misfit
+) -> tuple[LawFit, float]:
     """Return the plain law fitted from where a likelier law ended, if that is better.
 
     Else a law that happened to end nearer would win by what the plain one could as well.
@@ -239,7 +241,7 @@ def _again(fits: Sequence[LawFit], scores: Sequence[float], misfit: Misfit) -> t
     return (again, after) if after < before else (fits[0], scores[0])
 
 
-def judged(fits: Sequence[LawFit]) -> tuple[tuple[LawResult, ...], float]:
+def law_results(fits: Sequence[LawFit]) -> tuple[tuple[LawResult, ...], float]:
     """Return the laws as they are judged, and how many independent samples judge them."""
     scores = _scores(fits)
     best = min(range(len(fits)), key=lambda number: scores[number][0])

@@ -127,7 +127,7 @@ def fitted_from(before: LawFit, misfit: Misfit, other: Fit) -> LawFit:
         other,
         misfit=replace(misfit, effects=effects),
         values=values,
-        local=replace(other.local, moved={}),
+        local=replace(other.local, stepped={}),
     )
     found = fit(replace(misfit, base=values), vary, values, near=near, **END)
     return replace(before, found=found)
@@ -202,7 +202,7 @@ def deviance(found: Fit, noise: Mapping[Key, Noise]) -> float:
     comparison = replace(found.misfit.comparison, noise=noise)
     misfit = replace(found.misfit, comparison=comparison)
     frame = framed(found.local, misfit)
-    residuals = misfit.residuals_of(found.local.here, frame)
+    residuals = misfit.residuals_of(found.local.simulated, frame)
     total = float(residuals @ residuals)
     for alignment in frame.alignments:
         for factor in alignment.factors:

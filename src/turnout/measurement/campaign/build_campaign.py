@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from turnout.core.moving_average import moving_average
 from turnout.core.provenance import provenance
 from turnout.errors import ListedError, MeasurementError, TurnoutError
-from turnout.measurement.campaign.campaign_folder import STORE, refuse_links_out, refuse_outside
+from turnout.measurement.campaign.campaign_folder import STORE, refuse_links_outside, refuse_outside
 from turnout.measurement.campaign.find_throws import Detection
 from turnout.measurement.campaign.motion_signals import force_changes
-from turnout.measurement.campaign.recorded_throw import Piece, kept_pieces
+from turnout.measurement.campaign.recorded_throw import RecordedThrow, stored_throws
 from turnout.measurement.campaign.run_sheet import Run, RunSheet, find_sheet, read_sheet
 from turnout.measurement.campaign.sheet_checks import (
     check_files,
@@ -32,7 +32,7 @@ from turnout.measurement.campaign.sheet_checks import (
 from turnout.measurement.chain.apply import load_channel_map, map_hash
 from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.quality.channel_faults import MEASURED, Limits
-from turnout.measurement.quality.judge import Expected, Verdict, judge
+from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
 from turnout.measurement.quality.throw_faults import (
     Profile,
     early_profile,
@@ -42,12 +42,14 @@ from turnout.measurement.quality.throw_faults import (
 from turnout.schema.channels import SCHEMA_VERSION, label
 
 
-def stacked(members: Sequence[tuple[Run, Piece]], slipped: Sequence[bool | None]) -> xr.Dataset:
+def stacked(
+    members: Sequence[tuple[Run, RecordedThrow]], slipped: Sequence[bool | None]
+) -> xr.Dataset:
     """Stack movements of one sampling rate.
 
     Parameters
     ----------
-    members : sequence of (Run, Piece)
+    members : sequence of (Run, RecordedThrow)
         Usable movements.
     slipped : sequence of bool or None
         Whether a drive slipped, as measured; the sheet's word counts where that is None.
@@ -94,7 +96,7 @@ def stacked(members: Sequence[tuple[Run, Piece]], slipped: Sequence[bool | None]
 
 
 def _coordinates(
-    members: Sequence[tuple[Run, Piece]], slipped: Sequence[bool | None]
+    members: Sequence[tuple[Run, RecordedThrow]], slipped: Sequence[bool | None]
 ) -> dict[str, Any]:
     """Return what the sheet and the recordings say of each movement."""
     runs, pieces = zip(*members, strict=True)
@@ -119,7 +121,7 @@ def _coordinates(
     return {"movement": np.array([run.name for run in runs]), **named}
 
 
-def _onset_sample(piece: Piece) -> int:
+def _onset_sample(piece: RecordedThrow) -> int:
     """Return the number of the sample at the onset of a movement."""
     return round((piece.throw.onset - float(piece.dataset["time"][0])) * piece.rate)
 
@@ -218,7 +220,7 @@ def build_campaign(
     if not allow_outside:
         for path in (sheet_file, *([folder / CHANNEL_FILE] if channels is None else [])):
             refuse_outside(path, folder)
-    refuse_links_out(folder / STORE, folder)
+    refuse_links_outside(folder / STORE, folder)
     sheet = read_sheet(sheet_file)
     check_files(sheet, folder, allow_outside=allow_outside)
     channel_map = load_channel_map(channels if channels is not None else folder / CHANNEL_FILE)
@@ -244,7 +246,7 @@ def build_campaign(
     usable = [
         (run, piece, found)
         for run, piece, found in zip(sheet.runs, pieces, verdicts, strict=True)
-        if isinstance(piece, Piece) and isinstance(found, Verdict) and found.usable
+        if isinstance(piece, RecordedThrow) and isinstance(found, ThrowQuality) and found.usable
     ]
     slipped = _slipped([piece for _, piece, _ in usable])
     remarks = [*extra_files(sheet, folder), *_remarks(usable, slipped)]
@@ -260,18 +262,18 @@ def _pieces(
     allow_outside: bool,
     detection: Detection | None,
     report: Callable[[int, int], None] | None,
-) -> tuple[list[Piece | TurnoutError], int]:
+) -> tuple[list[RecordedThrow | TurnoutError], int]:
     """Return the movement of each run, and how many had been cut before; a file is read once."""
     members: dict[str, list[int]] = {}
     for number, run in enumerate(runs):
         members.setdefault(run.file, []).append(number)
-    pieces: dict[int, Piece | TurnoutError] = {}
+    pieces: dict[int, RecordedThrow | TurnoutError] = {}
     reused = 0
     if report is not None:
         report(0, len(runs))
     for numbers in members.values():
         members_of_file = [runs[number] for number in numbers]
-        found = kept_pieces(
+        found = stored_throws(
             folder, members_of_file, channel_map, allow_outside=allow_outside, detection=detection
         )
         for number, (piece, known) in zip(numbers, found, strict=True):
@@ -284,14 +286,16 @@ def _pieces(
 
 def _verdicts(
     runs: Sequence[Run],
-    pieces: Sequence[Piece | TurnoutError],
+    pieces: Sequence[RecordedThrow | TurnoutError],
     channel_map: ChannelMap,
     *,
     limits: Limits | None,
-) -> list[Verdict | TurnoutError]:
+) -> list[ThrowQuality | TurnoutError]:
     """Judge each movement against the rest of the campaign."""
     good = [
-        (run, piece) for run, piece in zip(runs, pieces, strict=True) if isinstance(piece, Piece)
+        (run, piece)
+        for run, piece in zip(runs, pieces, strict=True)
+        if isinstance(piece, RecordedThrow)
     ]
     rates = [round(piece.rate, 3) for _, piece in good]
     usual = max(set(rates), key=rates.count) if rates else None
@@ -309,9 +313,9 @@ def _verdicts(
     usual_levels = {
         key: np.median(found, axis=0) for key, found in levels.items() if len(found) >= 3
     }
-    verdicts: list[Verdict | TurnoutError] = []
+    verdicts: list[ThrowQuality | TurnoutError] = []
     for run, found in zip(runs, pieces, strict=True):
-        if not isinstance(found, Piece):
+        if not isinstance(found, RecordedThrow):
             verdicts.append(found)
             continue
         expected = Expected(
@@ -325,14 +329,14 @@ def _verdicts(
     return verdicts
 
 
-def _reasons(found: Verdict | TurnoutError) -> tuple[str, ...]:
+def _reasons(found: ThrowQuality | TurnoutError) -> tuple[str, ...]:
     """Return every reason to leave a movement out."""
     if isinstance(found, ListedError):
         return found.problems
     return (str(found),) if isinstance(found, TurnoutError) else found.reasons
 
 
-def _slipped(pieces: Sequence[Piece]) -> list[bool | None]:
+def _slipped(pieces: Sequence[RecordedThrow]) -> list[bool | None]:
     """Tell from the currents whether a motor ran until it was switched off; None without them."""
     runs = [np.array(piece.throw.drive_ends) - piece.throw.onset for piece in pieces]
     known = [times[np.isfinite(times)] for times in runs]
@@ -344,7 +348,7 @@ def _slipped(pieces: Sequence[Piece]) -> list[bool | None]:
 
 
 def _remarks(
-    usable: Sequence[tuple[Run, Piece, Verdict]], slipped: Sequence[bool | None]
+    usable: Sequence[tuple[Run, RecordedThrow, ThrowQuality]], slipped: Sequence[bool | None]
 ) -> list[str]:
     runs = [run for run, _, _ in usable]
     forces = [
@@ -372,7 +376,7 @@ def _first_of(runs: Sequence[Run]) -> str:
 
 
 def _dataset(
-    usable: Sequence[tuple[Run, Piece, Verdict]],
+    usable: Sequence[tuple[Run, RecordedThrow, ThrowQuality]],
     slipped: Sequence[bool | None],
     sheet: RunSheet,
     channel_map: ChannelMap,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from turnout.core.problems import nearest
 from turnout.errors import MeasurementError
-from turnout.measurement.campaign.campaign_folder import PERMIT, leads_outside, where_to
+from turnout.measurement.campaign.campaign_folder import PERMIT, describe_target, is_outside
 from turnout.measurement.campaign.run_sheet import SHEETS, Run, RunSheet
 from turnout.measurement.formats.file_format import FORMATS
 
@@ -46,8 +46,10 @@ def check_files(sheet: RunSheet, folder: Path, *, allow_outside: bool = False) -
     for run in sheet.runs:
         path = folder / run.file
         # Whether a file exists outside is not revealed.
-        if not allow_outside and leads_outside(path, folder):
-            text = f"{run.file} {where_to(path, folder)}; copy it into the folder, or {PERMIT}"
+        if not allow_outside and is_outside(path, folder):
+            text = (
+                f"{run.file} {describe_target(path, folder)}; copy it into the folder, or {PERMIT}"
+            )
             problems.append(f"{run.where}: {text}")
         elif not path.is_file():
             problems.append(
@@ -128,7 +130,7 @@ def series_remarks(
     for key, members in series.items():
         place = key[0]
         remarks += [
-            f"{run.where}: {_milli(run)} at {place} comes after {_milli(before)}"
+            f"{run.where}: {_size(run)} at {place} comes after {_size(before)}"
             "; objects usually grow"
             for (before, _), (run, _) in pairwise(members)
             if run.size < before.size
@@ -138,15 +140,15 @@ def series_remarks(
             largest = max(members, key=lambda member: member[0].size)[0]
             if _saturates(changes[key]):
                 remarks.append(
-                    f"{place}: a rod force no longer grows up to {_milli(largest)}, yet no drive "
+                    f"{place}: a rod force no longer grows up to {_size(largest)}, yet no drive "
                     "is said to slip; check clamps and the column slip"
                 )
             else:
-                remarks.append(f"{place}: no drive slipped up to {_milli(largest)}")
+                remarks.append(f"{place}: no drive slipped up to {_size(largest)}")
         elif first is not None and first < len(members) - 1:
             run = members[first][0]
             remarks.append(
-                f"{run.where}: a drive slipped at {place} with {_milli(run)}, "
+                f"{run.where}: a drive slipped at {place} with {_size(run)}, "
                 f"yet {len(members) - 1 - first} movements of that series follow"
             )
     return remarks
@@ -171,7 +173,7 @@ def _saturates(series: Sequence[tuple[float, NDArray[np.float64]]]) -> bool:
 def slip_remarks(runs: Sequence[Run], slipped: Sequence[bool | None]) -> list[str]:
     """Return a remark on each movement whose sheet and current disagree on a slip."""
     return [
-        f"{run.where}: the sheet says {'a' if run.slip else 'no'} drive slipped with {_milli(run)} "
+        f"{run.where}: the sheet says {'a' if run.slip else 'no'} drive slipped with {_size(run)} "
         f"at {run.place}, the currents say {'one' if measured else 'none'} did"
         for run, measured in zip(runs, slipped, strict=True)
         if run.slip is not None and measured is not None and run.slip != measured
@@ -202,11 +204,11 @@ def force_remarks(runs: Sequence[Run], forces: Sequence[float]) -> list[str]:
         for (_, less, before), (_, more, run) in pairwise(sorted(members, key=lambda m: m[0])):
             if more < less - max(250.0, 0.025 * abs(less)):
                 remarks.append(
-                    f"{run.where}: {_milli(run)} at {place} ends with {more:.0f} N in the rods, "
-                    f"{_milli(before)} ({before.where}) with {less:.0f} N; are sizes mixed up?"
+                    f"{run.where}: {_size(run)} at {place} ends with {more:.0f} N in the rods, "
+                    f"{_size(before)} ({before.where}) with {less:.0f} N; are sizes mixed up?"
                 )
     return remarks
 
 
-def _milli(run: Run) -> str:
+def _size(run: Run) -> str:
     return f"{run.size * 1e3:g} mm"

@@ -29,7 +29,7 @@ from turnout.measurement.chain.channel_map import (
     raw_unit,
 )
 from turnout.measurement.chain.condition import common_time, resample, tare
-from turnout.measurement.chain.sensor import Line, describe_sensor, line_of
+from turnout.measurement.chain.sensor import SensorLine, describe_sensor, line_of
 from turnout.measurement.recording import Channel, Recording
 from turnout.schema.channels import SCHEMA_VERSION, label
 
@@ -244,7 +244,7 @@ class _MappedColumn:
     key: str
     column: Channel
     sensor: AnySensor
-    line: Line
+    line: SensorLine
 
 
 def _mapped_columns(recording: Recording, channel_map: ChannelMap) -> list[_MappedColumn]:

@@ -33,7 +33,7 @@ from turnout.core.units import (
     parse_quantity,
     unit_factor,
 )
-from turnout.measurement.chain.known_loads import Calibration, fit_calibration
+from turnout.measurement.chain.known_loads import LoadCalibration, fit_load_calibration
 from turnout.measurement.formats.assemble import tidy_unit
 
 RAW = (VOLTAGE, VOLTAGE_RATIO, STRAIN, CURRENT, FORCE)
@@ -212,9 +212,9 @@ class Calibrated(Sensor):
         self.calibration()
         return self
 
-    def calibration(self) -> Calibration:
+    def calibration(self) -> LoadCalibration:
         """Fit the line: SI load for each SI unit of the readings."""
-        return fit_calibration(self.readings.values, self.loads.values)
+        return fit_load_calibration(self.readings.values, self.loads.values)
 
 
 AnySensor = Annotated[

@@ -23,7 +23,7 @@ FULL_BENDING, HALF_BENDING, QUARTER = 4.0, 2.0, 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class SensorLine:
     """A straight line: physical = scale (raw - offset), all in SI.
 
     Attributes
@@ -103,7 +103,7 @@ def strain_per_ratio(sensor: StrainBridge) -> float:
     return 4.0 / (sensor.gauge_factor * bridge_arms(sensor.bridge, sensor.poisson_ratio))
 
 
-def line_of(sensor: AnySensor, *, quantity: Dimension, recorded_unit: str = "") -> Line:
+def line_of(sensor: AnySensor, *, quantity: Dimension, recorded_unit: str = "") -> SensorLine:
     """Return the straight line from a column to its quantity.
 
     Parameters
@@ -144,7 +144,7 @@ def line_of(sensor: AnySensor, *, quantity: Dimension, recorded_unit: str = "") 
             )
             raise ValueError(message)
         offset += sensor.offset.values[0]
-    return Line(sensor.sign * scale, offset, unit)
+    return SensorLine(sensor.sign * scale, offset, unit)
 
 
 def describe_sensor(sensor: AnySensor, quantity: Dimension, unit: RawUnit) -> str:

@@ -35,7 +35,7 @@ def answer(request: dict[str, Any]) -> dict[str, Any]:
     limit_memory(int(request["memory"]))
     try:
         recording = read(path, **request["options"])
-        return handed_over(recording, Path(request["folder"]))
+        return write_reply(recording, Path(request["folder"]))
     except FileError as error:
         return {FAULT: str(error)}
     except MemoryError:
@@ -50,7 +50,7 @@ def answer(request: dict[str, Any]) -> dict[str, Any]:
         return {FAULT: message}
 
 
-def handed_over(recording: Recording, folder: Path) -> dict[str, Any]:
+def write_reply(recording: Recording, folder: Path) -> dict[str, Any]:
     """Leave the samples of a recording in a folder; return all else."""
     channels = list(recording.channels.values())
     arrays: dict[str, Any] = {f"{i}": item.values for i, item in enumerate(channels)}

@@ -314,7 +314,7 @@ def run_faults(
     that is exactly constant from the first sample until the motion begins: held by chance, it
     would not wake with the motion.
     """
-    if silent(values[: max(0, begin - 5)], span=float(np.ptp(values))):
+    if is_noise_free(values[: max(0, begin - 5)], span=float(np.ptp(values))):
         return []
     repeats = repeated_share(values, begin, finish)
     if repeats > 0.7:
@@ -346,12 +346,12 @@ def run_faults(
     return faults
 
 
-def silent(rest: Floats, *, span: float) -> bool:
+def is_noise_free(rest: Floats, *, span: float) -> bool:
     """Tell whether a rest has no noise at all, as in a recording that a program wrote.
 
     Examples
     --------
-    >>> silent(np.zeros(20), span=1e3), silent(np.r_[np.zeros(19), 0.1], span=1e3)
+    >>> is_noise_free(np.zeros(20), span=1e3), is_noise_free(np.r_[np.zeros(19), 0.1], span=1e3)
     (True, False)
     """
     return rest.size >= LEAST_REST and bool(np.ptp(rest) <= 1e-7 * span)

@@ -46,7 +46,7 @@ class Expected:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class ThrowQuality:
     """The faults of a throw: those that exclude it, and those that are worth a remark."""
 
     faults: tuple[Fault, ...] = field(default=())
@@ -73,7 +73,7 @@ def judge(
     *,
     expected: Expected | None = None,
     limits: Limits | None = None,
-) -> Verdict:
+) -> ThrowQuality:
     """Look for every known fault of a throw.
 
     Parameters
@@ -90,7 +90,7 @@ def judge(
 
     Returns
     -------
-    Verdict
+    ThrowQuality
         All faults, in a fixed order.
 
     Examples
@@ -127,4 +127,4 @@ def judge(
         ),
         *swap_faults(kept, throw, profile=known.profile, limits=chosen),
     ]
-    return Verdict(faults=tuple(faults))
+    return ThrowQuality(faults=tuple(faults))
