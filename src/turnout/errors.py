@@ -1,4 +1,4 @@
-"""One error class a stage, so that a caller can tell bad input from a failed solution."""
+"""One error class a stage, so that a caller can distinguish bad input from a failed solution."""
 
 
 class TurnoutError(Exception):

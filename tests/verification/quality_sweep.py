@@ -259,7 +259,7 @@ recorded. Limits are fields of `turnout.measurement.quality.channel_faults.Limit
 its limit is meant to pass.
 
 Two things are taken from the rest of the campaign, so at least three sound movements in each
-direction are needed for them: the pace of a throw, and which channel is whose. Both look at the
+direction are needed for them: the pace of a throw, and which channel is whose. Both use the
 first 1.5 s, in which no object has a say. Clipping and drop-outs are told by noise; a channel
 without any cannot be judged. A silent load cell is only remarked upon: an object need not be
 reached.

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from tests.verification.open_position import beam, position
-from tests.verification.runs import DEFAULT, SYMMETRIC, books
+from tests.verification.runs import DEFAULT, SYMMETRIC, energy_balance
 
 from turnout.analysis.panel_check import resting_concerns
 from turnout.core.toml import parse_toml
@@ -160,7 +160,7 @@ def test_a_back_drive_moves_its_place_by_its_ratio() -> None:
     way = settled(ours, to="closed")["lateral_displacement"].sel(rail="straight").values
     way = way - moved.sel(time=4.3).values
     assert way[1] / way[0] == pytest.approx(0.7, abs=0.02)
-    assert books(simulate(panel))[0] < 1e-6
+    assert energy_balance(simulate(panel))[0] < 1e-6
 
 
 def test_a_loaded_start_is_pressed_home_and_let_go_first() -> None:
@@ -175,7 +175,7 @@ def test_a_loaded_start_is_pressed_home_and_let_go_first() -> None:
     assert np.all(stretch < reach)
     assert np.all(stretch > 0.8 * reach)
     assert bool(ours["locked"][0])
-    assert books(ours)[0] < 1e-6
+    assert energy_balance(ours)[0] < 1e-6
     opening = ours["drive_force"].sel(time=slice(0.2, 1.0)).values
     assert np.all(opening[:, 0] > 2000.0)
     assert np.all(opening[:, -1] < 0.0)

@@ -48,7 +48,7 @@ def test_the_gap_is_measured_to_the_rail_that_moves(response):
 
 
 def test_books_close(response):
-    residual, loss = books(response)
+    residual, loss = energy_balance(response)
     assert residual < 1e-6
     assert loss < 0.005
 

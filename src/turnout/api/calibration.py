@@ -203,7 +203,7 @@ def calibrate(
     advise : bool
         Whether to list strongly correlated parameters and the tests that separate them.
     workers : int
-        Processes.
+        Processes that simulate at the same time, at least 1.
     report : callable, optional
         Called after each throw with how far the calibration is.
 

@@ -120,7 +120,7 @@ def validate(
     calibration : CalibrationResult
         From `calibrate` or `load_calibration`.
     workers : int
-        Processes.
+        Processes that simulate at the same time, at least 1.
     report : callable, optional
         Called with throws done and throws in all.
 

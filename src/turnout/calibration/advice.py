@@ -24,7 +24,7 @@ from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]
 WEIGHT = "gravity"
-# Relative error of the weight and of each sensitivity that is looked at [-].
+# Relative error of the weight and of each sensitivity that is examined [-].
 SHARE = 0.01
 # Residuals below this many standard deviations are not noticed.
 SEEN = 3.0
@@ -59,7 +59,7 @@ class Candidate:
 def systematic_errors(found: Fit) -> list[str]:
     """Say how errors of weight and sensitivity would change the parameters.
 
-    Looked at are the weight of the rails and the sensitivity of each force channel. An error that
+    Examined are the weight of the rails and the sensitivity of each force channel. An error that
     the parameters can imitate is not seen in the residuals, and goes into the parameters.
 
     Parameters

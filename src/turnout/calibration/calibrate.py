@@ -57,11 +57,11 @@ class Outcome:
     Attributes
     ----------
     calibration : Calibration
-        The record.
+        Fitted values in SI with deviations and intervals, as `save` writes them.
     final : Fit
-        The last stage.
+        Fit of the last stage, all free parameters together.
     spread : Spread
-        Its uncertainty.
+        Covariance of the free parameters, shape (p, p), in coordinates of the fit.
     sweeps : tuple of GridSearch
         The grid searches, to draw.
     movements : tuple of Movement
@@ -94,7 +94,7 @@ def calibrate(
     Parameters
     ----------
     dataset : xarray.Dataset
-        A built campaign.
+        From `build_campaign`, with dimensions movement and time.
     panel : LoadedPanel
         What was measured, with start values.
     plan : CalibrationPlan, optional
@@ -102,11 +102,11 @@ def calibrate(
     exclude : sequence of str
         Movements to leave out.
     folder : Path, optional
-        Where throws are kept; the same call goes on from there after a stop.
+        Where throws are kept; the same call continues after a stop.
     workers : int
-        Processes.
+        Processes that simulate at the same time, at least 1.
     scheme : Scheme, optional
-        Numerical choices.
+        Step, cut-off and tolerances of every throw; by default those of `Scheme()`.
     uncertainty : Uncertainty, optional
         Of onsets, zeros, gains and the solver.
     posterior : bool
@@ -143,7 +143,7 @@ def calibrate(
     per_step = throws_per_step(plan, movements, panel)
     watch = ProgressReporter(report, len(plan.stages), planned=planned, per_step=per_step)
     with Evaluator(panel, folder=folder, workers=workers, scheme=scheme or Scheme()) as evaluator:
-        evaluator.on_throw = lambda: watch.tell(evaluator)
+        evaluator.on_throw = lambda: watch.report_state(evaluator)
         run = _Run(plan, panel, movements, comparison, evaluator, watch)
         logs, sweeps, warnings, final = run.stages()
         final, slip_warnings = drop_unidentified_slip_levels(final)

@@ -1,6 +1,6 @@
 """How one measured movement is compared with a simulated one: alignment, noise, nuisances.
 
-What differs from movement to movement, and is not asked for, has a prior and is integrated out: the
+What differs from movement to movement, and is not fitted, has a prior and is integrated out: the
 true onset, the zero of each channel, and parameters that scatter, such as friction. Whitened
 residuals therefore hold only what the parameters of a fit can explain.
 """
@@ -107,7 +107,7 @@ class Alignment:
     Attributes
     ----------
     movement : Movement
-        Measured.
+        Measured means over bins of each channel, forces [N].
     parts : list of (Signal, ndarray of int)
         What is compared.
     measured : ndarray, shape (n,)
@@ -207,7 +207,7 @@ def align(
     Parameters
     ----------
     movement : Movement
-        Measured.
+        Measured means over bins of each channel, forces [N].
     response : Response
         Simulated at the point about which nuisances are linearised.
     comparison : Comparison

@@ -38,7 +38,7 @@ class Spread:
     states : tuple of str
         "fitted", "at its bound" or "not identified".
     findings : tuple of str
-        In words.
+        Sentences on parameters that are not identified or strongly correlated.
     """
 
     coordinate_covariance: Floats

@@ -230,11 +230,11 @@ class Evaluator:
 
 
 def _plain(value: object) -> object:
-    """Return an override as plain data, whose text tells it apart from any other."""
+    """Return an override as plain data, whose text is unique to its value."""
     return value if isinstance(value, str | int | float | bool) else repr(value)
 
 
-# What a worker process throws; sent once, so that it keeps what is made ready from it.
+# What a worker process throws; sent once, so that it keeps what is prepared from it.
 _panels: list[LoadedPanel] = []
 
 

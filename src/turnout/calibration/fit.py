@@ -68,15 +68,15 @@ class Fit:
     local, frame : Linearisation, Frame
         Responses and alignments there.
     residuals : ndarray, shape (n,)
-        Whitened.
+        Whitened, in standard deviations [-].
     jacobian : ndarray, shape (n, p)
         Of the residuals to the coordinates.
     iterations : int
-        Steps tried.
+        Steps tried, rejected ones included.
     message : str
         How it ended.
     converged : bool
-        Whether it ended by itself.
+        Whether it met a convergence criterion, instead of a limit of steps.
     """
 
     misfit: Misfit
@@ -125,7 +125,7 @@ def fit(
     misfit : Misfit
         Movements and how they are compared.
     parameters : sequence of Parameter
-        To change.
+        The p free parameters; all others keep their value in `values`.
     values : mapping of str to float
         Where to start, of all parameters.
     rough : bool
@@ -199,7 +199,7 @@ def inflate_noise(
     misfit : Misfit
         With the noise of the measurement.
     parameters : sequence of Parameter
-        To change.
+        The p free parameters; all others keep their value in `values`.
     values : mapping of str to float
         Where the fit starts.
     """
@@ -316,11 +316,11 @@ def _step(
     Parameters
     ----------
     r : ndarray, shape (n,)
-        Whitened residuals.
+        Whitened residuals [-].
     J : ndarray, shape (n, p)
         Their change with each coordinate.
     parameters : sequence of Parameter
-        Tell the bounds.
+        With bounds, in the order of the columns of `J`.
     values : mapping of str to float
         At the present point.
     damping : float
@@ -381,7 +381,7 @@ def reestimate_noise(found: Fit, first: Misfit) -> Misfit:
 
 
 def _same_noise(before: Misfit, after: Misfit) -> bool:
-    """Tell whether noise and scatter changed by at most a quarter."""
+    """Return whether noise and scatter changed by at most a quarter."""
     if before.comparison.outlier_limit != after.comparison.outlier_limit:
         return False
     pairs = [

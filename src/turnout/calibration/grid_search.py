@@ -26,7 +26,7 @@ class GridSearch:
     parameter : Parameter
         That was swept.
     grid : tuple of float
-        Its values.
+        Values of the parameter that were tried, in SI, rising.
     misfit : tuple of float
         Root mean square of measured less simulated, as share of each channel's range; infinite
         where a simulation failed.
@@ -54,7 +54,7 @@ def sweep(
     misfit : Misfit
         Movements and how they are compared.
     parameter : Parameter
-        To sweep.
+        Parameter that takes the values of the grid.
     grid : sequence of float
         Its values, those within its bounds are tried.
     values : mapping of str to float

@@ -147,7 +147,7 @@ def selected(
     movements : sequence of Movement
         All there are.
     selection : Selection
-        The rule.
+        Objects, places, sizes and directions to include, and how many at most.
     panel : LoadedPanel
         Knows where places are.
     """
@@ -168,7 +168,7 @@ def selected(
         found = [item for item in found if abs(item.size - nearest) < 1e-6]
     if selection.most and len(found) > selection.most:
         found.sort(key=lambda item: (item.size > 0, item.x if item.size else 0.0, item.size))
-        # Where a drive pushes hardest tells the force at which it slips, or that it does not.
+        # The largest force of a drive identifies the force at which it slips, or that it does not.
         hardest = {_hardest(found, name) for name in panel.drive}
         rest = [number for number in range(len(found)) if number not in hardest]
         evenly = spread(len(rest), max(selection.most - len(hardest), 1))

@@ -37,7 +37,7 @@ class Misfit:
     base : mapping of str to float
         Their values where a call does not name them [SI].
     movements : tuple of Movement
-        Measured.
+        Measured means over bins of each channel, forces [N].
     comparison : Comparison
         How they are compared.
     effects : mapping of str to tuple of float
@@ -252,7 +252,7 @@ class Frame:
     Attributes
     ----------
     values : mapping of str to float
-        The point.
+        Common values of the parameters at which the frame was found, in SI.
     alignments : tuple of Alignment
         In the order of the movements.
     """

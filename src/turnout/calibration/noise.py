@@ -79,7 +79,7 @@ def peaks_of(movements: Sequence[Movement]) -> dict[tuple[str, str], float]:
 def poorly_followed(
     noise: Mapping[tuple[str, str], Noise], movements: Sequence[Movement]
 ) -> dict[tuple[str, str], float]:
-    """Return the channels whose model error is too large for the fit to be trusted.
+    """Return the channels whose model error is too large for a trustworthy fit.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def measured_noise(movements: Sequence[Movement]) -> dict[tuple[str, str], Noise
     Parameters
     ----------
     movements : sequence of Movement
-        As observed.
+        From `observe`; their rests and repeats give the noise.
 
     Returns
     -------

@@ -32,11 +32,11 @@ class Posterior:
     Attributes
     ----------
     names : tuple of str
-        Parameters.
+        The p parameters.
     method : str
         "importance sampling" or "chain".
     mean, deviation : ndarray, shape (p,)
-        In SI.
+        Mean and standard deviation of each parameter in SI.
     intervals : ndarray, shape (p, 2)
         95 %, equal tails.
     profiles : ndarray, shape (p, 2)
@@ -93,7 +93,7 @@ def posterior_of(found: Fit, spread: Spread, *, seed: int = 0) -> Posterior:
     found : Fit
         At its end.
     spread : Spread
-        Its covariance.
+        Covariance of the fit, from which samples are drawn.
     seed : int
         Of all that is drawn.
 

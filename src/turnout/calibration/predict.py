@@ -20,7 +20,7 @@ def compared(
     Parameters
     ----------
     movement : Movement
-        As observed.
+        From `observe`: bins of `BIN` seconds with the samples in each.
     channels : tuple of str
         Of the stage.
     window : tuple
@@ -96,9 +96,9 @@ def prediction(
     response : Response
         Of the throw.
     movement : Movement
-        Tells the direction.
+        Its direction selects the movement of the response.
     parts : sequence of (Signal, ndarray of int)
-        Tell channel, drive and bins.
+        With channel, drive and bins.
     """
     centres = tuple(signal.time[bins] for signal, bins in parts)
     if response.failure:
@@ -131,11 +131,11 @@ def predicted(
     response : Response
         Of the throw.
     movement : Movement
-        Tells the direction.
+        Its direction selects the movement of the response.
     signal : Signal
-        Tells channel, drive and time.
+        With channel, drive and time.
     bins : ndarray of int, shape (n,)
-        Which bins.
+        Numbers of bins of the movement, from 0.
     shift : float
         How much later than its marked onset the movement truly began [s].
 

@@ -74,7 +74,7 @@ def exclude_oversized_objects(
     Parameters
     ----------
     movements : sequence of Movement
-        As observed.
+        From `observe`; sizes of objects [m].
     panel : LoadedPanel
         What was measured.
 
@@ -145,7 +145,7 @@ def drop_unidentified_slip_levels(found: Fit) -> tuple[Fit, list[str]]:
 
 
 def _is_identified(found: Fit, item: Parameter, column: int) -> bool:
-    """Tell whether a higher level makes the cost rise, whatever the other parameters do."""
+    """Return whether a higher level makes the cost rise, whatever the other parameters do."""
     value = found.values[item.name]
     higher = item.value(item.coordinate(value) + FURTHER)
     numbers = [n for n, row in enumerate(found.local.simulated) if touches(item, value, row)]
@@ -179,21 +179,21 @@ def _least(residuals: Floats, slopes: Floats) -> float:
 
 
 def check_provenance(calibration: Calibration, *panels: LoadedPanel) -> tuple[str, ...]:
-    """Say why a calibration is not to be trusted, or that it is of another panel, by hash.
+    """Say why a calibration is not trustworthy, or that it is of another panel, by hash.
 
     Parameters
     ----------
     calibration : Calibration
-        Tells the hash of its panel.
+        Its attributes hold the hash of its panel.
     *panels : LoadedPanel
         The same panel before and after what a user sets.
 
     Returns
     -------
     tuple of str
-        Empty where it is to be trusted and belongs to one of them.
+        Empty where it is trustworthy and belongs to one of them.
     """
-    found = tuple(f"is not to be trusted: {text}" for text in calibration.distrust)
+    found = tuple(f"is not trustworthy: {text}" for text in calibration.distrust)
     if calibration.panel_hash in [panel.hash for panel in panels]:
         return found
     return (

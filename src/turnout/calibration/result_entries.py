@@ -16,7 +16,7 @@ from turnout.calibration.result import Fitted, StageLog
 from turnout.calibration.stages import CalibrationPlan, Stage
 from turnout.core.provenance import content_hash
 
-# A model error this much above the noise is warned of [-].
+# A model error this much above the noise gives a warning [-].
 LARGE_MISFIT = 1.5
 
 
@@ -109,7 +109,7 @@ def warnings_from(final: Fit, spread: Spread) -> list[str]:
 
 
 def distrust_reasons(final: Fit, spread: Spread) -> list[str]:
-    """Say why a calibration is not to be trusted; nothing where it is.
+    """Say why a calibration is not trustworthy; nothing where it is.
 
     Reasons are an end before convergence, values at their bounds, and a large model error.
     """

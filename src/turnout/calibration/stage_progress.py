@@ -90,7 +90,7 @@ class ProgressReporter:
     misfit: float = float("nan")
     began: float = 0.0
 
-    def tell(self, evaluator: Evaluator) -> None:
+    def report_state(self, evaluator: Evaluator) -> None:
         """Report the state after a throw."""
         self.began = self.began or time.monotonic()
         if self.report is None:

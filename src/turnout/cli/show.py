@@ -61,7 +61,7 @@ def plan_lines(panel: "Panel") -> Iterator[str]:
     Parameters
     ----------
     panel : Panel
-        The panel.
+        Checked panel; positions are printed in m, openings in mm.
 
     Examples
     --------
@@ -151,7 +151,7 @@ def panel_lines(
     Parameters
     ----------
     panel : LoadedPanel
-        The panel.
+        Loaded panel with the origin of every number.
     thrown : Thrown, optional
         Adds results that need throws.
     values : bool

@@ -62,7 +62,7 @@ def _cached_model(
 class BlockModel:
     """A block of a mechanism with its modal model, whose rows are the ends of the block.
 
-    `leading` tells which ends the others follow from.
+    `leading` holds the ends that the others follow from.
     """
 
     block: Block

@@ -1,8 +1,8 @@
-"""Cache folders: one that nobody else can write, or a private one for this run.
+"""Cache folders: one that no other user can write, or a private one for this run.
 
 Numba unpickles cached kernels, so anyone who can write to its folder can run code as the user. A
 folder is used only if the folder itself, its content and all folders above belong to the user or
-the system, and nobody else may write there. Otherwise a new private folder takes its place; child
+the system, and no other user may write there. Otherwise a new private folder takes its place; child
 processes share it, and it is removed at the end.
 """
 
@@ -48,7 +48,7 @@ def user_cache_folder() -> Path:
 
 @cache
 def safe_folder(wanted: Path) -> Path | None:
-    """Return a folder for a cache that nobody else can write to; it exists.
+    """Return an existing folder for a cache that no other user can write to.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def _unsafe_parent(folder: Path) -> str:
     found = folder.stat()
     if found.st_uid not in (_SYSTEM, os.geteuid()):
         return "belongs to another user"
-    if found.st_mode & stat.S_ISVTX:  # nobody may move what is not theirs
+    if found.st_mode & stat.S_ISVTX:  # users may move only what is theirs
         return ""
     others = found.st_mode & _OTHERS
     if others & stat.S_IWOTH:
@@ -121,7 +121,7 @@ def _unsafe_parent(folder: Path) -> str:
 
 
 def _is_private_group(group: int) -> bool:
-    """Tell whether a group is the system's, or a private one with the user as only member."""
+    """Return whether a group is the system's, or a private one with the user as only member."""
     if group == _SYSTEM:
         return True
     import grp

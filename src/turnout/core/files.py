@@ -27,7 +27,7 @@ def atomic_path(target: Path | str, *, durable: bool = True) -> Iterator[Path]:
     Parameters
     ----------
     target : Path or str
-        The file to write.
+        File to write, in a folder that exists.
     durable : bool
         Whether to wait until the data are on the disk; not needed for files that can be made again.
 
@@ -77,12 +77,12 @@ def write_atomic(target: Path | str, content: str | bytes, *, durable: bool = Tr
 
 
 def is_leftover(path: Path, *, of: re.Pattern[str]) -> bool:
-    """Tell whether a file is a temporary one that an interrupted `atomic_path` left behind.
+    """Return whether a file is a temporary one that an interrupted `atomic_path` left behind.
 
     Parameters
     ----------
     path : Path
-        The file.
+        Any path; need not exist.
     of : pattern
         Matches the whole name of a target, suffix included.
 
@@ -215,7 +215,7 @@ def user_path(text: Path | str) -> Path:
 
     Examples
     --------
-    >>> user_path("~nobody-of-that-name/panel.toml").name
+    >>> user_path("~no-user-of-that-name/panel.toml").name
     'panel.toml'
     """
     with suppress(RuntimeError):

@@ -61,7 +61,7 @@ class Arrangement:
     model : ModalModel
         Modes and flexibility of the rails, in the coordinates of the mechanism.
     system : System
-        The same for the kernels.
+        Condensed system of the model, laid out for the kernels.
     templates : dict
         States at rest and scratch arrays, by numbers of inputs and of levels, for runs to copy.
     """
@@ -174,7 +174,7 @@ def prepare(
     arrangement : Arrangement
         From `arrange`.
     scheme : Scheme
-        Numerical choices.
+        Step [s], spectral radius, tolerances and halvings.
     positions : ndarray, shape (n_steps + 1, n_inputs)
         Marker positions at the ends of the steps [m].
     n_stored : int
@@ -288,7 +288,7 @@ def start_at_rest(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
 
 
 def _find_equilibrium(run: Run, thread: Executor) -> bool:
-    """Iterate the contact set to static equilibrium from the present one; tell if it converged."""
+    """Iterate the contact set to static equilibrium from the present one; False if it fails."""
     patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
     given = (run.system, run.table, run.state, run.work, patient)
     code = call_interruptible(thread, run.work.stop, equilibrium, *given)

@@ -59,7 +59,7 @@ class MachineHistory:
         As fitted to the drives.
     constants : ndarray, shape (n, CONSTANTS)
     inputs : ndarray of int, shape (n,)
-        The input that each moves.
+        Column of the inputs that each machine moves.
     shift : ndarray, shape (n,)
         Input less rod position [m].
     states : ndarray, shape (n_times, n, STATES)
@@ -135,7 +135,7 @@ class MachineHistory:
 
     @property
     def residual(self) -> Floats:
-        """What is left over when the books of the machines are closed, shape (n_times, n) [J]."""
+        """Residual of the energy balance of each machine, shape (n_times, n) [J]."""
         spent = sum(self.losses.values(), self.stored + self.numerical + self.given)
         return np.asarray(self.sums(at.SUPPLY, at.HAND) - spent)
 

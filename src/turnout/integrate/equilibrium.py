@@ -31,7 +31,7 @@ def equilibrium_segments(mechanism: Mechanism, *, inputs: Floats, present: Ints)
     Parameters
     ----------
     mechanism : Mechanism
-        Its laws without friction.
+        Its laws are evaluated without friction.
     inputs : ndarray, shape (n_inputs,)
         Marker positions [m].
     present : ndarray of int, shape (n_laws,)

@@ -38,7 +38,7 @@ ADVICE = {
         "do not press against each other in the stress-free position"
     ),
     Code.INACCURATE: (
-        "the energy balance does not close, so the numbers are not to be trusted; look for a "
+        "the energy balance does not close, so the results are not trustworthy; look for a "
         "stiffness, mass or length that is far out of range (`turnout panel check` names unusual "
         "values), or take a smaller step"
     ),

@@ -170,7 +170,7 @@ def iterate_rods(
 
 @compiled
 def accept_rods(rods: Rods, state: State, work: Work, begin: Floats, step: float) -> None:
-    """Make the end of a step the state of the machines, and book what they gave to the rods.
+    """Make the end of a step the state of the machines, and add their work on the rods.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ class Recording:
     source : str
         File that it was read from.
     start_time : str or None
-        Date and time of the start in ISO 8601, where the file tells it.
+        Date and time of the start in ISO 8601, where the file states it.
     problems : tuple of str
         What could not be read or had to be mended, a sentence each.
     """
@@ -191,7 +191,7 @@ def on_grid(
     Returns
     -------
     channel : Channel
-        Evenly sampled.
+        Evenly sampled, at `channel.rate` [Hz].
     problem : str
         What was mended; empty where nothing was.
 

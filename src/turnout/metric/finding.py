@@ -1,4 +1,4 @@
-"""What a run means for whoever answers for the switch, in plain words."""
+"""Plain-language findings of a run."""
 
 import json
 import math
@@ -13,7 +13,7 @@ from turnout.metric.summary import format_force, format_length, is_inaccurate, n
 from turnout.metric.verdict import verdict
 
 HEADLINE = "Outcome"
-"""The question that the headline of a run answers; it goes without being asked."""
+"""The question that the headline of a run answers; always given."""
 
 Level = Literal["good", "look", "bad", "fact"]
 
@@ -25,7 +25,7 @@ class Finding:
     Attributes
     ----------
     level : str
-        "good", "look" (should be looked at), "bad", or "fact" (a fact without a judgement).
+        "good", "look" (should be checked), "bad", or "fact" (a fact without a judgement).
     question : str
         Such as "Locked?".
     answer : str
@@ -89,19 +89,19 @@ def _complete(dataset: xr.Dataset) -> list[Finding]:
 
 
 def _outcome(dataset: xr.Dataset) -> list[Finding]:
-    """Return the one sentence that matters: whether the switch tells what is trapped."""
+    """Return the one sentence that matters: whether the switch detects what is trapped."""
     judged = _by_verdict(dataset)
     if judged is not None:
         return [judged]
     locked, control = is_locked(dataset), is_in_control(dataset)
     if locked is None and control is None:
         return []
-    tells = locked is False or control is False
+    detects = locked is False or control is False
     states = [] if locked is None else ["locked" if locked else "not locked"]
     states += [] if control is None else ["in control" if control else "not in control"]
-    state = " and ".join(states) if not tells else _refusal(locked, control)
+    state = " and ".join(states) if not detects else _refusal(locked, control)
     if not _objects(dataset):
-        if tells:
+        if detects:
             text = "nothing is trapped, yet the switch does not reach its end position"
             return [Finding("bad", HEADLINE, _capital(state), text)]
         text = "nothing is trapped, and the switch reaches its end position"
@@ -111,13 +111,13 @@ def _outcome(dataset: xr.Dataset) -> list[Finding]:
     )
     if "object_touched" in dataset and not dataset["object_touched"]:
         return [Finding("look", HEADLINE, "Object never touched", f"{what}; {state}")]
-    if tells:
+    if detects:
         return [Finding("good", HEADLINE, "Object detected", f"{what}; the switch is {state}")]
     return [Finding("bad", HEADLINE, "Undetected object", f"{what}, yet the switch is {state}")]
 
 
 def _by_verdict(dataset: xr.Dataset) -> Finding | None:
-    """Return the verdict as an answer; None where only the states at the end can be told."""
+    """Return the verdict as an answer; None where only the states at the end are known."""
     found = verdict(dataset)
     detail = found.text.partition(": ")[2].rstrip(".")
     if found.kind == "not judged":

@@ -21,7 +21,7 @@ class KeyFigure:
     value : float
         In SI; NaN where there is none.
     unit : str
-        SI unit.
+        SI unit of the value; empty for shares and states.
     """
 
     key: str

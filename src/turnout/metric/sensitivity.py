@@ -1,4 +1,4 @@
-"""How much each input decides over an output of many throws, from the throws as they are."""
+"""Sensitivity of an output of many throws to each input, from the throws as they are."""
 
 from dataclasses import dataclass
 
@@ -36,11 +36,11 @@ class SobolIndex:
     Attributes
     ----------
     name : str
-        The input.
+        Name of the input, a key of the study.
     first, first_confidence : float
         First-order index, and half the width of its 95 % interval [-].
     total, total_confidence : float
-        With all interactions [-]; NaN where the throws do not tell.
+        With all interactions [-]; NaN where the throws do not identify it.
     """
 
     name: str
@@ -57,7 +57,7 @@ class Effect:
     Attributes
     ----------
     name, units : str
-        The input.
+        Name of the input, a key of the study, and its SI unit.
     levels : tuple of float or str
         Values, or the middles of classes.
     mean, confidence : ndarray, shape (n_levels,)
@@ -73,7 +73,7 @@ class Effect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputEffects:
-    """What decides over one output.
+    """Sensitivity of one output to all inputs.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ def numeric_outputs(
     names : tuple of str
         Labels or features; those that were not kept are refused, but for the default.
     direction : str
-        Movement that is looked at.
+        Movement that is examined.
 
     Raises
     ------

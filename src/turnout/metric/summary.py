@@ -72,7 +72,7 @@ def is_inaccurate(dataset: xr.Dataset) -> bool:
 
 
 def residual_share(dataset: xr.Dataset) -> float:
-    """Return the largest residual of the books over the run's energy scale, at least 1 mJ [-]."""
+    """Return the largest energy residual over the run's energy scale, at least 1 mJ [-]."""
     return _share(dataset, "energy_residual")
 
 
@@ -158,7 +158,7 @@ def _objects(dataset: xr.Dataset) -> list[str]:
     if "object_touched" not in dataset or not dataset.sizes.get("time", 0):
         return placed
     if "object_placed" in dataset and not dataset["object_placed"]:
-        placed.append("NOT PLACED: the gap never had room for it from the time it appears")
+        placed.append("NOT PLACED: it does not fit into the gap at any time after it appears")
     if not dataset["object_touched"]:
         return [*placed, "never touched"]
     text = f"first touched at t = {float(dataset['contact_time']):.3f} s"
@@ -292,7 +292,7 @@ def _slip(dataset: xr.Dataset, slip: Slip) -> str:
 
 
 def _touched_before(dataset: xr.Dataset, time: float) -> bool:
-    """Tell whether a rail reached a foreign object before a time; a NaN is never before."""
+    """Return whether a rail reached a foreign object before a time; a NaN is never before."""
     return "contact_time" in dataset and bool(dataset["contact_time"] <= time)
 
 

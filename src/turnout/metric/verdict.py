@@ -34,7 +34,7 @@ Kind = Literal[
 KINDS: tuple[str, ...] = get_args(Kind)
 """Every kind of verdict."""
 
-# What is told first where several things report an object.
+# What is named first where several things report an object.
 _ORDER: tuple[Kind, ...] = ("detected by slip", "detected by lock", "detected by TKK")
 
 # Without one of these a run cannot be judged.
@@ -105,7 +105,7 @@ def _missing_channels(dataset: "xr.Dataset") -> str:
         return "a campaign of many movements has no single verdict; select one movement"
     if dataset.attrs.get("kind", "simulation") != "simulation":
         return (
-            "a recording has no lock or control contact, and nobody knows whether an object was "
+            "a recording has no lock or control contact, and it is unknown whether an object was "
             "trapped" + _measured_slip(dataset)
         )
     if not dataset.sizes.get("time", 0):
@@ -231,7 +231,7 @@ def _case(dataset: "xr.Dataset", what: str, contact: float, gone: float, positio
         mine = [slip for slip in slips(dataset) if slip.movement == span and slip.time < gone]
         rest = _at_rest(dataset, span, min(until, gone))
         if any(slip.time < contact - TIME_TOLERANCE for slip in mine):
-            # Whether the object adds to what failed before it was touched, nothing tells.
+            # Whether the object adds to what failed before it was touched is not known.
             refused |= rest is not None and bool(_signs(dataset, rest, [], span))
             continue
         last = math.isinf(until)
@@ -323,7 +323,7 @@ def _and(parts: list[str]) -> str:
 
 
 def _switch_alone(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
-    """Judge a switch in which no object is trapped, or none that tells from its own faults."""
+    """Judge a switch in which no object is trapped, or none distinct from its own faults."""
     reason = "; ".join(_uninvolved(case) for case in cases) or "no object"
     faults = _faults(dataset)
     narrow = narrow_flangeway(dataset)

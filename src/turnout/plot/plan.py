@@ -31,7 +31,7 @@ def plot_closed_gap(panel: Panel, *, dataset: xr.Dataset | None = None, ax: "Axe
     Parameters
     ----------
     panel : Panel
-        The panel.
+        Checked panel; its layout is drawn in metres.
     dataset : xarray.Dataset, optional
         A throw of it; without one, or one without an instant, gaps are estimated from the strokes.
     ax : matplotlib.axes.Axes
@@ -110,7 +110,7 @@ def plot_plan(panel: Panel, *, dataset: xr.Dataset | None = None) -> "Figure":
     Parameters
     ----------
     panel : Panel
-        The panel.
+        Checked panel; its layout is drawn in metres.
     dataset : xarray.Dataset, optional
         A throw of it without an object: the closed gaps are taken from it. Otherwise they are
         estimated from the strokes.

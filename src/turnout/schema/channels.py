@@ -196,7 +196,7 @@ CHANNELS: Mapping[str, Channel] = _table(
     Channel("energy_machine", ("time",), "J", "change in coils, inertias and clutches", "stored"),
     Channel("work_rods", ("time",), "J", "work of the machines on their rods", "put in"),
     Channel("energy_numerical", ("time",), "J", "lost by the time stepping", "taken out"),
-    Channel("energy_residual", ("time",), "J", "left over when the books are closed"),
+    Channel("energy_residual", ("time",), "J", "residual of the energy balance"),
     Channel("object_placed", (), "1", "whether there was room for every object", kind="logical"),
     Channel("object_touched", (), "1", "whether a rail reached a foreign object", kind="logical"),
     Channel("contact_time", (), "s", "first contact with a foreign object", "forward"),
@@ -249,7 +249,7 @@ OF_MACHINES = frozenset(
         *("energy_brush", "energy_motor_friction", "energy_gear", "energy_machine", "work_rods"),
     }
 )
-# Made only where a run is asked for them.
+# Made on request only.
 ON_REQUEST = frozenset({"fastening_force", "fastening_moment"})
 OPTIONAL = MEASURED | OF_MACHINES | ON_REQUEST | {"single_object_force", "object_contact_time"}
 

@@ -87,7 +87,7 @@ class Choice:
     Attributes
     ----------
     values : tuple of float, str or bool
-        In SI.
+        At least one, numbers in SI.
     weights : tuple of float
         One a value, more than 0 [-].
     """

@@ -70,7 +70,7 @@ class StudyParts:
 
 
 def read_record(file: TomlFile) -> tuple[StudyRecord, list[str]]:
-    """Make the record of a study file, without the keys that are unknown, which it tells.
+    """Make the record of a study file, without the keys that are unknown, which it lists.
 
     Raises
     ------
@@ -178,7 +178,7 @@ def scheme_for(scheme: Scheme, output: Output) -> Scheme:
     Parameters
     ----------
     scheme : Scheme
-        Numerical choices.
+        Scheme of the study, with or without an output interval.
     output : Output
         With the rate that is wanted.
 

@@ -36,7 +36,7 @@ class ParsedStudy:
     panel : LoadedPanel
         Whose keys and limits the variables must keep to.
     variables : dict
-        By name.
+        Variables read so far, by name.
     axes, drawn : list
         Of the design.
     problems : list of str

@@ -102,7 +102,7 @@ class Acceptance:
             return "NOT VALID: " + "; ".join(self.reasons)
         if not self.held_back:
             return (
-                "NOT VALIDATED: the fit has seen every movement, so this only tells that it fits; "
+                "NOT VALIDATED: the fit has seen every movement, so this only shows that it fits; "
                 "leave some out with `turnout calibrate --exclude MOVEMENT`"
             )
         return (

@@ -31,7 +31,7 @@ def onset_shifts(movements: Sequence[Movement], responses: Sequence[Response]) -
     Parameters
     ----------
     movements : sequence of Movement
-        As observed.
+        From `observe`; onsets without motor current are searched.
     responses : sequence of Response
         Of the model, one each.
 

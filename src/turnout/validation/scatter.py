@@ -1,4 +1,4 @@
-"""What differs from throw to throw although nobody changed anything, found from repeats."""
+"""What differs from throw to throw although nothing was changed, found from repeats."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class Direction:
     Attributes
     ----------
     name : str
-        For texts.
+        Name in texts and tables, such as "chair.friction_coefficient".
     slope : ndarray, shape (n_channels, n_movements, n_times)
         Of the forces with it [N/its unit].
     expected : float

@@ -71,7 +71,7 @@ def validate(
     Parameters
     ----------
     dataset : xarray.Dataset
-        A built campaign.
+        From `build_campaign`, with dimensions movement and time.
     panel : LoadedPanel
         As it was before the calibration.
     calibration : Calibration

@@ -28,7 +28,7 @@ def synthetic_note(panel: str, *, machines: int = 0, drives: int = 1) -> str:
     Parameters
     ----------
     panel : str
-        Its name.
+        Name of the simulated panel.
     machines, drives : int
         How many drives are machines, whose currents are simulated, and how many there are.
 
@@ -97,11 +97,11 @@ def write_throw(
     dataset : xarray.Dataset
         Forces and currents as a converter gave them out.
     path : Path
-        The suffix tells the format.
+        File to write; its suffix selects the format.
     channel_map : ChannelMap
-        The measuring chain.
+        Measuring chain that turns quantities into raw units.
     number : int
-        Number of the throw, which tells its time of day.
+        Number of the throw, which sets its time of day.
     note : str
         What the file says of its origin.
     """
@@ -166,7 +166,7 @@ def mistype(
     Parameters
     ----------
     thrown : sequence of WrittenThrow
-        The true lines.
+        Throws with the run-sheet line that is true of each.
     count : int
         How many mistakes.
     rng : numpy.random.Generator

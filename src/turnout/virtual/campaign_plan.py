@@ -29,7 +29,7 @@ class Defects:
     Attributes
     ----------
     drive : str
-        Which one.
+        Name of the drive with the defects.
     slip_excess, slip_scatter : float
         A worn clutch: how much the drive slips above its level, and how much that scatters from
         throw to throw, as shares of the level.

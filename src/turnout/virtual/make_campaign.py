@@ -84,7 +84,7 @@ def make_virtual_campaign(
     plan : CampaignPlan
         Places, sizes, chance and defects.
     workers : int
-        Processes.
+        Processes that simulate at the same time, at least 1.
     report : callable, optional
         Called now and then with throws done and throws at most.
 

@@ -258,7 +258,7 @@ def assumed_current(
     limit : float
         Force at which the drive slips [N].
     law : CurrentLaw
-        The figures.
+        Idle and inrush current [A], slope [A/N] and times [s].
 
     Returns
     -------

@@ -87,13 +87,13 @@ def run_jobs(
     """
     total = sum(len(job.cases) for job in jobs)
 
-    def tell() -> None:
+    def report_one() -> None:
         if report is not None:
             report(len(list((folder / STATE).glob("*.npz"))), total)
 
     if workers <= 1:
         for job in jobs:
-            make_series(job, tell=tell)
+            make_series(job, report=report_one)
         return
     context = multiprocessing.get_context("spawn")
     with context.Pool(min(workers, len(jobs)), initializer=_ignore_ctrl_c) as pool:
@@ -101,7 +101,7 @@ def run_jobs(
         for result in results:
             while not result.ready():
                 result.wait(POLL)
-                tell()
+                report_one()
             result.get()
 
 
@@ -110,21 +110,21 @@ def _ignore_ctrl_c() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def make_series(job: Job, *, tell: Callable[[], None] | None = None) -> None:
+def make_series(job: Job, *, report: Callable[[], None] | None = None) -> None:
     """Throw one series until a drive slips with an object, or the solver gives up."""
     for number, case in enumerate(job.cases):
         part = read_part(job.folder, case)
         if part is None:
             part = make_throw(job, case, number=job.first_number + number)
             write_atomic(_part_path(job.folder, case), _packed(part, case.name))
-        if tell is not None:
-            tell()
+        if report is not None:
+            report()
         if part.failure or ends_series(part, case, job.plan):
             return
 
 
 def ends_series(part: Part, case: Case, plan: CampaignPlan) -> bool:
-    """Tell whether no larger object is tried after this throw."""
+    """Return whether no larger object is tried after this throw."""
     return part.slipped and case.size >= plan.at_least - 1e-9
 
 

@@ -84,7 +84,7 @@ class LawComparison:
     Attributes
     ----------
     drive : str
-        Whose law.
+        Name of the drive whose laws are compared, such as "2".
     nominal : float
         Slip level that the panel states [N].
     movements : tuple of str
@@ -92,7 +92,7 @@ class LawComparison:
     samples : float
         Independent ones among them.
     results : tuple of LawResult
-        The plain law first.
+        One a law, the plain one first.
     """
 
     drive: str
@@ -137,13 +137,13 @@ def compare_laws(
     Parameters
     ----------
     dataset : xarray.Dataset
-        A built campaign.
+        From `build_campaign`, with dimensions movement and time.
     panel : LoadedPanel
         As it was before the calibration.
     calibration : Calibration
         Where the fits start; what they do not change keeps its value.
     drive : str
-        Whose law is asked for.
+        Drive whose law is compared.
     evaluator : Evaluator
         Open; throws the same panel.
     report : callable, optional
@@ -182,7 +182,7 @@ def fitted_laws(
 ) -> list[LawFit]:
     """Fit each law to the same movements and to the same end, the plain one first.
 
-    All that the calibration fitted is fitted again, drives that are not asked for included: what
+    All that the calibration fitted is fitted again, other drives included: what
     another value there would explain is no sign of another law.
 
     Raises

@@ -38,7 +38,7 @@ class LawFit:
     Attributes
     ----------
     law : DriveLaw
-        Which one.
+        Law of the drive, with its start values.
     names : tuple of str
         Parameters that were fitted.
     found : Fit

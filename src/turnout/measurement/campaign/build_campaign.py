@@ -50,7 +50,7 @@ def stacked(
     Parameters
     ----------
     members : sequence of (Run, RecordedThrow)
-        Usable movements.
+        Usable movements, all of the same sampling rate.
     slipped : sequence of bool or None
         Whether a drive slipped, as measured; the sheet's word counts where that is None.
 
@@ -159,7 +159,7 @@ class Campaign:
     excluded : tuple of Excluded
         What is not in the dataset.
     remarks : tuple of str
-        What does not exclude a movement but should be looked at.
+        What does not exclude a movement but should be checked.
     reused : int
         Movements that had been cut before.
     """
@@ -309,7 +309,7 @@ def _verdicts(
         if level is not None:
             levels.setdefault((run.direction, level.size), []).append(level)
     typical = {direction: typical_profile(found) for direction, found in profiles.items()}
-    # Two that differ do not tell which of them is off.
+    # Two that differ do not show which of them is off.
     usual_levels = {
         key: np.median(found, axis=0) for key, found in levels.items() if len(found) >= 3
     }
@@ -337,7 +337,7 @@ def _reasons(found: ThrowQuality | TurnoutError) -> tuple[str, ...]:
 
 
 def _slipped(pieces: Sequence[RecordedThrow]) -> list[bool | None]:
-    """Tell from the currents whether a motor ran until it was switched off; None without them."""
+    """Return from the currents whether a motor ran until it was switched off; None without them."""
     runs = [np.array(piece.throw.drive_ends) - piece.throw.onset for piece in pieces]
     known = [times[np.isfinite(times)] for times in runs]
     if not any(times.size for times in known):

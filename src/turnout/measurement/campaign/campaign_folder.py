@@ -31,7 +31,7 @@ def throw_store(source: Path) -> Path:
 
 
 def is_outside(path: Path, folder: Path) -> bool:
-    """Tell whether a path, with every link in it followed, is not within a folder.
+    """Return whether a path, with every link in it followed, is not within a folder.
 
     Examples
     --------

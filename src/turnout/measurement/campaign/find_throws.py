@@ -1,7 +1,7 @@
 """Throws within a recording: where each begins and ends, and in which direction it goes.
 
-Work is done on unfiltered channels in physical units, all at one rate. A motor current tells to the
-millisecond when a throw begins; rod forces alone, which grow slowly at first, tell it less sharply.
+Work is done on unfiltered channels in physical units, all at one rate. A motor current shows to the
+millisecond when a throw begins; rod forces alone, which grow slowly at first, less sharply.
 """
 
 from dataclasses import dataclass
@@ -64,7 +64,7 @@ class Throw:
     onset, end : float
         Onset of motion, and when the last drive stops, on the time of the recording [s].
     drive_ends : tuple of float
-        When each drive stops [s]; NaN where its current does not tell.
+        When each drive stops [s]; NaN where its current does not show it.
     source : str
         "current" or "force": what the onset was taken from.
     direction : str
@@ -166,7 +166,7 @@ def find_throws(dataset: xr.Dataset, *, detection: Detection | None = None) -> t
 
 
 def is_running(current: Floats, *, rate: float, detection: Detection) -> Flags:
-    """Tell where a motor runs, whichever way round its clamp is.
+    """Flag the samples at which a motor runs, whichever way round its clamp is.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def _rows(dataset: xr.Dataset, name: str, *, rate: float, spike: float) -> Float
 
 
 def _is_moving(forces: Floats, *, rate: float, detection: Detection) -> Flags:
-    """Tell where rod forces change; what a change is not is noise."""
+    """Flag the samples at which rod forces change by more than noise."""
     size = forces.shape[1]
     moving = np.zeros(size, dtype=bool)
     half = max(1, round(0.5 * detection.force_span * rate))
@@ -246,7 +246,7 @@ def _onset(
         return 0.0
     found = [_first_pull(row, span, rate=rate) for row in rows]
     pulls = [pull for pull, _ in found]
-    # Drives that begin together tell the same moment: their mean scatters less than the first.
+    # Drives that begin together show the same moment: their mean scatters less than the first.
     onset = float(np.mean([pull for pull in pulls if pull <= min(pulls) + 0.02 * rate]))
     # A force that grows slowly is followed back too far; some drive shows within 0.1 s.
     return max(onset, min(seen for _, seen in found) - 0.1 * rate)

@@ -1,4 +1,4 @@
-"""Signals that tell motion: their rest, their mean over a while, and where they go."""
+"""Signals that show motion: their rest, their mean over a while, and where they go."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +88,7 @@ def without_holes(values: Floats) -> Floats:
 
 
 def spikes(values: Floats, *, rate: float, least: float) -> Flags:
-    """Tell which samples stand alone: a tooth of one or two samples that is gone again at once.
+    """Flag the samples that stand alone: a spike of one or two samples that is gone again at once.
 
     Motion and impacts last longer than 4 ms; below 500 samples a second a sample may hold a whole
     inrush, and no sample is called a spike.

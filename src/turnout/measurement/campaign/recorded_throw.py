@@ -38,7 +38,7 @@ class RecordedThrow:
     throw : Throw
         Where the movement lies in `dataset`.
     start_time : str
-        Date and time of the recording; empty where it tells none.
+        Date and time of the recording; empty where it holds none.
     notes : tuple of str
         What had to be mended while reading.
     """

@@ -222,7 +222,7 @@ def read_sheet(path: Path | str) -> RunSheet:
     Parameters
     ----------
     path : path-like
-        A CSV or TOML file.
+        CSV or TOML file with a row for each movement.
 
     Returns
     -------

@@ -155,7 +155,7 @@ def series_remarks(
 
 
 def _saturates(series: Sequence[tuple[float, NDArray[np.float64]]]) -> bool:
-    """Tell whether a rod force that grew with the object is the same for the two largest.
+    """Return whether a rod force that grew with the object is the same for the two largest.
 
     Examples
     --------

@@ -58,7 +58,7 @@ def load_channel_map(name_or_path: Path | str) -> ChannelMap:
 
 
 def parse_channel_map(file: TomlFile) -> ChannelMap:
-    """Make a channel map of a TOML document; MeasurementError tells all that is wrong."""
+    """Make a channel map of a TOML document; MeasurementError lists all that is wrong."""
     try:
         channel_map = ChannelMap.model_validate(file.data)
     except ValidationError as error:

@@ -144,7 +144,7 @@ class Sensor(Record):
 
     column: str = Field(min_length=1, description="name of the column in the recording")
     unit: UnitText | None = Field(
-        None, description="unit of the column; needed where the file does not tell it"
+        None, description="unit of the column; needed where the file does not state it"
     )
     sign: Literal[1, -1] = Field(1, description="-1 turns the direction round")
     offset: RawValue | None = Field(None, description="reading at no load, in a unit of the column")

@@ -112,7 +112,7 @@ def remove_drift(
     Parameters
     ----------
     values : ndarray, shape (..., n)
-        Samples.
+        Samples along the last axis, in any unit.
     rate : float
         Samples a second [1/s].
     before, after : tuple of float
@@ -224,7 +224,7 @@ def resample(channel: Channel, values: Values, *, time: Values) -> Values:
     channel : Channel
         Whose times the values have.
     values : ndarray, shape (n,)
-        Samples.
+        Samples of the channel, in any unit; NaN for holes.
     time : ndarray, shape (m,)
         Even times within those of the channel [s].
 

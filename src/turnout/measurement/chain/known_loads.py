@@ -43,9 +43,9 @@ def fit_load_calibration(raw: Sequence[float], load: Sequence[float]) -> LoadCal
     Parameters
     ----------
     raw : sequence of float, length n
-        Readings.
+        Readings of the sensor, n >= 2.
     load : sequence of float, length n
-        Known loads.
+        Loads at these readings.
 
     Returns
     -------

@@ -113,7 +113,7 @@ def line_of(sensor: AnySensor, *, quantity: Dimension, recorded_unit: str = "") 
     quantity : Dimension
         FORCE or CURRENT, what the column stands for.
     recorded_unit : str
-        Unit that the file tells; the sensor's own goes before it.
+        Unit that the file states; the sensor's own goes before it.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def line_of(sensor: AnySensor, *, quantity: Dimension, recorded_unit: str = "") 
     """
     text = sensor.unit or recorded_unit
     if not text:
-        message = "neither the file nor the map tells the unit of the column; add unit = ..."
+        message = "neither the file nor the map states the unit of the column; add unit = ..."
         raise ValueError(message)
     unit = raw_unit(text)
     scale = _scale(sensor, unit, quantity)
@@ -162,7 +162,7 @@ def describe_sensor(sensor: AnySensor, quantity: Dimension, unit: RawUnit) -> st
     if isinstance(sensor, Calibrated):
         fit = sensor.calibration()
         if fit.count == 2:
-            return f"{text}; two points tell no error"
+            return f"{text}; two points give no error"
         text += (
             f" +- {100 * fit.scale_error / abs(fit.scale):.2g} %, zero at "
             f"{fit.offset / unit.factor:.4g} +- {fit.offset_error / unit.factor:.2g} {unit.text}, "

@@ -102,7 +102,7 @@ def _guess(channel: Channel) -> tuple[str, str]:
     if kind == "force":
         return ("object_force" if _CELL.search(channel.name) else "drive_force"), _SCALED_KEYS
     amplified = _AMPLIFIED_KEYS if kind == "voltage" else ""
-    missing = "" if kind else 'unit = "mV/V"  # assumption: the file does not tell it\n'
+    missing = "" if kind else 'unit = "mV/V"  # assumption: the file does not state it\n'
     if _CELL.search(channel.name) and kind != "strain":
         return "object_force", missing + _CELL_KEYS + amplified
     if _CLAMP.search(channel.name) and kind in ("voltage", ""):

@@ -76,7 +76,7 @@ class Column:
     name, unit, description : str
         What the file says.
     values : ndarray, shape (n,)
-        Samples.
+        Samples in `unit`; NaN where one is missing.
     time : ndarray or None, shape (n,)
         Time of each sample [s], where the file gives it.
     rate : float or None
@@ -125,7 +125,7 @@ def tidy_unit(unit: str) -> str:
 
 
 def is_time_name(name: str) -> bool:
-    """Tell whether a column of this name holds the time.
+    """Return whether a column of this name holds the time.
 
     Examples
     --------

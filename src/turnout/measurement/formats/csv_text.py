@@ -88,7 +88,7 @@ def _timed(
 
 
 def _may_be_time(values: NDArray[np.float64], layout: Layout) -> bool:
-    """Tell whether the first of several columns rises evenly; only asked where none is named."""
+    """Return whether the first of several columns rises evenly; only asked where none is named."""
     if layout.named or len(layout.names) < 2 or values.size < 3:
         return False
     steps = np.diff(values)
@@ -139,7 +139,7 @@ def _frame(path: Path, layout: Layout, *, dtype: object, **options: object) -> A
 
 
 def _is_cut_off(path: Path, layout: Layout) -> bool:
-    """Tell whether the file ends without a line end."""
+    """Return whether the file ends without a line end."""
     size = 2 if layout.encoding.startswith("utf-16") else 1
     with path.open("rb") as file:
         file.seek(0, 2)
@@ -218,7 +218,7 @@ def _first_text(path: Path, layout: Layout) -> str:
 def csv_bytes(recording: Recording) -> bytes:
     """Return a recording as the content of a CSV file, laid out as DewesoftX exports them.
 
-    Lines on top tell the start and the sample rate; a heading names each column with its unit.
+    Lines on top hold the start and the sample rate; a heading names each column with its unit.
 
     Raises
     ------

@@ -31,9 +31,9 @@ class Content:
     Parameters
     ----------
     path : Path
-        The file.
+        HDF5 file; used for messages and to recognise links out of its folder.
     file : h5py.File
-        Opened.
+        That file, opened for reading.
     allow_outside : bool
         Whether it may refer to other files.
 
@@ -125,7 +125,7 @@ def read_hdf5(path: Path, *, allow_outside: bool = False) -> Recording:
     Parameters
     ----------
     path : Path
-        The file.
+        HDF5 file; used for messages and to recognise links out of its folder.
     allow_outside : bool
         Whether it may take samples from other files.
 
@@ -226,7 +226,7 @@ def _text(value: Any) -> str:
 
 
 def _rate(attributes: dict[str, Any]) -> float | None:
-    """Return a sample rate from attributes that tell it or its inverse."""
+    """Return a sample rate from attributes that hold it or its inverse."""
     try:
         for key, value in attributes.items():
             if RATE_NAME.fullmatch(key):

@@ -103,7 +103,7 @@ def read_isolated(
     Parameters
     ----------
     path : Path
-        The file.
+        File of a binary format; may be damaged or hostile.
     reader : str
         Module and function: "turnout.measurement.formats.hdf5:read_hdf5".
     kind : str

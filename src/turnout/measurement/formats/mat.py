@@ -44,7 +44,7 @@ def read_mat73(path: Path, *, allow_outside: bool = False) -> Recording:
     Parameters
     ----------
     path : Path
-        The file.
+        MATLAB file of version 7.3, which is HDF5.
     allow_outside : bool
         Whether it may take samples from other files.
 

@@ -42,7 +42,7 @@ def columns_of_arrays(
     texts : mapping of str to sequence of str
         Lists of texts, by name.
     units : mapping of str to str, optional
-        Unit by name of the array, where the file tells it.
+        Unit by name of the array, where the file states it.
 
     Returns
     -------

@@ -243,7 +243,7 @@ def read_parquet(path: Path) -> Recording:
 
 
 def _seconds(path: Path, field: Any, values: Any) -> tuple[Any, str | None]:
-    """Return a time column in seconds, and the moment of its first row where it tells one."""
+    """Return a time column in seconds, and the moment of its first row where it holds one."""
     if values.dtype.kind == "M":
         return (values - values[0]) / np.timedelta64(1, "s"), str(values[0])
     if values.dtype.kind == "m":

@@ -152,14 +152,14 @@ LEAST_REST = 10
 
 
 def channel_faults(dataset: xr.Dataset, throw: Throw, *, limits: Limits) -> list[Fault]:
-    """Find the faults of each channel by itself.
+    """Find the faults of each channel on its own.
 
     Parameters
     ----------
     dataset : xarray.Dataset
         One throw, unfiltered.
     throw : Throw
-        Its onset and end.
+        Onset and end of the movement within the dataset [s].
     limits : Limits
         From what size on something is a fault.
 
@@ -310,7 +310,7 @@ def run_faults(
 ) -> list[Fault]:
     """Find samples held at one value: at the edge of the range it is clipping, else a drop-out.
 
-    A channel whose samples repeat at rest and after the throw has no noise to tell by, nor has one
+    A channel whose samples repeat at rest and after the throw has no noise to judge by, nor has one
     that is exactly constant from the first sample until the motion begins: held by chance, it
     would not wake with the motion.
     """
@@ -347,7 +347,7 @@ def run_faults(
 
 
 def is_noise_free(rest: Floats, *, span: float) -> bool:
-    """Tell whether a rest has no noise at all, as in a recording that a program wrote.
+    """Return whether a rest has no noise at all, as in a recording that a program wrote.
 
     Examples
     --------

@@ -22,7 +22,7 @@ LOAD_CELL = "object_force"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expected:
-    """What is known of a throw before its samples are looked at.
+    """What is known of a throw before its samples are examined.
 
     Attributes
     ----------

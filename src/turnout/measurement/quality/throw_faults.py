@@ -20,7 +20,7 @@ from turnout.measurement.quality.channel_faults import Fault, Limits, measured_c
 
 # The part of a throw that no object has a say in yet, and its samples [s].
 EARLY, EARLY_STEP = 1.5, 0.02
-# Of the rest before a closing and after an opening movement, where the zero is looked at [s].
+# Of the rest before a closing and after an opening movement, where the zero is checked [s].
 REST = 0.3
 # Heights of a profile that another friction can explain.
 GAINS = (0.75, 1.33)
@@ -49,7 +49,7 @@ def early_profile(dataset: xr.Dataset, throw: Throw) -> Profile | None:
     dataset : xarray.Dataset
         The recording, or the part of it that holds the throw; unfiltered.
     throw : Throw
-        Its onset.
+        Onset of the movement within the dataset [s].
 
     Returns
     -------
@@ -90,7 +90,7 @@ def _at_paces(dataset: xr.Dataset, throw: Throw, paces: Iterable[float]) -> list
 def typical_profile(profiles: Sequence[Profile]) -> Profile | None:
     """Return the median of profiles: what most throws of a direction do.
 
-    Three are needed, as two that differ do not tell which of them is wrong.
+    Three are needed, as two that differ do not show which of them is wrong.
 
     Examples
     --------
@@ -284,7 +284,7 @@ def swap_faults(
                 swapped[[one, two]] = rows[[two, one]]
                 straight = _distance(_loaded(rows), _loaded(typical))
                 crossed = _distance(_loaded(swapped), _loaded(typical))
-                # Inrush is common to all motors and tells nothing.
+                # Inrush is common to all motors and identifies none.
                 if straight > limits.swap_gain * crossed and np.isfinite(straight):
                     text = f"they fit the campaign {straight / crossed:.1f} times better swapped"
                     channel = f"{key} {names[one]} and {names[two]}"
