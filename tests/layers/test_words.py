@@ -16,8 +16,28 @@ from pathlib import Path
 import pytest
 
 PACKAGES = (
-    *("api", "beam", "calibration", "cli", "condense", "core", "integrate", "kernels", "measurement"),
-    *("metric", "plot", "reduction", "report", "schema", "section", "study", "validation", "virtual"),
+    *(
+        "api",
+        "beam",
+        "calibration",
+        "cli",
+        "condense",
+        "core",
+        "integrate",
+        "kernels",
+        "measurement",
+    ),
+    *(
+        "metric",
+        "plot",
+        "reduction",
+        "report",
+        "schema",
+        "section",
+        "study",
+        "validation",
+        "virtual",
+    ),
     *("web", "errors", "lazy", "scheme"),
 )
 # Pages that are reworded with the package that they describe.

@@ -6,8 +6,8 @@ import numpy as np
 import xarray as xr
 from tests.unit.simulated import sb2_panel
 
-from turnout.measurement.campaign.find_throws import Throw, find_throws
-from turnout.measurement.quality.throw_faults import Profile, early_profile, typical_profile
+from turnout.measurement.campaign.find_throws import FoundThrow, find_throws
+from turnout.measurement.quality.throw_faults import ForceProfile, early_profile, typical_profile
 from turnout.panel.foreign_object import ForeignObject
 from turnout.response.save import Save
 from turnout.response.simulate import simulate
@@ -37,14 +37,14 @@ def noisy(
     return add_disturbance(clean(size, direction, friction), rng=np.random.default_rng(seed))
 
 
-def only(dataset: xr.Dataset) -> Throw:
+def only(dataset: xr.Dataset) -> FoundThrow:
     """Return the one throw of a recording."""
     (throw,) = find_throws(dataset)
     return throw
 
 
 @cache
-def typical(direction: str = "closing") -> Profile:
+def typical(direction: str = "closing") -> ForceProfile:
     """How three other throws begin."""
     profiles = []
     for seed in (11, 12, 13):

@@ -14,7 +14,7 @@ from turnout.calibration.covariance import spread_of
 from turnout.calibration.evaluate import CELL, Evaluator, Response, ThrowInputs, packed, unpacked
 from turnout.calibration.fit import _least_squares, fit, inflate_noise
 from turnout.calibration.linearisation import FINE_DIFFERENCE
-from turnout.calibration.measured_movements import BIN, Movement, Signal
+from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
 from turnout.calibration.misfit import Misfit, framed, jacobian
 from turnout.calibration.noise import Noise, measured_noise, missed_by_model
 from turnout.calibration.parameter import Parameter
@@ -59,12 +59,12 @@ def response(values: Mapping[str, object]) -> Response:
 
 def movement(
     name: str, *, rng: np.random.Generator, late: float = 0.0, own: float = 0.0
-) -> Movement:
+) -> MeasuredMovement:
     """Make a measured movement whose onset is marked too early, with friction of its own."""
     time = BIN * (np.arange(-50, 150) + 0.5)
     truth = {"mu": TRUE["mu"] * (1.0 + own), "k": TRUE["k"]}
     bare = Signal(channel="drive_force", drive="1", time=time, values=0.0 * time)
-    whole = Movement(
+    whole = MeasuredMovement(
         name=name,
         direction="closing",
         place="none",
@@ -77,7 +77,7 @@ def movement(
     clean = predicted(response(truth), whole, bare, np.arange(time.size), shift=late)
     values = clean + 2.0 * rng.standard_normal(time.size)
     signal = Signal(channel="drive_force", drive="1", time=time, values=values)
-    return Movement(
+    return MeasuredMovement(
         name=name,
         direction="closing",
         place="none",
@@ -89,7 +89,7 @@ def movement(
     )
 
 
-def misfit(movements: Sequence[Movement]) -> Misfit:
+def misfit(movements: Sequence[MeasuredMovement]) -> Misfit:
     return Misfit(
         evaluator=MadeUp(load_panel("sb1")),
         parameters=PARAMETERS,
@@ -391,7 +391,7 @@ def test_noise_at_rest_and_its_correlation_are_found() -> None:
     time = BIN * (np.arange(4000) - 4010.0)
     values = 3.0 * slow + 1.0 * rng.standard_normal(4000)
     signal = Signal(channel="drive_force", drive="1", time=time, values=values)
-    item = Movement(
+    item = MeasuredMovement(
         name="m",
         direction="closing",
         place="none",

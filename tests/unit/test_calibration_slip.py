@@ -10,7 +10,7 @@ from tests.unit.test_calibration_fit import PARAMETERS, TRUE, MadeUp, misfit, mo
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.evaluate import Response, ThrowInputs
 from turnout.calibration.fit import fit
-from turnout.calibration.measured_movements import Movement, selected
+from turnout.calibration.measured_movements import MeasuredMovement, selected
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.requirements import drop_unidentified_slip_levels
 from turnout.calibration.stages import Selection
@@ -70,7 +70,7 @@ def test_a_level_at_which_a_drive_slips_is_told() -> None:
     assert spread_of(honest).states[2] == "fitted"
 
 
-def loaded(name: str, size: float, force: float) -> Movement:
+def loaded(name: str, size: float, force: float) -> MeasuredMovement:
     item = movement(name, rng=np.random.default_rng(1))
     item.signals[0].values[100] = force
     return replace(item, size=size, x=1.0)

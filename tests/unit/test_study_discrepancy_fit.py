@@ -13,7 +13,7 @@ from turnout.calibration.drive_law.compare import LawComparison, fitted_laws, la
 from turnout.calibration.drive_law.fit_law import _movement_levels
 from turnout.calibration.evaluate import CELL, Evaluator, Response, ThrowInputs
 from turnout.calibration.fit import fit
-from turnout.calibration.measured_movements import BIN, Movement, Signal
+from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.parameter import Parameter
@@ -69,13 +69,13 @@ def movement(
     lag: float,
     *,
     size: float | None = None,
-) -> Movement:
+) -> MeasuredMovement:
     """Make a measured movement, with noise."""
     size = SIZES[number] if size is None else size
     time = BIN * (np.arange(-50, 90) + 0.5)
     clean = lagged(response(ThrowInputs(overrides=values, size=size)), "2", lag=lag)
     keys = [("drive_force", "1"), ("drive_force", "2"), *([("object_force", "")] if size else [])]
-    empty = Movement(
+    empty = MeasuredMovement(
         name=f"m{number}",
         direction="closing",
         place="drive 2" if size else "none",

@@ -83,7 +83,9 @@ RICH = {
 def test_a_wrong_term_opens_the_books(term: str) -> None:
     """A term left out shows, and one that is wrong by 1 % where it is 1e-4 of the scale."""
     ds = throw(*RICH[term])
-    assert residual_share(ds, term=term, factor=1.0) == pytest.approx(energy_balance(ds)[0], abs=1e-9)
+    assert residual_share(ds, term=term, factor=1.0) == pytest.approx(
+        energy_balance(ds)[0], abs=1e-9
+    )
     assert residual_share(ds, term=term, factor=0.0) > 1e-5
     largest = float(np.abs(ds[term]).max()) / ds.attrs["energy_scale"]
     wrong = residual_share(ds, term=term, factor=1.01)

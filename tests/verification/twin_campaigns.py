@@ -13,7 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.measurement.campaign.build_campaign import stacked
-from turnout.measurement.campaign.find_throws import Throw
+from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
@@ -112,7 +112,7 @@ def _member(twin: Twin, panel: LoadedPanel, case: Case) -> tuple[object, Recorde
         true = _mixed(true, twin.mixing[case.repeat - 1])
     seen = add_disturbance(true, rng=rng, disturbance=twin.plan.disturbance)
     # Forces are told from the rest before the onset, as a build takes zeros.
-    throw = Throw(
+    throw = FoundThrow(
         0,
         seen.sizes["time"],
         window.lead,

@@ -11,7 +11,7 @@ from turnout.calibration.fit import Fit
 from turnout.calibration.measured_movements import (
     BIN,
     OBJECT_FORCE,
-    Movement,
+    MeasuredMovement,
     Signal,
     movement_length,
 )
@@ -171,7 +171,7 @@ def next_movements(found: Fit, spread: Spread, panel: LoadedPanel) -> list[Candi
     return sorted(ranked, key=lambda item: -item.gain)
 
 
-def _candidates(found: Fit, panel: LoadedPanel) -> list[Movement]:
+def _candidates(found: Fit, panel: LoadedPanel) -> list[MeasuredMovement]:
     places = [f"drive {name}" for name in panel.drive]
     places += [f"sensor {name}" for name in panel.sensor]
     xs = sorted(drive.x for drive in panel.drive.values())
@@ -188,7 +188,7 @@ def _candidates(found: Fit, panel: LoadedPanel) -> list[Movement]:
             continue
         what = f"{size * 1e3:g} mm at {place}" if size else "no object"
         movements.append(
-            Movement(
+            MeasuredMovement(
                 name=f"closing, {what}",
                 direction="closing",
                 place=place,
@@ -202,7 +202,7 @@ def _candidates(found: Fit, panel: LoadedPanel) -> list[Movement]:
     return movements
 
 
-def _slopes(found: Fit, movement: Movement, names: Sequence[str]) -> Floats:
+def _slopes(found: Fit, movement: MeasuredMovement, names: Sequence[str]) -> Floats:
     """Return the sensitivities of a movement that was not measured."""
     misfit: Misfit = replace(found.misfit, movements=(movement,), effects={})
     local = misfit.local(found.values, names)

@@ -15,7 +15,7 @@ from turnout.calibration.covariance import Spread, spread_of
 from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.fit import JOINT_SHARES, ROUGH_SHARES, Fit, fit
 from turnout.calibration.grid_search import GridSearch, sweep
-from turnout.calibration.measured_movements import Movement, observe, selected
+from turnout.calibration.measured_movements import MeasuredMovement, observe, selected
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.posterior import posterior_of
@@ -51,7 +51,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Outcome:
+class CalibrationOutcome:
     """A calibration and what it was made with, for what comes after.
 
     Attributes
@@ -64,7 +64,7 @@ class Outcome:
         Covariance of the free parameters, shape (p, p), in coordinates of the fit.
     sweeps : tuple of GridSearch
         The grid searches, to draw.
-    movements : tuple of Movement
+    movements : tuple of MeasuredMovement
         All that were measured.
     """
 
@@ -72,7 +72,7 @@ class Outcome:
     final: Fit
     spread: Spread
     sweeps: tuple[GridSearch, ...]
-    movements: tuple[Movement, ...]
+    movements: tuple[MeasuredMovement, ...]
 
 
 def calibrate(
@@ -88,7 +88,7 @@ def calibrate(
     posterior: bool = False,
     advise: bool = False,
     report: Callable[[CalibrationProgress], None] | None = None,
-) -> Outcome:
+) -> CalibrationOutcome:
     """Calibrate a panel to a campaign, stage by stage.
 
     Parameters
@@ -118,7 +118,7 @@ def calibrate(
 
     Returns
     -------
-    Outcome
+    CalibrationOutcome
 
     Raises
     ------
@@ -176,7 +176,7 @@ def calibrate(
         findings=tuple(findings),
         posterior=sampled,
     )
-    return Outcome(
+    return CalibrationOutcome(
         calibration=calibration,
         final=final,
         spread=spread,
@@ -189,7 +189,7 @@ def _result(
     final: Fit,
     spread: Spread,
     *,
-    of: tuple[CalibrationPlan, LoadedPanel, xr.Dataset, Sequence[Movement]],
+    of: tuple[CalibrationPlan, LoadedPanel, xr.Dataset, Sequence[MeasuredMovement]],
     scheme: Scheme,
 ) -> Calibration:
     """Return the values and their uncertainty, without the history of the stages."""
@@ -221,7 +221,7 @@ class _Run:
 
     plan: CalibrationPlan
     panel: LoadedPanel
-    movements: tuple[Movement, ...]
+    movements: tuple[MeasuredMovement, ...]
     comparison: Comparison
     evaluator: Evaluator
     watch: ProgressReporter
@@ -275,7 +275,7 @@ class _Run:
     def _misfit(
         self,
         stage: Stage,
-        chosen: tuple[Movement, ...],
+        chosen: tuple[MeasuredMovement, ...],
         values: Mapping[str, float],
         scatter: Mapping[str, float],
     ) -> Misfit:

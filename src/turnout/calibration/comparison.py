@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from turnout.calibration.evaluate import Response
-from turnout.calibration.measured_movements import Movement, Signal
+from turnout.calibration.measured_movements import MeasuredMovement, Signal
 from turnout.calibration.noise import Noise
 from turnout.calibration.predict import compared, prediction
 
@@ -106,7 +106,7 @@ class Alignment:
 
     Attributes
     ----------
-    movement : Movement
+    movement : MeasuredMovement
         Measured means over bins of each channel, forces [N].
     parts : list of (Signal, ndarray of int)
         What is compared.
@@ -129,7 +129,7 @@ class Alignment:
         Mean and standard deviation: "onset" [s], scattering parameters as shares.
     """
 
-    movement: Movement
+    movement: MeasuredMovement
     parts: list[tuple[Signal, NDArray[np.intp]]]
     measured: Floats
     shift: float
@@ -196,7 +196,7 @@ def _without_noise(row: Floats, factors: Sequence[Floats]) -> Floats:
 
 
 def align(
-    movement: Movement,
+    movement: MeasuredMovement,
     response: Response,
     *,
     comparison: Comparison,
@@ -206,7 +206,7 @@ def align(
 
     Parameters
     ----------
-    movement : Movement
+    movement : MeasuredMovement
         Measured means over bins of each channel, forces [N].
     response : Response
         Simulated at the point about which nuisances are linearised.
@@ -238,7 +238,7 @@ def deviations(factor: Floats) -> Floats:
 
 
 def _align(
-    movement: Movement,
+    movement: MeasuredMovement,
     response: Response,
     parts: list[tuple[Signal, NDArray[np.intp]]],
     factors: tuple[Floats, ...],

@@ -10,7 +10,7 @@ from scipy.stats import t as student
 
 from turnout.calibration.comparison import Key
 from turnout.calibration.fit import SCATTER_WEIGHT, Fit
-from turnout.calibration.measured_movements import Movement
+from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.parameter import Parameter
 
 Floats = NDArray[np.float64]
@@ -94,7 +94,7 @@ def gain_column(found: Fit, key: Key, *, source: Key | None = None) -> Floats:
     return np.concatenate(rows)
 
 
-def _measured_at(movement: Movement, source: Key, bins: NDArray[np.intp]) -> Floats:
+def _measured_at(movement: MeasuredMovement, source: Key, bins: NDArray[np.intp]) -> Floats:
     """Return what was measured of a channel in some bins, 0 where there is nothing."""
     for signal in movement.signals:
         if (signal.channel, signal.drive) == source:

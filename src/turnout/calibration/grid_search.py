@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from turnout.calibration.comparison import align
 from turnout.calibration.evaluate import Response
-from turnout.calibration.measured_movements import BIN, Movement, Signal
+from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.predict import predicted
@@ -124,7 +124,9 @@ def _share(misfit: Misfit, responses: Sequence[Response]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 
-def _curves(movement: Movement, grid: Sequence[float], rows: Sequence[Response]) -> xr.Dataset:
+def _curves(
+    movement: MeasuredMovement, grid: Sequence[float], rows: Sequence[Response]
+) -> xr.Dataset:
     """Return measured and simulated signals of a movement, on the time of its bins."""
     time = movement.signals[0].time
     inside = np.flatnonzero((time >= -0.2) & (time + BIN <= movement.length))

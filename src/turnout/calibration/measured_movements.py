@@ -55,7 +55,7 @@ class Signal:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Movement:
+class MeasuredMovement:
     """One measured movement: what was thrown, and what was recorded.
 
     Attributes
@@ -97,7 +97,7 @@ class Movement:
 
 def observe(
     dataset: xr.Dataset, panel: LoadedPanel, *, exclude: Sequence[str] = ()
-) -> tuple[Movement, ...]:
+) -> tuple[MeasuredMovement, ...]:
     """Return the movements of a campaign as a fit sees them.
 
     Parameters
@@ -111,7 +111,7 @@ def observe(
 
     Returns
     -------
-    tuple of Movement
+    tuple of MeasuredMovement
 
     Raises
     ------
@@ -138,13 +138,13 @@ def observe(
 
 
 def selected(
-    movements: Sequence[Movement], selection: Selection, panel: LoadedPanel
-) -> tuple[Movement, ...]:
+    movements: Sequence[MeasuredMovement], selection: Selection, panel: LoadedPanel
+) -> tuple[MeasuredMovement, ...]:
     """Return the movements that a stage uses.
 
     Parameters
     ----------
-    movements : sequence of Movement
+    movements : sequence of MeasuredMovement
         All there are.
     selection : Selection
         Objects, places, sizes and directions to include, and how many at most.
@@ -176,12 +176,12 @@ def selected(
     return tuple(found)
 
 
-def _hardest(movements: Sequence[Movement], drive: str) -> int:
+def _hardest(movements: Sequence[MeasuredMovement], drive: str) -> int:
     """Return which movement has the largest force of a drive."""
     return int(np.argmax([largest_force(item, drive) for item in movements]))
 
 
-def largest_force(movement: Movement, drive: str) -> float:
+def largest_force(movement: MeasuredMovement, drive: str) -> float:
     """Return the largest force of a drive in a movement, 0 where none was measured [N]."""
     values = [s.values for s in movement.signals if (s.channel, s.drive) == ("drive_force", drive)]
     return float(np.nanmax(np.abs(values))) if values else 0.0
@@ -259,7 +259,7 @@ class _Bins:
         return np.asarray(used.reshape(count, self.samples).mean(axis=1), dtype=np.float64)
 
 
-def _movement(row: xr.Dataset, panel: LoadedPanel, bins: _Bins) -> Movement:
+def _movement(row: xr.Dataset, panel: LoadedPanel, bins: _Bins) -> MeasuredMovement:
     name, size = str(row["movement"].values), float(row["size"])
     direction, place = str(row["direction"].values), str(row["place"].values)
     trapped = size > 0
@@ -281,7 +281,7 @@ def _movement(row: xr.Dataset, panel: LoadedPanel, bins: _Bins) -> Movement:
                     Signal(channel=channel, drive=drive, time=bins.centres, values=means)
                 )
     currents = row.get("drive_current")
-    return Movement(
+    return MeasuredMovement(
         name=name,
         direction=direction,
         place=place,

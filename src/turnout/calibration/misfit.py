@@ -17,7 +17,7 @@ from turnout.calibration.linearisation import (
     stepped_value,
     touches,
 )
-from turnout.calibration.measured_movements import Movement
+from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.parameter import Parameter, overrides_of
 from turnout.errors import SolverError
 
@@ -36,7 +36,7 @@ class Misfit:
         All that may differ from the panel.
     base : mapping of str to float
         Their values where a call does not name them [SI].
-    movements : tuple of Movement
+    movements : tuple of MeasuredMovement
         Measured means over bins of each channel, forces [N].
     comparison : Comparison
         How they are compared.
@@ -58,7 +58,7 @@ class Misfit:
     evaluator: Evaluator
     parameters: tuple[Parameter, ...]
     base: Mapping[str, float]
-    movements: tuple[Movement, ...]
+    movements: tuple[MeasuredMovement, ...]
     comparison: Comparison
     effects: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     law: Callable[[Mapping[str, float]], dict[str, object]] | None = None

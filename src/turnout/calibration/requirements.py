@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from turnout.calibration.fit import Fit
 from turnout.calibration.linearisation import is_slip_level, touches
-from turnout.calibration.measured_movements import Movement, selected
+from turnout.calibration.measured_movements import MeasuredMovement, selected
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.result import Calibration
 from turnout.calibration.stages import NONE, CalibrationPlan
@@ -29,7 +29,7 @@ LEAST_FORCE = 30.0
 
 
 def check_campaign(
-    movements: Sequence[Movement], plan: CalibrationPlan, panel: LoadedPanel, *, source: str
+    movements: Sequence[MeasuredMovement], plan: CalibrationPlan, panel: LoadedPanel, *, source: str
 ) -> None:
     """Refuse a campaign that the stages cannot be fitted to, with all problems."""
     problems = []
@@ -62,8 +62,8 @@ def check_campaign(
 
 
 def exclude_oversized_objects(
-    movements: Sequence[Movement], panel: LoadedPanel
-) -> tuple[tuple[Movement, ...], list[str]]:
+    movements: Sequence[MeasuredMovement], panel: LoadedPanel
+) -> tuple[tuple[MeasuredMovement, ...], list[str]]:
     """Return the movements whose object fits between the rails, and a message for each other.
 
     An object is placed between the rails as soon as they stand far enough apart. Where they never
@@ -73,7 +73,7 @@ def exclude_oversized_objects(
 
     Parameters
     ----------
-    movements : sequence of Movement
+    movements : sequence of MeasuredMovement
         From `observe`; sizes of objects [m].
     panel : LoadedPanel
         What was measured.
@@ -96,7 +96,7 @@ def exclude_oversized_objects(
     return kept, texts
 
 
-def _fits(panel: LoadedPanel, item: Movement) -> bool:
+def _fits(panel: LoadedPanel, item: MeasuredMovement) -> bool:
     opening = largest_opening(panel, str(panel.object_defaults.rail), item.x)
     if opening is None or item.size < opening - OPENING_MARGIN:
         return True

@@ -9,7 +9,7 @@ import xarray as xr
 from turnout.calibration.covariance import Spread
 from turnout.calibration.fit import Fit
 from turnout.calibration.grid_search import GridSearch
-from turnout.calibration.measured_movements import Movement
+from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.noise import poorly_followed
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.result import Fitted, StageLog
@@ -20,7 +20,7 @@ from turnout.core.provenance import content_hash
 LARGE_MISFIT = 1.5
 
 
-def data_hash(movements: Sequence[Movement]) -> str:
+def data_hash(movements: Sequence[MeasuredMovement]) -> str:
     """Return the content hash of what was measured and compared."""
     return content_hash(
         [
@@ -54,7 +54,7 @@ def excluded_movements(dataset: xr.Dataset) -> list[str]:
     ]
 
 
-def skipped_stage(stage: Stage, chosen: Sequence[Movement]) -> list[str]:
+def skipped_stage(stage: Stage, chosen: Sequence[MeasuredMovement]) -> list[str]:
     """Say why a stage was left out."""
     if chosen:
         return [f"stage {stage.name} was left out: all its parameters are fixed"]
@@ -67,7 +67,7 @@ def skipped_stage(stage: Stage, chosen: Sequence[Movement]) -> list[str]:
 
 def stage_log(
     stage: Stage,
-    chosen: Sequence[Movement],
+    chosen: Sequence[MeasuredMovement],
     parameters: Sequence[Parameter],
     values: Mapping[str, float],
     final: Fit | None,

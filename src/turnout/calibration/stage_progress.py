@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from turnout.calibration.emulator import points_needed
 from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.fit import ROUGH_STEPS
-from turnout.calibration.measured_movements import Movement, selected
+from turnout.calibration.measured_movements import MeasuredMovement, selected
 from turnout.calibration.stages import CalibrationPlan
 from turnout.panel.load import LoadedPanel
 
@@ -47,7 +47,7 @@ class CalibrationProgress:
 
 def planned_throws(
     plan: CalibrationPlan,
-    movements: Sequence[Movement],
+    movements: Sequence[MeasuredMovement],
     panel: LoadedPanel,
     *,
     posterior: bool = False,
@@ -69,7 +69,7 @@ def planned_throws(
 
 
 def throws_per_step(
-    plan: CalibrationPlan, movements: Sequence[Movement], panel: LoadedPanel
+    plan: CalibrationPlan, movements: Sequence[MeasuredMovement], panel: LoadedPanel
 ) -> int:
     """Return how many throws one step of the last stage takes."""
     stage = plan.stages[-1]

@@ -22,7 +22,7 @@ from turnout.cli.options import (
 from turnout.measurement.campaign.campaign_folder import throw_store
 
 if TYPE_CHECKING:
-    from turnout.calibration.calibrate import Outcome
+    from turnout.calibration.calibrate import CalibrationOutcome
     from turnout.calibration.result import Calibration
     from turnout.calibration.stage_progress import CalibrationProgress
 
@@ -207,7 +207,7 @@ def _posterior_lines(calibration: "Calibration") -> list[str]:
     return lines
 
 
-def _draw(outcome: "Outcome", folder: Path, *, quiet: bool) -> list[Path]:
+def _draw(outcome: "CalibrationOutcome", folder: Path, *, quiet: bool) -> list[Path]:
     from turnout.plot.calibration import plot_sweep
     from turnout.plot.style import rendered
 

@@ -18,7 +18,7 @@ from turnout.cli.options import (
 if TYPE_CHECKING:
     import xarray as xr
 
-    from turnout.measurement.campaign.build_campaign import Campaign
+    from turnout.measurement.campaign.build_campaign import BuiltCampaign
     from turnout.panel.load import LoadedPanel
     from turnout.virtual.campaign_plan import CampaignPlan
 
@@ -300,7 +300,7 @@ def built_campaign(
     strict: bool,
     allow_outside: bool = False,
     quiet: bool,
-) -> "Campaign":
+) -> "BuiltCampaign":
     """Read a campaign's folder with its progress shown; Ctrl-C loses nothing."""
     from turnout.cli.watch import Watch
     from turnout.measurement.campaign.build_campaign import build_campaign
@@ -365,7 +365,7 @@ def dataset_of(
     return dataset
 
 
-def usable_dataset(campaign: "Campaign", source: Path) -> "xr.Dataset":
+def usable_dataset(campaign: "BuiltCampaign", source: Path) -> "xr.Dataset":
     """Return the dataset of a campaign, which must have a usable movement."""
     if campaign.dataset is None:
         from turnout.errors import MeasurementError
@@ -375,7 +375,7 @@ def usable_dataset(campaign: "Campaign", source: Path) -> "xr.Dataset":
     return campaign.dataset
 
 
-def _print_campaign(campaign: "Campaign", *, remarks: bool) -> None:
+def _print_campaign(campaign: "BuiltCampaign", *, remarks: bool) -> None:
     """Print the movements, the excluded ones with reasons, and the remarks."""
     sheet = campaign.sheet
     usable = len(sheet.runs) - len(campaign.excluded)
@@ -394,7 +394,7 @@ def _print_campaign(campaign: "Campaign", *, remarks: bool) -> None:
         typer.echo(f"{'':<12}and {more} more; `turnout campaign check` shows all")
 
 
-def excluded_movements(campaign: "Campaign") -> list[tuple[str, tuple[str, ...]]]:
+def excluded_movements(campaign: "BuiltCampaign") -> list[tuple[str, tuple[str, ...]]]:
     """Return the reasons to leave movements out, each with the names that it holds for."""
     same: dict[tuple[str, ...], list[str]] = {}
     for item in campaign.excluded:

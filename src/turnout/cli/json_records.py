@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from turnout.calibration.drive_law.compare import LawComparison
     from turnout.calibration.result import Calibration
     from turnout.cli.show import Thrown
-    from turnout.measurement.campaign.build_campaign import Campaign
-    from turnout.measurement.chain.apply import ChannelRow
+    from turnout.measurement.campaign.build_campaign import BuiltCampaign
+    from turnout.measurement.chain.apply import MappedChannel
     from turnout.measurement.recording import Recording
     from turnout.metric.sensitivity import OutputEffects
     from turnout.panel.load import LoadedPanel
@@ -185,7 +185,7 @@ def recording_record(recording: "Recording", kind: str, *, steps: int) -> Record
     }
 
 
-def quantity_record(dataset: "xr.Dataset", rows: "Sequence[ChannelRow]") -> Record:
+def quantity_record(dataset: "xr.Dataset", rows: "Sequence[MappedChannel]") -> Record:
     """Return the quantities of a recording, each with its unit."""
     return {
         "source": dataset.attrs["source"],
@@ -205,7 +205,7 @@ def quantity_record(dataset: "xr.Dataset", rows: "Sequence[ChannelRow]") -> Reco
     }
 
 
-def campaign_record(campaign: "Campaign") -> Record:
+def campaign_record(campaign: "BuiltCampaign") -> Record:
     """Return movements, exclusions with reasons, and remarks of a campaign."""
     sheet = campaign.sheet
     return {

@@ -20,7 +20,7 @@ from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
 from turnout.integrate.columns import rebuild
 from turnout.integrate.equilibrium import anchor_at_rest, equilibrium, equilibrium_segments
-from turnout.integrate.march import Record
+from turnout.integrate.march import StepRecord
 from turnout.integrate.numbering import place_laws
 from turnout.integrate.outcome import Code
 from turnout.integrate.rods import Rods
@@ -144,7 +144,7 @@ def _condense(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class PreparedRun:
     """All data of one run; `positions` are the inputs at the ends of the steps [m]."""
 
     system: System
@@ -155,7 +155,7 @@ class Run:
     tolerances: Tolerances
     stepping: Stepping
     positions: Floats
-    record: Record
+    record: StepRecord
     rods: Rods | None = None
 
 
@@ -166,7 +166,7 @@ def prepare(
     n_stored: int,
     *,
     filled_in: bool,
-) -> Run:
+) -> PreparedRun:
     """Allocate state, scratch arrays and record of one run; nothing has moved yet.
 
     Parameters
@@ -188,7 +188,7 @@ def prepare(
     )
     state.inputs[:] = positions[0]
     alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
-    return Run(
+    return PreparedRun(
         system=system,
         laws=laws,
         table=table,
@@ -228,7 +228,7 @@ def _copy_templates(
     return fresh_copy(template[0], arrangement.table), clone_record(template[1])
 
 
-def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: bool) -> Record:
+def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: bool) -> StepRecord:
     """Allocate a record of `count` instants in one piece of memory.
 
     It begins at a large page, so that a run touches few pages for the first time.
@@ -247,13 +247,13 @@ def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: 
         arrays[name] = memory[at : at + count * width].reshape(count, width)
         at += count * width
     velocity = np.zeros((count if with_velocity else 1, arrays["q"].shape[1]))
-    return shared_record(Record(**arrays, residual=np.zeros(1), v=velocity))
+    return shared_record(StepRecord(**arrays, residual=np.zeros(1), v=velocity))
 
 
-def trim_record(run: Run, count: int) -> Record:
+def trim_record(run: PreparedRun, count: int) -> StepRecord:
     """Return the first `count` stored instants, without the padding to whole cache lines."""
     record, n_modes = run.record, run.system.load.size
-    return Record(
+    return StepRecord(
         q=record.q[:count, :n_modes],
         g=record.g[:count, : run.system.row_place.size],
         friction=record.friction[:count, : run.laws.friction_row.size],
@@ -265,7 +265,7 @@ def trim_record(run: Run, count: int) -> Record:
     )
 
 
-def start_at_rest(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
+def start_at_rest(run: PreparedRun, mechanism: Mechanism, thread: Executor) -> Code:
     """Find the static equilibrium without friction, then anchor the feet at their places."""
     system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
     state.present[:] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9) & (laws.waits == 0)
@@ -287,7 +287,7 @@ def start_at_rest(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
     return Code.COMPLETE
 
 
-def _find_equilibrium(run: Run, thread: Executor) -> bool:
+def _find_equilibrium(run: PreparedRun, thread: Executor) -> bool:
     """Iterate the contact set to static equilibrium from the present one; False if it fails."""
     patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
     given = (run.system, run.table, run.state, run.work, patient)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import SolverError
-from turnout.integrate.arrange import Run
+from turnout.integrate.arrange import PreparedRun
 from turnout.integrate.rods import Rods
 from turnout.kernels.shared_record import shared_record
 from turnout.machine.compute import places as at
@@ -148,7 +148,7 @@ class MachineHistory:
         return residual + worst, scale + turned_over
 
 
-def new_rods(run: Run, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods | None:
+def new_rods(run: PreparedRun, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods | None:
     """Arrange the machines of a mechanism for the kernels; None where there are none.
 
     Raises
@@ -197,7 +197,7 @@ def new_rods(run: Run, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods
     return shared_record(rods)
 
 
-def start_rods(run: Run) -> None:
+def start_rods(run: PreparedRun) -> None:
     """Let the machines know the rails at rest, as the first stored instant."""
     rods = run.rods
     if rods is None:
@@ -208,7 +208,7 @@ def start_rods(run: Run) -> None:
     rods.kept[0] = rods.state
 
 
-def machine_history(run: Run, mechanism: Mechanism, kept: int) -> MachineHistory | None:
+def machine_history(run: PreparedRun, mechanism: Mechanism, kept: int) -> MachineHistory | None:
     """Return what the machines of a run left behind, up to a number of stored instants."""
     rods, given = run.rods, mechanism.machines
     if rods is None or given is None:

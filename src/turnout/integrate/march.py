@@ -46,7 +46,7 @@ MEASURE_EVERY = 100
 """Steps after which the residual of a solution is measured in any case."""
 
 
-class Record(NamedTuple):
+class StepRecord(NamedTuple):
     """Stored instants, one row each, and the largest equilibrium residual so far [m].
 
     `q` and `v` are modal coordinates and velocities, `g` the displacements of the rows [m],
@@ -203,7 +203,7 @@ def _copy_nontemporal(values: Floats, to: Floats) -> None:
 
 @compiled_part
 def store_instant(
-    system: System, table: LawTable, state: State, work: Work, record: Record, at: int
+    system: System, table: LawTable, state: State, work: Work, record: StepRecord, at: int
 ) -> None:
     """Write the present instant to a row of the record."""
     _copy_nontemporal(state.q, record.q[at])
@@ -228,7 +228,7 @@ def march(
     inputs: Floats,
     first: int,
     last: int,
-    record: Record,
+    record: StepRecord,
     rods: Rods | None = None,
 ) -> tuple[int, int]:
     """Step from instant `first` to instant `last`; return the outcome code and the instant reached.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from turnout.calibration.evaluate import Evaluator, ThrowInputs
 from turnout.calibration.linearisation import stepped_value
-from turnout.calibration.measured_movements import BIN, Movement, observe
+from turnout.calibration.measured_movements import BIN, MeasuredMovement, observe
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.requirements import exclude_oversized_objects
@@ -144,7 +144,10 @@ def _used(calibration: Calibration) -> list[str]:
 
 
 def _model(
-    movements: Sequence[Movement], grid: Grid, calibration: Calibration, evaluator: Evaluator
+    movements: Sequence[MeasuredMovement],
+    grid: Grid,
+    calibration: Calibration,
+    evaluator: Evaluator,
 ) -> _Model:
     """Simulate all movements at the calibrated values and one step away for each parameter."""
     values = calibration.overrides
@@ -214,7 +217,7 @@ def _of_parameters(model: _Model, calibration: Calibration) -> Floats:
     return np.asarray(found, dtype=np.float64)
 
 
-def _noise(movements: Sequence[Movement], grid: Grid) -> Floats:
+def _noise(movements: Sequence[MeasuredMovement], grid: Grid) -> Floats:
     known = {
         f"{DRIVE}{drive}" if drive else OBJECT: noise.total
         for (_, drive), noise in measured_noise(movements).items()

@@ -12,7 +12,7 @@ import xarray as xr
 
 from turnout.core.files import write_atomic
 from turnout.core.provenance import version
-from turnout.measurement.campaign.run_sheet import Run
+from turnout.measurement.campaign.run_sheet import SheetRow
 from turnout.measurement.chain.apply import raw_from_physical
 from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.formats.file_format import WRITERS
@@ -220,7 +220,7 @@ def mistype(
     return lines, mistakes
 
 
-def true_run(item: WrittenThrow) -> Run:
+def true_run(item: WrittenThrow) -> SheetRow:
     """Return the line of a sheet without mistakes.
 
     Examples
@@ -230,7 +230,7 @@ def true_run(item: WrittenThrow) -> Run:
     True
     """
     case = item.case
-    return Run(
+    return SheetRow(
         where=case.name,
         file=item.file,
         movement=1,

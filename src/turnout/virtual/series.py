@@ -13,7 +13,7 @@ import xarray as xr
 
 from turnout.core.files import write_atomic
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
-from turnout.measurement.campaign.find_throws import Throw
+from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.measurement.campaign.run_sheet import LOAD_CELL_FROM
 from turnout.measurement.chain.channel_map import ChannelMap
@@ -220,8 +220,8 @@ def _true_piece(true: xr.Dataset, case: Case) -> RecordedThrow:
     return RecordedThrow(kept, throw, "", ())
 
 
-def _throw(*, onset: float, end: float, direction: str, count: int) -> Throw:
-    return Throw(0, count, onset, end, (), "simulation", direction)
+def _throw(*, onset: float, end: float, direction: str, count: int) -> FoundThrow:
+    return FoundThrow(0, count, onset, end, (), "simulation", direction)
 
 
 def _empty_part() -> RecordedThrow:

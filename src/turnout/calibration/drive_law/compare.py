@@ -28,7 +28,7 @@ from turnout.calibration.drive_law.fit_law import (
     floored,
 )
 from turnout.calibration.evaluate import Evaluator
-from turnout.calibration.measured_movements import Movement, observe, selected
+from turnout.calibration.measured_movements import MeasuredMovement, observe, selected
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import Noise, measured_noise
 from turnout.calibration.parameter import Parameter
@@ -172,7 +172,7 @@ def compare_laws(
 
 
 def fitted_laws(
-    movements: tuple[Movement, ...],
+    movements: tuple[MeasuredMovement, ...],
     panel: LoadedPanel,
     calibration: Calibration,
     *,
@@ -276,8 +276,8 @@ def law_results(fits: Sequence[LawFit]) -> tuple[tuple[LawResult, ...], float]:
 
 
 def _chosen(
-    movements: Sequence[Movement], panel: LoadedPanel, *, source: str
-) -> tuple[Movement, ...]:
+    movements: Sequence[MeasuredMovement], panel: LoadedPanel, *, source: str
+) -> tuple[MeasuredMovement, ...]:
     """Return closing movements: a few without an object, more with one."""
     free = selected(movements, Selection(objects="none", direction="closing", most=FREE), panel)
     trapped = selected(
@@ -292,7 +292,7 @@ def _chosen(
 def _misfit(
     law: DriveLaw,
     known: Sequence[Parameter],
-    movements: tuple[Movement, ...],
+    movements: tuple[MeasuredMovement, ...],
     noise: Mapping[Key, Noise],
     evaluator: Evaluator,
     drive: str,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from turnout.calibration.comparison import Key
 from turnout.calibration.drive_law.candidates import DriveLaw, level_key
 from turnout.calibration.fit import JOINT_SHARES, Fit, fit
-from turnout.calibration.measured_movements import Movement, largest_force
+from turnout.calibration.measured_movements import MeasuredMovement, largest_force
 from turnout.calibration.misfit import Misfit, framed
 from turnout.calibration.noise import Noise, peaks_of
 from turnout.calibration.parameter import Parameter
@@ -183,7 +183,7 @@ def _movement_levels(law: DriveLaw, misfit: Misfit, plain: Fit, drive: str) -> t
 AGREEMENT, AGREEMENT_TIME = 3e-3, 0.1
 
 
-def floored(noise: Mapping[Key, Noise], movements: Sequence[Movement]) -> dict[Key, Noise]:
+def floored(noise: Mapping[Key, Noise], movements: Sequence[MeasuredMovement]) -> dict[Key, Noise]:
     """Return noise that holds what solvers of the same mechanics may differ by."""
     peaks = peaks_of(movements)
     return {

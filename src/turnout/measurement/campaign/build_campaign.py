@@ -20,7 +20,7 @@ from turnout.measurement.campaign.campaign_folder import STORE, refuse_links_out
 from turnout.measurement.campaign.find_throws import Detection
 from turnout.measurement.campaign.motion_signals import force_changes
 from turnout.measurement.campaign.recorded_throw import RecordedThrow, stored_throws
-from turnout.measurement.campaign.run_sheet import Run, RunSheet, find_sheet, read_sheet
+from turnout.measurement.campaign.run_sheet import RunSheet, SheetRow, find_sheet, read_sheet
 from turnout.measurement.campaign.sheet_checks import (
     check_files,
     extra_files,
@@ -34,7 +34,7 @@ from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.quality.channel_faults import MEASURED, Limits
 from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
 from turnout.measurement.quality.throw_faults import (
-    Profile,
+    ForceProfile,
     early_profile,
     open_level,
     typical_profile,
@@ -43,13 +43,13 @@ from turnout.schema.channels import SCHEMA_VERSION, label
 
 
 def stacked(
-    members: Sequence[tuple[Run, RecordedThrow]], slipped: Sequence[bool | None]
+    members: Sequence[tuple[SheetRow, RecordedThrow]], slipped: Sequence[bool | None]
 ) -> xr.Dataset:
     """Stack movements of one sampling rate.
 
     Parameters
     ----------
-    members : sequence of (Run, RecordedThrow)
+    members : sequence of (SheetRow, RecordedThrow)
         Usable movements, all of the same sampling rate.
     slipped : sequence of bool or None
         Whether a drive slipped, as measured; the sheet's word counts where that is None.
@@ -96,7 +96,7 @@ def stacked(
 
 
 def _coordinates(
-    members: Sequence[tuple[Run, RecordedThrow]], slipped: Sequence[bool | None]
+    members: Sequence[tuple[SheetRow, RecordedThrow]], slipped: Sequence[bool | None]
 ) -> dict[str, Any]:
     """Return what the sheet and the recordings say of each movement."""
     runs, pieces = zip(*members, strict=True)
@@ -142,12 +142,12 @@ OVERRUN = 1.0
 class Excluded:
     """A movement that is not in the dataset, and every reason."""
 
-    run: Run
+    run: SheetRow
     reasons: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Campaign:
+class BuiltCampaign:
     """What came of a campaign.
 
     Attributes
@@ -180,7 +180,7 @@ def build_campaign(
     detection: Detection | None = None,
     limits: Limits | None = None,
     report: Callable[[int, int], None] | None = None,
-) -> Campaign:
+) -> BuiltCampaign:
     """Read a campaign: cut, judge and filter each movement, and stack the usable ones.
 
     Each movement is stored in the folder as soon as it is cut. A later build takes up what it
@@ -205,7 +205,7 @@ def build_campaign(
 
     Returns
     -------
-    Campaign
+    BuiltCampaign
 
     Raises
     ------
@@ -251,12 +251,12 @@ def build_campaign(
     slipped = _slipped([piece for _, piece, _ in usable])
     remarks = [*extra_files(sheet, folder), *_remarks(usable, slipped)]
     dataset = _dataset(usable, slipped, sheet, channel_map, excluded) if usable else None
-    return Campaign(dataset, sheet, excluded, tuple(remarks), reused)
+    return BuiltCampaign(dataset, sheet, excluded, tuple(remarks), reused)
 
 
 def _pieces(
     folder: Path,
-    runs: Sequence[Run],
+    runs: Sequence[SheetRow],
     channel_map: ChannelMap,
     *,
     allow_outside: bool,
@@ -285,7 +285,7 @@ def _pieces(
 
 
 def _verdicts(
-    runs: Sequence[Run],
+    runs: Sequence[SheetRow],
     pieces: Sequence[RecordedThrow | TurnoutError],
     channel_map: ChannelMap,
     *,
@@ -299,7 +299,7 @@ def _verdicts(
     ]
     rates = [round(piece.rate, 3) for _, piece in good]
     usual = max(set(rates), key=rates.count) if rates else None
-    profiles: dict[str, list[Profile]] = {}
+    profiles: dict[str, list[ForceProfile]] = {}
     levels: dict[tuple[str, int], list[NDArray[np.float64]]] = {}
     for run, piece in good:
         profile = early_profile(piece.dataset, piece.throw)
@@ -348,14 +348,14 @@ def _slipped(pieces: Sequence[RecordedThrow]) -> list[bool | None]:
 
 
 def _remarks(
-    usable: Sequence[tuple[Run, RecordedThrow, ThrowQuality]], slipped: Sequence[bool | None]
+    usable: Sequence[tuple[SheetRow, RecordedThrow, ThrowQuality]], slipped: Sequence[bool | None]
 ) -> list[str]:
     runs = [run for run, _, _ in usable]
     forces = [
         force_changes(piece.dataset["drive_force"].values, rate=piece.rate)
         for _, piece, _ in usable
     ]
-    said: dict[str, list[Run]] = {}
+    said: dict[str, list[SheetRow]] = {}
     for run, piece, verdict in usable:
         for text in (*piece.notes, *verdict.remarks):
             said.setdefault(text, []).append(run)
@@ -369,14 +369,14 @@ def _remarks(
     ]
 
 
-def _first_of(runs: Sequence[Run]) -> str:
+def _first_of(runs: Sequence[SheetRow]) -> str:
     """Name the first of some movements and how many more there are."""
     more = f" and {len(runs) - 1} more" if len(runs) > 1 else ""
     return f"{runs[0].where}: {runs[0].name}{more}"
 
 
 def _dataset(
-    usable: Sequence[tuple[Run, RecordedThrow, ThrowQuality]],
+    usable: Sequence[tuple[SheetRow, RecordedThrow, ThrowQuality]],
     slipped: Sequence[bool | None],
     sheet: RunSheet,
     channel_map: ChannelMap,

@@ -54,7 +54,7 @@ class Detection:
 
 
 @dataclass(frozen=True, slots=True)
-class Throw:
+class FoundThrow:
     """One throw within a recording.
 
     Attributes
@@ -89,7 +89,9 @@ class Throw:
         return self.end - self.onset
 
 
-def find_throws(dataset: xr.Dataset, *, detection: Detection | None = None) -> tuple[Throw, ...]:
+def find_throws(
+    dataset: xr.Dataset, *, detection: Detection | None = None
+) -> tuple[FoundThrow, ...]:
     """Find every throw of a recording.
 
     Parameters
@@ -102,7 +104,7 @@ def find_throws(dataset: xr.Dataset, *, detection: Detection | None = None) -> t
 
     Returns
     -------
-    tuple of Throw
+    tuple of FoundThrow
         In the order of time; empty where nothing moves.
 
     Examples
@@ -150,7 +152,7 @@ def find_throws(dataset: xr.Dataset, *, detection: Detection | None = None) -> t
             for row, known in zip(running, switched, strict=True)
         ]
         throws.append(
-            Throw(
+            FoundThrow(
                 first=bound[0],
                 stop=bound[1],
                 onset=float(np.interp(at, np.arange(time.size), time)),

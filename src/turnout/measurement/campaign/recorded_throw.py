@@ -16,8 +16,8 @@ from turnout.core.provenance import content_hash, version
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.errors import FileError, MeasurementError, TurnoutError
 from turnout.measurement.campaign.campaign_folder import STORE
-from turnout.measurement.campaign.find_throws import Detection, Throw, find_throws
-from turnout.measurement.campaign.run_sheet import Run
+from turnout.measurement.campaign.find_throws import Detection, FoundThrow, find_throws
+from turnout.measurement.campaign.run_sheet import SheetRow
 from turnout.measurement.chain.apply import apply_chain, map_hash
 from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.formats.file_format import read_recording
@@ -35,7 +35,7 @@ class RecordedThrow:
     ----------
     dataset : xarray.Dataset
         Unfiltered channels in SI on the time of the recording.
-    throw : Throw
+    throw : FoundThrow
         Where the movement lies in `dataset`.
     start_time : str
         Date and time of the recording; empty where it holds none.
@@ -44,7 +44,7 @@ class RecordedThrow:
     """
 
     dataset: xr.Dataset
-    throw: Throw
+    throw: FoundThrow
     start_time: str
     notes: tuple[str, ...]
 
@@ -57,7 +57,7 @@ class RecordedThrow:
 
 def stored_throws(
     folder: Path,
-    runs: Sequence[Run],
+    runs: Sequence[SheetRow],
     channel_map: ChannelMap,
     *,
     allow_outside: bool = False,
@@ -73,7 +73,7 @@ def stored_throws(
     ----------
     folder : Path
         Folder of the campaign.
-    runs : sequence of Run
+    runs : sequence of SheetRow
         Lines of the sheet, all of the same file.
     channel_map : ChannelMap
         From columns to forces and currents.
@@ -129,7 +129,7 @@ class _Found:
     """A recording in SI and every throw in it."""
 
     dataset: xr.Dataset
-    throws: tuple[Throw, ...]
+    throws: tuple[FoundThrow, ...]
 
 
 def _found(
@@ -166,11 +166,11 @@ def _cut(found: _Found, movement: int, path: Path) -> RecordedThrow | TurnoutErr
     )
 
 
-def _moved(throw: Throw) -> Throw:
+def _moved(throw: FoundThrow) -> FoundThrow:
     """Count the samples of a throw from its own first one."""
     values: dict[str, Any] = asdict(throw)
     values |= {"first": 0, "stop": throw.stop - throw.first}
-    return Throw(**values)
+    return FoundThrow(**values)
 
 
 def _packed(piece: RecordedThrow, key: str) -> bytes:
@@ -199,6 +199,6 @@ def _stored(path: Path, key: str) -> RecordedThrow | None:
         )
         throw = {**described["throw"], "drive_ends": tuple(described["throw"]["drive_ends"])}
         notes = tuple(str(note) for note in described["notes"])
-        return RecordedThrow(dataset, Throw(**throw), str(described["start_time"]), notes)
+        return RecordedThrow(dataset, FoundThrow(**throw), str(described["start_time"]), notes)
     except (OSError, ValueError, LookupError, TypeError, FileError):
         return None

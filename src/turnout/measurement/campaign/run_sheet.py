@@ -122,7 +122,7 @@ HEADINGS = ("title", "synthetic", "load_cell_from")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Run:
+class SheetRow:
     """One movement as the sheet has it.
 
     Attributes
@@ -173,7 +173,7 @@ class RunSheet:
 
     Attributes
     ----------
-    runs : tuple of Run
+    runs : tuple of SheetRow
         In the order of the sheet.
     title : str
         Of the campaign.
@@ -183,7 +183,7 @@ class RunSheet:
         Path of the sheet.
     """
 
-    runs: tuple[Run, ...]
+    runs: tuple[SheetRow, ...]
     title: str
     synthetic: str
     source: str
@@ -344,7 +344,7 @@ def _column(cell: str) -> tuple[str, str]:
 
 def _run(
     where: str, row: Mapping[str, Any], *, mounted_from: float, problems: list[str]
-) -> Run | None:
+) -> SheetRow | None:
     """Make a run of a row, or add what is wrong with it."""
     allowed = (*NEEDED, *OPTIONAL)
     wrong = [f"{name}: unknown{nearest(name, allowed)}" for name in row if name not in allowed]
@@ -374,14 +374,14 @@ def _run(
     if wrong:
         problems += [f"{where}: {text}" for text in wrong]
         return None
-    return Run(where=where, file=str(row["file"]).strip(), size=size, place=place, **values)
+    return SheetRow(where=where, file=str(row["file"]).strip(), size=size, place=place, **values)
 
 
-def _doubles(runs: list[Run]) -> list[str]:
+def _doubles(runs: list[SheetRow]) -> list[str]:
     """Name movements that the sheet has twice."""
     problems = []
-    recorded: dict[tuple[object, ...], Run] = {}
-    meant: dict[tuple[object, ...], Run] = {}
+    recorded: dict[tuple[object, ...], SheetRow] = {}
+    meant: dict[tuple[object, ...], SheetRow] = {}
     for run in runs:
         where = (run.file, run.movement)
         what = (run.direction, run.size, run.place, run.repeat)

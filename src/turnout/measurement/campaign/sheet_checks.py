@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from turnout.core.problems import nearest
 from turnout.errors import MeasurementError
 from turnout.measurement.campaign.campaign_folder import PERMIT, describe_target, is_outside
-from turnout.measurement.campaign.run_sheet import SHEETS, Run, RunSheet
+from turnout.measurement.campaign.run_sheet import SHEETS, RunSheet, SheetRow
 from turnout.measurement.formats.file_format import FORMATS
 
 # A rod force saturates where it grew by the first share of its largest value over a series of
@@ -70,7 +70,7 @@ def extra_files(sheet: RunSheet, folder: Path) -> list[str]:
     ]
 
 
-def order_remarks(runs: Sequence[Run], start_times: Iterable[str]) -> list[str]:
+def order_remarks(runs: Sequence[SheetRow], start_times: Iterable[str]) -> list[str]:
     """Return a remark on each movement that was recorded before the one above it in the sheet.
 
     Examples
@@ -101,13 +101,13 @@ def _moment(text: str) -> datetime | None:
 
 
 def series_remarks(
-    runs: Sequence[Run], slipped: Sequence[bool | None], forces: Sequence[NDArray[np.float64]]
+    runs: Sequence[SheetRow], slipped: Sequence[bool | None], forces: Sequence[NDArray[np.float64]]
 ) -> list[str]:
     """Return remarks on series of growing objects: sizes out of order, slip reached or not.
 
     Parameters
     ----------
-    runs : sequence of Run
+    runs : sequence of SheetRow
         In the order of the sheet.
     slipped : sequence of bool or None
         Whether a drive slipped, as measured; None where that is not known.
@@ -118,7 +118,7 @@ def series_remarks(
     -------
     list of str
     """
-    series: dict[tuple[str, str, int], list[tuple[Run, bool | None]]] = {}
+    series: dict[tuple[str, str, int], list[tuple[SheetRow, bool | None]]] = {}
     changes: dict[tuple[str, str, int], list[tuple[float, NDArray[np.float64]]]] = {}
     for run, measured, force in zip(runs, slipped, forces, strict=True):
         if run.size > 0:
@@ -170,7 +170,7 @@ def _saturates(series: Sequence[tuple[float, NDArray[np.float64]]]) -> bool:
     return bool((grown & (rows[-1] - rows[-2] < LEVEL * rows[-1])).any())
 
 
-def slip_remarks(runs: Sequence[Run], slipped: Sequence[bool | None]) -> list[str]:
+def slip_remarks(runs: Sequence[SheetRow], slipped: Sequence[bool | None]) -> list[str]:
     """Return a remark on each movement whose sheet and current disagree on a slip."""
     return [
         f"{run.where}: the sheet says {'a' if run.slip else 'no'} drive slipped with {_size(run)} "
@@ -180,12 +180,12 @@ def slip_remarks(runs: Sequence[Run], slipped: Sequence[bool | None]) -> list[st
     ]
 
 
-def force_remarks(runs: Sequence[Run], forces: Sequence[float]) -> list[str]:
+def force_remarks(runs: Sequence[SheetRow], forces: Sequence[float]) -> list[str]:
     """Return a remark where a larger object at the same place meets much less force.
 
     Parameters
     ----------
-    runs : sequence of Run
+    runs : sequence of SheetRow
         In the order of the sheet.
     forces : sequence of float
         Rod forces at the end of each movement, summed [N].
@@ -195,7 +195,7 @@ def force_remarks(runs: Sequence[Run], forces: Sequence[float]) -> list[str]:
     list of str
     """
     remarks = []
-    groups: dict[tuple[str, str, int], list[tuple[float, float, Run]]] = {}
+    groups: dict[tuple[str, str, int], list[tuple[float, float, SheetRow]]] = {}
     for run, force in zip(runs, forces, strict=True):
         if run.size > 0 and run.direction == "closing":
             key = (run.place, run.direction, run.repeat)
@@ -210,5 +210,5 @@ def force_remarks(runs: Sequence[Run], forces: Sequence[float]) -> list[str]:
     return remarks
 
 
-def _size(run: Run) -> str:
+def _size(run: SheetRow) -> str:
     return f"{run.size * 1e3:g} mm"

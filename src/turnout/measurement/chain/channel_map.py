@@ -139,7 +139,7 @@ class Rest(Record):
         return self
 
 
-class Sensor(Record):
+class SensorRecord(Record):
     """What every sensor has: a column, its unit, and where its zero and direction are."""
 
     column: str = Field(min_length=1, description="name of the column in the recording")
@@ -152,7 +152,7 @@ class Sensor(Record):
     optional: bool = Field(False, description="whether recordings may lack the column: NaN then")
 
 
-class Amplified(Sensor):
+class Amplified(SensorRecord):
     """A bridge; its column is a voltage ratio, or a voltage behind excitation and amplifier."""
 
     excitation: Voltage | None = Field(None, gt=0, description="bridge excitation [V]")
@@ -179,7 +179,7 @@ class StrainBridge(Amplified):
         return self
 
 
-class Clamp(Sensor):
+class Clamp(SensorRecord):
     """A current clamp."""
 
     kind: Literal["clamp"]
@@ -194,13 +194,13 @@ class LoadCell(Amplified):
     capacity: Force = Field(gt=0, description="load at which it has that output [N]")
 
 
-class Scaled(Sensor):
+class Scaled(SensorRecord):
     """A column that the data acquisition system scaled already."""
 
     kind: Literal["scaled"]
 
 
-class Calibrated(Sensor):
+class Calibrated(SensorRecord):
     """A column calibrated by known loads, whatever the sensor."""
 
     kind: Literal["calibrated"]
@@ -220,7 +220,7 @@ class Calibrated(Sensor):
 AnySensor = Annotated[
     StrainBridge | Clamp | LoadCell | Scaled | Calibrated, Field(discriminator="kind")
 ]
-KINDS: dict[str, type[Sensor]] = {
+KINDS: dict[str, type[SensorRecord]] = {
     "strain bridge": StrainBridge,
     "clamp": Clamp,
     "load cell": LoadCell,

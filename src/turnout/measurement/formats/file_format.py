@@ -220,9 +220,9 @@ def write_recording(recording: Recording, path: Path | str) -> None:
     >>> import tempfile
     >>> import numpy as np
     >>> from turnout.measurement.formats.file_format import read_recording
-    >>> from turnout.measurement.recording import Channel
+    >>> from turnout.measurement.recording import RecordedChannel
     >>> file = Path(tempfile.mkdtemp()) / "throw.mat"
-    >>> rod = Channel("Rod 1", "mV/V", np.array([0.1, 0.2]), rate=1000.0)
+    >>> rod = RecordedChannel("Rod 1", "mV/V", np.array([0.1, 0.2]), rate=1000.0)
     >>> write_recording(Recording({"Rod 1": rod}, "a test"), file)
     >>> read_recording(file).channel("Rod 1").unit
     'mV/V'

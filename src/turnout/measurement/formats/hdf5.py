@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from turnout.core.problems import choices
 from turnout.errors import FileError
-from turnout.measurement.formats.assemble import RATE_NAME, Column, assemble, tidy_unit
+from turnout.measurement.formats.assemble import RATE_NAME, FileColumn, assemble, tidy_unit
 from turnout.measurement.formats.extent import MOST_CHANNELS, Declared
 from turnout.measurement.formats.named_arrays import NAME_LISTS, NO_TIME, columns_of_arrays
 from turnout.measurement.recording import Recording
@@ -137,7 +137,7 @@ def read_hdf5(path: Path, *, allow_outside: bool = False) -> Recording:
     arrays: dict[str, NDArray[Any]] = {}
     units: dict[str, str] = {}
     texts: dict[str, list[str]] = {}
-    own: list[Column] = []
+    own: list[FileColumn] = []
     empty: list[str] = []
 
     def visit(name: str, item: h5py.Dataset) -> None:
@@ -155,7 +155,7 @@ def read_hdf5(path: Path, *, allow_outside: bool = False) -> Recording:
             return
         start = _first(attributes, STARTS)
         own.append(
-            Column(
+            FileColumn(
                 _first(attributes, ("name",)) or name,
                 content.read(item),
                 tidy_unit(_first(attributes, UNITS)),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat, savemat
 
-from turnout.measurement.formats.assemble import Column, assemble
+from turnout.measurement.formats.assemble import FileColumn, assemble
 from turnout.measurement.formats.hdf5 import Content
 from turnout.measurement.formats.mat_check import check_mat5
 from turnout.measurement.formats.named_arrays import NO_TIME, columns_of_arrays
@@ -110,7 +110,7 @@ def _recording(content: Mapping[str, Any], path: Path) -> Recording:
     )
 
 
-def _own(arrays: Mapping[str, NDArray[Any]], texts: Mapping[str, list[str]]) -> list[Column]:
+def _own(arrays: Mapping[str, NDArray[Any]], texts: Mapping[str, list[str]]) -> list[FileColumn]:
     """Read what `mat_bytes` made."""
     variables = texts[f"{_PREFIX}variables"]
     names, units, descriptions = (
@@ -119,7 +119,7 @@ def _own(arrays: Mapping[str, NDArray[Any]], texts: Mapping[str, list[str]]) -> 
     rates = np.ravel(arrays[f"{_PREFIX}rates"])
     starts = np.ravel(arrays.get(f"{_PREFIX}starts", np.zeros(len(variables))))
     return [
-        Column(
+        FileColumn(
             names[number] or variable,
             np.ravel(arrays[variable]),
             units[number],

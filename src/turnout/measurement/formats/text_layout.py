@@ -31,7 +31,7 @@ _LEADING_NUMBER = re.compile(r"\s*(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*([a-zA-Z/
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class TextLayout:
     """Everything needed to read the numbers of a text file.
 
     Attributes
@@ -87,7 +87,7 @@ def encoding_of(sample: bytes) -> str:
     return "utf-8"
 
 
-def layout_of(sample: bytes, *, source: str) -> Layout:
+def layout_of(sample: bytes, *, source: str) -> TextLayout:
     r"""Understand a text file from its first bytes.
 
     Parameters
@@ -132,7 +132,7 @@ def layout_of(sample: bytes, *, source: str) -> Layout:
     heading = [_cells(line, separator) for line in lines[:first_row]]
     names, units = _heading(heading, len(row))
     rate, start_time = _preamble(lines[:first_row])
-    return Layout(
+    return TextLayout(
         encoding=encoding,
         separator=separator,
         decimal=decimal,

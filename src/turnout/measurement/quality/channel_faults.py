@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from turnout.measurement.campaign.find_throws import Throw
+from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.motion_signals import (
     Floats,
     mean_over,
@@ -151,14 +151,14 @@ MOST_FORCE = 2e5
 LEAST_REST = 10
 
 
-def channel_faults(dataset: xr.Dataset, throw: Throw, *, limits: Limits) -> list[Fault]:
+def channel_faults(dataset: xr.Dataset, throw: FoundThrow, *, limits: Limits) -> list[Fault]:
     """Find the faults of each channel on its own.
 
     Parameters
     ----------
     dataset : xarray.Dataset
         One throw, unfiltered.
-    throw : Throw
+    throw : FoundThrow
         Onset and end of the movement within the dataset [s].
     limits : Limits
         From what size on something is a fault.

@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 
 import xarray as xr
 
-from turnout.measurement.campaign.find_throws import Throw
+from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.motion_signals import Floats
 from turnout.measurement.quality.channel_faults import Fault, Limits, channel_faults
 from turnout.measurement.quality.throw_faults import (
-    Profile,
+    ForceProfile,
     direction_faults,
     drift_faults,
     offset_faults,
@@ -32,7 +32,7 @@ class Expected:
         Whether a load cell was mounted.
     rate : float or None
         Samples a second that all recordings of the campaign should have [1/s].
-    profile : Profile or None
+    profile : ForceProfile or None
         How most throws of the campaign in this direction begin.
     open_level : ndarray or None, shape (n_drives,)
         What the rods carry in most of them while the rail is open [N].
@@ -41,7 +41,7 @@ class Expected:
     direction: str | None = None
     load_cell: bool = True
     rate: float | None = None
-    profile: Profile | None = None
+    profile: ForceProfile | None = None
     open_level: Floats | None = None
 
 
@@ -69,7 +69,7 @@ class ThrowQuality:
 
 def judge(
     dataset: xr.Dataset,
-    throw: Throw,
+    throw: FoundThrow,
     *,
     expected: Expected | None = None,
     limits: Limits | None = None,
@@ -81,7 +81,7 @@ def judge(
     dataset : xarray.Dataset
         The recording that the throw was found in: `drive_force` [N], and where measured
         `drive_current` [A] and `object_force` [N], unfiltered.
-    throw : Throw
+    throw : FoundThrow
         From `find_throws` on this dataset.
     expected : Expected, optional
         What is known beforehand; without it fewer faults can be seen.
