@@ -2,8 +2,8 @@
 
 Read are string literals, docstrings and comments of the packages in `PACKAGES`, the studio's page,
 and documentation. A package enters `PACKAGES` once its texts have been reworded; pages that have
-not been are in `PAGES_REMAINING`. Names of functions, classes and modules are read too: no part of
-one may be a word of `DICTION`, and no two classes may share a name in two meanings.
+not been are in `PAGES_REMAINING`. The names of functions, classes and
+modules are read too.
 """
 
 import ast
@@ -130,6 +130,58 @@ def test_listed_packages_exist(pytestconfig: pytest.Config) -> None:
     folder = pytestconfig.rootpath / "src" / "turnout"
     found = {path.parent.name for path in folder.glob("*/__init__.py")}
     assert set(PACKAGES) <= found | {path.stem for path in folder.glob("*.py")}
+
+
+FACES = ("api", "cli", "plot", "report", "web")
+"""Packages that show results: a module of theirs has the name of what it shows."""
+
+SAME_MEANING = {
+    "export": "results as files",
+    "features": "of a movement, as numbers; of what a detector judges by",
+    "labels": "of a throw; of the throws of a sweep",
+    "load": "a file as a record",
+    "machines": "of a panel, defined and built",
+    "records": "of a TOML document",
+    "step": "of time",
+    "throw": "of one machine, and its kernel",
+    "validate": "a record against rules; a calibration against movements",
+}
+"""Modules that several packages have, and the one meaning of their name."""
+
+DICTION = ("told", "anew", "settled", "forget", "kilo", "milli", "nobody", "whoever", "squeezed")
+"""Words that are no part of a name."""
+
+
+def _defined(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield line and name of the functions, classes and parameters of a file."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.lineno, node.name
+        elif isinstance(node, ast.arg):
+            yield node.lineno, node.arg
+
+
+def test_names_use_standard_terms(pytestconfig: pytest.Config) -> None:
+    root = pytestconfig.rootpath / "src" / "turnout"
+    problems = [
+        f"{path.relative_to(root)}:{line}: {name}"
+        for path in sorted(root.rglob("*.py"))
+        for line, name in _defined(path)
+        if path.relative_to(root).parts[0].removesuffix(".py") in PACKAGES
+        and set(name.lower().split("_")) & set(DICTION)
+    ]
+    assert not problems, "\n".join(problems)
+
+
+def test_a_module_name_has_one_meaning(pytestconfig: pytest.Config) -> None:
+    root = pytestconfig.rootpath / "src" / "turnout"
+    found: dict[str, list[str]] = {}
+    for path in sorted(root.rglob("*.py")):
+        folder = path.parent.relative_to(root).as_posix()
+        if path.stem != "__init__" and not folder.startswith(FACES):
+            found.setdefault(path.stem, []).append(folder)
+    several = {name: folders for name, folders in found.items() if len(folders) > 1}
+    assert not set(several) - set(SAME_MEANING), f"rename, or add to SAME_MEANING: {several}"
 
 
 @pytest.mark.parametrize("text", ["Told by the data", "books close to 2e-11", "what decides"])

@@ -1,7 +1,7 @@
 """Run a scenario and list everything about its response that must not be.
 
-What must hold whatever the panel: no NaN, an energy residual below 1e-6 of its scale, no contact that
-pulls, no friction above its limit, every force on its law, friction that takes energy, rows in
+What must hold whatever the panel: no NaN, an energy residual below 1e-6 of its scale, no contact
+that pulls, no friction above its limit, every force on its law, friction that takes energy, rows in
 equilibrium; and a run that ends early says when, where, why, and what to do.
 """
 

@@ -43,9 +43,9 @@ one scenario. The same job is the test `test_robustness_long.py`, left out unles
 
 
 LOSSES = """The energy balance closes, whatever the step; the share of numerical dissipation shows
-whether the step is small enough. Many of these scenarios are hard blows: a rail thrown in 0.3 s against
-stops or an object of a thousand times the usual stiffness, without damping. Then a large step
-loses or makes energy of the order of what there is, and the summary of a run says so; take a
+whether the step is small enough. Many of these scenarios are hard blows: a rail thrown in 0.3 s
+against stops or an object of a thousand times the usual stiffness, without damping. Then a large
+step loses or makes energy of the order of what there is, and the summary of a run says so; take a
 smaller step.
 """
 

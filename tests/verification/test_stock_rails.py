@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.verification.runs import SYMMETRIC, end_force, throw
+from tests.verification.runs import SYMMETRIC, end_force, energy_balance, throw
 
 from turnout.errors import PanelError
 from turnout.panel.foreign_object import ForeignObject

@@ -92,7 +92,7 @@ def panel_record(panel: "LoadedPanel", thrown: "Thrown | None" = None) -> Record
 
 
 def _closed_gaps(panel: "LoadedPanel", dataset: "xr.Dataset") -> Record:
-    from turnout.metric.slip import settled
+    from turnout.metric.slip import last_instant_at
 
     if not dataset.sizes["time"]:
         return {"x": [], "closed_gap": {}}
@@ -100,7 +100,7 @@ def _closed_gaps(panel: "LoadedPanel", dataset: "xr.Dataset") -> Record:
     for name, rail in panel.rail.items():
         if not rail.has_stock_rail:
             continue
-        closed = settled(dataset, to="closed" if rail.closes == "+y" else "open")
+        closed = last_instant_at(dataset, to="closed" if rail.closes == "+y" else "open")
         gaps[name] = closed["gap"].sel(rail=name).values
     return {"x": dataset["x"].values, "closed_gap": gaps}
 

@@ -210,14 +210,14 @@ def _closed_gap(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
             if gap is not None:
                 rails[name] = gap
     else:
-        from turnout.metric.slip import settled
+        from turnout.metric.slip import last_instant_at
 
         yield "CLOSED GAP [mm] at contact height, simulated, each rail when it lies closed"
         x = thrown.dataset["x"].values
         for name, rail in panel.rail.items():
             if not rail.has_stock_rail:
                 continue
-            closed = settled(thrown.dataset, to="closed" if rail.closes == "+y" else "open")
+            closed = last_instant_at(thrown.dataset, to="closed" if rail.closes == "+y" else "open")
             rails[name] = closed["gap"].sel(rail=name).values
     if not rails:
         yield "no rail has a stock rail"

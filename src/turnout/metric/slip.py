@@ -63,7 +63,7 @@ def movements(dataset: "xr.Dataset") -> tuple[Span, ...]:
     return tuple(Span(**record) for record in json.loads(dataset.attrs.get("movements", "[]")))
 
 
-def settled(dataset: "xr.Dataset", *, to: str) -> "xr.Dataset":
+def last_instant_at(dataset: "xr.Dataset", *, to: str) -> "xr.Dataset":
     """Return the last instant before the switch leaves a position for the last time.
 
     Parameters

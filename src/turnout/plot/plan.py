@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from turnout.metric.slip import settled
+from turnout.metric.slip import last_instant_at
 from turnout.panel.layout import RailLine, extent, rail_line, resting_gap, stands_at
 from turnout.panel.model import Panel
 from turnout.panel.records import Placed
@@ -50,7 +50,7 @@ def plot_closed_gap(panel: Panel, *, dataset: xr.Dataset | None = None, ax: "Axe
             x = np.linspace(rail.start, rail.end, POINTS)
             gap = resting_gap(panel, name, x, closed=True)
         else:
-            closed = settled(dataset, to="closed" if rail.closes == "+y" else "open")
+            closed = last_instant_at(dataset, to="closed" if rail.closes == "+y" else "open")
             x, gap = dataset["x"].values, closed["gap"].sel(rail=name).values
         if gap is None:
             continue
