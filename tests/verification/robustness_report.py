@@ -63,7 +63,7 @@ def page(results: Sequence[Record], job: Record) -> str:
     parts = [HEAD, "## Result\n", _table(_figures(results, job), ("figure", "value"))]
     parts += ["## Outcomes by kind of panel\n", _by(results, "kind")]
     parts += ["## Outcomes by what is extreme\n", _by(results, "special")]
-    parts += ["## What the scheme itself loses or makes\n", LOSSES, _losses(results)]
+    parts += ["## Numerical dissipation\n", LOSSES, _losses(results)]
     parts.append("## Runs that stopped early\n")
     parts.append(_early(results))
     parts.append("## Defects\n")

@@ -218,7 +218,7 @@ def movement_length(panel: LoadedPanel, direction: str, *, trapped: bool) -> flo
 def _problems(dataset: xr.Dataset, panel: LoadedPanel, exclude: Sequence[str]) -> list[str]:
     """Return what a campaign lacks to be compared with a panel."""
     if "movement" not in dataset.dims or "drive_force" not in dataset:
-        return ["is no built campaign with drive forces; see `turnout campaign build`"]
+        return ["is not a built campaign with drive forces; see `turnout campaign build`"]
     names = [str(name) for name in dataset["movement"].values]
     problems = [
         f"exclude {name}: there is no such movement; there are {choices(names)}"

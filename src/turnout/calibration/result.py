@@ -233,7 +233,7 @@ def load_calibration(path: Path | str) -> Calibration:
     path = Path(path)
     data = parse_toml(decode(read_bytes(path), source=str(path)), source=str(path)).data
     if data.get("kind") != "calibration":
-        message = f"{path}: is no calibration; `turnout calibrate CAMPAIGN -o FILE` writes one"
+        message = f"{path}: is not a calibration; `turnout calibrate CAMPAIGN -o FILE` writes one"
         raise FileError(message)
     if data.get("schema_version") != SCHEMA_VERSION:
         message = (

@@ -201,7 +201,7 @@ def default_plan(
     known = [item.name for item in parameters]
     parameters += [free_parameter(panel, key) for key in free if key not in known]
     problems = [
-        f"{key}: is no parameter of the default stages{nearest(key, known)}; they are "
+        f"{key}: is not a parameter of the default stages{nearest(key, known)}; they are "
         f"{choices(known)}"
         for key in fixed
         if key not in known

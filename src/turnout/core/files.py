@@ -102,7 +102,7 @@ def write_fault(path: Path, error: OSError) -> str:
     if error.errno in _NO_SPACE:
         return f"{path}: cannot be written, no space left; free some, or choose another folder"
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return f"{path}: may not be written; choose another folder or change its permissions"
+        return f"{path}: is not writable; choose another folder or change its permissions"
     if error.errno in (errno.ENOENT, errno.ENOTDIR):
         return f"{path}: no such folder '{path.parent}'; create it first"
     if error.errno == errno.EISDIR:
@@ -228,5 +228,5 @@ def read_fault(path: Path | str, error: OSError | ValueError) -> str:
     if isinstance(error, FileNotFoundError):
         return f"{path}: no such file; check the path (the current folder is {Path.cwd()})"
     if isinstance(error, PermissionError):
-        return f"{path}: may not be read; check its permissions"
+        return f"{path}: is not readable; check its permissions"
     return f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})"

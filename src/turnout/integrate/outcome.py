@@ -27,7 +27,7 @@ class Code(IntEnum):
 ADVICE = {
     Code.COMPLETE: "",
     Code.NOT_CONVERGED: (
-        "the contact set did not settle even in the smallest step; try a smaller step, "
+        "the contact set did not converge even with the smallest step; try a smaller step, "
         "a softer contact or stick stiffness, or a higher cut-off frequency"
     ),
     Code.NOT_FINITE: (
@@ -43,7 +43,7 @@ ADVICE = {
         "values), or take a smaller step"
     ),
     Code.NO_STATIC_CONTINUATION: (
-        "without inertia the motion does not go on from here, since a foot can neither stick nor "
+        "no quasi-static equilibrium follows, since a foot can neither stick nor "
         "slip where friction follows its normal force; take a scheme with inertia"
     ),
     Code.INTERRUPTED: "the run was interrupted; what was computed until then is kept",

@@ -82,7 +82,7 @@ def numerical_share(dataset: xr.Dataset) -> float:
 
 
 def numerical_warning(dataset: xr.Dataset) -> str | None:
-    """Return what to say and do where the scheme itself lost or made too much, else None.
+    """Return what to say and do where numerical dissipation is too large, else None.
 
     Where less than `LEAST_SCALE` has moved there is nothing to say.
     """

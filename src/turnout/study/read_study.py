@@ -242,7 +242,7 @@ def _read_rule(parsed: ParsedStudy, record: StudyRecord) -> Rule | None:
     own = [axis for axis in parsed.axes if axis.names == (given.increase,)]
     if not own:
         names = [axis.names[0] for axis in parsed.axes if len(axis.names) == 1]
-        text = f": is no variable with values{nearest(given.increase, names)}"
+        text = f": is not a variable with values{nearest(given.increase, names)}"
         parsed.add_problem(
             "rule.increase", f' = "{given.increase}"{text}; there are {choices(names)}'
         )

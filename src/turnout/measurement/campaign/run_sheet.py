@@ -65,7 +65,8 @@ def object_size(value: Any) -> float:
         message = "must be at least 0"
         raise ValueError(message)
     if size > LARGEST:
-        message = f"{size:g} m is no object in a switch, at most {LARGEST:g} m; check the unit"
+        limit = f"at most {LARGEST:g} m"
+        message = f"{size:g} m is too large for an object in a switch, {limit}; check the unit"
         raise ValueError(message)
     return size
 

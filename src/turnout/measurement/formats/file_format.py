@@ -180,7 +180,7 @@ def _head(path: Path) -> bytes:
         message = f"{path}: no such file; check the path (the current folder is {Path.cwd()})"
         raise FileError(message) from None
     except PermissionError:
-        message = f"{path}: may not be read; check its permissions"
+        message = f"{path}: is not readable; check its permissions"
         raise FileError(message) from None
     except (OSError, ValueError) as error:
         message = f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})"
