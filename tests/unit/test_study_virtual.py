@@ -23,10 +23,10 @@ from turnout.virtual.campaign_plan import (
     CampaignPlan,
     Case,
     Defects,
-    chance_for,
     default_places,
     overrides_for,
     series_of,
+    throw_generator,
     virtual_plan,
 )
 from turnout.virtual.disturbance import QUIET, Disturbance, Transducer, add_disturbance
@@ -88,11 +88,11 @@ def test_the_truth_has_the_schema_and_the_cases() -> None:
 
 def test_chance_does_not_depend_on_the_order() -> None:
     one, two = (Case(name=n, direction="closing", size=0.0, place="none") for n in "ab")
-    first = [chance_for(PLAN, case).standard_normal() for case in (one, two)]
-    second = [chance_for(PLAN, case).standard_normal() for case in (two, one)]
+    first = [throw_generator(PLAN, case).standard_normal() for case in (one, two)]
+    second = [throw_generator(PLAN, case).standard_normal() for case in (two, one)]
     assert first == second[::-1]
     assert first[0] != first[1]
-    assert chance_for(CampaignPlan(places=("x",), seed=6), one).standard_normal() != first[0]
+    assert throw_generator(CampaignPlan(places=("x",), seed=6), one).standard_normal() != first[0]
 
 
 @pytest.mark.parametrize("suffix", sorted(WRITERS))
@@ -248,8 +248,8 @@ def test_a_series_ends_with_a_slip_but_not_before_a_load_cell_fits() -> None:
     cases = [
         Case(name="x", direction="closing", size=size, place="drive 2") for size in (0.01, 0.013)
     ]
-    assert [virtual_series.ends_series(part, case, plan) for case in cases] == [False, True]
-    assert not virtual_series.ends_series(held, cases[1], plan)
+    assert [virtual_series.stops_series(part, case, plan) for case in cases] == [False, True]
+    assert not virtual_series.stops_series(held, cases[1], plan)
 
 
 def test_a_finer_truth_is_solved_otherwise() -> None:

@@ -20,8 +20,8 @@ from turnout.panel.load import LoadedPanel, load_panel
 from turnout.response.save import Save
 from turnout.response.simulate import simulate
 from turnout.scheme import Scheme
-from turnout.virtual.campaign_files import WrittenThrow, true_run
-from turnout.virtual.campaign_plan import CampaignPlan, Case, chance_for, overrides_for
+from turnout.virtual.campaign_files import WrittenThrow, true_sheet_row
+from turnout.virtual.campaign_plan import CampaignPlan, Case, overrides_for, throw_generator
 from turnout.virtual.disturbance import add_disturbance
 from turnout.virtual.record_throw import Window, record_throw
 from turnout.virtual.series import FIELDS
@@ -91,7 +91,7 @@ def campaign(twin: Twin) -> xr.Dataset:
 
 
 def _member(twin: Twin, panel: LoadedPanel, case: Case) -> tuple[object, RecordedThrow]:
-    rng = chance_for(twin.plan, case)
+    rng = throw_generator(twin.plan, case)
     changed = overrides_for(twin.plan, panel, rng)
     foreign = ForeignObject(case.size, case.place) if case.size > 0 else None
     run = simulate(
@@ -121,7 +121,7 @@ def _member(twin: Twin, panel: LoadedPanel, case: Case) -> tuple[object, Recorde
         "current",
         "closing",
     )
-    return true_run(WrittenThrow(case, f"{case.name}.csv", False)), RecordedThrow(
+    return true_sheet_row(WrittenThrow(case, f"{case.name}.csv", False)), RecordedThrow(
         seen, throw, "", ()
     )
 

@@ -180,7 +180,7 @@ def _unplaced(dataset: "xr.Dataset") -> str:
         if room < item["size"]
     ]
     named = large or [_name(item) for item in items]
-    return f"{_and(named)} {'does' if len(named) == 1 else 'do'} not fit"
+    return f"{_join_words(named)} {'does' if len(named) == 1 else 'do'} not fit"
 
 
 def _largest_opening(dataset: "xr.Dataset", item: dict[str, Any]) -> float:
@@ -293,7 +293,7 @@ def _judged(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
     caught = [case for case in cases if case.signs]
     missed = [case for case in cases if case.trapped and not case.signs and not case.refused]
     if missed:
-        what = _and([case.what for case in missed])
+        what = _join_words([case.what for case in missed])
         stays = "stays" if len(missed) == 1 else "stay"
         text = f"Undetected object: {what} {stays} in the switch, which {missed[0].accepted}"
         for case in caught:
@@ -306,7 +306,7 @@ def _judged(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
             {sign: None for case in caught for sign in case.signs},
             key=lambda sign: _ORDER.index(sign[0]),
         )
-        what = _and([f"{case.what}{_taken_out(case)}" for case in caught])
+        what = _join_words([f"{case.what}{_removal_text(case)}" for case in caught])
         before = _faults(dataset, before=min(case.contact for case in caught))
         reasons = "; ".join(reason for _, reason in signs)
         reasons += f"; before contact, {'; '.join(before)}" if before else ""
@@ -314,17 +314,17 @@ def _judged(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
     return _switch_alone(dataset, cases)
 
 
-def _taken_out(case: _Case) -> str:
+def _removal_text(case: _Case) -> str:
     return "" if math.isinf(case.gone) else f", taken out at t = {case.gone:.2f} s"
 
 
-def _and(parts: list[str]) -> str:
+def _join_words(parts: list[str]) -> str:
     return " and ".join(parts)
 
 
 def _switch_alone(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
     """Judge a switch in which no object is trapped, or none distinct from its own faults."""
-    reason = "; ".join(_uninvolved(case) for case in cases) or "no object"
+    reason = "; ".join(_untouched_text(case) for case in cases) or "no object"
     faults = _faults(dataset)
     narrow = narrow_flangeway(dataset)
     accepted = accepted_by(dataset, _last(dataset))
@@ -337,7 +337,7 @@ def _switch_alone(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
     return Verdict("sound", f"Sound: {reason}, and the switch {accepted}.")
 
 
-def _uninvolved(case: _Case) -> str:
+def _untouched_text(case: _Case) -> str:
     """Say why an object is not what a verdict rests on."""
     if not math.isinf(case.gone):
         return f"{case.what} was taken out at t = {case.gone:.2f} s"

@@ -208,7 +208,7 @@ def apply_factors(
         for full, own in values_at(panel, key).items():
             family, _, *below = full.split(".")
             broad = result.get(".".join((family, *below)), own)
-            changed[full] = _times(result.get(full, broad), factor)
+            changed[full] = _scaled(result.get(full, broad), factor)
         # One value for a whole family is written as one, unless a member has an own one already.
         alike = key not in changed and len(set(changed.values())) == 1
         if alike and not any(full in result for full in changed):
@@ -217,7 +217,7 @@ def apply_factors(
     return result
 
 
-def _times(value: Any, factor: float) -> Any:
+def _scaled(value: Any, factor: float) -> Any:
     """Multiply a number, or each of a list."""
     if isinstance(value, tuple):
         return tuple(float(item) * factor for item in value)

@@ -220,13 +220,13 @@ def mistype(
     return lines, mistakes
 
 
-def true_run(item: WrittenThrow) -> SheetRow:
+def true_sheet_row(item: WrittenThrow) -> SheetRow:
     """Return the line of a sheet without mistakes.
 
     Examples
     --------
     >>> case = Case(name="a", direction="closing", size=0.013, place="sleeper 6")
-    >>> true_run(WrittenThrow(case, "a.csv", True)).load_cell
+    >>> true_sheet_row(WrittenThrow(case, "a.csv", True)).load_cell
     True
     """
     case = item.case

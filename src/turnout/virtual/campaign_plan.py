@@ -270,7 +270,7 @@ def series_of(plan: CampaignPlan, directions: tuple[str, ...]) -> list[list[Case
     return series
 
 
-def chance_for(plan: CampaignPlan, case: Case) -> np.random.Generator:
+def throw_generator(plan: CampaignPlan, case: Case) -> np.random.Generator:
     """Return the chance of one throw: the same whatever order the throws are made in."""
     return np.random.default_rng([plan.seed, zlib.crc32(case.name.encode())])
 

@@ -27,16 +27,16 @@ from turnout.virtual.campaign_files import (
     mistype,
     sheet_text,
     synthetic_note,
-    true_run,
+    true_sheet_row,
 )
 from turnout.virtual.campaign_plan import CampaignPlan, Case, check_plan, series_of
 from turnout.virtual.record_throw import DIRECTIONS
 from turnout.virtual.series import (
     STATE,
     Job,
-    ends_series,
     read_part,
     run_jobs,
+    stops_series,
 )
 
 TRUTH = "truth.nc"
@@ -207,7 +207,7 @@ def _finish(
             thrown.append(WrittenThrow(case, case.name + suffix, part.slipped))
             pieces.append(part.piece)
             details.append({"movement": case.name, "overrides": part.overrides})
-            if case.size > 0 and ends_series(part, case, plan):
+            if case.size > 0 and stops_series(part, case, plan):
                 break
     if not thrown:
         message = f"{folder}: no throw came to an end: {'; '.join(failures)}"
@@ -215,7 +215,7 @@ def _finish(
     rng = np.random.default_rng([plan.seed, 1])
     lines, mistakes = mistype(thrown, count=plan.mistyped, rng=rng)
     truth = stacked(
-        [(true_run(item), piece) for item, piece in zip(thrown, pieces, strict=True)],
+        [(true_sheet_row(item), piece) for item, piece in zip(thrown, pieces, strict=True)],
         [item.slipped for item in thrown],
     )
     attributes: dict[str, Any] = {

@@ -22,9 +22,9 @@ from turnout.panel.load import LoadedPanel
 from turnout.response.save import Save
 from turnout.response.simulate import simulate
 from turnout.virtual.campaign_files import write_throw
-from turnout.virtual.campaign_plan import CampaignPlan, Case, chance_for, overrides_for
+from turnout.virtual.campaign_plan import CampaignPlan, Case, overrides_for, throw_generator
 from turnout.virtual.disturbance import add_disturbance
-from turnout.virtual.record_throw import record_throw, with_time_to_stop
+from turnout.virtual.record_throw import extend_schedule, record_throw
 
 STATE = ".virtual"
 FIELDS = (
@@ -119,11 +119,11 @@ def make_series(job: Job, *, report: Callable[[], None] | None = None) -> None:
             write_atomic(_part_path(job.folder, case), _packed(part, case.name))
         if report is not None:
             report()
-        if part.failure or ends_series(part, case, job.plan):
+        if part.failure or stops_series(part, case, job.plan):
             return
 
 
-def ends_series(part: Part, case: Case, plan: CampaignPlan) -> bool:
+def stops_series(part: Part, case: Case, plan: CampaignPlan) -> bool:
     """Return whether no larger object is tried after this throw."""
     return part.slipped and case.size >= plan.at_least - 1e-9
 
@@ -144,12 +144,12 @@ def make_throw(job: Job, case: Case, *, number: int) -> Part:
     -------
     Part
     """
-    plan, rng = job.plan, chance_for(job.plan, case)
+    plan, rng = job.plan, throw_generator(job.plan, case)
     overrides = overrides_for(plan, job.panel, rng)
     panel = job.panel.with_overrides(dict(overrides)) if overrides else job.panel
     foreign = ForeignObject(case.size, case.place) if case.size > 0 else None
     run = simulate(
-        with_time_to_stop(panel),
+        extend_schedule(panel),
         foreign_object=foreign,
         scheme=plan.scheme,
         save=Save(fields=FIELDS),

@@ -157,7 +157,9 @@ def compare_laws(
         When the campaign has no closing movement with an object.
     """
     drive_laws(panel, drive)
-    movements = _chosen(observe(dataset, panel), panel, source=str(dataset.attrs.get("title", "")))
+    movements = _select_movements(
+        observe(dataset, panel), panel, source=str(dataset.attrs.get("title", ""))
+    )
     fits = fitted_laws(
         movements, panel, calibration, drive=drive, evaluator=evaluator, report=report
     )
@@ -275,7 +277,7 @@ def law_results(fits: Sequence[LawFit]) -> tuple[tuple[LawResult, ...], float]:
     return tuple(results), samples
 
 
-def _chosen(
+def _select_movements(
     movements: Sequence[MeasuredMovement], panel: LoadedPanel, *, source: str
 ) -> tuple[MeasuredMovement, ...]:
     """Return closing movements: a few without an object, more with one."""

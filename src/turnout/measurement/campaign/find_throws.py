@@ -12,10 +12,10 @@ import xarray as xr
 from turnout.measurement.campaign.motion_signals import (
     Flags,
     Floats,
+    bridge_gaps,
     drift,
     found_direction,
     mean_over,
-    without_holes,
     without_spikes,
 )
 
@@ -206,7 +206,7 @@ def _is_moving(forces: Floats, *, rate: float, detection: Detection) -> Flags:
         smooth = mean_over(row, width=round(0.02 * rate))
         index = np.arange(size)
         change = smooth[np.minimum(index + half, size - 1)] - smooth[np.maximum(index - half, 0)]
-        steps = np.abs(np.diff(without_holes(row)))
+        steps = np.abs(np.diff(bridge_gaps(row)))
         noise = float(np.median(steps)) / 0.95 / np.sqrt(max(1.0, 0.02 * rate))
         moving |= np.abs(change) > max(detection.moving_force, 8.0 * noise)
     return moving
@@ -260,7 +260,7 @@ def _first_inrush(
     """Return the first of two samples in a row above the running current, near the span's start."""
     reach = round(0.05 * rate)
     first = max(0, span[0] - reach)
-    high = np.abs(without_holes(row)[first : span[0] + 4 * reach]) > detection.running_current
+    high = np.abs(bridge_gaps(row)[first : span[0] + 4 * reach]) > detection.running_current
     pairs = np.flatnonzero(high[:-1] & high[1:])
     return float(first + pairs[0]) if pairs.size else float(span[1])
 

@@ -20,7 +20,7 @@ from turnout.measurement.campaign.motion_signals import CLOSING, OPENING
 LARGEST = 0.2
 FAMILIES = ("sleeper", "drive", "sensor", "chair", "stud", "stop", "link", "fastening")
 _NAMED = re.compile(rf"({'|'.join(FAMILIES)})\s*[-_ ]?\s*(\S.*)\Z", re.IGNORECASE)
-_TRUTH = {"yes": True, "no": False, "true": True, "false": False, "1": True, "0": False}
+_YES_NO = {"yes": True, "no": False, "true": True, "false": False, "1": True, "0": False}
 _DIRECTIONS = {CLOSING: CLOSING, OPENING: OPENING, "close": CLOSING, "open": OPENING}
 
 
@@ -100,15 +100,15 @@ def direction_name(value: Any) -> str:
     return known
 
 
-def truth(value: Any) -> bool:
+def parse_yes_no(value: Any) -> bool:
     """Return what yes or no says; ValueError for anything else.
 
     Examples
     --------
-    >>> truth("Yes")
+    >>> parse_yes_no("Yes")
     True
     """
-    known = _TRUTH.get(str(value).strip().lower())
+    known = _YES_NO.get(str(value).strip().lower())
     if known is None:
         message = "must be yes or no"
         raise ValueError(message)
@@ -271,7 +271,7 @@ def read_sheet(path: Path | str) -> RunSheet:
             runs.append(run)
     if not rows:
         problems.append("names no movement; give a line for each")
-    problems += _doubles(runs)
+    problems += _duplicates(runs)
     if problems:
         raise MeasurementError(problems, source=str(path))
     title = str(headings.get("title", path.resolve().parent.name))
@@ -368,8 +368,8 @@ def _run(
         "movement": read("movement", whole_number, 1),
         "direction": read("direction", direction_name, CLOSING),
         "repeat": read("repeat", whole_number, 1),
-        "slip": read("slip", truth, None),
-        "load_cell": read("load_cell", truth, size >= mounted_from - 1e-9),
+        "slip": read("slip", parse_yes_no, None),
+        "load_cell": read("load_cell", parse_yes_no, size >= mounted_from - 1e-9),
         "remark": str(row.get("remark", "")),
     }
     if wrong:
@@ -378,7 +378,7 @@ def _run(
     return SheetRow(where=where, file=str(row["file"]).strip(), size=size, place=place, **values)
 
 
-def _doubles(runs: list[SheetRow]) -> list[str]:
+def _duplicates(runs: list[SheetRow]) -> list[str]:
     """Name movements that the sheet has twice."""
     problems = []
     recorded: dict[tuple[object, ...], SheetRow] = {}

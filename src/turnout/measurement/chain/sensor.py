@@ -173,23 +173,23 @@ def describe_sensor(sensor: AnySensor, quantity: Dimension, unit: RawUnit) -> st
 
 def _scale(sensor: AnySensor, unit: RawUnit, quantity: Dimension) -> float:
     if isinstance(sensor, Clamp):
-        _must(quantity is CURRENT, "a clamp measures a current, not a force")
+        _require(quantity is CURRENT, "a clamp measures a current, not a force")
         _fits(unit, VOLTAGE)
         return 1.0 / sensor.sensitivity
     if isinstance(sensor, StrainBridge):
-        _must(quantity is FORCE, "a strain bridge measures a force, not a current")
+        _require(quantity is FORCE, "a strain bridge measures a force, not a current")
         _fits(unit, VOLTAGE_RATIO, VOLTAGE, STRAIN)
         per_strain = force_per_strain(sensor)
         if unit.dimension is STRAIN:
             return per_strain
         return per_strain * strain_per_ratio(sensor) * _ratio(sensor, unit)
     if isinstance(sensor, LoadCell):
-        _must(quantity is FORCE, "a load cell measures a force, not a current")
+        _require(quantity is FORCE, "a load cell measures a force, not a current")
         _fits(unit, VOLTAGE_RATIO, VOLTAGE)
         return sensor.capacity / sensor.sensitivity * _ratio(sensor, unit)
     if isinstance(sensor, Calibrated):
         _fits(unit, sensor.readings.dimension)
-        _must(
+        _require(
             sensor.loads.dimension is quantity,
             f"the loads are a {sensor.loads.dimension.name}, must be a {quantity.name}",
         )
@@ -210,12 +210,12 @@ def _ratio(sensor: Amplified, unit: RawUnit) -> float:
 
 def _fits(unit: RawUnit, *dimensions: Dimension) -> None:
     names = " or ".join(f"{item.name} ({item.unit})" for item in dimensions)
-    _must(
+    _require(
         unit.dimension in dimensions,
         f"the column is a {unit.dimension.name} in {unit.text}, must be a {names}",
     )
 
 
-def _must(holds: bool, message: str) -> None:
+def _require(holds: bool, message: str) -> None:
     if not holds:
         raise ValueError(message)

@@ -98,7 +98,7 @@ def _recording(content: Mapping[str, Any], path: Path) -> Recording:
             arrays[name] = np.asarray(value)
     start_time = next((v[0] for k, v in texts.items() if k.lower().endswith("start_time")), None)
     if f"{_PREFIX}variables" in texts and f"{_PREFIX}rates" in arrays:
-        columns, problems = _own(arrays, texts), list[str]()
+        columns, problems = _own_variable(arrays, texts), list[str]()
     else:
         columns, problems = columns_of_arrays(arrays, texts)
     return assemble(
@@ -110,7 +110,9 @@ def _recording(content: Mapping[str, Any], path: Path) -> Recording:
     )
 
 
-def _own(arrays: Mapping[str, NDArray[Any]], texts: Mapping[str, list[str]]) -> list[FileColumn]:
+def _own_variable(
+    arrays: Mapping[str, NDArray[Any]], texts: Mapping[str, list[str]]
+) -> list[FileColumn]:
     """Read what `mat_bytes` made."""
     variables = texts[f"{_PREFIX}variables"]
     names, units, descriptions = (

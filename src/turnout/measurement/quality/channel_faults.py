@@ -11,9 +11,9 @@ import xarray as xr
 from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.motion_signals import (
     Floats,
+    bridge_gaps,
     mean_over,
     spikes,
-    without_holes,
     without_spikes,
 )
 
@@ -175,7 +175,7 @@ def channel_faults(dataset: xr.Dataset, throw: FoundThrow, *, limits: Limits) ->
     for name, values, key in measured_channels(dataset):
         holes = hole_fault(name, values, rate=rate, limits=limits)
         faults += holes
-        filled = without_holes(values)
+        filled = bridge_gaps(values)
         faults += quantisation_fault(name, filled, key=key, limits=limits)
         teeth = spike_fault(name, filled, key=key, rate=rate, limits=limits)
         faults += teeth

@@ -11,10 +11,10 @@ from turnout.measurement.campaign.motion_signals import (
     CLOSING,
     OPENING,
     Floats,
+    bridge_gaps,
     drift,
     force_changes,
     mean_over,
-    without_holes,
 )
 from turnout.measurement.quality.channel_faults import Fault, Limits, measured_channels
 
@@ -249,7 +249,7 @@ def direction_faults(
         faults += [Fault("reversed polarity", f"drive_force {name}", text) for name in wrong]
     inside = (time > throw.onset + 0.2) & (time < throw.end)
     for name in names if "drive_current" in dataset else []:
-        level = np.median(without_holes(dataset["drive_current"].sel(drive=name).values)[inside])
+        level = np.median(bridge_gaps(dataset["drive_current"].sel(drive=name).values)[inside])
         if level < -0.2:
             text = f"{level:.2g} A while the motor runs"
             faults.append(Fault("reversed polarity", f"drive_current {name}", text))
