@@ -1,9 +1,9 @@
 """Both criteria on the energy residual, and a rail that does not creep.
 
 (i) The energy residual is below 1e-6 of its scale: proves the code. (ii) Numerical dissipation is
-at most 0.5 % on a default throw and 2 % on SB1 B, whose object is hit at full speed, and shrinks with
-the step at the rates stated below, fitted over steps of 4, 2, 1 and 0.5 ms: proves the physics. A
-smooth run would give 2; contacts that change within a step and impacts cost part of it.
+at most 0.5 % on a default throw and 2 % on SB1 B, whose object is hit at full speed, and shrinks
+with the step at the rates stated below, fitted over steps of 4, 2, 1 and 0.5 ms: proves the
+physics. A smooth run would give 2; contacts that change within a step and impacts cost part of it.
 """
 
 import numpy as np
