@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from turnout.condense import condense
-from turnout.integrate.arrange import arrange, forget
+from turnout.integrate.arrange import arrange, clear_memory
 from turnout.integrate.integration import integrate
 from turnout.mechanism.build import build_mechanism
-from turnout.mechanism.build import forget as forget_linear
+from turnout.mechanism.build import clear_memory as clear_linear
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
@@ -21,7 +21,7 @@ QUICK = Scheme.of("quick")
 
 @pytest.fixture(autouse=True)
 def _own_memory() -> None:
-    forget()
+    clear_memory()
 
 
 def mechanism(**overrides: object) -> Mechanism:
@@ -66,7 +66,7 @@ def test_a_run_from_memory_gives_the_same_bits() -> None:
 
     first = history()
     kept = history()
-    forget()
+    clear_memory()
     np.testing.assert_array_equal(first, kept)
     np.testing.assert_array_equal(first, history())
 
@@ -94,7 +94,7 @@ def test_condensing_at_the_home_changes_less_than_a_hundredth_of_the_error(
 ) -> None:
     given = mechanism(**{"drive.1.stiffness": 555e3, "drive.2.stiffness": 1090e3})
     at_home = drive_forces(given, scheme=scheme)
-    forget()
+    clear_memory()
     monkeypatch.setattr(condense, "home_stiffness", lambda stiffness: stiffness)
     itself = drive_forces(given, scheme=scheme)
     # quick mode is off by 2e-3 of the peak, waveform mode by 2e-4 (docs/performance.md)
@@ -120,6 +120,6 @@ def test_an_object_elsewhere_finds_the_rails_condensed_and_gives_the_same_bits()
     kept = {id(part.before.model) for item in made for part in item.condensed.parts if part.before}
     assert len(kept) == 2  # a switch rail and its stock rail
     for place, known in zip(PLACES, one_after_another, strict=True):
-        forget()
-        forget_linear()
+        clear_memory()
+        clear_linear()
         np.testing.assert_array_equal(history(place), known)

@@ -23,7 +23,7 @@ from turnout.condense.condense import (
 from turnout.condense.modal import ModalModel
 from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
-from turnout.integrate.march import Record
+from turnout.integrate.march import StepRecord
 from turnout.integrate.numbering import Places, number_places, place_laws
 from turnout.integrate.rods import Rods
 from turnout.integrate.scratch import Work, acquire_buffer, new_work, release_buffers
@@ -61,7 +61,7 @@ class Arrangement:
     condensed : CondensedRails
         Modes and flexibility of the rails, in the coordinates of the mechanism.
     system : System
-        The same for the kernels.
+        Condensed system of the model, laid out for the kernels.
     templates : dict
         States at rest and scratch arrays, by numbers of inputs and of levels, for runs to copy.
     """
@@ -125,7 +125,7 @@ def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
     return replace(cached, mechanism=mechanism, laws=laws, table=table)
 
 
-def forget() -> None:
+def clear_memory() -> None:
     """Clear the cache of condensed mechanisms, and release the buffers of histories."""
     _cache.clear()
     _rails_cache.clear()
@@ -226,7 +226,7 @@ def _with_objects(
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class PreparedRun:
     """All data of one run; `positions` are the inputs at the ends of the steps [m]."""
 
     system: System
@@ -237,7 +237,7 @@ class Run:
     tolerances: Tolerances
     stepping: Stepping
     positions: Floats
-    record: Record
+    record: StepRecord
     rods: Rods | None = None
 
 
@@ -248,7 +248,7 @@ def prepare(
     n_stored: int,
     *,
     filled_in: bool,
-) -> Run:
+) -> PreparedRun:
     """Allocate state, scratch arrays and record of one run; nothing has moved yet.
 
     Parameters
@@ -256,7 +256,7 @@ def prepare(
     arrangement : Arrangement
         From `arrange`.
     scheme : Scheme
-        Numerical choices.
+        Step [s], spectral radius, tolerances and halvings.
     positions : ndarray, shape (n_steps + 1, n_inputs)
         Marker positions at the ends of the steps [m].
     n_stored : int
@@ -270,7 +270,7 @@ def prepare(
     )
     state.inputs[:] = positions[0]
     alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
-    return Run(
+    return PreparedRun(
         system=system,
         laws=laws,
         table=table,
@@ -310,7 +310,7 @@ def _copy_templates(
     return fresh_copy(template[0], arrangement.table), clone_record(template[1])
 
 
-def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: bool) -> Record:
+def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: bool) -> StepRecord:
     """Allocate a record of `count` instants in one piece of memory.
 
     It begins at a large page, so that a run touches few pages for the first time.
@@ -329,13 +329,13 @@ def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: 
         arrays[name] = memory[at : at + count * width].reshape(count, width)
         at += count * width
     velocity = np.zeros((count if with_velocity else 1, arrays["q"].shape[1]))
-    return shared_record(Record(**arrays, residual=np.zeros(1), v=velocity))
+    return shared_record(StepRecord(**arrays, residual=np.zeros(1), v=velocity))
 
 
-def trim_record(run: Run, count: int) -> Record:
+def trim_record(run: PreparedRun, count: int) -> StepRecord:
     """Return the first `count` stored instants, without the padding to whole cache lines."""
     record, n_modes = run.record, run.system.load.size
-    return Record(
+    return StepRecord(
         q=record.q[:count, :n_modes],
         g=record.g[:count, : run.system.row_place.size],
         friction=record.friction[:count, : run.laws.friction_row.size],

@@ -14,11 +14,11 @@ from turnout.condense.modal import ModalModel
 from turnout.core.threads import one_blas_thread
 from turnout.errors import SolverError
 from turnout.integrate.accuracy import equilibrium_residual
-from turnout.integrate.arrange import Run, arrange, prepare, trim_record
+from turnout.integrate.arrange import PreparedRun, arrange, prepare, trim_record
 from turnout.integrate.dense import interpolate_record
 from turnout.integrate.driven import MachineHistory, machine_history, new_rods, start_rods
 from turnout.integrate.energy import energy_balance
-from turnout.integrate.march import Record, march, store_instant
+from turnout.integrate.march import StepRecord, march, store_instant
 from turnout.integrate.outcome import Code, Outcome, is_closed
 from turnout.integrate.start import PriorMotion, find_start
 from turnout.integrate.state import (
@@ -171,7 +171,7 @@ def _integrate(
         time=done * scheme.step,
         step=done,
         residual=max(float(run.record.residual[0]), float(residual)),
-        contacts=_name_unsettled(mechanism, run),
+        contacts=_name_unconverged(mechanism, run),
         energy_residual=balance[0],
         energy_scale=balance[1],
     )
@@ -231,8 +231,8 @@ def _choose_grid(mechanism: Mechanism, scheme: Scheme, end: float) -> _Grid:
 
 
 def _assemble_history(
-    run: Run,
-    record: Record,
+    run: PreparedRun,
+    record: StepRecord,
     condensed: CondensedRails,
     outcome: Outcome,
     instants: Floats,
@@ -261,7 +261,7 @@ def _assemble_history(
     )
 
 
-def _march(run: Run, first: int, last: int) -> tuple[int, int]:
+def _march(run: PreparedRun, first: int, last: int) -> tuple[int, int]:
     return march(
         run.system,
         run.table,
@@ -278,7 +278,7 @@ def _march(run: Run, first: int, last: int) -> tuple[int, int]:
 
 
 def _march_in_chunks(
-    run: Run, report: Callable[[int, int], None] | None, thread: Executor | None
+    run: PreparedRun, report: Callable[[int, int], None] | None, thread: Executor | None
 ) -> tuple[Code, int]:
     """March in chunks of about `INTERRUPT_INTERVAL`, and report the progress after each."""
     n_steps = run.positions.shape[0] - 1
@@ -299,9 +299,9 @@ def _march_in_chunks(
     return Code.COMPLETE, done
 
 
-def _name_unsettled(mechanism: Mechanism, run: Run) -> tuple[str, ...]:
+def _name_unconverged(mechanism: Mechanism, run: PreparedRun) -> tuple[str, ...]:
     """Return the names of the laws on rows that still changed when the last attempt ended."""
-    rows, table = run.work.unsettled.astype(bool), run.table
+    rows, table = run.work.unconverged.astype(bool), run.table
     names = [name for name, row in zip(mechanism.law_names, table.row, strict=True) if rows[row]]
     names += [
         f"friction {name}"
