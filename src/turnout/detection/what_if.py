@@ -8,18 +8,17 @@ two throws. Sensors at the rail use gaps of a further sweep with objects.
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.problems import choices
-from turnout.core.units import LENGTH, parse_quantity
-from turnout.detection.bound import probability_of_detection, repeated_alarm_rate
-from turnout.detection.limit import limit_map, smallest_seen
-from turnout.detection.reference import THROWS_A_DAY, Conditions, reference_study, switch_inputs
-from turnout.detection.throws import Throws, places_of
+from turnout.detection.bound import repeated_alarm_rate
+from turnout.detection.features import features_of
+from turnout.detection.limit import limit_map, sound_throws
+from turnout.detection.reference import THROWS_A_DAY, Conditions
+from turnout.detection.throws import Throws
 from turnout.errors import StudyError
 
 Floats = NDArray[np.float64]
@@ -60,6 +59,17 @@ class Measure:
     averaged: int = 1
 
 
+def check_measures(texts: Sequence[str]) -> None:
+    """Refuse texts that are no measure, before anything is thrown, all at once."""
+    problems = [
+        f'what-if "{text}": is none of {choices(FORMS)}, with numbers of your own'
+        for text in texts
+        if not any(re.fullmatch(pattern, " ".join(text.split())) for pattern, _ in _FORMS)
+    ]
+    if problems:
+        raise StudyError(problems, source="limit")
+
+
 def read_measure(
     text: str, throws: Throws, conditions: Conditions, *, inputs: Sequence[str]
 ) -> Measure:
@@ -81,20 +91,20 @@ def read_measure(
     StudyError
         For a text of no such form, or one that leaves too few states.
     """
+    check_measures([text])
     words = " ".join(text.split())
-    for pattern, make in _FORMS:
-        match = re.fullmatch(pattern, words)
-        if match:
-            found = make(match, throws, conditions, tuple(inputs))
-            if len(found.throws.states) < FEWEST_STATES:
-                message = (
-                    f'what-if "{words}": only {len(found.throws.states)} of '
-                    f"{len(throws.states)} states are like that; take a milder one, or more --states"
-                )
-                raise StudyError([message], source="limit")
-            return replace(found, name=words)
-    message = f'what-if "{words}": is none of {choices(FORMS)}, with numbers of your own'
-    raise StudyError([message], source="limit")
+    found = next(
+        make(match, throws, conditions, tuple(inputs))
+        for pattern, make in _FORMS
+        if (match := re.fullmatch(pattern, words))
+    )
+    if len(found.throws.states) < FEWEST_STATES:
+        message = (
+            f'what-if "{words}": only {len(found.throws.states)} of {len(throws.states)} states '
+            "are like that; take a milder one, or more states"
+        )
+        raise StudyError([message], source="limit")
+    return found
 
 
 def gains(
@@ -166,6 +176,63 @@ def some_states(throws: Throws, kept: NDArray[np.bool_]) -> Throws:
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repeat:
+    """False alarms if a second throw must confirm the first.
+
+    Attributes
+    ----------
+    correlation : float
+        Of the statistic of two throws of one switch, median over places and states [-].
+    rate : float
+        Two alarms in a row, a sound throw [-].
+    once_a_year, twice_a_year : float
+        False alarms a switch and year with one throw, and with two [-].
+    """
+
+    correlation: float
+    rate: float
+    once_a_year: float
+    twice_a_year: float
+
+
+def repeated_throw(throws: Throws, conditions: Conditions, *, closing: float) -> Repeat:
+    """Return the false alarms of a second throw, whose fixed part is that of the first.
+
+    Parameters
+    ----------
+    throws : Throws
+        Of the reference case.
+    conditions : Conditions
+        Discrepancy, history, rate of false alarms of one throw.
+    closing : float
+        When the last closing begins [s].
+    """
+    one, two = (
+        sound_throws(throws, conditions, closing=closing, averaged=count) for count in (1, 2)
+    )
+    nearest = one.nearest(throws.level[throws.states])
+    shares = []
+    for state, level in enumerate(nearest):
+        total = one.covariances[level]
+        own = 2.0 * (total - two.covariances[level])
+        signatures = features_of(
+            throws.change[state].reshape(-1, *throws.change.shape[-2:]), one.means
+        )
+        given = np.isfinite(signatures).all(axis=1) & (np.abs(signatures).max(axis=1) > 0.0)
+        weights = np.linalg.solve(total, signatures[given].T)
+        each = np.einsum("ij,ij->j", weights, own @ weights)
+        shares.append(1.0 - each / np.einsum("ij,ij->j", weights, total @ weights))
+    correlation = float(np.clip(np.median(np.concatenate(shares)), 0.0, 1.0))
+    alarms = conditions.false_alarm_rate
+    rate = float(repeated_alarm_rate(correlation, false_alarm_rate=alarms))
+    a_year = THROWS_A_DAY * DAYS
+    return Repeat(
+        correlation=correlation, rate=rate,
+        once_a_year=alarms * a_year, twice_a_year=rate * a_year,
+    )  # fmt: skip
+
+
 Make = Callable[["re.Match[str]", Throws, Conditions, tuple[str, ...]], Measure]
 
 
@@ -225,3 +292,16 @@ _FORMS: tuple[tuple[str, Make], ...] = (
     (rf"friction {_NUMBER}", _friction),
     (r"closing force", _closing),
 )
+
+
+def gain_rows(dataset: xr.Dataset) -> list[Mapping[str, float | str]]:
+    """Return name, gains [m] and meaning of each measure, best first, without the present state."""
+    return [
+        {
+            "measure": str(one["measure"].item()),
+            "gain": float(one["gain"]),
+            "gain_worst": float(one["gain_worst"]),
+            "note": str(one["note"].item()),
+        }
+        for one in (dataset.isel(measure=number) for number in range(1, dataset.sizes["measure"]))
+    ]
