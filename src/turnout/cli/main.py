@@ -14,6 +14,7 @@ from turnout.cli import (
     limit,
     machine,
     panel,
+    plan_test,
     pod,
     recording,
     report,
@@ -52,6 +53,9 @@ app.command("limit", short_help="Show what the drives can detect: places, sizes,
 )
 app.command("pod", short_help="Estimate probability of detection, a90 and a90/95 of a campaign.")(
     pod.pod_command
+)
+app.command("plan-test", short_help="Plan a day of tests on the track: objects, places, order.")(
+    plan_test.plan_test_command
 )
 app.command("studio", short_help="Open an interactive page that runs locally.")(
     studio.studio_command
