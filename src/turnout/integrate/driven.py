@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import SolverError
 from turnout.integrate.arrange import Run
+from turnout.integrate.duty import Duty, machine_duties
 from turnout.integrate.rods import Rods
 from turnout.kernels.records import shared_record
 from turnout.machine.compute import places as at
@@ -45,7 +47,7 @@ LOSSES = {
 """Sums of a machine's own losses by what they are."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class MachineHistory:
     """What the machines of a run leave behind, at its stored instants.
 
@@ -58,6 +60,8 @@ class MachineHistory:
     records : tuple of Machine
         As fitted to the drives.
     constants : ndarray, shape (n, CONSTANTS)
+    commands : ndarray, shape (n, n_commands, 2)
+        Time [s] and direction; what fills the table up is infinite.
     inputs : ndarray of int, shape (n,)
         The input that each moves.
     shift : ndarray, shape (n,)
@@ -76,6 +80,7 @@ class MachineHistory:
     names: tuple[str, ...]
     records: tuple[Machine, ...]
     constants: Floats
+    commands: Floats
     inputs: NDArray[np.int64]
     shift: Floats
     states: Floats
@@ -106,16 +111,36 @@ class MachineHistory:
         positions[:, self.inputs] = states[:, :, at.ROD_POSITION] + self.shift
         return replace(self, time=instants, states=states, given=between(self.given))
 
+    @cached_property
+    def duties(self) -> tuple[Duty, ...]:
+        """What every machine did on every command that it was given."""
+        return tuple(
+            duty
+            for number, name in enumerate(self.names)
+            for duty in machine_duties(
+                name,
+                commands=self.commands[number],
+                events=self.events[number],
+                time=self.time,
+                states=self.states[:, number],
+            )
+        )
+
+    @cached_property
+    def _energies(self) -> Floats:
+        """Sums of energy, shape (n_sums, n_times, n) [J]."""
+        return np.ascontiguousarray(self.states[:, :, at.ENERGIES :].transpose(2, 0, 1))
+
     def sums(self, *places: int) -> Floats:
         """Return sums of energy over time, shape (n_times, n) [J]."""
-        return np.asarray(self.states[:, :, [at.ENERGIES + place for place in places]].sum(axis=2))
+        return np.asarray(self._energies[list(places)].sum(axis=0))
 
-    @property
+    @cached_property
     def losses(self) -> Mapping[str, Floats]:
         """What each machine lost by `LOSSES`, shape (n_times, n) [J]."""
         return {name: self.sums(*places) for name, places in LOSSES.items()}
 
-    @property
+    @cached_property
     def stored(self) -> Floats:
         """Change of energy in coil, inertias and clutch, shape (n_times, n) [J]."""
         energy = np.zeros(self.given.shape)
@@ -123,7 +148,7 @@ class MachineHistory:
             energy += 0.5 * self.constants[:, constant] * self.states[:, :, state] ** 2
         return np.asarray(energy - energy[0])
 
-    @property
+    @cached_property
     def numerical(self) -> Floats:
         """What the schemes lose, shape (n_times, n) [J].
 
@@ -133,9 +158,9 @@ class MachineHistory:
         own = self.sums(at.INTO_STORES) - self.stored
         return np.asarray(own + self.sums(at.ROD_INPUT) - self.given)
 
-    @property
+    @cached_property
     def residual(self) -> Floats:
-        """What is left over when the books of the machines are closed, shape (n_times, n) [J]."""
+        """Residual of the energy balance of each machine, shape (n_times, n) [J]."""
         spent = sum(self.losses.values(), self.stored + self.numerical + self.given)
         return np.asarray(self.sums(at.SUPPLY, at.HAND) - spent)
 
@@ -219,6 +244,7 @@ def machine_history(run: Run, mechanism: Mechanism, kept: int) -> MachineHistory
         names=given.names,
         records=given.records,
         constants=given.constants,
+        commands=given.commands,
         inputs=given.inputs,
         shift=given.shift,
         states=rods.kept[:kept],
