@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from turnout.integrate.driven import MachineHistory
 from turnout.integrate.duty import Duty
-from turnout.integrate.run import History
+from turnout.integrate.integration import History
 from turnout.machine.compute import places as at
 from turnout.machine.rows import supply_voltage
 from turnout.machine.steady import shaft_travel
