@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from turnout.errors import PanelError, SolverError
-from turnout.mechanism.machines import command_times, fitted_machine, slip_force
+from turnout.mechanism.drive_machines import command_times, fitted_machine, slip_force
 from turnout.metric.summary import summary
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel

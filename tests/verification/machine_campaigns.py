@@ -1,4 +1,4 @@
-"""The long job: are machines found again from the currents of virtual campaigns, with honest bounds?
+"""The long job: machines found again from currents of virtual campaigns, with honest intervals?
 
     python -m tests.verification.machine_campaigns run --count 200 --out DIR --workers 1
     python -m tests.verification.machine_campaigns report DIR
@@ -25,12 +25,12 @@ from turnout.calibration.machine_fit import MachineFit, fit_machines
 from turnout.errors import TurnoutError
 from turnout.machine.current_fit import LoadLine
 from turnout.machine.steady import slip_point, steady_point, torque_for
-from turnout.mechanism.machines import fitted_machine
+from turnout.mechanism.drive_machines import fitted_machine
 from turnout.panel.load import LoadedPanel
 from turnout.scheme import Scheme
-from turnout.virtual.campaign import make_virtual_campaign
-from turnout.virtual.noise import Disturbance, Transducer
-from turnout.virtual.plan import Plan
+from turnout.virtual.campaign_plan import Plan
+from turnout.virtual.disturbance import Disturbance, Transducer
+from turnout.virtual.make_campaign import make_virtual_campaign
 
 SEED = 20261121
 CLAMP = Transducer(noise=0.010, drift=0.005, hum=0.02, step=60.0 / 2**16)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tests.verification.machine_rail import HORIZON, PLACES, RODS, gap
 
 from turnout.integrate.integration import History, integrate
-from turnout.machine.load import machine_text
+from turnout.machine.machine_file import machine_text
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel

@@ -14,35 +14,27 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.calibration.comparison import Uncertainty
+from turnout.calibration.running_spans import (
+    OVERRUN,
+    RUNNING,
+    Ran,
+    ran_spans,
+    steady_and_slipping,
+)
 from turnout.errors import MeasurementError
+from turnout.machine.clutch_fit import ClutchTrend, SlipLevel, clutch_trend, slip_estimate
 from turnout.machine.current_fit import (
-    STEP,
-    ClutchTrend,
     Estimate,
     LoadLine,
     MotorKind,
     NotIdentified,
     RunningSpan,
-    SlipLevel,
-    clutch_trend,
     fit_load_line,
-    slip_estimate,
-    slip_level,
 )
 from turnout.machine.force_anchor import ForceAnchor, gauge_anchor, sister_anchor
 
 Floats = NDArray[np.float64]
 
-RUNNING = 0.35
-"""Current above which a motor runs [A]."""
-SETTLED = 0.4
-"""After the contactor, when the inrush is over [s]."""
-MARGIN = 0.15
-"""Before the cut-off, which the moving average spreads [s]."""
-OVERRUN = 1.0
-"""A motor that ran longer than the shortest tenth by this slipped until its time-out [s]."""
-SLIP_BAND, LEAST_SLIP = 0.02, 0.5
-"""A slipping span stays within this share of its last value, for so long at least [-, s]."""
 NOT_SEPARATED = (
     "supply voltage, resistance, motor constant and gear ratio: idle and slip current depend on "
     "T_0/k and T_s/k, the rise with the force on N eta k, so each may be exchanged for the others",
@@ -110,7 +102,7 @@ class DriveFit:
     levels : tuple of SlipLevel
         Slip current of each movement in which the clutch slipped.
     trend : ClutchTrend or None
-        Of the slip current over the movements; None from fewer than three.
+        Of the slip current over the movements; None from fewer than five.
     energised : Estimate or None
         Time from contactor to cut-off where the clutch did not slip [s].
     anchor : ForceAnchor or None
@@ -180,20 +172,6 @@ class MachineFit:
         return found[0]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Ran:
-    """A motor that ran: samples of one drive in one movement at every `STEP`."""
-
-    name: str
-    number: int
-    time: Floats
-    current: Floats
-    load: Floats | None
-    others: Floats | None
-    on: float
-    off: float
-
-
 def fit_machines(
     campaign: xr.Dataset,
     *,
@@ -230,7 +208,7 @@ def fit_machines(
     """
     _check(campaign, {"idle": idle, "clutch force": gauges, "sister": sisters})
     ran = {
-        (drive, direction): _ran(campaign, drive, direction)
+        (drive, direction): ran_spans(campaign, drive, direction)
         for drive in (str(name) for name in campaign["drive"].values)
         for direction in ("closing", "opening")
     }
@@ -239,7 +217,7 @@ def fit_machines(
         text = f"no motor runs: no drive_current is above {RUNNING} A for long"
         raise MeasurementError([text], source="machine fit")
     usual = float(np.quantile(lengths, 0.1))
-    cut = {key: _spans(items, usual) for key, items in ran.items() if items}
+    cut = {key: steady_and_slipping(items, usual) for key, items in ran.items() if items}
     found = []
     for (drive, direction), (spans, levels) in cut.items():
         items, slip = ran[drive, direction], slip_estimate(levels)
@@ -282,105 +260,8 @@ def _check(campaign: xr.Dataset, given: Mapping[str, Mapping[str, object] | None
         raise MeasurementError(problems, source="machine fit")
 
 
-def _ran(campaign: xr.Dataset, drive: str, direction: str) -> list[_Ran]:
-    """Return the movements of a drive in which its motor ran."""
-    time = campaign["time"].values
-    rows = np.flatnonzero(campaign["direction"].values == direction)
-    sign = 1.0 if direction == "closing" else -1.0
-    found = []
-    for number in rows:
-        one = campaign.isel(movement=int(number))
-        current = one["drive_current"].sel(drive=drive).values
-        kept = np.isfinite(current)
-        ran = _switched(time[kept], current[kept])
-        if ran is None:
-            continue
-        freed, on, off = ran
-        load = others = None
-        if "drive_force" in campaign:
-            forces = sign * one["drive_force"].transpose("drive", "time").values[:, kept]
-            row = list(map(str, campaign["drive"].values)).index(drive)
-            if np.isfinite(forces[row]).all():
-                load = forces[row]
-                others = np.nansum(np.delete(forces, row, axis=0), axis=0)
-        every = slice(None, None, max(1, round(STEP / float(time[1] - time[0]))))
-        found.append(
-            _Ran(
-                name=str(one["movement"].values),
-                number=int(number),
-                time=time[kept][every],
-                current=freed[every],
-                load=load[every] if load is not None else None,
-                others=others[every] if others is not None else None,
-                on=on,
-                off=off,
-            )
-        )
-    return found
-
-
-def _switched(time: Floats, current: Floats) -> tuple[Floats, float, float] | None:
-    """Return the current freed of sign and zero of its clamp, and when the motor was on [s].
-
-    None where it did not run.
-    """
-    high = np.abs(current) > RUNNING
-    if time.size < 2 or high.sum() * (time[1] - time[0]) < SETTLED + MARGIN:
-        return None
-    current = current * (1.0 if np.median(current[high]) > 0.0 else -1.0)
-    on, off = _running(time, current)
-    before, after = current[time < on - 0.1], current[time > off + 0.6]
-    if before.size:
-        zero = np.full(time.size, np.median(before))
-        if after.size:  # a clamp that drifts
-            last = float(np.median(after))
-            zero += (last - zero) * np.clip((time - on) / (off + 0.6 - on), 0.0, 1.0)
-        current = current - zero
-    return current, on, off
-
-
-def _running(time: Floats, current: Floats) -> tuple[float, float]:
-    """Return start and end of the longest time in which the motor runs [s]."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], current > RUNNING, [0]])))
-    starts, ends = edges[::2], edges[1::2]
-    longest = int(np.argmax(ends - starts))
-    return float(time[starts[longest]]), float(time[ends[longest] - 1])
-
-
-def _spans(items: Sequence[_Ran], usual: float) -> tuple[list[RunningSpan], list[SlipLevel]]:
-    """Cut the movements into steady running and slipping."""
-    spans, levels = [], []
-    for item in items:
-        usable = (item.time >= item.on + SETTLED) & (item.time <= item.off - MARGIN)
-        if item.off - item.on > usual + OVERRUN:
-            until = np.flatnonzero(item.time <= item.off - MARGIN)
-            last = float(np.median(item.current[until[-round(0.4 / STEP) :]]))
-            off = np.flatnonzero(np.abs(item.current[until] - last) > SLIP_BAND * last)
-            first = until[off[-1]] + round(0.2 / STEP) if off.size else until[0]
-            slips = slice(first, until[-1] + 1)
-            if (slips.stop - slips.start) * STEP >= LEAST_SLIP:
-                held = item.load[slips] if item.load is not None else None
-                levels.append(
-                    slip_level(
-                        item.name, number=item.number, current=item.current[slips], held=held
-                    )
-                )
-                usable &= item.time < item.time[first] - 0.4
-        unknown = np.full(item.time.size, np.nan)
-        spans.append(
-            RunningSpan(
-                name=item.name,
-                current=item.current,
-                load=item.load if item.load is not None else unknown,
-                others=item.others if item.others is not None else unknown,
-                usable=usable,
-            )
-        )
-    return spans, levels
-
-
 def _line(
-    spans: Sequence[RunningSpan], items: Sequence[_Ran], motor: tuple[MotorKind, float, float]
+    spans: Sequence[RunningSpan], items: Sequence[Ran], motor: tuple[MotorKind, float, float]
 ) -> LoadLine | NotIdentified:
     if all(item.load is None for item in items):
         return NotIdentified(reason="no force was measured at this drive")

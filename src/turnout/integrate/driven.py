@@ -12,8 +12,8 @@ from turnout.integrate.arrange import Run
 from turnout.integrate.duty import Duty, machine_duties
 from turnout.integrate.rods import Rods
 from turnout.kernels.shared_record import shared_record
+from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
-from turnout.machine.records import Machine
 from turnout.machine.rows import work_rows
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import Scheme

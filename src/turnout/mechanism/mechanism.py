@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from turnout.beam.material import Material
 from turnout.law.table import LawTable
-from turnout.machine.records import Machine
+from turnout.machine.components import Machine
 from turnout.panel.profile import Spline
 from turnout.panel.records import RailMatrices
 from turnout.section.properties import SectionProperties

@@ -10,6 +10,7 @@ import math
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute.clutch import update_clutch
+from turnout.machine.compute.machine_step import SECOND, accept_step, span_of, take_step
 from turnout.machine.compute.places import (
     ARMATURE_OPEN,
     BRAKE_TORQUE,
@@ -76,7 +77,6 @@ from turnout.machine.compute.places import (
     VOLTAGE,
 )
 from turnout.machine.compute.rail import rail_side
-from turnout.machine.compute.step import SECOND, accept_step, span_of, take_step
 
 HALVINGS = 20
 """A step is halved at most so often before the run ends."""
