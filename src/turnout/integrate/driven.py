@@ -111,6 +111,14 @@ class MachineHistory:
         positions[:, self.inputs] = states[:, :, at.ROD_POSITION] + self.shift
         return replace(self, time=instants, states=states, given=between(self.given))
 
+    def select(self, index: NDArray[np.int64] | slice) -> "MachineHistory":
+        """Return the history at some of its instants; what was done on commands stays."""
+        chosen = replace(
+            self, time=self.time[index], states=self.states[index], given=self.given[index]
+        )
+        chosen.__dict__["duties"] = self.duties  # found with every instant
+        return chosen
+
     @cached_property
     def duties(self) -> tuple[Duty, ...]:
         """What every machine did on every command that it was given."""

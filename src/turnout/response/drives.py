@@ -28,6 +28,10 @@ OFF, ON, SLIPS, HELD = range(4)
 LEAST_SLIP = 1e-4
 """Slip of a clutch on one command, as travel of the rod, that is overlooked: a lock that opens
 under load lets the rod throw the gear back by less than its backlash [m]."""
+INRUSH = 0.3
+"""After the contactor, when the inrush is over [s]."""
+LAST = 0.1
+"""Before the cut-off, over which the last current is averaged [s]."""
 SLIP_ROUNDING = 1e-6
 """From one stored instant to the next [rad]."""
 _ENERGIES = {
@@ -110,7 +114,7 @@ def machine_signals(panel: Panel, history: History) -> dict[str, Variable]:
         "clutch_slip": of_drives(state[:, :, at.SLIP]),
         "clutch_heat": of_drives(machines.sums(at.CLUTCH)),
         "drive_state": _states(panel, machines),
-        "throw_time": _throw_times(panel, made),
+        **_duty_labels(panel, made, machines, np.abs(current)),
     }
 
 
@@ -163,13 +167,27 @@ def _states(panel: Panel, machines: MachineHistory) -> Variable:
     return ("drive", "time"), found
 
 
-def _throw_times(panel: Panel, made: Sequence[Duty]) -> Variable:
-    """Return from contactor to cut-off of the last throw in each direction, opening first."""
-    names = list(panel.drive)
-    found = np.full((len(names), 2), np.nan)
+def _duty_labels(
+    panel: Panel, made: Sequence[Duty], machines: MachineHistory, current: Floats
+) -> dict[str, Variable]:
+    """Return throw time and currents of the last throw in each direction, opening first."""
+    names, time = list(panel.drive), machines.time
+    found = np.full((3, len(names), 2), np.nan)
     for duty in made:
-        found[names.index(duty.drive), int(duty.to == "closed")] = duty.off - duty.on
-    return ("drive", "direction"), found
+        row = current[:, machines.names.index(duty.drive)]
+        off = duty.off if np.isfinite(duty.off) else np.inf
+        means = [
+            row[begin:end].mean() if end > begin else np.nan
+            for begin, end in (
+                np.searchsorted(time, [duty.on + INRUSH, off]),
+                np.searchsorted(time, [max(off - LAST, duty.on), off]),
+            )
+        ]
+        place = names.index(duty.drive), int(duty.to == "closed")
+        found[(slice(None), *place)] = duty.off - duty.on, *means
+    dims = ("drive", "direction")
+    labels = zip(("throw_time", "mean_current", "end_current"), found, strict=True)
+    return {name: (dims, values) for name, values in labels}
 
 
 def machine_energies(history: History, channels: dict[str, Variable]) -> dict[str, Variable]:
