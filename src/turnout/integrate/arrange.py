@@ -1,4 +1,4 @@
-"""Condense a mechanism for the kernels, prepare a run of it, and find where it rests.
+"""Condense a mechanism for the kernels, and prepare a run of it.
 
 Runs that differ only in values of laws (friction, clearances, saturation forces, times) or in the
 motion share modes and structure, which are therefore condensed once and cached. Mechanisms built
@@ -7,7 +7,6 @@ identity.
 """
 
 from collections.abc import Hashable
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,21 +17,16 @@ from turnout.condense.condense import assemble_model, base_stiffness, condense_b
 from turnout.condense.modal import ModalModel
 from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
-from turnout.integrate.columns import rebuild
-from turnout.integrate.equilibrium import anchor_at_rest, equilibrium, equilibrium_segments
 from turnout.integrate.march import Record
 from turnout.integrate.numbering import place_laws
-from turnout.integrate.outcome import Code
 from turnout.integrate.rods import Rods
 from turnout.integrate.scratch import Work, acquire_buffer, new_work, release_buffers
 from turnout.integrate.solve import Tolerances
-from turnout.integrate.state import LEVEL, State, fresh_copy, fresh_state, set_segments
+from turnout.integrate.state import State, fresh_copy, fresh_state
 from turnout.integrate.step import Stepping
 from turnout.integrate.system import System, check_normals, condensed_system
-from turnout.kernels.interrupt import call_interruptible
 from turnout.kernels.lanes import whole_lines
 from turnout.kernels.shared_record import clone_record, shared_record
-from turnout.law.kernel import SLIP_FORWARD
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import AlphaCoefficients, Scheme
@@ -263,35 +257,3 @@ def trim_record(run: Run, count: int) -> Record:
         residual=record.residual,
         v=record.v[:count, :n_modes],
     )
-
-
-def start_at_rest(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
-    """Find the static equilibrium without friction, then anchor the feet at their places."""
-    system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
-    state.present[:] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9) & (laws.waits == 0)
-    state.law_placed[state.present == 1] = 0.0
-    set_segments(table, state, state.segment)
-    state.friction[:] = SLIP_FORWARD
-    table.friction_coefficient[:] = 0.0
-    try:
-        if not _find_equilibrium(run, thread):
-            segments = equilibrium_segments(mechanism, inputs=state.inputs, present=state.present)
-            set_segments(table, state, segments)
-            if not _find_equilibrium(run, thread):
-                return Code.NO_EQUILIBRIUM
-    finally:
-        table.friction_coefficient[:] = laws.friction_coefficient
-    anchor_at_rest(system, table, state, work)
-    if not run.stepping.inertia:
-        rebuild(system, table, state, state.counters[LEVEL], work.row)
-    return Code.COMPLETE
-
-
-def _find_equilibrium(run: Run, thread: Executor) -> bool:
-    """Iterate the contact set to static equilibrium from the present one; tell if it converged."""
-    patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
-    given = (run.system, run.table, run.state, run.work, patient)
-    code = call_interruptible(thread, run.work.stop, equilibrium, *given)
-    if code == Code.INTERRUPTED:
-        raise KeyboardInterrupt
-    return code == Code.COMPLETE
