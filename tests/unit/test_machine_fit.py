@@ -129,7 +129,13 @@ def test_what_cannot_be_identified_is_said(load: Floats, reason: str) -> None:
 
 
 def campaign(
-    *, wear: float = 0.0, slips: int = 6, free: int = 4, forces: bool = True, sign: float = 1.0
+    *,
+    wear: float = 0.0,
+    slips: int = 6,
+    free: int = 4,
+    forces: bool = True,
+    sign: float = 1.0,
+    until: float = 3.2,
 ) -> xr.Dataset:
     """Return a campaign of one drive: free throws, then throws on an object until the time-out."""
     rate, time = 200.0, np.arange(-1.0, 11.0, 0.005)
@@ -143,7 +149,7 @@ def campaign(
         level = SLIP * (1.0 - wear * (number - free))
         current = np.minimum(IDLE + SLOPE * load, level)
         current = current + 9.0 * np.exp(-np.clip(time, 0.0, None) / 0.03)
-        current[(time < 0.0) | (time > (8.0 if slipping else 3.2))] = 0.0
+        current[(time < 0.0) | (time > (8.0 if slipping else until))] = 0.0
         noise = 0.01 * rng.standard_normal(time.size) + 0.003  # the clamp's zero is off
         currents.append(sign * moving_average(current + noise, rate=rate))
         loads.append(moving_average(np.minimum(load, 6e3), rate=rate))
@@ -175,6 +181,16 @@ def test_a_campaign(sign: float) -> None:
     assert force.low < 3000.0 < force.high
     assert found.anchor is not None
     assert found.anchor.kind == "force at the drive"
+
+
+def test_a_drive_that_takes_longer_than_the_others_does_not_slip() -> None:
+    slow = campaign(slips=2, until=4.6).assign_coords(drive=["2"])
+    found = fit_machines(xr.concat([campaign(slips=2), slow], "drive", join="override"))
+    for drive, length in (("1", 3.2), ("2", 4.6)):
+        one = found.of(drive, "closing")
+        assert len(one.levels) == 2
+        assert one.energised is not None
+        assert length <= one.energised.value <= length + 0.1
 
 
 def test_a_worn_clutch_is_tracked() -> None:

@@ -93,10 +93,12 @@ def _found(panel: LoadedPanel, fit: MachineFit) -> list[Record]:
     rows = []
     for item in fit.drives:
         machine, line = fitted_machine(panel, item.drive), item.line
-        assert isinstance(line, LoadLine)
         idle = steady_point(machine, torque=0.0).current
         loaded = steady_point(machine, torque=torque_for(machine, 1e3)).current
-        pairs = [("idle current", line.idle, idle), ("A per kN", line.slope, (loaded - idle) / 1e3)]
+        pairs = []
+        if isinstance(line, LoadLine):
+            pairs.append(("idle current", line.idle, idle))
+            pairs.append(("A per kN", line.slope, (loaded - idle) / 1e3))
         if item.slip is not None:
             pairs.append(("slip current", item.slip, slip_point(machine).current))
         rows += [

@@ -35,6 +35,8 @@ from turnout.machine.force_anchor import ForceAnchor, gauge_anchor, sister_ancho
 
 Floats = NDArray[np.float64]
 
+ALIKE = 1.6
+"""Drives of a switch take at most so much longer than the fastest of them [-]."""
 NOT_SEPARATED = (
     "supply voltage, resistance, motor constant and gear ratio: idle and slip current depend on "
     "T_0/k and T_s/k, the rise with the force on N eta k, so each may be exchanged for the others",
@@ -216,11 +218,12 @@ def fit_machines(
     if not lengths:
         text = f"no motor runs: no drive_current is above {RUNNING} A for long"
         raise MeasurementError([text], source="machine fit")
-    usual = float(np.quantile(lengths, 0.1))
-    cut = {key: steady_and_slipping(items, usual) for key, items in ran.items() if items}
+    usual = {name: _usual_length(ran, name, lengths) for name, _ in ran}
+    cut = {key: steady_and_slipping(items, usual[key[0]]) for key, items in ran.items() if items}
     found = []
     for (drive, direction), (spans, levels) in cut.items():
         items, slip = ran[drive, direction], slip_estimate(levels)
+        free = [i.off - i.on for i in items if i.off - i.on <= usual[drive] + OVERRUN]
         both = [level.current for key, (_, own) in cut.items() if key[0] == drive for level in own]
         lowest = min(both, default=math.inf)
         line = _line(spans, items, (kind, saturation_current, lowest))
@@ -237,7 +240,7 @@ def fit_machines(
                 held=float(np.mean(held)) if held else math.nan,
                 levels=tuple(levels),
                 trend=clutch_trend(levels, idle=known),
-                energised=_mean([i.off - i.on for i in items if i.off - i.on <= usual + OVERRUN]),
+                energised=_mean(free),
                 anchor=anchor,
                 usage=tuple(_usage(span, anchor) for span in spans if span.usable.any()),
             )
@@ -245,6 +248,19 @@ def fit_machines(
     unanchored = any(d.anchor is None for d in found)
     more = (WITHOUT_FORCES,) if unanchored and "drive_force" not in campaign else ()
     return MachineFit(drives=tuple(found), not_separated=(*NOT_SEPARATED, *more))
+
+
+def _usual_length(
+    ran: Mapping[tuple[str, str], Sequence[Ran]], drive: str, lengths: Sequence[float]
+) -> float:
+    """Return how long a drive's motor usually runs when its clutch does not slip [s].
+
+    From its own shortest tenth, since drives differ; but one that slips in all of its movements
+    is seen by the others.
+    """
+    own = [i.off - i.on for key, items in ran.items() if key[0] == drive for i in items]
+    longest = ALIKE * float(np.quantile(lengths, 0.1))
+    return min(float(np.quantile(own, 0.1)), longest) if own else longest
 
 
 def _check(campaign: xr.Dataset, given: Mapping[str, Mapping[str, object] | None]) -> None:

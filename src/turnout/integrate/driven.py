@@ -231,7 +231,7 @@ def new_rods(run: Run, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods
 
 
 def start_rods(run: Run) -> None:
-    """Let the machines know the rails at rest, as the first stored instant."""
+    """Start the machines from the rails at rest, and store the first instant."""
     rods = run.rods
     if rods is None:
         return

@@ -170,7 +170,7 @@ def settle_rods(
 
 @compiled
 def accept_rods(rods: Rods, state: State, work: Work, begin: Floats, step: float) -> None:
-    """Make the end of a step the state of the machines, and book what they gave to the rods.
+    """Accept the end of a step as the machines' state, and add their work on the rods.
 
     Parameters
     ----------

@@ -191,7 +191,7 @@ def _duty_labels(
 
 
 def machine_energies(history: History, channels: dict[str, Variable]) -> dict[str, Variable]:
-    """Return the energies of all machines together, and the books of rails and machines as one.
+    """Return the energies of all machines, and the energy balance of rails and machines together.
 
     Parameters
     ----------
