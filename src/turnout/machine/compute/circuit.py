@@ -1,8 +1,8 @@
 """The circuit of a machine over a span of time: contactor, cut-off, time-out, relay, lock.
 
-`advance` covers a span with steps that end at every switching instant: known instants
-are met by the length of the steps, the limit contact and the standstill of the lock are located inside
-a step, which is then taken again up to there. A step that does not converge is taken in halves.
+`advance` covers a span with steps that end at every switching instant. The length of a step is cut
+at known instants; the limit contact and the standstill of the lock are located inside a step, which
+is then taken again up to there. A step that does not converge is taken in halves.
 """
 
 import math
