@@ -163,4 +163,4 @@ def test_a_calibration_that_is_none_is_refused_by_simulate(
     with pytest.raises(SystemExit) as end:
         main()
     assert end.value.code == 2
-    assert "is no calibration" in capsys.readouterr().err
+    assert "is not a calibration" in capsys.readouterr().err
