@@ -99,7 +99,7 @@ REFUSED: list[tuple[dict[str, object], list[str], str]] = [
     ({}, ["--set", "chair.friction_coefficient=1.5"], "start = 1.5: is outside its bounds 0.02"),
     ({"forces": still(1)}, [], "drive 2: never moves, its force changes by 0 N"),
     # Others.
-    ({}, ["--fix", "drive.1.stroke"], "no parameter of the default stages"),
+    ({}, ["--fix", "drive.1.stroke"], "not a parameter of the default stages"),
     ({}, ["--free", "drive.1.height"], "drive.1.height = 0: is not positive"),
     ({}, ["--free", "drive.1.rail"], "is not a number, so it cannot be fitted"),
     ({}, ["--free", "gravity", "--fix", "gravity"], "gravity: is not a parameter of the default"),
