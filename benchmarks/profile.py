@@ -19,8 +19,9 @@ from benchmarks.page import write_section
 from benchmarks.schemes import MODES
 from turnout.core.threads import one_blas_thread
 from turnout.integrate import energy, march, solution, solve, step
-from turnout.integrate.arrange import PreparedRun, arrange, prepare, start_at_rest
+from turnout.integrate.arrange import PreparedRun, arrange, prepare
 from turnout.integrate.columns import update_row
+from turnout.integrate.start import start_at_rest
 from turnout.integrate.state import COUNT_FLIPS, COUNT_ITERATIONS
 from turnout.kernels.interrupt import one_thread
 from turnout.kernels.vector import add_weighted_rows

@@ -171,8 +171,11 @@ def test_a_loaded_start_is_pressed_home_and_let_go_first() -> None:
     ours = simulate(panel)
     start = ours["drive_force"].values[:, 0]
     stretch = start / np.array([drive.stiffness for drive in panel.drive.values()])
-    # what the stock rail, its fastenings and the contact yield is left of the over-travel
-    assert np.all(stretch < reach)
+    # what the stock rail, its fastenings and the contact yield is left of the over-travel, and what
+    # friction keeps open comes on top of it: 1.4 mm at Drive 2, as at the end of the return
+    kept_open = ours["drive_gap"].values[:, 0]
+    np.testing.assert_allclose(kept_open, ours["drive_gap"].values[:, -1], rtol=0.0, atol=1e-4)
+    assert np.all(stretch < reach + kept_open + 5e-5)  # the stock rail stands 0.05 mm off its place
     assert np.all(stretch > 0.8 * reach)
     assert bool(ours["locked"][0])
     assert energy_balance(ours)[0] < 1e-6

@@ -22,6 +22,7 @@ class Code(IntEnum):
     INTERRUPTED = 4
     INACCURATE = 5
     NO_STATIC_CONTINUATION = 6
+    NO_LOADED_START = 7
 
 
 ADVICE = {
@@ -45,6 +46,10 @@ ADVICE = {
     Code.NO_STATIC_CONTINUATION: (
         "no quasi-static equilibrium follows, since a foot can neither stick nor "
         "slip where friction follows its normal force; take a scheme with inertia"
+    ),
+    Code.NO_LOADED_START: (
+        "the movement before the start did not converge, whose friction a loaded start takes over; "
+        "start without it (schedule.loaded = false), or try a smaller friction coefficient"
     ),
     Code.INTERRUPTED: "the run was interrupted; what was computed until then is kept",
 }
