@@ -75,7 +75,7 @@ def test_a_place_that_the_panel_has_not() -> None:
 
 
 def test_one_run_is_no_campaign() -> None:
-    with pytest.raises(MeasurementError, match="no built campaign"):
+    with pytest.raises(MeasurementError, match="not a built campaign"):
         calibrate(xr.Dataset({"drive_force": ("time", TIME)}), load_panel("sb1"))
 
 
