@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import SolverError
-from turnout.integrate.arrange import Run
+from turnout.integrate.arrange import PreparedRun
 from turnout.integrate.duty import Duty, machine_duties
 from turnout.integrate.rods import Rods
 from turnout.kernels.shared_record import shared_record
@@ -63,7 +63,7 @@ class MachineHistory:
     commands : ndarray, shape (n, n_commands, 2)
         Time [s] and direction; what fills the table up is infinite.
     inputs : ndarray of int, shape (n,)
-        The input that each moves.
+        Column of the inputs that each machine moves.
     shift : ndarray, shape (n,)
         Input less rod position [m].
     states : ndarray, shape (n_times, n, STATES)
@@ -72,7 +72,7 @@ class MachineHistory:
         Work of the rod ends on the rods, by the sums of the rails [J].
     events : tuple of tuple of (float, str)
         Time [s] and what happened, machine by machine.
-    left_over : float
+    imbalance : float
         Largest movement of a rod end that a step left uncorrected [m].
     """
 
@@ -86,7 +86,7 @@ class MachineHistory:
     states: Floats
     given: Floats
     events: tuple[tuple[tuple[float, str], ...], ...]
-    left_over: float
+    imbalance: float
 
     def at(self, instants: Floats, positions: Floats) -> "MachineHistory":
         """Return the history at other instants, linear in between, and write its inputs.
@@ -181,7 +181,7 @@ class MachineHistory:
         return residual + worst, scale + turned_over
 
 
-def new_rods(run: Run, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods | None:
+def new_rods(run: PreparedRun, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods | None:
     """Arrange the machines of a mechanism for the kernels; None where there are none.
 
     Raises
@@ -230,7 +230,7 @@ def new_rods(run: Run, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods
     return shared_record(rods)
 
 
-def start_rods(run: Run) -> None:
+def start_rods(run: PreparedRun) -> None:
     """Start the machines from the rails at rest, and store the first instant."""
     rods = run.rods
     if rods is None:
@@ -241,7 +241,7 @@ def start_rods(run: Run) -> None:
     rods.kept[0] = rods.state
 
 
-def machine_history(run: Run, mechanism: Mechanism, kept: int) -> MachineHistory | None:
+def machine_history(run: PreparedRun, mechanism: Mechanism, kept: int) -> MachineHistory | None:
     """Return what the machines of a run left behind, up to a number of stored instants."""
     rods, given = run.rods, mechanism.machines
     if rods is None or given is None:
@@ -261,5 +261,5 @@ def machine_history(run: Run, mechanism: Mechanism, kept: int) -> MachineHistory
             tuple((float(time), at.EVENT_TEXTS[int(event)]) for time, event in rows[:count])
             for rows, count in zip(rods.log, counts, strict=True)
         ),
-        left_over=float(rods.left[0]),
+        imbalance=float(rods.left[0]),
     )
