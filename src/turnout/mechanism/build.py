@@ -50,7 +50,7 @@ def shape_of(
 ) -> tuple[Hashable, tuple[object, ...]]:
     """Return a key of all that shapes rails and rows, and the records that it names.
 
-    Records are named by identity: those that an override leaves alone stay the same. Whoever keeps
+    Records are named by identity: those that an override leaves alone stay the same. Who keeps
     something by the key must keep the records too, so that no other takes their place.
 
     Parameters

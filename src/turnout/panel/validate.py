@@ -15,13 +15,13 @@ from turnout.panel.keys import fields_at, records_in
 from turnout.panel.model import Panel
 
 MOST_PROBLEMS = 50
-"""Problems that are told of one table; what they are near to takes long to find."""
+"""Problems that are reported of one table; finding the nearest names takes long."""
 
 _VARIANT_TAGS = ("length", "profile")
 
 
 class Unknown(Exception):
-    """A check asked for a value that is wrong itself; there is nothing more to say about it."""
+    """A check needed a value that is wrong itself; there is nothing more to say about it."""
 
 
 class Partial:
@@ -50,7 +50,7 @@ def until_unknown(problems: Iterator[Problem]) -> Iterator[Problem]:
 
 
 class AccessTracker(dict[str, Any]):
-    """Values by field name of `Panel` that note which of them were asked for."""
+    """Values by field name of `Panel` that record which of them were read."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -69,9 +69,9 @@ class AccessTracker(dict[str, Any]):
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """Tables of a valid panel, the records that were made of them, and what its checks asked for.
+    """Tables of a valid panel, the records that were made of them, and what its checks read.
 
-    A check that found nothing finds nothing again where all that it asked for is the same.
+    A check that found nothing finds nothing again where all that it read is the same.
     """
 
     tree: dict[str, Any]
@@ -103,7 +103,7 @@ class Draft:
     changed : set of str
         Fields of `Panel` that are not those of the known panel.
     asked : dict of str to frozenset
-        Fields that each check asked for, by its name.
+        Fields that each check read, by its name.
     """
 
     records: AccessTracker = field(default_factory=AccessTracker)
@@ -117,7 +117,7 @@ class Draft:
     def checked(
         self, name: str, check: Callable[["Draft"], Iterable[Problem]], known: Known | None
     ) -> list[Problem]:
-        """Return what a check finds; it is spared where a known panel tells that it is nothing."""
+        """Return what a check finds; skip it where a known panel shows that it finds nothing."""
         if known is not None and not known.asked[name] & self.changed:
             self.asked[name] = known.asked[name]
             return []
@@ -277,7 +277,7 @@ def _taken_over(
 ) -> BaseModel | None:
     """Return a known record, or a copy of it whose changed values were read for another member.
 
-    The fields of a record are valid each by itself.
+    Each field of a record is valid on its own.
     """
     if made is None or not changed:
         return made if changed is not None else None
@@ -316,7 +316,7 @@ def _check_count(name: str, metadata: list[Any], count: int, broken: bool, draft
 
 
 def _rest(path: Path, count: int, told: int = MOST_PROBLEMS) -> list[Problem]:
-    """Say how many problems of a table are not told."""
+    """Say how many problems of a table are left out."""
     return [Problem(path, f": and {count - told} more problems")] if count > told else []
 
 

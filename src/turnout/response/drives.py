@@ -230,7 +230,7 @@ def _throw_times(panel: Panel, made: Sequence[Duty]) -> Variable:
 
 
 def machine_energies(history: History, channels: dict[str, Variable]) -> dict[str, Variable]:
-    """Return the energies of all machines together, and the books of rails and machines as one.
+    """Return the energies of all machines, and one energy balance of rails and machines.
 
     Parameters
     ----------
