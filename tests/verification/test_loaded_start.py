@@ -101,9 +101,9 @@ def test_modes_start_alike() -> None:
 
 
 def test_a_start_from_memory_has_the_same_bits() -> None:
-    start.forget_starts()
+    start.clear_starts()
     runs = [simulate(dry(0.35), mode="quick") for _ in range(2)]
-    start.forget_starts()
+    start.clear_starts()
     runs.append(simulate(dry(0.35), mode="quick"))
     for run in runs[1:]:
         assert run["drive_force"].equals(runs[0]["drive_force"])
@@ -151,7 +151,7 @@ def test_path_following_brings_a_rail_to_rest_where_the_iteration_does_not(
         return codes[-1]
 
     monkeypatch.setattr(start, "settle", impatient)
-    start.forget_starts()
+    start.clear_starts()
     followed = at(simulate(dry(0.4), mode="quick"), "drive_force", 0.0)
     assert codes == [0]
     np.testing.assert_allclose(followed, iterated, rtol=1e-3)
@@ -161,7 +161,7 @@ def test_a_return_that_does_not_converge_names_the_remedy(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(start, "_call_march", lambda motion, last: (1, 0))
-    start.forget_starts()
+    start.clear_starts()
     with pytest.raises(NotConverged, match="schedule.loaded = false") as failed:
         simulate(dry(0.4), scheme=Scheme.of("quick"))
     assert isinstance(failed.value, SolverError)
@@ -170,7 +170,7 @@ def test_a_return_that_does_not_converge_names_the_remedy(
 
 def test_ctrl_c_during_the_return_interrupts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(start, "_call_march", lambda motion, last: (4, 0))
-    start.forget_starts()
+    start.clear_starts()
     with pytest.raises(KeyboardInterrupt):
         simulate(dry(0.4), mode="quick")
 

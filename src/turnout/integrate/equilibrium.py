@@ -40,7 +40,7 @@ def equilibrium_segments(mechanism: Mechanism, *, inputs: Floats, present: Ints)
     Parameters
     ----------
     mechanism : Mechanism
-        Its laws without friction.
+        Its laws are evaluated without friction.
     inputs : ndarray, shape (n_inputs,)
         Marker positions [m].
     present : ndarray of int, shape (n_laws,)
@@ -130,7 +130,7 @@ def start_energy_balance(system: System, table: LawTable, state: State, work: Wo
     account_laws(system, table, state, work, state.inputs, 0.0)
     account_friction(system, state, work)
     state.ledger[:] = 0.0
-    work.unsettled[:] = 0
+    work.unconverged[:] = 0
     set_energy_reference(system, table, state, work)
 
 

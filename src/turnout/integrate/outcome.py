@@ -28,7 +28,7 @@ class Code(IntEnum):
 ADVICE = {
     Code.COMPLETE: "",
     Code.NOT_CONVERGED: (
-        "the contact set did not settle even in the smallest step; try a smaller step, "
+        "the contact set did not converge even with the smallest step; try a smaller step, "
         "a softer contact or stick stiffness, or a higher cut-off frequency"
     ),
     Code.NOT_FINITE: (
@@ -39,12 +39,12 @@ ADVICE = {
         "do not press against each other in the stress-free position"
     ),
     Code.INACCURATE: (
-        "the energy balance does not close, so the numbers are not to be trusted; look for a "
+        "the energy balance does not close, so the results are not trustworthy; look for a "
         "stiffness, mass or length that is far out of range (`turnout panel check` names unusual "
         "values), or take a smaller step"
     ),
     Code.NO_STATIC_CONTINUATION: (
-        "without inertia the motion does not go on from here, since a foot can neither stick nor "
+        "no quasi-static equilibrium follows, since a foot can neither stick nor "
         "slip where friction follows its normal force; take a scheme with inertia"
     ),
     Code.NO_LOADED_START: (
@@ -121,7 +121,7 @@ class Outcome:
         if self.contacts:
             shown = ", ".join(self.contacts[:6])
             more = len(self.contacts) - 6
-            text += f"; unsettled: {shown}" + (f" and {more} more" if more > 0 else "")
+            text += f"; unconverged: {shown}" + (f" and {more} more" if more > 0 else "")
         return text
 
 

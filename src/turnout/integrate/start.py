@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
-from turnout.integrate.arrange import Arrangement, Run, prepare
+from turnout.integrate.arrange import Arrangement, PreparedRun, prepare
 from turnout.integrate.columns import rebuild
 from turnout.integrate.equilibrium import (
     anchor_at_rest,
@@ -81,23 +81,23 @@ _cache = LRUCache[_StateLeft](MOST_KEPT)
 
 
 def find_start(
-    run: Run,
+    run: PreparedRun,
     arrangement: Arrangement,
     scheme: Scheme,
-    thread: Executor,
+    thread: Executor | None,
     prior: PriorMotion | None,
 ) -> Code:
     """Put the state of a run where it starts.
 
     Parameters
     ----------
-    run : Run
+    run : PreparedRun
         From `prepare`; nothing has moved yet.
     arrangement : Arrangement
         What it was prepared from.
     scheme : Scheme
         Numerical choices of the run.
-    thread : Executor
+    thread : Executor or None
         For the kernels.
     prior : PriorMotion, optional
         The motion before the start.
@@ -122,13 +122,13 @@ def find_start(
         motion = prepare(given, scheme, positions, 2, filled_in=False)
         code = _move(motion, arrangement.mechanism, thread)
         if code != Code.COMPLETE:
-            run.work.unsettled[:] = motion.work.unsettled
+            run.work.unconverged[:] = motion.work.unconverged
             return code
         left = _cache.put(key, _state_left(motion))
     return _start_from(run, left, thread)
 
 
-def forget_starts() -> None:
+def clear_starts() -> None:
     """Clear the cache of the states that prior motions left."""
     _cache.clear()
 
@@ -162,7 +162,7 @@ def _present_at_start(laws: LawTable) -> NDArray[np.bool_]:
     return np.asarray(present & (laws.waits == 0))
 
 
-def _move(motion: Run, mechanism: Mechanism, thread: Executor) -> Code:
+def _move(motion: PreparedRun, mechanism: Mechanism, thread: Executor | None) -> Code:
     """Move the rails as before a start, from equilibrium without friction."""
     _call_march(motion, 0)  # compiles where needed, while Ctrl-C still ends the program at once
     if start_at_rest(motion, mechanism, thread) != Code.COMPLETE:
@@ -174,7 +174,7 @@ def _move(motion: Run, mechanism: Mechanism, thread: Executor) -> Code:
     return Code.COMPLETE if code == Code.COMPLETE else Code.NO_LOADED_START
 
 
-def _call_march(motion: Run, last: int) -> tuple[int, int]:
+def _call_march(motion: PreparedRun, last: int) -> tuple[int, int]:
     return march(
         motion.system,
         motion.table,
@@ -189,7 +189,7 @@ def _call_march(motion: Run, last: int) -> tuple[int, int]:
     )
 
 
-def _state_left(motion: Run) -> _StateLeft:
+def _state_left(motion: PreparedRun) -> _StateLeft:
     state = motion.state
     return _StateLeft(
         motion.system,
@@ -202,7 +202,7 @@ def _state_left(motion: Run) -> _StateLeft:
     )
 
 
-def _start_from(run: Run, left: _StateLeft, thread: Executor) -> Code:
+def _start_from(run: PreparedRun, left: _StateLeft, thread: Executor | None) -> Code:
     """Bring the rails to rest with the contact set and the anchors that a motion left."""
     system, table, state, work = run.system, run.table, run.state, run.work
     _set_present(run)
@@ -221,7 +221,7 @@ def _start_from(run: Run, left: _StateLeft, thread: Executor) -> Code:
     return Code.COMPLETE
 
 
-def start_at_rest(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
+def start_at_rest(run: PreparedRun, mechanism: Mechanism, thread: Executor | None) -> Code:
     """Find the static equilibrium without friction, then anchor the feet at their places."""
     system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
     _set_present(run)
@@ -242,13 +242,13 @@ def start_at_rest(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
     return Code.COMPLETE
 
 
-def _set_present(run: Run) -> None:
+def _set_present(run: PreparedRun) -> None:
     run.state.present[:] = _present_at_start(run.laws)
     run.state.law_placed[run.state.present == 1] = 0.0
 
 
-def _find_equilibrium(run: Run, thread: Executor) -> bool:
-    """Iterate the contact set to static equilibrium from the present one; tell if it converged."""
+def _find_equilibrium(run: PreparedRun, thread: Executor | None) -> bool:
+    """Iterate the contact set to static equilibrium from the present one; return success."""
     patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
     given = (run.system, run.table, run.state, run.work, patient)
     code = call_interruptible(thread, run.work.stop, equilibrium, *given)

@@ -81,6 +81,9 @@ class Mechanism:
         How far each switch rail moves between closed and open.
     machines : DriveMachines, optional
         What moves the inputs of drives that are no markers.
+    core : ndarray, optional
+        The rows without those of foreign objects, which come last, shared by mechanisms whose
+        objects stand elsewhere; their laws come last too.
     """
 
     stiffness: Floats
@@ -95,6 +98,7 @@ class Mechanism:
     rails: tuple[RailBody, ...] = ()
     shapes: "dict[str, RailShape]" = field(default_factory=dict)
     machines: "DriveMachines | None" = None
+    core: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
