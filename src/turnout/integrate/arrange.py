@@ -186,7 +186,7 @@ def _condense(mechanism: Mechanism, scheme: Scheme, structure: Hashable | None) 
 
 
 def _condense_rails(mechanism: Mechanism, cutoff_frequency: float) -> _Rails:
-    """Condense each rail alone, or together where one is held by another only."""
+    """Condense rails each on its own, or together where one is held by another only."""
     laws = drop_joining_bases(mechanism, mechanism.laws)
     try:
         parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff_frequency)
