@@ -1,4 +1,4 @@
-r"""The linear-Gaussian bound: what no detector exceeds that is told place, size and signature.
+r"""The linear-Gaussian bound: what no detector exceeds that knows place, size and signature.
 
 Of two normal distributions with the covariance :math:`C` whose means differ by :math:`s`, the best
 test (Neyman and Pearson 1933) detects, at a false-alarm rate :math:`\alpha`, the share
@@ -82,7 +82,7 @@ def predictive_covariances(
     fixed_share : float
         Of the variance of the discrepancy, fixed for a switch [-].
     level_deviation : float
-        Standard deviation of a level beside what forces tell [-].
+        Standard deviation of a level beside what forces show [-].
     history : int
         Sound throws that are known.
     averaged : int

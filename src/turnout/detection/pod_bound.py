@@ -173,5 +173,5 @@ def confidence_bound(
 
 
 def separated(fit: Fit, campaigns: Campaigns) -> bool:
-    """Tell whether hits and misses do not overlap, so that the slope has no finite estimate."""
+    """Return whether hits and misses do not overlap, so that the slope has no finite estimate."""
     return campaigns.binary and float(fit.value[0]) > PERFECT
