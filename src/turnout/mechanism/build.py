@@ -21,8 +21,8 @@ from scipy.linalg import block_diag
 from turnout.core.lru_cache import LRUCache
 from turnout.core.threads import one_blas_thread
 from turnout.mechanism.build_rails import stock_rail_data, switch_rail_data
+from turnout.mechanism.drive_machines import drive_machines
 from turnout.mechanism.laws import Layout, Rows, law_table, lay_out
-from turnout.mechanism.machines import drive_machines
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailData, ReducedRail
 from turnout.mechanism.offnode_objects import approach_row, is_off_node, local_flexibility
 from turnout.mechanism.reduce import reduce_rail

@@ -31,7 +31,7 @@ from turnout.integrate.energy import (
 )
 from turnout.integrate.integration import History
 from turnout.mechanism.build_rails import fastening_offset
-from turnout.mechanism.machines import slip_force
+from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import Mechanism, RailBody
 from turnout.panel.markers import marker_offsets
 from turnout.panel.model import Panel
