@@ -1,7 +1,7 @@
 """Export a sweep as a table for other programs, and describe it on a data card.
 
-The table has a row for each scenario: inputs, outcome, labels and features. The data card (README.md)
-states how the sweep was made, its ranges, versions and splits.
+The table has a row for each scenario: inputs, outcome, labels and features. The data card
+(README.md) states how the sweep was made, its ranges, versions and splits.
 """
 
 import io
