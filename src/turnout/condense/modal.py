@@ -265,7 +265,7 @@ def _multiply_by_rows(a: Floats, b: Floats) -> Floats:
 
 
 def free_model(stiffness: Floats, mass: Floats, *, damping: Floats) -> ModalModel:
-    """Return all modes of a body by itself, which need not be held; it has no rows and no load.
+    """Return all modes of a free body; it has no rows and no load.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Condense a mechanism for the kernels, prepare a run of it, and find where it rests.
+"""Condense a mechanism for the kernels, and prepare a run of it.
 
 Runs that differ only in values of laws (friction, clearances, saturation forces, times) or in the
 motion share modes and structure, which are therefore condensed once and cached. Mechanisms built
@@ -8,7 +8,6 @@ object in another place costs its own displacements and flexibilities, and no mo
 """
 
 from collections.abc import Hashable
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,21 +23,16 @@ from turnout.condense.condense import (
 from turnout.condense.modal import ModalModel
 from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
-from turnout.integrate.columns import rebuild
-from turnout.integrate.equilibrium import anchor_at_rest, equilibrium, equilibrium_segments
-from turnout.integrate.march import Record
+from turnout.integrate.march import StepRecord
 from turnout.integrate.numbering import Places, number_places, place_laws
-from turnout.integrate.outcome import Code
 from turnout.integrate.rods import Rods
 from turnout.integrate.scratch import Work, acquire_buffer, new_work, release_buffers
 from turnout.integrate.solve import Tolerances
-from turnout.integrate.state import LEVEL, State, fresh_copy, fresh_state, set_segments
+from turnout.integrate.state import State, fresh_copy, fresh_state
 from turnout.integrate.step import Stepping
 from turnout.integrate.system import System, check_normals, condensed_system, refill_system
-from turnout.kernels.interrupt import call_interruptible
 from turnout.kernels.lanes import whole_lines
 from turnout.kernels.shared_record import clone_record, shared_record
-from turnout.law.kernel import SLIP_FORWARD
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import AlphaCoefficients, Scheme
@@ -67,7 +61,7 @@ class Arrangement:
     condensed : CondensedRails
         Modes and flexibility of the rails, in the coordinates of the mechanism.
     system : System
-        The same for the kernels.
+        Condensed system of the model, laid out for the kernels.
     templates : dict
         States at rest and scratch arrays, by numbers of inputs and of levels, for runs to copy.
     """
@@ -131,7 +125,7 @@ def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
     return replace(cached, mechanism=mechanism, laws=laws, table=table)
 
 
-def forget() -> None:
+def clear_memory() -> None:
     """Clear the cache of condensed mechanisms, and release the buffers of histories."""
     _cache.clear()
     _rails_cache.clear()
@@ -192,7 +186,7 @@ def _condense(mechanism: Mechanism, scheme: Scheme, structure: Hashable | None) 
 
 
 def _condense_rails(mechanism: Mechanism, cutoff_frequency: float) -> _Rails:
-    """Condense rails each by itself, or together where one is held by another only."""
+    """Condense rails each on its own, or together where one is held by another only."""
     laws = drop_joining_bases(mechanism, mechanism.laws)
     try:
         parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff_frequency)
@@ -220,7 +214,7 @@ def _without_objects(mechanism: Mechanism) -> Mechanism:
 def _with_objects(
     parts: tuple[BlockModel, ...], rows: Floats, *, first: int
 ) -> tuple[tuple[BlockModel, ...], Hashable]:
-    """Add the rows from the `first` on to the blocks they reach into; tell which these are."""
+    """Add the rows from the `first` on to the blocks they reach into; return which these are."""
     found, joined = [], []
     for part in parts:
         own = rows[first:, part.block.coordinates]
@@ -232,7 +226,7 @@ def _with_objects(
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class PreparedRun:
     """All data of one run; `positions` are the inputs at the ends of the steps [m]."""
 
     system: System
@@ -243,7 +237,7 @@ class Run:
     tolerances: Tolerances
     stepping: Stepping
     positions: Floats
-    record: Record
+    record: StepRecord
     rods: Rods | None = None
 
 
@@ -254,7 +248,7 @@ def prepare(
     n_stored: int,
     *,
     filled_in: bool,
-) -> Run:
+) -> PreparedRun:
     """Allocate state, scratch arrays and record of one run; nothing has moved yet.
 
     Parameters
@@ -262,7 +256,7 @@ def prepare(
     arrangement : Arrangement
         From `arrange`.
     scheme : Scheme
-        Numerical choices.
+        Step [s], spectral radius, tolerances and halvings.
     positions : ndarray, shape (n_steps + 1, n_inputs)
         Marker positions at the ends of the steps [m].
     n_stored : int
@@ -276,7 +270,7 @@ def prepare(
     )
     state.inputs[:] = positions[0]
     alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
-    return Run(
+    return PreparedRun(
         system=system,
         laws=laws,
         table=table,
@@ -316,7 +310,7 @@ def _copy_templates(
     return fresh_copy(template[0], arrangement.table), clone_record(template[1])
 
 
-def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: bool) -> Record:
+def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: bool) -> StepRecord:
     """Allocate a record of `count` instants in one piece of memory.
 
     It begins at a large page, so that a run touches few pages for the first time.
@@ -335,13 +329,13 @@ def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: 
         arrays[name] = memory[at : at + count * width].reshape(count, width)
         at += count * width
     velocity = np.zeros((count if with_velocity else 1, arrays["q"].shape[1]))
-    return shared_record(Record(**arrays, residual=np.zeros(1), v=velocity))
+    return shared_record(StepRecord(**arrays, residual=np.zeros(1), v=velocity))
 
 
-def trim_record(run: Run, count: int) -> Record:
+def trim_record(run: PreparedRun, count: int) -> StepRecord:
     """Return the first `count` stored instants, without the padding to whole cache lines."""
     record, n_modes = run.record, run.system.load.size
-    return Record(
+    return StepRecord(
         q=record.q[:count, :n_modes],
         g=record.g[:count, : run.system.row_place.size],
         friction=record.friction[:count, : run.laws.friction_row.size],
@@ -351,35 +345,3 @@ def trim_record(run: Run, count: int) -> Record:
         residual=record.residual,
         v=record.v[:count, :n_modes],
     )
-
-
-def start_at_rest(run: Run, mechanism: Mechanism, thread: Executor | None) -> Code:
-    """Find the static equilibrium without friction, then anchor the feet at their places."""
-    system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
-    state.present[:] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9) & (laws.waits == 0)
-    state.law_placed[state.present == 1] = 0.0
-    set_segments(table, state, state.segment)
-    state.friction[:] = SLIP_FORWARD
-    table.friction_coefficient[:] = 0.0
-    try:
-        if not _find_equilibrium(run, thread):
-            segments = equilibrium_segments(mechanism, inputs=state.inputs, present=state.present)
-            set_segments(table, state, segments)
-            if not _find_equilibrium(run, thread):
-                return Code.NO_EQUILIBRIUM
-    finally:
-        table.friction_coefficient[:] = laws.friction_coefficient
-    anchor_at_rest(system, table, state, work)
-    if not run.stepping.inertia:
-        rebuild(system, table, state, state.counters[LEVEL], work.row)
-    return Code.COMPLETE
-
-
-def _find_equilibrium(run: Run, thread: Executor | None) -> bool:
-    """Iterate the contact set to static equilibrium from the present one; tell if it converged."""
-    patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
-    given = (run.system, run.table, run.state, run.work, patient)
-    code = call_interruptible(thread, run.work.stop, equilibrium, *given)
-    if code == Code.INTERRUPTED:
-        raise KeyboardInterrupt
-    return code == Code.COMPLETE

@@ -216,7 +216,7 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
     return made
 
 
-def forget() -> None:
+def clear_memory() -> None:
     """Empty the memory of layouts and linear parts."""
     _memory.clear()
     _objects.clear()
