@@ -1,6 +1,6 @@
 """Measure throws of quick sweeps against an older checkout; write docs/performance-rate.md.
 
-    python -m benchmarks.sweep_rate OLDER [--count 512] [--repeats 3]
+    python -m benchmarks.sweep_rate OLDER [--count 512] [--repeats 3] [--note TEXT]
 
 OLDER is the folder of another checkout, such as one made by `git worktree add --detach OLDER main`.
 Both throw the same scenarios in turn, each in a fresh process of one thread, batches made and
@@ -14,6 +14,7 @@ import json
 import os
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 from benchmarks.machine import ONE_THREAD, load, machine
@@ -71,7 +72,9 @@ def measured(source: Path, study: str, *, count: int, features: int) -> dict[str
     return found
 
 
-def page(found: dict[str, tuple[dict[str, float], dict[str, float]]], *, before: float) -> str:
+def page(
+    found: dict[str, tuple[dict[str, float], dict[str, float]]], *, before: float, note: str
+) -> str:
     """Return the page of what was measured."""
     rows = [
         f"| {what} | {1e3 * old['all']:.1f} | {1e3 * new['all']:.1f} | "
@@ -94,6 +97,7 @@ def page(found: dict[str, tuple[dict[str, float], dict[str, float]]], *, before:
             "throw, the same scenarios thrown in turn by the code before and the present one;",
             "batches are made and compressed. What other work on the machine takes from the caches",
             "is in the times and hardly in the ratio.",
+            *textwrap.wrap(note, 98),
             "",
             "| what varies | before [ms] | now [ms] | of that the solver [ms] | ratio "
             "| an hour on 2 cores |",
@@ -127,6 +131,7 @@ def main() -> None:
     parser.add_argument("older", type=Path)
     parser.add_argument("--count", type=int, default=512)
     parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--note", default="", help="what else differs between the two")
     chosen = parser.parse_args()
     before, found = load(), {}
     for what, study in STUDIES.items():
@@ -139,7 +144,7 @@ def main() -> None:
         older, newer = zip(*pairs, strict=True)
         least = min(older, key=lambda item: item["all"]), min(newer, key=lambda item: item["all"])
         found[what] = least[0], least[1] | {"features": newer[0]["features"]}
-    PAGE.write_text(page(found, before=before), encoding="utf-8")
+    PAGE.write_text(page(found, before=before, note=chosen.note), encoding="utf-8")
 
 
 if __name__ == "__main__":
