@@ -66,9 +66,7 @@ def test_the_panel_file_holds_changes_and_object(name: str) -> None:
     written = panel_from_file(parse_toml(text, source="written.toml"))
     trapped = written.object["trapped"]
     assert (trapped.size, trapped.at, trapped.stiffness) == (0.013, "x = 3.65 m", 3e7)
-    alone = panel_toml(
-        library_text(name), panel, asked().model_copy(update={"object": None})
-    )
+    alone = panel_toml(library_text(name), panel, asked().model_copy(update={"object": None}))
     assert panel_from_file(parse_toml(alone, source="written.toml")).hash == panel.hash
     assert written.origins["drive.2.stiffness"].text == "set in the studio"
 

@@ -17,7 +17,7 @@ class _Layout:
 
 
 def with_value(text: str, path: Path, literal: str, *, comment: str = "") -> str:
-    """Return a TOML text in which one value is another.
+    r"""Return a TOML text in which one value is another.
 
     Parameters
     ----------
@@ -33,12 +33,12 @@ def with_value(text: str, path: Path, literal: str, *, comment: str = "") -> str
 
     Examples
     --------
-    >>> with_value('[a]\\nb = 1  # source: x\\n', ("a", "b"), "2", comment="assumption: y")
-    '[a]\\nb = 2  # assumption: y\\n'
-    >>> with_value("[a]\\nb = { c = 1, d = 2 }\\n", ("a", "b", "c"), '"3 m"')
-    '[a]\\nb = { c = "3 m", d = 2 }\\n'
-    >>> with_value("[a]\\n", ("a", "b"), "2")
-    '[a]\\nb = 2\\n'
+    >>> with_value('[a]\nb = 1  # source: x\n', ("a", "b"), "2", comment="assumption: y")
+    '[a]\nb = 2  # assumption: y\n'
+    >>> with_value("[a]\nb = { c = 1, d = 2 }\n", ("a", "b", "c"), '"3 m"')
+    '[a]\nb = { c = "3 m", d = 2 }\n'
+    >>> with_value("[a]\n", ("a", "b"), "2")
+    '[a]\nb = 2\n'
     """
     layout = _read(text)
     note = f"  # {comment}" if comment else ""

@@ -81,9 +81,7 @@ def _without_praise(found: list[Finding]) -> list[Finding]:
     if not any(item.question == HEADLINE and item.answer == UNDETECTED for item in found):
         return found
     return [
-        replace(item, level="look")
-        if item.question in _ACCEPTS and item.level == "good"
-        else item
+        replace(item, level="look") if item.question in _ACCEPTS and item.level == "good" else item
         for item in found
     ]
 

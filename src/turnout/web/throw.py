@@ -173,12 +173,13 @@ def _limit(item: LimitCheck) -> dict[str, Any]:
     def number(value: float) -> str:
         return f"{round(value / factor, decimals) + 0.0:.{decimals}f}"
 
-    between = "of" if item.side == "below" else "of at least"
+    between = "of" if item.side == "below" else "of min"
+    left = "left" if item.passed else "over" if item.side == "below" else "short"
     return {
         "key": item.key,
         "label": item.label,
-        "text": f"{number(item.value)} {between} {number(item.limit)} {unit}",
-        "margin": f"{number(item.margin)} {unit}",
+        "text": f"{number(item.value)} {between} {item.limit / factor:g} {unit}",
+        "margin": f"{number(abs(item.margin))} {left}",
         "share": item.margin / item.limit,
         "passed": item.passed,
         "meaning": item.meaning,
@@ -215,8 +216,13 @@ FILES: Mapping[str, str] = {
     "png": "image/png",
     "svg": "image/svg+xml",
     "pdf": "application/pdf",
+    "toml": "application/toml",
+    "txt": "text/plain",
+    "py": "text/x-python",
 }
 """Kinds of files with their media types."""
+TEXTS = ("toml", "txt", "py")
+"""Those that say what to compute: a panel file, a command, a script."""
 
 
 def made_file(kind: str, dataset: xr.Dataset, *, behind: xr.Dataset | None = None) -> bytes:
@@ -225,7 +231,7 @@ def made_file(kind: str, dataset: xr.Dataset, *, behind: xr.Dataset | None = Non
     Parameters
     ----------
     kind : str
-        One of `FILES`: the dataset (nc), its channels as a table (csv), or a figure.
+        One of `FILES` but `TEXTS`: the dataset (nc), its channels as a table (csv), a figure.
     dataset : xarray.Dataset
         The throw.
     behind : xarray.Dataset, optional
