@@ -66,7 +66,8 @@ def _written(path: Path) -> str:
 
 
 def _read(text: str) -> _Layout:
-    layout, table = _Layout(), ()
+    layout = _Layout()
+    table: Path = ()
     stream = tokens(text)
     for token in stream:
         if token.kind == "comment" or token.text == "\n":

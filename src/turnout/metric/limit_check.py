@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from turnout.metric.signal import at_end
+from turnout.metric.channel_features import at_end
 from turnout.metric.slip import margins, settled
 
 if TYPE_CHECKING:

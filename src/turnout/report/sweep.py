@@ -7,8 +7,8 @@ import numpy as np
 import xarray as xr
 
 from turnout.errors import ResponseError
-from turnout.metric.effects import Effect, OutputEffects
 from turnout.metric.finding import Finding, Level
+from turnout.metric.sensitivity import Effect, OutputEffects
 from turnout.metric.sweep_map import (
     FAILED,
     NOT_THROWN,

@@ -8,10 +8,10 @@ from typing import Any
 from turnout.core.provenance import version
 from turnout.core.toml import decode, read_bytes
 from turnout.errors import FileError
-from turnout.measurement.campaign.build import Campaign
+from turnout.measurement.campaign.build_campaign import Campaign
 from turnout.panel.load import LoadedPanel, library_names, library_text
 from turnout.response.compilation import must_compile
-from turnout.web.described import described, measured_record
+from turnout.web.controls import described, measured_record
 from turnout.web.measured import campaign_movements
 from turnout.web.tasks import Opening
 
