@@ -27,7 +27,8 @@ function row(control) {
   unit.className = "note";
   unit.textContent = control.unit;
   range.addEventListener("input", (event) => { setValue(control.key, Number(range.value)); changed(event.timeStamp); });
-  range.addEventListener("change", settled);
+  // The mouse let go; with keys the pause after the last one says so.
+  range.addEventListener("pointerup", () => settled());
   number.addEventListener("change", () => {
     if (number.value === "" || !Number.isFinite(Number(number.value))) number.value = state.values[control.key];
     setValue(control.key, Number(number.value));

@@ -81,11 +81,12 @@ export function changed(since = performance.now()) {
 }
 
 export function settled() {
+  const first = moved;
   clearTimeout(resting);
   clearTimeout(waiting);
   waiting = moved = null;
   notify("request");
-  return requestThrow(false);
+  return requestThrow(false, first);
 }
 
 export function startLive() {

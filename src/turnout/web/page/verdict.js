@@ -1,8 +1,6 @@
 // The verdict, then each state and value with its limit. States are of the shown instant, values of the throw.
 import { on, state } from "./state.js";
 
-const LEVELS = { good: "good", look: "look", bad: "bad", told: "look" };
-
 // The limit that belongs to a lamp: of several the one with the least left.
 function limitOf(lamp) {
   const key = { control: `sensor_gap:${lamp.name}`, slip: `drive_force:${lamp.name.replace(/^drive /, "")}`, lock: "drive_gap:" }[lamp.kind];
@@ -70,7 +68,7 @@ export function startVerdict() {
     const strong = document.createElement("strong");
     strong.textContent = rest.length ? `${head}: ` : head;
     text.replaceChildren(strong, rest.join(": "));
-    box.dataset.level = LEVELS[verdict.level] ?? "look";
+    box.dataset.level = verdict.level;
     box.dataset.kind = verdict.kind;
     boxes();
     table();
