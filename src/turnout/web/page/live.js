@@ -3,19 +3,20 @@ import { post } from "./api.js";
 import { currentRequest, state, notify } from "./state.js";
 
 const EVERY = 50; // at most 20 requests a second
+const UNSEEN = 1000; // without a frame for so long nothing is painted [ms]
 const REST = 220; // pause that ends a movement [ms]
 export const PAINTED = "slider to painted number"; // name of the measures that benchmarks read
 let number = 0, shown = 0, last = 0, waiting = null, resting = null, moved = null;
 
 const note = (text) => { document.getElementById("state").textContent = text; };
 
-// Call back when what was changed is on the screen.
+// Call back when what was changed is on the screen, with the time; without one where nothing is
+// painted, as in a tab that is not shown.
 function painted(callback) {
-  requestAnimationFrame(() => {
-    const { port1, port2 } = new MessageChannel();
-    port1.onmessage = () => callback(performance.now());
-    port2.postMessage(null);
-  });
+  let done = false;
+  const once = (now) => { if (!done) { done = true; callback(now); } };
+  requestAnimationFrame(() => setTimeout(() => once(performance.now())));
+  setTimeout(() => once(null), UNSEEN);
 }
 
 function show(answer, request, { latest, since }) {
@@ -26,7 +27,7 @@ function show(answer, request, { latest, since }) {
   notify("answer");
   // Numbers first: curves take longer to draw.
   painted((now) => {
-    if (since !== null) performance.measure(PAINTED, { start: since, end: now });
+    if (since !== null && now !== null) performance.measure(PAINTED, { start: since, end: now });
     if (state.answer !== answer) return;
     notify("painted");
     // An older request must not be labelled as the throw of the sliders.
