@@ -12,6 +12,7 @@ const DARK = { "#0072B2": "#5ab0ff", "#D55E00": "#ff8f45", "#009E73": "#35cf9c",
 const GAP_X = 0.1, GAP_Y = 0.2, NARROW = 560;
 
 let listening = false, hovered = null;
+let drawn = []; // rows on the screen, which follow an answer a moment later than its numbers
 
 const byId = (id) => document.getElementById(id);
 const styleOf = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -109,6 +110,7 @@ export function drawCurves() {
   const box = byId("curves");
   if (!state.answer || !box.clientWidth) return;
   const { sheet } = state.answer, shown = rows();
+  drawn = shown;
   legends(shown);
   notes();
   Plotly.react(box, tracesOf(shown), layoutOf(sheet, shown, box.clientWidth), { responsive: false, displaylogo: false, displayModeBar: false, scrollZoom: true });
@@ -168,8 +170,8 @@ const axesOf = (full, number) => [full[`xaxis${suffix(number)}`], full[`yaxis${s
 function cursors() {
   const full = byId("curves")._fullLayout, layer = byId("cursors");
   if (!full || !state.answer) return;
-  const now = hovered ?? state.answer.motion.time[state.frame], shown = rows();
-  shown.forEach((row, number) => {
+  const now = hovered ?? state.answer.motion.time[state.frame];
+  drawn.forEach((row, number) => {
     const [x, y] = axesOf(full, number), line = layer.children[2 * number], key = layer.children[2 * number + 1];
     if (!x || !line) return;
     const left = x._offset + x.l2p(now), inside = left >= x._offset - 1 && left <= x._offset + x._length + 1;
@@ -188,7 +190,7 @@ function instantAt(event) {
   const box = byId("curves"), full = box._fullLayout, edge = box.getBoundingClientRect();
   if (!full || !state.answer) return null;
   const px = event.clientX - edge.left, py = event.clientY - edge.top;
-  for (let number = 0; number < rows().length; number++) {
+  for (let number = 0; number < drawn.length; number++) {
     const [x, y] = axesOf(full, number);
     if (x && px >= x._offset && px <= x._offset + x._length && py >= y._offset && py <= y._offset + y._length) return x.p2l(px - x._offset);
   }
