@@ -83,8 +83,11 @@ def test_without_an_object_the_switch_closes(screen: Screen) -> None:
     screen.settled()
     assert page.locator("#handle").is_hidden()
     assert "none" in page.evaluate("document.getElementById('words').textContent")
-    states = page.locator(".lamp").evaluate_all("all => all.map((one) => one.dataset.state)")
-    assert set(states) == {"good"}
+    lamps = page.locator(".lamp:not([data-kind=limit])")
+    assert set(lamps.evaluate_all("all => all.map((one) => one.dataset.state)")) == {"good"}
+    # Of this panel the open rail is nearer to its stock rail than its limit.
+    assert page.locator(".lamp[data-name=Flangeway]").get_attribute("data-state") == "bad"
+    assert page.locator("#verdict").inner_text().startswith("Not sound")
 
 
 def test_a_size_that_does_not_fit_is_told_and_the_last_throw_stays(screen: Screen) -> None:
