@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from turnout.metric.channel_features import at_end
-from turnout.metric.slip import margins, settled
+from turnout.metric.channel_features import final_value
+from turnout.metric.slip import margins, last_instant_at
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -89,7 +89,7 @@ def limit_checks(dataset: "xr.Dataset") -> list[LimitCheck]:
 def _sensors(dataset: "xr.Dataset") -> Iterator[LimitCheck]:
     if "sensor_gap" not in dataset or not dataset.sizes.get("time", 0):
         return
-    rest = settled(dataset, to="closed")
+    rest = last_instant_at(dataset, to="closed")
     for name in dataset["sensor"].values:
         sensor = rest.sel(sensor=name)
         yield LimitCheck(
@@ -108,7 +108,7 @@ def _drive_gaps(dataset: "xr.Dataset") -> Iterator[LimitCheck]:
         return
     own = json.loads(dataset.attrs.get("lock_gap_limits", "{}"))
     usual = dataset.attrs.get("lock_gap_limit", math.nan)
-    gaps = at_end(dataset["drive_gap"])
+    gaps = final_value(dataset["drive_gap"])
     for name in dataset["drive"].values:
         yield LimitCheck(
             key=f"drive_gap:{name}",

@@ -8,7 +8,7 @@ from typing import Any
 from turnout.core.provenance import version
 from turnout.core.toml import decode, read_bytes
 from turnout.errors import FileError
-from turnout.measurement.campaign.build_campaign import Campaign
+from turnout.measurement.campaign.build_campaign import BuiltCampaign
 from turnout.panel.load import LoadedPanel, library_names, library_text
 from turnout.response.compilation import must_compile
 from turnout.web.controls import described, measured_record
@@ -30,7 +30,7 @@ class Opened:
     """A campaign and the folder that it is read from."""
 
     folder: Path
-    campaign: Campaign
+    campaign: BuiltCampaign
 
 
 class Studio:

@@ -233,7 +233,7 @@ def made_file(kind: str, dataset: xr.Dataset, *, behind: xr.Dataset | None = Non
     kind : str
         One of `FILES` but `TEXTS`: the dataset (nc), its channels as a table (csv), a figure.
     dataset : xarray.Dataset
-        The throw.
+        Throw that the page shows, a complete run.
     behind : xarray.Dataset, optional
         Drawn grey behind it in a figure.
     """
