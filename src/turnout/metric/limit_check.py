@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from turnout.metric.channel_features import final_value
-from turnout.metric.slip import margins, last_instant_at
+from turnout.metric.slip import last_instant_at, margins
 
 if TYPE_CHECKING:
     import xarray as xr
