@@ -63,7 +63,7 @@ def plan_test_command(
     if out is not None:
         lines = ["throw,place,size [mm],slips"]
         lines += [
-            f"{row['throw']},{row['place']},{1e3 * float(row['size']):g},"
+            f"{row['throw']},{row['place']},{1e3 * float(str(row['size'])):g},"
             f"{'yes' if row['slips'] else 'no'}"
             for row in rows
         ]

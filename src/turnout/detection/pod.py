@@ -208,11 +208,12 @@ def _with_asymptotes(campaigns: Campaigns, alarms: int, sound: int) -> tuple[Cam
             low = 0.5 * float(expit(values[0])) if floor else 0.0
             return low, 1.0 - (0.5 * float(expit(values[-1])) if ceiling else 0.0)
 
-        found = minimize(
-            lambda values: -fitted(*ends(values))[2], np.full(floor + ceiling, -3.0),
-            method="Nelder-Mead", tol=2e-3,
-        )  # fmt: skip
-        return fitted(*ends(found.x))
+        def height(values: Floats) -> float:
+            return -fitted(*ends(values))[2]
+
+        begin = np.full(int(floor) + int(ceiling), -3.0)
+        found = minimize(height, begin, method="Nelder-Mead", tol=2e-3)
+        return fitted(*ends(np.asarray(found.x, dtype=np.float64)))
 
     chosen = (campaigns, best, float(best.value[0]) if not alarms else -np.inf)
     for floor, ceiling in ((True, False), (False, True), (True, True)):

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from turnout.core.problems import choices, nearest, show_value
 from turnout.core.toml import decode, read_bytes
 from turnout.errors import StudyError
-from turnout.measurement.campaign.run_sheet import object_size, truth
+from turnout.measurement.campaign.run_sheet import object_size, parse_yes_no
 
 Floats = NDArray[np.float64]
 T = TypeVar("T")
@@ -151,7 +151,7 @@ def _throws(
         response.append(cells.read("response", _number, float("nan")))
         hit.append(cells.read("hit", _hit, None))
         switch.append(row.get("switch") or "1")
-        simulated.append(cells.read("simulated", truth, False))
+        simulated.append(cells.read("simulated", parse_yes_no, False))
         if not row.get("size"):
             problems.append(f"line {number}: has no size; 0 is a sound throw")
         if not row.get("response") and not row.get("hit"):
@@ -191,7 +191,7 @@ class _Cells:
 
 
 def _hit(cell: str) -> bool:
-    return truth(HITS.get(cell.lower(), cell))
+    return parse_yes_no(HITS.get(cell.lower(), cell))
 
 
 def _size(cell: str, *, unit: str) -> float:

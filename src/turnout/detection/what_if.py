@@ -275,7 +275,8 @@ def _closing(
         message = f'what-if "{match[0]}": the closing over-travel does not vary in this case'
         raise StudyError([message], source="limit")
     travel = throws.switch[:, columns]
-    kept = (travel >= np.median(travel, axis=0)).all(axis=1)[throws.states]
+    more_than_usual = np.asarray(travel >= np.median(travel, axis=0))
+    kept = np.asarray(more_than_usual.all(axis=1))[throws.states]
     more = 1e3 * (travel[throws.states][kept].mean() - travel.mean())
     note = f"states with more over-travel at every drive, {more:.1f} mm on average"
     return Measure(
