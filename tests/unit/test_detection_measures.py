@@ -1,12 +1,16 @@
 """Measures at the switch, the end position, repeated throws and plans of a day, on toys."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import norm
 from tests.unit.detection_throws import toy_throws
+from typer.testing import CliRunner
 
+from turnout.cli.main import app
 from turnout.detection.bound import repeated_alarm_rate
 from turnout.detection.day_plan import (
     Candidates,
@@ -22,6 +26,7 @@ from turnout.detection.limit import limit_map, sound_throws
 from turnout.detection.reference import Conditions
 from turnout.detection.what_if import FORMS, gain_rows, gains, read_measure, repeated_throw
 from turnout.errors import StudyError
+from turnout.response.store import open_response
 
 INPUTS = ("drive.1.over_travel_closed",)
 CLOSING = 0.8
@@ -189,3 +194,29 @@ def test_a_day_on_the_default_panel_determines_what_it_should() -> None:
     known = known_after(of, plan(of, 24))
     assert known.deviations.max() < 0.5
     assert known.a90["sleeper 6"][0] == pytest.approx(11e-3, abs=3e-3)
+
+
+# ---- the command
+
+
+def test_the_command_prints_map_end_positions_and_measures(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("turnout.detection.throws.throw_all", lambda *_, **__: toy_throws())
+    monkeypatch.setattr("turnout.detection.throws.closing_time", lambda _: CLOSING)
+    monkeypatch.setattr("turnout.detection.end_positions.throw_ends", lambda *_, **__: ends(2e5))
+    out, figure = tmp_path / "limit.nc", tmp_path / "limit.png"
+    line = ["limit", "--ends", "--what-if", "second throw", "--what-if", "history 20"]
+    shown = CliRunner().invoke(app, [*line, "-o", str(out), "--plot", str(figure)])
+    assert shown.exit_code == 0, shown.exception
+    assert "TKK1" in shown.output
+    assert "if a second throw must confirm" in shown.output
+    found = open_response(out)
+    assert {"pod", "end_pod", "revealed_gap"} <= set(found)
+    assert figure.exists()
+    printed = CliRunner().invoke(app, [*line, "--json"])
+    record = json.loads(printed.stdout)
+    assert [row["measure"] for row in record["measures"]] == ["history 20", "second throw"]
+    assert record["end_positions"][0]["position"] == "TKK1"
+    assert record["second_throw"]["rate"] < 1e-3
+    assert record["units"]["revealed_gap"] == "m"

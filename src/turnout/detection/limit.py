@@ -23,6 +23,7 @@ from turnout.detection.floor import touch_floor, touched
 from turnout.detection.population import local_models
 from turnout.detection.reference import Conditions
 from turnout.detection.throws import Throws
+from turnout.schema.channels import SCHEMA_VERSION
 
 Floats = NDArray[np.float64]
 
@@ -281,6 +282,7 @@ def _dataset(
             "size": sizes,
         },
         {
+            "schema_version": SCHEMA_VERSION,
             **asdict(conditions),
             "states": states,
             "sound_throws": len(throws.sound),

@@ -10,6 +10,7 @@ from turnout.detection.pod_bound import DRAWN
 from turnout.detection.pod_likelihood import Campaigns, marginal_probability
 from turnout.detection.pod_table import TestThrows
 from turnout.errors import StudyError
+from turnout.schema.channels import SCHEMA_VERSION
 
 Floats = NDArray[np.float64]
 
@@ -187,7 +188,7 @@ def pod_dataset(pod: Pod) -> xr.Dataset:
             dataset[name].attrs |= {"units": units, "long_name": long_name}
     if throws.response is not None and throws.unit:
         dataset["response"].attrs["units"] = throws.unit
-    dataset.attrs = key_figures(pod) | {"notes": list(pod.notes)}
+    dataset.attrs = {"schema_version": SCHEMA_VERSION, **key_figures(pod), "notes": list(pod.notes)}
     return dataset
 
 
