@@ -158,10 +158,12 @@ def throw_rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
     currents = (
         _of_drives(dataset, "drive_current", 1.0) if "machine_throws" in dataset.attrs else []
     )
+    powers = _of_drives(dataset, "drive_power", 1.0)
     return [
         ("Object force\n[kN]", objects),
         ("Drive force\non rail [kN]", forces),
         ("Motor current,\n0.1 s mean [A]", [_averaged(curve, dataset) for curve in currents]),
+        ("Power drawn,\n0.1 s mean [W]", [_averaged(curve, dataset) for curve in powers]),
         ("Marker\nposition [mm]", markers),
         ("Gap to stock\nrail [mm]", gaps),
     ]
