@@ -40,6 +40,7 @@ PACKAGES = (
         "virtual",
     ),
     *("web", "errors", "lazy", "scheme"),
+    *("panel", "mechanism", "analysis", "response"),
 )
 # Pages that are reworded with the package that they describe.
 PAGES_REMAINING = ("docs/detection", "docs/performance")

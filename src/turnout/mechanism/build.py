@@ -52,7 +52,7 @@ def shape_of(
 ) -> tuple[Hashable, tuple[object, ...]]:
     """Return a key of all that shapes rails and rows, and the records that it names.
 
-    Records are named by identity: those that an override leaves alone stay the same. Whoever keeps
+    Records are named by identity: those that an override leaves alone stay the same. Who keeps
     something by the key must keep the records too, so that no other takes their place.
 
     Parameters
@@ -277,7 +277,7 @@ def _made(panel: Panel, objects: Sequence[PlacedObject], *, records: object) -> 
 
 
 def _differ_in_objects(bare: _Linear, linear: _Linear) -> bool:
-    """Tell whether rails with objects are those without, but for the last rows.
+    """Return whether rails with objects are those without, but for the last rows.
 
     They are where each object stands at a node whose displacements were coordinates before.
     """

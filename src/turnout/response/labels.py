@@ -86,7 +86,7 @@ def control_states(
 
     Nothing is locked while a movement is under way, from its onset until the last marker rests.
     "slip or gap" refuses where a drive slips or a gap at a drive is at its limit or above, "no
-    slip" and "raw gap" look at one of the two. A single rail that should be open has no gap to be
+    slip" and "raw gap" use one of the two. A single rail that should be open has no gap to be
     judged: its drives hold it by not slipping.
 
     Parameters
