@@ -121,7 +121,7 @@ class RailShape:
 
 @dataclass(frozen=True, slots=True)
 class DriveMachines:
-    """Machines of drives, one row each, for the kernels; see `mechanism.drive_machines`.
+    """The machines of drives as the kernels take them, one row each; see `drive_machines`.
 
     Attributes
     ----------

@@ -224,9 +224,9 @@ def _drives(dataset: xr.Dataset) -> list[tuple[str, str]]:
 
 
 def _machines(dataset: xr.Dataset) -> list[tuple[str, str]]:
-    """Return what each machine did on its commands: how long it ran, how it ended, its current."""
+    """Return what each machine did on its commands: how long it ran, how it ended, what it took."""
     made: list[dict[str, Any]] = json.loads(dataset.attrs.get("machine_throws", "[]"))
-    if not made or "drive_current" not in dataset:
+    if not made or not {"drive_current", "drive_power"} <= set(dataset):
         return []
     lines = []
     time = dataset["time"].values
@@ -234,13 +234,15 @@ def _machines(dataset: xr.Dataset) -> list[tuple[str, str]]:
         direction = "closing" if item["to"] == "closed" else "opening"
         off = time[-1] if item["off"] is None else item["off"]
         inside = (time >= item["on"]) & (time <= off)
-        current = np.abs(dataset["drive_current"].sel(drive=item["drive"]).values[inside])
-        text = f"drive {item['drive']} {direction}: "
+        drive = dataset[["drive_current", "drive_power"]].sel(drive=item["drive"])
+        current, power = np.abs(drive["drive_current"].values[inside]), drive["drive_power"]
+        text = f"drive {item['drive']}, {item['machine']}, {direction}: "
         text += "limit contact" if item["outcome"] == "limit" else item["outcome"].upper()
         text += f" after {off - item['on']:.3f} s"
         if current.size:
-            end = np.mean(current[time[inside] > off - 0.1])
-            text += f", {current.max():.2f} A at most, {end:.2f} A over its last 0.1 s"
+            last = time[inside] > off - 0.1
+            text += f", {current.max():.2f} A at most; over its last 0.1 s "
+            text += f"{current[last].mean():.2f} A, {power.values[inside][last].mean():.0f} W"
         lines.append(("machine", text))
     return lines
 
