@@ -153,7 +153,8 @@ def _run(
 ) -> tuple["xr.Dataset", bool]:
     """Return the dataset, whole or partial, and whether the run ended early."""
     from turnout.cli.watch import watched
-    from turnout.panel.foreign_object import parse_objects, resolve_objects
+    from turnout.panel.foreign_object import resolve_objects
+    from turnout.panel.object_text import parse_objects
     from turnout.response.save import Save
 
     panel, foreign, (chosen, save, _) = collect_errors(

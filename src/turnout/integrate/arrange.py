@@ -19,6 +19,7 @@ from turnout.condense.modal import ModalModel
 from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
 from turnout.integrate.columns import rebuild
+from turnout.integrate.energy import LEDGER
 from turnout.integrate.equilibrium import anchor_at_rest, equilibrium, equilibrium_segments
 from turnout.integrate.march import Record
 from turnout.integrate.outcome import Code
@@ -33,6 +34,7 @@ from turnout.kernels.interrupt import call_interruptible
 from turnout.kernels.lanes import whole_lines
 from turnout.kernels.records import clone_record, shared_record
 from turnout.law.kernel import SLIP_FORWARD
+from turnout.law.obstruction import Obstructions, remember
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import AlphaCoefficients, Scheme
@@ -156,6 +158,7 @@ class Run:
     stepping: Stepping
     positions: Floats
     record: Record
+    obstructions: Obstructions
     rods: Rods | None = None
 
 
@@ -210,7 +213,16 @@ def prepare(
         ),
         positions=positions,
         record=_empty_record(system, laws, n_stored, with_velocity=filled_in and scheme.inertia),
+        obstructions=_set_up_obstructions(arrangement),
     )
+
+
+def _set_up_obstructions(arrangement: Arrangement) -> Obstructions:
+    """Return the obstructions of a run; their laws get the dents that they have already."""
+    obstructions = shared_record(arrangement.mechanism.obstructions)
+    if obstructions.law.size:
+        remember(arrangement.table, obstructions)
+    return obstructions
 
 
 def _copy_templates(
@@ -238,7 +250,7 @@ def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: 
     widths = {
         **dict(zip(("q", "g", "friction", "law"), whole_lines(vectors).tolist(), strict=True)),
         "stored": 4,
-        "ledger": 6,
+        "ledger": LEDGER,
     }
     page = LARGE_PAGE // 8
     memory = acquire_buffer(count * sum(widths.values()) + page)

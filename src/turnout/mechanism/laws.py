@@ -14,6 +14,7 @@ from turnout.errors import MechanicsError
 from turnout.law.table import LawTable, LawTableBuilder
 from turnout.mechanism.build_rails import SIGN, rail_feet, stands_on, stock_body
 from turnout.mechanism.mechanism import LawIndex, Point
+from turnout.mechanism.object_laws import add_object
 from turnout.mechanism.travel import Travel, drive_at, unloaded_gap
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.markers import offset_at
@@ -163,14 +164,8 @@ def law_table(
         back_drive = panel.back_drive[name]
         _add_linkage(laws, next(further), back_drive, back_drive.adjustment)
     for item in objects:
-        laws.add_contact(
-            next(further),
-            stiffness=item.stiffness,
-            clearance=_gap(panel, travel, item.rail, item.x) - item.size,
-            appears=item.appears,
-            disappears=item.disappears,
-            waits=True,
-        )
+        gap = _gap(panel, travel, item.rail, item.x)
+        add_object(laws, next(further), item, clearance=gap - item.size)
     return _joined(_standing(layout, panel), laws.table())
 
 

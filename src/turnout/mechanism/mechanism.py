@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.beam.material import Material
+from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTable
 from turnout.machine.records import Machine
 from turnout.panel.profile import Spline
@@ -81,6 +82,8 @@ class Mechanism:
         How far each switch rail moves between closed and open.
     machines : DriveMachines, optional
         What moves the inputs of drives that are no markers.
+    obstructions : Obstructions
+        Laws that remember what was done to them.
     """
 
     stiffness: Floats
@@ -95,6 +98,7 @@ class Mechanism:
     rails: tuple[RailBody, ...] = ()
     shapes: "dict[str, RailShape]" = field(default_factory=dict)
     machines: "DriveMachines | None" = None
+    obstructions: Obstructions = field(default_factory=no_obstructions)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,7 +159,8 @@ class LawIndex:
     """Where the laws of each family stand: names to indices into the law table.
 
     Keys are (rail, name) where a family stands on several rails, else the name. A chair has one
-    contact and one friction law for each foot point.
+    contact and one friction law for each foot point; long objects have several parts, each with a
+    law in `object` by its own name.
     """
 
     drive: dict[str, int] = field(default_factory=dict)
@@ -165,6 +170,14 @@ class LawIndex:
     chair: dict[tuple[str, str], tuple[int, ...]] = field(default_factory=dict)
     chair_friction: dict[tuple[str, str], tuple[int, ...]] = field(default_factory=dict)
     object: dict[str, int] = field(default_factory=dict)
+    object_parts: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def object_laws(self) -> dict[str, list[int]]:
+        """Laws of every whole object by its name."""
+        return {
+            name: [self.object[part] for part in parts] for name, parts in self.object_parts.items()
+        }
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,11 +14,14 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Fiel
 from turnout.core.quantity import (
     AngularStiffness,
     Damping,
+    Density,
     Force,
     ForceList,
     Length,
     LengthList,
+    Pressure,
     Stiffness,
+    Temperature,
     Time,
     TimeList,
 )
@@ -406,3 +409,19 @@ class PanelObject(Record):
     stiffness: Stiffness | None = Field(None, gt=0, description="in compression only [N/m]")
     appears: Time | None = Field(None, ge=0, description="when it is placed [s]")
     disappears: Time | None = Field(None, gt=0, description="when it is taken away [s]")
+    kind: Literal["spring", "stone", "ice", "snow", "wood", "metal"] = Field(
+        "spring", description="what it is; a spring is elastic and never breaks"
+    )
+    length: Length | None = Field(None, gt=0, description="extent along the rail [m]")
+    depth: Length | None = Field(None, gt=0, description="upright extent [m]")
+    strength: Pressure | None = Field(
+        None,
+        gt=0,
+        description="stone: splitting force over size squared; ice: crushing pressure; wood, "
+        "metal: yield [Pa]",
+    )
+    density: Density | None = Field(None, gt=0, description="of snow [kg/m3]")
+    temperature: Temperature | None = Field(None, gt=0, description="of ice and snow [K]")
+    piece: float | None = Field(
+        None, ge=0, le=0.95, description="share of the size that stays when it breaks [-]"
+    )

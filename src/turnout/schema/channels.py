@@ -180,6 +180,13 @@ CHANNELS: Mapping[str, Channel] = _table(
         "brought in where an object is placed or removed",
         "put in",
     ),
+    Channel(
+        "energy_object_dissipated",
+        ("time",),
+        "J",
+        "dissipated by objects that dent or break",
+        "taken out",
+    ),
     Channel("energy_supply", ("time",), "J", "from the supply of the machines", "put in"),
     Channel("energy_copper", ("time",), "J", "lost in the motors' copper", "taken out"),
     Channel("energy_line", ("time",), "J", "lost in lines, supply and snubbers", "taken out"),
@@ -191,11 +198,13 @@ CHANNELS: Mapping[str, Channel] = _table(
     Channel("energy_machine", ("time",), "J", "change in coils, inertias and clutches", "stored"),
     Channel("work_rods", ("time",), "J", "work of the machines on their rods", "put in"),
     Channel("energy_numerical", ("time",), "J", "lost by the time stepping", "taken out"),
-    Channel("energy_residual", ("time",), "J", "left over when the books are closed"),
+    Channel("energy_residual", ("time",), "J", "energy residual: what the balance leaves open"),
     Channel("object_placed", (), "1", "whether there was room for every object", kind="logical"),
     Channel("object_touched", (), "1", "whether a rail reached a foreign object", kind="logical"),
     Channel("contact_time", (), "s", "first contact with a foreign object", "forward"),
     Channel("object_contact_time", ("object",), "s", "first contact with each object", "forward"),
+    Channel("object_left", ("object",), "m", "size of each object that is left"),
+    Channel("object_broken", ("object",), "1", "how often each object broke", kind="count"),
     Channel("end_gap", ("drive",), "m", "gap at the drive at the end", "open"),
     Channel(
         "force_margin",
@@ -246,7 +255,14 @@ OF_MACHINES = frozenset(
 )
 # Made only where a run is asked for them.
 ON_REQUEST = frozenset({"fastening_force", "fastening_moment"})
-OPTIONAL = MEASURED | OF_MACHINES | ON_REQUEST | {"single_object_force", "object_contact_time"}
+OPTIONAL = (
+    MEASURED
+    | OF_MACHINES
+    | ON_REQUEST
+    | {
+        *("single_object_force", "object_contact_time", "object_left", "object_broken"),
+    }
+)
 
 
 def label(dataset: "xr.Dataset") -> "xr.Dataset":

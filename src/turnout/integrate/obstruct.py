@@ -1,0 +1,98 @@
+"""Obstructions between the steps: dents that stay, and failures.
+
+Laws are elastic within a step, `turnout.law.obstruction`; here, once a step has been accepted, what
+they remember follows from where the step ended. A dent changes neither force nor stiffness of the
+present state, so no column changes. A failure changes the law of its row, as a law that is switched
+does: the force drops at the instant between two steps.
+"""
+
+from turnout.integrate.energy import OBJECTS, force_and_energy
+from turnout.integrate.scratch import Work
+from turnout.integrate.solve import mark_law
+from turnout.integrate.state import State, set_segment
+from turnout.integrate.system import System
+from turnout.kernels.compiled import compiled
+from turnout.law.kernel import law_argument, segment_for
+from turnout.law.obstruction import (
+    BREAKS_AWAY,
+    CRUMBLES,
+    NEVER,
+    SPLITS,
+    Obstructions,
+    crumble,
+    dent,
+    split,
+)
+from turnout.law.table import LawTable
+
+ELASTIC = 1
+"""Segment of an obstruction without change."""
+
+
+@compiled
+def update_obstructions(
+    system: System,
+    table: LawTable,
+    state: State,
+    work: Work,
+    obstructions: Obstructions,
+    time: float,
+) -> int:
+    """Leave dents and break what fails at the present state.
+
+    Parameters
+    ----------
+    time : float
+        Of the present state [s].
+
+    Returns
+    -------
+    int
+        Rows that are marked for an update of the columns.
+    """
+    count = 0
+    for row in range(obstructions.law.size):
+        law = obstructions.law[row]
+        segment = state.segment[law]
+        if state.present[law] == 0 or segment == ELASTIC:
+            continue
+        breaks = obstructions.breaks[row]
+        if segment == 0 and breaks != BREAKS_AWAY:
+            continue
+        e = law_argument(table, law, state.g, state.inputs)
+        if breaks != NEVER:
+            _break(table, state, obstructions, row, e, time)
+            count = mark_law(system, table, state, work, count, law)
+        elif e > obstructions.deepest[row]:
+            lost = dent(table, law, segment, e, obstructions.unloading[row])
+            obstructions.deepest[row] = e
+            obstructions.dissipated[row] += lost
+            state.ledger[OBJECTS] += lost
+            set_segment(table, state, law, segment)
+    return count
+
+
+@compiled
+def _break(
+    table: LawTable, state: State, obstructions: Obstructions, row: int, e: float, time: float
+) -> None:
+    """Break an obstruction at the compression `e` [m]; what its law stored beyond is dissipated."""
+    law, breaks = obstructions.law[row], obstructions.breaks[row]
+    force, energy = force_and_energy(state, law, e)
+    stays = True
+    if breaks == SPLITS:
+        stays = split(table, obstructions, row)
+    elif breaks == CRUMBLES:
+        crumble(table, obstructions, row, e)
+    else:
+        obstructions.broken[row] += 1
+        stays = False
+    if not stays:
+        state.present[law] = 0
+        table.disappears[law] = time - 1e-6
+    left = law_argument(table, law, state.g, state.inputs)
+    set_segment(table, state, law, segment_for(table, law, left, 0, 0.0))
+    new_force, new_energy = force_and_energy(state, law, left)
+    state.jump[law] += force - new_force
+    obstructions.dissipated[row] += energy - new_energy
+    state.ledger[OBJECTS] += energy - new_energy

@@ -1,0 +1,104 @@
+"""Laws of foreign objects: from the kind of an object to its curve and memory."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from turnout.law.compression import (
+    Compression,
+    ice,
+    ice_pressure,
+    metal,
+    snow,
+    stone,
+    wood,
+)
+from turnout.law.obstruction import Obstructions, no_obstructions
+from turnout.law.table import LawTableBuilder
+from turnout.panel.foreign_object import PlacedObject
+
+
+def add_object(laws: LawTableBuilder, row: int, item: PlacedObject, *, clearance: float) -> None:
+    """Add the law of an object.
+
+    Parameters
+    ----------
+    laws : LawTableBuilder
+        Receives it.
+    row : int
+        Approach of the switch rail to the stock rail.
+    item : PlacedObject
+        The object.
+    clearance : float
+        Approach at which it is touched while nothing has broken off [m].
+    """
+    times = {"appears": item.appears, "disappears": item.disappears, "waits": True}
+    if item.kind == "spring":
+        laws.add_contact(row, stiffness=item.stiffness, clearance=clearance, **times)
+        return
+    curve = curve_of(item)
+    laws.add_piecewise(
+        row,
+        breakpoints=curve.breakpoints,
+        slopes=curve.slopes,
+        offset=clearance + item.lost,
+        **times,
+    )
+
+
+def curve_of(item: PlacedObject) -> Compression:
+    """Return force over compression of an object that is no spring.
+
+    What broke off before has gone from its size; ice keeps the layer that it had at first.
+    """
+    contact, size, area = item.stiffness, item.size - item.lost, item.length * item.depth
+    if item.kind == "stone":
+        return stone(size=size, strength=item.strength, contact=contact, piece=item.piece)
+    if item.kind == "ice":
+        pressure = item.strength or ice_pressure(item.temperature)
+        return ice(size=item.size, area=area, strength=pressure, contact=contact, piece=item.piece)
+    if item.kind == "snow":
+        return snow(
+            size=size,
+            area=area,
+            density=item.density,
+            temperature=item.temperature,
+            contact=contact,
+        )
+    of_kind = {"wood": wood, "metal": metal}[item.kind]
+    return of_kind(size=size, area=area, strength=item.strength, contact=contact)
+
+
+def obstructions_of(laws: dict[str, int], objects: Sequence[PlacedObject]) -> Obstructions:
+    """Return what objects remember, before they are thrown against.
+
+    Parameters
+    ----------
+    laws : dict of str to int
+        Law of each object by name.
+    objects : sequence of PlacedObject
+        All objects; springs remember nothing.
+    """
+    kept = [item for item in objects if item.kind != "spring"]
+    found = no_obstructions(len(kept))
+    for row, item in enumerate(kept):
+        curve = curve_of(item)
+        found.law[row] = laws[item.name]
+        found.breaks[row] = curve.breaks
+        found.unloading[row] = curve.unloading
+        found.piece[row] = curve.piece
+        found.layer[row] = curve.layer
+        found.least[row] = curve.least
+        found.size[row] = item.size - item.lost
+        found.deepest[row] = item.deepest
+    return found
+
+
+def named_obstructions(obstructions: Obstructions, laws: dict[str, int]) -> dict[str, int]:
+    """Return the row of each object that remembers, by the name of the object."""
+    names = {law: name for name, law in laws.items()}
+    return {
+        names[law]: row
+        for row, law in enumerate(np.asarray(obstructions.law).tolist())
+        if law in names
+    }
