@@ -235,6 +235,15 @@ CAMPAIGN_COORDINATES: Mapping[str, Channel] = _table(
     Channel("onset", ("movement",), "s", "onset of motion on the time of the recording"),
 )
 
+# A sequence of throws has "throw" before the dimensions of channels, and these.
+SEQUENCE: Mapping[str, Channel] = _table(
+    Channel("object_size", ("throw", "object"), "m", "size of each object before the throw"),
+    Channel("throw_temperature", ("throw",), "K", "temperature of ice and snow"),
+)
+SEQUENCE_COORDINATES: Mapping[str, Channel] = _table(
+    Channel("throw", ("throw",), "1", "number of the throw", kind="count"),
+)
+
 # Left out where nothing of the kind exists or was measured; a simulation has all the others.
 MEASURED = frozenset(
     {
@@ -289,7 +298,7 @@ def label(dataset: "xr.Dataset") -> "xr.Dataset":
     """
     labelled = dataset.copy()
     for name in labelled.variables:
-        channel = known_channel(str(name), campaign="movement" in dataset.dims)
+        channel = known_channel(str(name), outer=outer_dimension(dataset))
         if channel is None:
             raise KeyError(name)
         attributes = {"units": channel.units, "long_name": channel.long_name}
@@ -301,17 +310,32 @@ def label(dataset: "xr.Dataset") -> "xr.Dataset":
     return labelled.assign_attrs(Conventions=CONVENTIONS)
 
 
-def known_channel(name: str, *, campaign: bool = False) -> Channel | None:
-    """Return the row of the table for a variable, as it is in a campaign or outside one.
+def outer_dimension(dataset: "xr.Dataset") -> str:
+    """Return "movement" for a campaign, "throw" for a sequence of throws, else an empty text."""
+    return next((name for name in ("movement", "throw") if name in dataset.dims), "")
+
+
+def known_channel(name: str, *, outer: str = "") -> Channel | None:
+    """Return the row of the table for a variable.
+
+    Parameters
+    ----------
+    name : str
+        Of the variable.
+    outer : str
+        Dimension in front of those of the channels: "movement" in a campaign, "throw" in a
+        sequence, else empty.
 
     Examples
     --------
-    >>> known_channel("drive_force", campaign=True).dims
+    >>> known_channel("drive_force", outer="movement").dims
     ('movement', 'drive', 'time')
     """
-    if not campaign:
-        return CHANNELS.get(name) or COORDINATES.get(name)
     channel = CHANNELS.get(name)
+    if not outer:
+        return channel or COORDINATES.get(name)
     if channel is not None:
-        return replace(channel, dims=("movement", *channel.dims))
+        return replace(channel, dims=(outer, *channel.dims))
+    if outer == "throw":
+        return SEQUENCE.get(name) or SEQUENCE_COORDINATES.get(name) or COORDINATES.get(name)
     return CAMPAIGN_COORDINATES.get(name) or COORDINATES.get(name)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnout.errors import ResponseError
-from turnout.schema.channels import CHANNELS, Channel, known_channel
+from turnout.schema.channels import CHANNELS, SEQUENCE, Channel, known_channel, outer_dimension
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,8 +30,8 @@ def schema_problems(dataset: "xr.Dataset") -> list[str]:
     """
     problems = []
     for name, variable in dataset.variables.items():
-        channel = known_channel(str(name), campaign="movement" in dataset.dims)
-        if channel is None or (name in dataset.coords) == (name in CHANNELS):
+        channel = known_channel(str(name), outer=outer_dimension(dataset))
+        if channel is None or (name in dataset.coords) == (name in CHANNELS or name in SEQUENCE):
             near = nearest_channel(str(name))
             problems.append(f"{name}: no such channel{near}")
             continue
