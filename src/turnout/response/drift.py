@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from turnout.core.units import LENGTH, TEMPERATURE, Dimension, parse_quantity
+from turnout.core.units import LENGTH, TEMPERATURE, parse_quantity
 from turnout.errors import ResponseError
 from turnout.integrate.run import History
 from turnout.mechanism.mechanism import Mechanism
@@ -23,12 +23,8 @@ MELTING = 273.15
 """[K]"""
 LEAST_LEFT = 5e-4
 """What is thinner is gone [m]."""
-_DIMENSIONS: dict[str, Dimension] = {
-    "ice_growth": LENGTH,
-    "snow_growth": LENGTH,
-    "melting": LENGTH,
-    "adjustment": LENGTH,
-}
+LENGTHS = ("ice_growth", "snow_growth", "melting", "adjustment")
+"""Of the rates."""
 _AT_LEAST_ZERO = ("ice_growth", "snow_growth", "melting", "fall")
 _CHANCES = ("fall", "clutch")
 
@@ -97,9 +93,7 @@ class Drift:
         if self.temperature is None:
             return None
         course = np.atleast_1d(np.asarray(self.temperature, dtype=float))
-        return np.interp(
-            np.linspace(0.0, 1.0, throws), np.linspace(0.0, 1.0, course.size), course
-        )
+        return np.interp(np.linspace(0.0, 1.0, throws), np.linspace(0.0, 1.0, course.size), course)
 
     def overrides(self, panel: LoadedPanel, number: int) -> dict[str, object]:
         """Return what differs from the panel at a throw, counted from 0."""
@@ -131,8 +125,8 @@ def _read(name: str, value: object) -> object:
             message = "must be between 200 K and 350 K"
             raise ValueError(message)
         return course
-    if name in _DIMENSIONS:
-        number = parse_quantity(value, _DIMENSIONS[name], si=True)
+    if name in LENGTHS:
+        number = parse_quantity(value, LENGTH, si=True)
     elif isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         message = "must be a finite plain number"
         raise TypeError(message)
