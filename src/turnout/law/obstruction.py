@@ -65,12 +65,24 @@ class Obstructions(NamedTuple):
 
 def no_obstructions(count: int = 0) -> Obstructions:
     """Return rows without content, for a mechanism without obstructions or to be filled."""
-    whole = {"law", "breaks", "broken"}
+
+    def numbers() -> Floats:
+        return np.zeros(count)
+
+    def counts() -> Ints:
+        return np.zeros(count, dtype=np.int64)
+
     return Obstructions(
-        **{
-            name: np.zeros(count, dtype=np.int64 if name in whole else np.float64)
-            for name in Obstructions._fields
-        }
+        law=counts(),
+        breaks=counts(),
+        unloading=numbers(),
+        piece=numbers(),
+        layer=numbers(),
+        least=numbers(),
+        size=numbers(),
+        deepest=numbers(),
+        dissipated=numbers(),
+        broken=counts(),
     )
 
 

@@ -32,9 +32,15 @@ def add_object(laws: LawTableBuilder, row: int, item: PlacedObject, *, clearance
     clearance : float
         Approach at which it is touched while nothing has broken off [m].
     """
-    times = {"appears": item.appears, "disappears": item.disappears, "waits": True}
     if item.kind == "spring":
-        laws.add_contact(row, stiffness=item.stiffness, clearance=clearance, **times)
+        laws.add_contact(
+            row,
+            stiffness=item.stiffness,
+            clearance=clearance,
+            appears=item.appears,
+            disappears=item.disappears,
+            waits=True,
+        )
         return
     curve = curve_of(item)
     laws.add_piecewise(
@@ -42,7 +48,9 @@ def add_object(laws: LawTableBuilder, row: int, item: PlacedObject, *, clearance
         breakpoints=curve.breakpoints,
         slopes=curve.slopes,
         offset=clearance + item.lost,
-        **times,
+        appears=item.appears,
+        disappears=item.disappears,
+        waits=True,
     )
 
 

@@ -274,7 +274,7 @@ def _filled(panel: Panel, item: ForeignObject) -> ForeignObject:
 def _place(panel: Panel, name: str, item: ForeignObject) -> PlacedObject:
     """Place an object that leaves out no more than times."""
     rail = str(item.rail)
-    return PlacedObject(
+    placed = PlacedObject(
         name=name,
         size=float(item.size),
         x=find_place(_families(panel), item.at).x,
@@ -284,8 +284,9 @@ def _place(panel: Panel, name: str, item: ForeignObject) -> PlacedObject:
         appears=_onset(panel, rail) if item.appears is None else float(item.appears),
         disappears=math.inf if item.disappears is None else float(item.disappears),
         kind=item.kind,
-        **filled_parameters(item.kind, item.parameters, size=float(item.size)),
     )
+    values = filled_parameters(item.kind, item.parameters, size=placed.size)
+    return replace(placed, **values)  # type: ignore[arg-type]
 
 
 def _onset(panel: Panel, rail: str) -> float:

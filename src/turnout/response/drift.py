@@ -11,7 +11,7 @@ import numpy as np
 
 from turnout.core.units import LENGTH, TEMPERATURE, parse_quantity
 from turnout.errors import ResponseError
-from turnout.integrate.run import History
+from turnout.integrate.integration import History
 from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.object_laws import named_obstructions
 from turnout.panel.foreign_object import PlacedObject
@@ -93,7 +93,8 @@ class Drift:
         if self.temperature is None:
             return None
         course = np.atleast_1d(np.asarray(self.temperature, dtype=float))
-        return np.interp(np.linspace(0.0, 1.0, throws), np.linspace(0.0, 1.0, course.size), course)
+        places = np.linspace(0.0, 1.0, throws)
+        return np.asarray(np.interp(places, np.linspace(0.0, 1.0, course.size), course))
 
     def overrides(self, panel: LoadedPanel, number: int) -> dict[str, object]:
         """Return what differs from the panel at a throw, counted from 0."""

@@ -18,8 +18,7 @@ from turnout.response.drift import Drift, aged_objects
 from turnout.response.save import Save
 from turnout.response.signals import Variable
 from turnout.response.simulate import Solved, as_objects, solve_placed
-from turnout.schema.channels import label
-from turnout.schema.check import check_schema
+from turnout.schema.channels import check_schema, label
 from turnout.scheme import Mode, Scheme, chosen_scheme
 
 if TYPE_CHECKING:
@@ -180,7 +179,7 @@ class _Series:
         if temperatures is not None:
             channels["throw_temperature"] = (("throw",), temperatures[:count])
         self.coordinates["throw"] = (("throw",), np.arange(1, count + 1))
-        made = check_schema(label(xr.Dataset(channels, self.coordinates)))
+        made: xr.Dataset = check_schema(label(xr.Dataset(channels, self.coordinates)))
         drift = {item.name: getattr(self.drift, item.name) for item in fields(Drift)}
         return made.assign_attrs(
             {
