@@ -24,6 +24,7 @@ from tests.verification.hand_made import (
 from turnout.integrate import energy, march
 from turnout.integrate import integration as run_module
 from turnout.integrate.integration import History
+from turnout.law import compression as curves
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 

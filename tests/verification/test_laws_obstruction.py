@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring, obstruction, run
 
-from turnout.integrate.run import History
+from turnout.integrate.integration import History
 from turnout.law import compression as curves
 from turnout.law.compression import Compression
 from turnout.law.table import LawTableBuilder

@@ -23,6 +23,7 @@ from turnout.integrate.energy import LEDGER
 from turnout.integrate.equilibrium import anchor_at_rest, equilibrium, equilibrium_segments
 from turnout.integrate.march import Record
 from turnout.integrate.numbering import place_laws
+from turnout.integrate.obstruct import freeze
 from turnout.integrate.outcome import Code
 from turnout.integrate.rods import Rods
 from turnout.integrate.scratch import Work, acquire_buffer, new_work, release_buffers
@@ -33,6 +34,7 @@ from turnout.integrate.system import System, check_normals, condensed_system
 from turnout.kernels.interrupt import call_interruptible
 from turnout.kernels.lanes import whole_lines
 from turnout.kernels.shared_record import clone_record, shared_record
+from turnout.law.friction_course import FrictionCourses
 from turnout.law.kernel import SLIP_FORWARD
 from turnout.law.obstruction import Obstructions, remember
 from turnout.law.table import LawTable
@@ -159,6 +161,7 @@ class Run:
     positions: Floats
     record: Record
     obstructions: Obstructions
+    courses: FrictionCourses
     rods: Rods | None = None
 
 
@@ -214,6 +217,7 @@ def prepare(
         positions=positions,
         record=_empty_record(system, laws, n_stored, with_velocity=filled_in and scheme.inertia),
         obstructions=_set_up_obstructions(arrangement),
+        courses=shared_record(arrangement.mechanism.courses),
     )
 
 
@@ -294,6 +298,7 @@ def start_at_rest(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
     finally:
         table.friction_coefficient[:] = laws.friction_coefficient
     anchor_at_rest(system, table, state, work)
+    freeze(table, state, run.obstructions)
     if not run.stepping.inertia:
         rebuild(system, table, state, state.counters[LEVEL], work.row)
     return Code.COMPLETE

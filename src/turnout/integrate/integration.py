@@ -265,6 +265,7 @@ def _march(run: Run, first: int, last: int) -> tuple[int, int]:
         last,
         run.record,
         run.obstructions,
+        run.courses,
         run.rods,
     )
 

@@ -1,4 +1,4 @@
-"""Obstructions between the steps: dents that stay, and failures.
+"""Between the steps: dents that stay, failures, bonds of ice, and friction along the stroke.
 
 Laws are elastic within a step, `turnout.law.obstruction`; here, once a step has been accepted, what
 they remember follows from where the step ended. A dent changes neither force nor stiffness of the
@@ -8,11 +8,12 @@ does: the force drops at the instant between two steps.
 
 from turnout.integrate.energy import OBJECTS, force_and_energy
 from turnout.integrate.scratch import Work
-from turnout.integrate.solve import mark_law
+from turnout.integrate.solve import mark_law, mark_row
 from turnout.integrate.state import State, set_segment
 from turnout.integrate.system import System
 from turnout.kernels.compiled import compiled
-from turnout.law.kernel import law_argument, segment_for
+from turnout.law.friction_course import FrictionCourses
+from turnout.law.kernel import STICK, law_argument, segment_for
 from turnout.law.obstruction import (
     BREAKS_AWAY,
     CRUMBLES,
@@ -70,6 +71,47 @@ def update_obstructions(
             state.ledger[OBJECTS] += lost
             set_segment(table, state, law, segment)
     return count
+
+
+@compiled
+def update_courses(
+    table: LawTable, state: State, work: Work, courses: FrictionCourses, count: int
+) -> int:
+    """Give frictions the coefficients at the present openings of their rails.
+
+    Parameters
+    ----------
+    count : int
+        Rows that are marked for an update already.
+
+    Returns
+    -------
+    int
+        Rows that are marked in all.
+    """
+    for row in range(courses.friction.size):
+        friction = courses.friction[row]
+        place = table.friction_row[friction]
+        opening = courses.closed[row] - courses.side[row] * state.g[place]
+        at = courses.start[row]
+        while at + 1 < courses.start[row + 1] and opening >= courses.opening[at + 1]:
+            at += 1
+        if at == courses.at[row]:
+            continue
+        courses.at[row] = at
+        table.friction_coefficient[friction] = courses.coefficient[row] * courses.factor[at]
+        if state.friction[friction] != STICK:
+            count = mark_row(work, count, place)
+    return count
+
+
+@compiled
+def freeze(table: LawTable, state: State, obstructions: Obstructions) -> None:
+    """Bond what is frozen where it stands now, without force."""
+    for row in range(obstructions.law.size):
+        if obstructions.breaks[row] == BREAKS_AWAY:
+            law = obstructions.law[row]
+            table.offset[law] = state.g[table.row[law]]
 
 
 @compiled

@@ -21,6 +21,7 @@ from scipy.linalg import block_diag
 from turnout.core.lru_cache import LRUCache
 from turnout.core.threads import one_blas_thread
 from turnout.mechanism.build_rails import stock_rail_data, switch_rail_data
+from turnout.mechanism.chair_courses import friction_courses
 from turnout.mechanism.laws import Layout, Rows, law_table, lay_out, with_stops
 from turnout.mechanism.machines import drive_machines
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailData, ReducedRail
@@ -38,7 +39,12 @@ _NO_SHAPE = frozenset(
     + ("object_defaults", "object", "lock", "flangeway", "chair", "drive", "machine")
 )
 _LAW_ALONE = {
-    Chair: frozenset(("friction_coefficient", "normal_stiffness", "stick_stiffness", "clearance")),
+    Chair: frozenset(
+        (
+            *("friction_coefficient", "normal_stiffness", "stick_stiffness", "clearance"),
+            *("friction_opening", "friction_factor"),
+        )
+    ),
     Drive: frozenset(
         ("stiffness", "saturation_force", "saturated_stiffness", "extension", "force", "machine")
     ),
@@ -145,7 +151,8 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
         rails=linear.rails,
         shapes=linear.travel.shapes,
         machines=drive_machines(panel, layout.index),
-        obstructions=obstructions_of(layout.index.object, objects),
+        obstructions=obstructions_of(layout.index, objects),
+        courses=friction_courses(panel, layout.index, linear.travel),
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.beam.material import Material
+from turnout.law.friction_course import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTable
 from turnout.machine.records import Machine
@@ -84,6 +85,8 @@ class Mechanism:
         What moves the inputs of drives that are no markers.
     obstructions : Obstructions
         Laws that remember what was done to them.
+    courses : FrictionCourses
+        Friction that differs along the stroke.
     """
 
     stiffness: Floats
@@ -99,6 +102,7 @@ class Mechanism:
     shapes: "dict[str, RailShape]" = field(default_factory=dict)
     machines: "DriveMachines | None" = None
     obstructions: Obstructions = field(default_factory=no_obstructions)
+    courses: FrictionCourses = field(default_factory=no_courses)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,6 +173,7 @@ class LawIndex:
     stop: dict[tuple[str, str], int] = field(default_factory=dict)
     chair: dict[tuple[str, str], tuple[int, ...]] = field(default_factory=dict)
     chair_friction: dict[tuple[str, str], tuple[int, ...]] = field(default_factory=dict)
+    bond: dict[tuple[str, str], int] = field(default_factory=dict)
     object: dict[str, int] = field(default_factory=dict)
     object_parts: dict[str, tuple[str, ...]] = field(default_factory=dict)
 

@@ -1,4 +1,4 @@
-"""Laws of foreign objects: from the kind of an object to its curve and memory."""
+"""Laws of foreign objects and of frozen chairs: from their kind to their curve and memory."""
 
 from collections.abc import Sequence
 
@@ -13,9 +13,14 @@ from turnout.law.compression import (
     stone,
     wood,
 )
-from turnout.law.obstruction import Obstructions, no_obstructions
+from turnout.law.obstruction import BREAKS_AWAY, Obstructions, no_obstructions
 from turnout.law.table import LawTableBuilder
+from turnout.mechanism.mechanism import LawIndex
 from turnout.panel.foreign_object import PlacedObject
+from turnout.panel.records import Chair
+
+AT_ONCE = 1e-6
+"""A bond acts from the first step on, once the rail has come to rest [s]."""
 
 
 def add_object(laws: LawTableBuilder, row: int, item: PlacedObject, *, clearance: float) -> None:
@@ -77,18 +82,45 @@ def curve_of(item: PlacedObject) -> Compression:
     return of_kind(size=size, area=area, strength=item.strength, contact=contact)
 
 
-def obstructions_of(laws: dict[str, int], objects: Sequence[PlacedObject]) -> Obstructions:
-    """Return what objects remember, before they are thrown against.
+def add_bond(laws: LawTableBuilder, row: int, chair: Chair, *, feet: int) -> None:
+    """Add the ice between a rail and a chair, as stiff as sticking feet, without values of place.
 
     Parameters
     ----------
-    laws : dict of str to int
-        Law of each object by name.
+    laws : LawTableBuilder
+        Receives it.
+    row : int
+        Lateral displacement of the feet.
+    chair : Chair
+        With the force at which the ice breaks.
+    feet : int
+        Foot points of the rail on it.
+    """
+    stiffness = feet * chair.stick_stiffness
+    reach = chair.frozen_force / stiffness
+    laws.add_piecewise(
+        row,
+        breakpoints=np.array([-reach, reach]),
+        slopes=np.array([0.0, stiffness, 0.0]),
+        appears=AT_ONCE,
+    )
+
+
+def obstructions_of(index: LawIndex, objects: Sequence[PlacedObject]) -> Obstructions:
+    """Return what objects and bonds remember, before they are thrown against.
+
+    Parameters
+    ----------
+    index : LawIndex
+        Laws of objects and bonds.
     objects : sequence of PlacedObject
         All objects; springs remember nothing.
     """
+    laws = index.object
     kept = [item for item in objects if item.kind != "spring"]
-    found = no_obstructions(len(kept))
+    found = no_obstructions(len(kept) + len(index.bond))
+    found.law[len(kept) :] = list(index.bond.values())
+    found.breaks[len(kept) :] = BREAKS_AWAY
     for row, item in enumerate(kept):
         curve = curve_of(item)
         found.law[row] = laws[item.name]

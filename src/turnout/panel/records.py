@@ -234,6 +234,17 @@ class Chair(OnRails):
     stick_stiffness: Stiffness = Field(gt=0, description="tangential stiffness a foot point [N/m]")
     damping: Damping = Field(0.0, ge=0, description="vertical dashpot a foot point [N s/m]")
     clearance: Length = Field(0.0, description="free distance under the unloaded foot [m]")
+    frozen_force: Force = Field(
+        0.0, ge=0, description="a rail is frozen to it where it rests, until this lateral force [N]"
+    )
+    friction_opening: LengthList | None = Field(
+        None,
+        description="friction along the stroke: openings from the closed position, rising from 0, "
+        "from which on each factor holds [m]",
+    )
+    friction_factor: list[float] | None = Field(
+        None, description="friction along the stroke: factors on friction_coefficient [-]"
+    )
 
 
 class Fastening(OnRails):
