@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-PACKAGES = ("api", "cli", "plot", "report", "web")
+PACKAGES = ("api", "cli", "law", "plot", "report", "web")
 PAGES_REMAINING = (
     "docs/theory/", "docs/calibration.md", "docs/measurement-quality.md",
     "docs/campaign-format.md", "docs/how-to/calibrate.md", "docs/how-to/validate.md",

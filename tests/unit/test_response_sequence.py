@@ -73,6 +73,16 @@ def test_snow_is_packed_and_keeps_its_mass() -> None:
     assert made["object_left"].values[1, 0] == pytest.approx(size[1], abs=3e-4)
 
 
+def test_ice_that_is_crushed_to_its_last_layer_is_met_again() -> None:
+    ice = ForeignObject("10 mm", "drive 1", kind="ice")
+    made = simulate_sequence(PANEL, throws=3, foreign_object=ice)
+    left = made["object_left"].values[:, 0]
+    assert left == pytest.approx(0.0018, abs=2e-4)
+    assert left[0] == left[1] == left[2]
+    assert made["object_broken"].values[1:, 0].tolist() == [0, 0]
+    assert made["energy_object_dissipated"][1, -1] == 0.0
+
+
 def test_friction_clutch_and_adjustment_drift() -> None:
     drift = Drift(friction=0.1, clutch=0.01, adjustment="0.1 mm")
     made = simulate_sequence(PANEL, throws=3, drift=drift)

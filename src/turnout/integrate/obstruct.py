@@ -18,6 +18,7 @@ from turnout.law.obstruction import (
     BREAKS_AWAY,
     CRUMBLES,
     NEVER,
+    SPENT,
     SPLITS,
     Obstructions,
     crumble,
@@ -61,6 +62,8 @@ def update_obstructions(
         if segment == 0 and breaks != BREAKS_AWAY:
             continue
         e = law_argument(table, law, state.g, state.inputs)
+        if breaks == SPENT:
+            continue
         if breaks != NEVER:
             _break(table, state, obstructions, row, e, time)
             count = mark_law(system, table, state, work, count, law)

@@ -13,11 +13,11 @@ size :math:`s` and the compression :math:`e`:
 Sources and ranges stand in docs/objects.md; what is marked there as an assumption is one here too.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from turnout.law.obstruction import CRUMBLES, NEVER, SPLITS
+from turnout.law.obstruction import CRUMBLES, NEVER, SPENT, SPLITS
 from turnout.law.table import Floats
 
 MELTING = 273.15
@@ -64,6 +64,13 @@ class Compression:
     def unloading(self) -> float:
         """Stiffness on the way back [N/m]."""
         return float(self.slopes[1])
+
+    def lasting(self, deepest: float) -> float:
+        """Return the compression that a deepest one leaves without force [m]."""
+        if deepest <= 0.0:
+            return 0.0
+        lengths = np.diff(np.minimum(np.append(self.breakpoints, np.inf), deepest))
+        return max(0.0, deepest - float(lengths @ self.slopes[1:]) / self.unloading)
 
 
 def ice_pressure(temperature: float) -> float:
@@ -128,6 +135,13 @@ def ice(*, size: float, area: float, strength: float, contact: float, piece: flo
         layer=(1.0 - ICE_REST) * limit,
         least=piece * size,
     )
+
+
+def spent(curve: Compression) -> Compression:
+    """Return the curve of what crumbles no more: elastic for ever."""
+    slopes = curve.slopes.copy()
+    slopes[2:] = slopes[1]
+    return replace(curve, slopes=slopes, breaks=SPENT)
 
 
 def snow(

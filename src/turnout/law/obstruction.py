@@ -20,8 +20,9 @@ import numpy as np
 from turnout.kernels.compiled import compiled
 from turnout.law.table import Floats, Ints, LawTable
 
-NEVER, SPLITS, CRUMBLES, BREAKS_AWAY = range(4)
-"""How an obstruction breaks: not at all, into a piece, in layers, or as a bond of two bodies."""
+NEVER, SPLITS, CRUMBLES, BREAKS_AWAY, SPENT = range(5)
+"""How an obstruction breaks: not at all, it dents; into a piece; in layers; as a bond between two
+bodies; or no longer, and it does not dent either."""
 
 
 class Obstructions(NamedTuple):
@@ -161,7 +162,7 @@ def crumble(table: LawTable, obstructions: Obstructions, row: int, e: float) -> 
     obstructions.broken[row] += 1
     table.offset[law] += lost
     if obstructions.size[row] <= obstructions.least[row]:
-        obstructions.breaks[row] = NEVER
+        obstructions.breaks[row] = SPENT
         for s in range(first + 2, table.segment_start[law + 1]):
             table.slope[s] = table.slope[first + 1]
             table.intercept[s] = 0.0

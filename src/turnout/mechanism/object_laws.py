@@ -10,6 +10,7 @@ from turnout.law.compression import (
     ice_pressure,
     metal,
     snow,
+    spent,
     stone,
     wood,
 )
@@ -69,7 +70,8 @@ def curve_of(item: PlacedObject) -> Compression:
         return stone(size=size, strength=item.strength, contact=contact, piece=item.piece)
     if item.kind == "ice":
         pressure = item.strength or ice_pressure(item.temperature)
-        return ice(size=item.size, area=area, strength=pressure, contact=contact, piece=item.piece)
+        curve = ice(size=item.size, area=area, strength=pressure, contact=contact, piece=item.piece)
+        return spent(curve) if size <= curve.least else curve
     if item.kind == "snow":
         return snow(
             size=size,
@@ -80,6 +82,13 @@ def curve_of(item: PlacedObject) -> Compression:
         )
     of_kind = {"wood": wood, "metal": metal}[item.kind]
     return of_kind(size=size, area=area, strength=item.strength, contact=contact)
+
+
+def dent_of(item: PlacedObject) -> float:
+    """Return the lasting compression that earlier throws have left in an object [m]."""
+    if item.kind == "spring" or item.deepest <= 0.0:
+        return 0.0
+    return curve_of(item).lasting(item.deepest)
 
 
 def add_bond(laws: LawTableBuilder, row: int, chair: Chair, *, feet: int) -> None:

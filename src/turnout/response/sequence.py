@@ -11,6 +11,7 @@ import numpy as np
 from turnout.core.threads import one_blas_thread
 from turnout.errors import ResponseError
 from turnout.integrate.outcome import Code, NotConverged, Outcome
+from turnout.mechanism.object_laws import dent_of
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, divided, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.response.dataset import coordinates_of, describe_run, response_channels
@@ -250,5 +251,5 @@ def _sizes(parts: Sequence[PlacedObject], names: Sequence[str]) -> np.ndarray:
     found = np.zeros(len(names))
     for part in parts:
         at = names.index(part.whole or part.name)
-        found[at] = max(found[at], part.size - part.lost)
+        found[at] = max(found[at], part.size - part.lost - dent_of(part))
     return found
