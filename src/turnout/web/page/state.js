@@ -5,6 +5,7 @@ export const state = {
   panel: null, // the panel as the server described it
   values: {}, // slider values by key, in the unit of the slider
   trapped: true,
+  kind: "spring",
   request: null, // request of the throw shown
   answer: null, // reply of the server
   frame: 0,
@@ -37,7 +38,7 @@ export function currentRequest(preview) {
     if (!key.startsWith("object.") && state.values[key] !== value) settings[key] = texted(key);
   }
   const object = state.trapped
-    ? { size: texted("object.size"), at: `x = ${texted("object.x")}`, stiffness: texted("object.stiffness") }
+    ? { size: texted("object.size"), at: `x = ${texted("object.x")}`, stiffness: texted("object.stiffness"), kind: state.kind }
     : null;
   return { panel: state.panel.mark, object, settings, preview };
 }
