@@ -9,7 +9,7 @@
 The public interface is what this package and `turnout.plot` list in ``__all__``, and the methods of
 what these return. All modules below are private: they may move or change in any version.
 
-Everything is loaded when it is first asked for, so that importing turnout costs nothing.
+Everything is loaded on first use, so that importing turnout costs nothing.
 """
 
 import sys

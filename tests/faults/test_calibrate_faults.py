@@ -102,7 +102,7 @@ REFUSED: list[tuple[dict[str, object], list[str], str]] = [
     ({}, ["--fix", "drive.1.stroke"], "no parameter of the default stages"),
     ({}, ["--free", "drive.1.height"], "drive.1.height = 0: is not positive"),
     ({}, ["--free", "drive.1.rail"], "is not a number, so it cannot be fitted"),
-    ({}, ["--free", "gravity", "--fix", "gravity"], "gravity: is no parameter of the default"),
+    ({}, ["--free", "gravity", "--fix", "gravity"], "gravity: is not a parameter of the default"),
     ({}, [*FREED, *FIXED], "drive.1.stiffness: is both freed and fixed; take one"),
     ({}, ["--exclude", "free"], "no movement without an object is left"),
     ({}, ["--exclude", "nobody"], "there is no such movement"),

@@ -57,7 +57,7 @@ def test_a_panel_without_the_keys_is_refused() -> None:
     ("content", "words"),
     [
         ("schema_version = 1\n", "is no calibration"),
-        ('kind = "calibration"\nschema_version = 9\n', "calibrate anew"),
+        ('kind = "calibration"\nschema_version = 9\n', "calibrate again"),
         ('kind = "calibration"\nschema_version = 1\n', "damaged"),
     ],
 )

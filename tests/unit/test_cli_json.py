@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.measurement.formats.file_format import write_recording
-from turnout.measurement.recording import Channel, Recording
+from turnout.measurement.recording import RecordedChannel, Recording
 from turnout.sweep.run import run_sweep
 
 COMMON = {"command", "json_version", "units", "written"}
@@ -107,7 +107,9 @@ def test_throws_of_a_panel(documented: dict[str, set[str]]) -> None:
 def test_a_recording(tmp_path: Path, documented: dict[str, set[str]]) -> None:
     time = np.arange(3000) / 1000
     columns = {"Rod 1": "mV/V", "Rod 2": "mV/V", "Clamp 1": "V", "Clamp 2": "V"}
-    channels = {n: Channel(n, unit, 0.3 + 0.0 * time, 1000.0) for n, unit in columns.items()}
+    channels = {
+        n: RecordedChannel(n, unit, 0.3 + 0.0 * time, 1000.0) for n, unit in columns.items()
+    }
     path, made = tmp_path / "throw.csv", tmp_path / "map.toml"
     write_recording(Recording(channels, "test", None), path)
     found = printed("import", path, "--suggest", made)
@@ -154,13 +156,13 @@ def test_a_calibration(
 def test_a_validation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, documented: dict[str, set[str]]
 ) -> None:
-    from turnout.validation.acceptance import ChannelResult, Verdict
+    from turnout.validation.acceptance import Acceptance, ChannelResult
 
     channel = ChannelResult(
         channel="drive 1", movements=8, rms=90.0, nrmse=0.02, spread=10.0, cover=0.6,
         errors={"contact": (1e-3, 2e-3)},
     )  # fmt: skip
-    verdict = Verdict(
+    verdict = Acceptance(
         channels=(channel,), judged=8, used=1, cover=0.6, held_back=True,
         reasons=channel.reasons, worst=(),
     )  # fmt: skip

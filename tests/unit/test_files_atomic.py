@@ -72,7 +72,7 @@ def test_folder_as_target_and_missing_folder(tmp_path: Path) -> None:
 def test_folder_without_permission(tmp_path: Path) -> None:
     folder = tmp_path / "locked"
     folder.mkdir(mode=0o500)
-    with pytest.raises(FileError, match="may not be written; choose another folder"):
+    with pytest.raises(FileError, match="is not writable; choose another folder"):
         write_atomic(folder / "run.txt", "x")
 
 

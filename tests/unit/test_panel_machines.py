@@ -17,7 +17,7 @@ from turnout.panel.stored import panel_data, panel_from_data
 from turnout.plot.throw import plot_throw
 from turnout.response.simulate import simulate
 from turnout.schema.channels import OF_MACHINES
-from turnout.virtual.record_throw import Window, record_throw, with_time_to_stop
+from turnout.virtual.record_throw import Window, extend_schedule, record_throw
 
 NAME = "uic60-760-1-15"
 BOTH = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}
@@ -172,7 +172,7 @@ def test_stored_instants_between_the_steps() -> None:
 
 
 def test_virtual_recording_takes_the_simulated_current() -> None:
-    long = with_time_to_stop(panel())
+    long = extend_schedule(panel())
     assert long.schedule.end == pytest.approx(4.6 + 8.06 + 1.0)
     run = simulate(long, mode="quick", foreign_object=ForeignObject(0.013, "drive 1"))
     seen = record_throw(run, direction="closing", window=Window())

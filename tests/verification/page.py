@@ -23,7 +23,7 @@ from tests.verification.facts import (
     smallest_seen,
 )
 from tests.verification.reference import Arrays, thinned
-from tests.verification.runs import DEFAULT, books, throw
+from tests.verification.runs import DEFAULT, energy_balance, throw
 
 from turnout.panel.load import load_panel
 
@@ -44,7 +44,7 @@ from the functions that the tests call, on the thinned copies of the independent
 | Craig-Bampton reduction | chain of masses, full model | `test_reduction_*.py` |
 | friction | closed forms: block, loops, belt, friction bed | `test_friction_*.py` |
 | contact, bushing, objects | closed forms: bounce, impact, blow | `test_laws_*`, `test_impact.py` |
-| integration | equilibrium, books of energy, no creep | `test_integration_*.py` |
+| integration | equilibrium, energy balance, no creep | `test_integration_*.py` |
 | the whole chain | orders 2 in element length and step | `test_orders.py` |
 | [point machines](machine.md) | closed forms, independent program SB3 | `test_machine_*.py` |
 | vibration, flutter | closed forms, full model, growth | `test_modes.py`, `test_flutter.py` |
@@ -54,7 +54,7 @@ from the functions that the tests call, on the thinned copies of the independent
 | computed shapes, links, back drives | independent beam program, 0.5 mm | `test_open_position.py` |
 | the paper, a sound switch | facts a to g | `test_paper_facts.py` |
 | the paper | its campaign as a sweep: facts b, c, d | `test_sweep_campaign.py` (long) |
-| books of energy | closed to rounding on every run | `test_benchmarks.py` and others |
+| energy residual | closed to rounding on every run | `test_benchmarks.py` and others |
 | bits | the same whatever the workers | `test_robustness_determinism.py` |
 
 The data variables of a run are the same to the last bit in one environment, in whatever process
@@ -67,12 +67,12 @@ panel again with a compiler and a linear algebra library kept to the oldest inst
 BATTERY_TEXT = """## The battery: closed forms and orders
 
 Each rung names its reference; derivations, references and tolerances are at the top of the files.
-Books of energy are asserted to close to 1e-6 in every case.
+The energy residual is asserted to be below 1e-6 in every case.
 """
 
 SB1_TEXT = """## SB1: one prismatic rail, against Exudyn (OpenSeesPy agrees with it)
 
-Default scheme. The chair friction is not asked for by the benchmark: its difference sits in the
+Default scheme. The chair friction is not compared by the benchmark: its difference sits in the
 stick phases of a 5 Hz ripple and shrinks with the step.
 """
 
@@ -118,11 +118,11 @@ FACTS_NOTES = """What to know about them:
   object's force, and it takes 7 and 8 mm. **The fact does not hold over all of 0.1 to 0.5.** A
   third link half-way changes these sizes by 1 mm at most, but a 13 mm object then changes Drive 2
   by 40 % more: the published finding that more links help detection.
-- **Figure 11 of the paper** tells of Drive 1 building up to saturation for 13 and 29 mm at the
+- **Figure 11 of the paper** describes Drive 1 building up to saturation for 13 and 29 mm at the
   TKK. Here a midway object does not saturate Drive 1, whose spring alone yields 8 mm at 6 kN; the
   model is not tuned towards it.
 
-What each refinement of the panel is worth is told [apart](effects.md).
+What each refinement of the panel is worth is shown [apart](effects.md).
 """
 
 # Fact, what is asked, and what the former default panel gave; the new one is computed.
@@ -215,7 +215,7 @@ def facts_part() -> list[str]:
         comparison(),
         FACTS_NOTES,
         table(checks),
-        books_line(throw(DEFAULT, "sleeper 6")),
+        energy_line(throw(DEFAULT, "sleeper 6")),
     ]
 
 
@@ -226,11 +226,11 @@ def main() -> None:
     for case, place in (("sb1_A", None), ("sb1_B", "x = 3.9 m")):
         ds = throw("sb1", place)
         parts += [f"### {case.replace('_', ', case ')}", table(sb1_checks(ds, thinned(case)))]
-        parts.append(books_line(ds))
+        parts.append(energy_line(ds))
     parts.append(SB2_TEXT)
     for case, place in (("sb2_none", None), ("sb2_sleeper6_13mm", "sleeper 6")):
         ds, name = throw("sb2", place), "without object" if place is None else "13 mm at sleeper 6"
-        parts += [f"### SB2, {name}", table(sb2_checks(ds, thinned(case))), books_line(ds)]
+        parts += [f"### SB2, {name}", table(sb2_checks(ds, thinned(case))), energy_line(ds)]
     sb2_figure(throw("sb2", "sleeper 6"), thinned("sb2_sleeper6_13mm")).savefig(
         DOCS / "figures" / "verification_sb2.png", dpi=150
     )
@@ -267,9 +267,9 @@ def table(checks: Sequence[Check]) -> str:
     return "\n".join(rows) + "\n"
 
 
-def books_line(ds: xr.Dataset) -> str:
+def energy_line(ds: xr.Dataset) -> str:
     """Return one sentence on the energy of a run."""
-    residual, loss = books(ds)
+    residual, loss = energy_balance(ds)
     scale = ds.attrs["energy_scale"]
     return (
         f"Energy: scale {scale:.0f} J, residual {residual:.0e} of it, "

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from turnout.metric.slip import settled
+from turnout.metric.slip import last_instant_at
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
 from turnout.response.save import Save
@@ -145,7 +145,7 @@ def check_piece(
         return PieceResult.without(drive, thickness, fault)
     held = dataset["object_force"].values > 0
     forces = np.abs(dataset["drive_force"].values[:, held])
-    end = settled(dataset, to="closed" if panel.rail[rail].closes == "+y" else "open")
+    end = last_instant_at(dataset, to="closed" if panel.rail[rail].closes == "+y" else "open")
     return PieceResult(
         drive=drive,
         size=thickness,

@@ -61,7 +61,7 @@ def plan_lines(panel: "Panel") -> Iterator[str]:
     Parameters
     ----------
     panel : Panel
-        The panel.
+        Checked panel; positions are printed in m, openings in mm.
 
     Examples
     --------
@@ -151,7 +151,7 @@ def panel_lines(
     Parameters
     ----------
     panel : LoadedPanel
-        The panel.
+        Loaded panel with the origin of every number.
     thrown : Thrown, optional
         Adds results that need throws.
     values : bool
@@ -210,14 +210,14 @@ def _closed_gap(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
             if gap is not None:
                 rails[name] = gap
     else:
-        from turnout.metric.slip import settled
+        from turnout.metric.slip import last_instant_at
 
         yield "CLOSED GAP [mm] at contact height, simulated, each rail when it lies closed"
         x = thrown.dataset["x"].values
         for name, rail in panel.rail.items():
             if not rail.has_stock_rail:
                 continue
-            closed = settled(thrown.dataset, to="closed" if rail.closes == "+y" else "open")
+            closed = last_instant_at(thrown.dataset, to="closed" if rail.closes == "+y" else "open")
             rails[name] = closed["gap"].sel(rail=name).values
     if not rails:
         yield "no rail has a stock rail"

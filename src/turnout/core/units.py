@@ -224,7 +224,7 @@ def _read(value: str, dimension: Dimension) -> float:
 
 
 def is_finite(value: float) -> bool:
-    """Tell whether a number is finite as a float; a whole number may be too large for one."""
+    """Return whether a number is finite as a float; a whole number may be too large for one."""
     try:
         return math.isfinite(value)
     except OverflowError:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import SolverError
-from turnout.integrate.arrange import Run
+from turnout.integrate.arrange import PreparedRun
 from turnout.integrate.rods import Rods
 from turnout.kernels.shared_record import shared_record
 from turnout.machine.compute import places as at
@@ -59,7 +59,7 @@ class MachineHistory:
         As fitted to the drives.
     constants : ndarray, shape (n, CONSTANTS)
     inputs : ndarray of int, shape (n,)
-        The input that each moves.
+        Column of the inputs that each machine moves.
     shift : ndarray, shape (n,)
         Input less rod position [m].
     states : ndarray, shape (n_times, n, STATES)
@@ -68,7 +68,7 @@ class MachineHistory:
         Work of the rod ends on the rods, by the sums of the rails [J].
     events : tuple of tuple of (float, str)
         Time [s] and what happened, machine by machine.
-    left_over : float
+    imbalance : float
         Largest movement of a rod end that a step left uncorrected [m].
     """
 
@@ -81,7 +81,7 @@ class MachineHistory:
     states: Floats
     given: Floats
     events: tuple[tuple[tuple[float, str], ...], ...]
-    left_over: float
+    imbalance: float
 
     def at(self, instants: Floats, positions: Floats) -> "MachineHistory":
         """Return the history at other instants, linear in between, and write its inputs.
@@ -135,7 +135,7 @@ class MachineHistory:
 
     @property
     def residual(self) -> Floats:
-        """What is left over when the books of the machines are closed, shape (n_times, n) [J]."""
+        """Residual of the energy balance of each machine, shape (n_times, n) [J]."""
         spent = sum(self.losses.values(), self.stored + self.numerical + self.given)
         return np.asarray(self.sums(at.SUPPLY, at.HAND) - spent)
 
@@ -148,7 +148,7 @@ class MachineHistory:
         return residual + worst, scale + turned_over
 
 
-def new_rods(run: Run, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods | None:
+def new_rods(run: PreparedRun, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods | None:
     """Arrange the machines of a mechanism for the kernels; None where there are none.
 
     Raises
@@ -197,7 +197,7 @@ def new_rods(run: Run, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods
     return shared_record(rods)
 
 
-def start_rods(run: Run) -> None:
+def start_rods(run: PreparedRun) -> None:
     """Let the machines know the rails at rest, as the first stored instant."""
     rods = run.rods
     if rods is None:
@@ -208,7 +208,7 @@ def start_rods(run: Run) -> None:
     rods.kept[0] = rods.state
 
 
-def machine_history(run: Run, mechanism: Mechanism, kept: int) -> MachineHistory | None:
+def machine_history(run: PreparedRun, mechanism: Mechanism, kept: int) -> MachineHistory | None:
     """Return what the machines of a run left behind, up to a number of stored instants."""
     rods, given = run.rods, mechanism.machines
     if rods is None or given is None:
@@ -227,5 +227,5 @@ def machine_history(run: Run, mechanism: Mechanism, kept: int) -> MachineHistory
             tuple((float(time), at.EVENT_TEXTS[int(event)]) for time, event in rows[:count])
             for rows, count in zip(rods.log, counts, strict=True)
         ),
-        left_over=float(rods.left[0]),
+        imbalance=float(rods.left[0]),
     )

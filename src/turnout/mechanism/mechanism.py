@@ -83,6 +83,9 @@ class Mechanism:
         How far each switch rail moves between closed and open.
     machines : DriveMachines, optional
         What moves the inputs of drives that are no markers.
+    core : ndarray, optional
+        The rows without those of foreign objects, which come last, shared by mechanisms whose
+        objects stand elsewhere; their laws come last too.
     obstructions : Obstructions
         Laws that remember what was done to them.
     courses : FrictionCourses
@@ -103,6 +106,7 @@ class Mechanism:
     machines: "DriveMachines | None" = None
     obstructions: Obstructions = field(default_factory=no_obstructions)
     courses: FrictionCourses = field(default_factory=no_courses)
+    core: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -36,7 +36,7 @@ from turnout.panel.check_shape import check_back_drive, check_link, check_shape,
 from turnout.panel.foreign_object import from_record, object_faults
 from turnout.panel.machines import check_machines
 from turnout.panel.model import Panel
-from turnout.panel.records import Movement
+from turnout.panel.records import Movement, ScaledSection
 from turnout.panel.validate import Draft, Known, Partial, until_unknown
 
 _SAME_TIME = 1e-9
@@ -241,6 +241,7 @@ def _rail(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
     yield from until_unknown(_rail_section(draft, path, rail))
     yield from until_unknown(_rail_support(draft, path, rail))
     yield from until_unknown(_rail_elements(draft, rail))
+    yield from until_unknown(_rail_factors(path, rail))
     yield from until_unknown(check_shape(draft, path, rail))
     edge = rail.running_edge
     if edge and edge.maximum <= edge.minimum:
@@ -289,6 +290,15 @@ def _rail_elements(draft: Draft, rail: Any) -> Iterator[Problem]:
     if count > _MOST_ELEMENTS:
         text = f" = {length:g} m: makes {count:.6g} elements a rail, at most {_MOST_ELEMENTS}"
         yield Problem(("discretisation", "element_length"), text)
+
+
+def _rail_factors(path: tuple[str, str], rail: Any) -> Iterator[Problem]:
+    if rail.matrices is None:
+        return
+    for key in ScaledSection.model_fields:
+        if getattr(rail, key) != 1.0:
+            text = f" = {getattr(rail, key):g}: the rail has matrices in place of a section; scale"
+            yield Problem((*path, key), f"{text} those, or leave this out")
 
 
 def _section(draft: Draft, path: tuple[str, str], table: Any) -> Iterator[Problem]:

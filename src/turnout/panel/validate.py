@@ -234,14 +234,12 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
     for member, values in members.items():
         changed = _changed(before.get(member), values)
         same = same and changed is not None and changed <= UNASKED.get(name, frozenset())
-        again = _taken_over(made.get(member), changed, values, read)
-        if again is not None:
-            records[member] = again
-            continue
         try:
-            records[member] = valid = record.model_validate(values)
-            if member in made:
-                read |= {(key, id(value)): getattr(valid, key) for key, value in values.items()}
+            again = _taken_over(made.get(member), changed, values, read)
+            if again is not None:
+                records[member] = again
+                continue
+            records[member] = record.model_validate(values)
         except ValidationError as error:
             errors, same = _errors(error), False
             records[member] = _partial(record, values, errors)
@@ -275,18 +273,33 @@ def _changed(before: object, values: object) -> set[str] | None:
 def _taken_over(
     made: BaseModel | None, changed: set[str] | None, values: Any, read: dict[tuple[str, int], Any]
 ) -> BaseModel | None:
-    """Return a known record, or a copy of it whose changed values were read for another member.
+    """Return a known record, or a copy of it with changed values, read once for all members.
 
-    The fields of a record are valid each by itself.
+    The fields of a record are valid each by itself. None where one is wrong.
     """
     if made is None or not changed:
         return made if changed is not None else None
-    places = {key: (key, id(values[key])) for key in changed}
-    if not all(place in read for place in places.values()):
-        return None
+    if type(made).__pydantic_decorators__.model_validators:
+        return None  # which look at several fields
+    for key in changed:
+        place = (key, id(values[key]))
+        if place not in read:
+            if key not in type(made).model_fields:
+                return None
+            try:
+                read[place] = _field_adapter(type(made), key).validate_python(values[key])
+            except ValidationError:
+                return None  # the whole record says where it is wrong
     again = copy(made)  # half of what `model_copy` takes, which looks at more than values
-    again.__dict__.update({key: read[place] for key, place in places.items()})
+    again.__dict__.update({key: read[key, id(values[key])] for key in changed})
     return again
+
+
+@cache
+def _field_adapter(record: type[BaseModel], name: str) -> TypeAdapter[Any]:
+    """Give the validator of one field of a record, with the record's strictness."""
+    config: Any = record.model_config
+    return TypeAdapter(record.model_fields[name].rebuild_annotation(), config=config)
 
 
 def _merged(family: str, found: dict[Problem, list[str]], document: Document) -> list[Problem]:

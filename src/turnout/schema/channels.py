@@ -175,14 +175,16 @@ CHANNELS: Mapping[str, Channel] = _table(
         "change of potential in contacts, bushings, links and sticking feet",
         "stored",
     ),
-    Channel("energy_gravity", ("time",), "J", "change of potential of the weight", "stored"),
+    Channel(
+        "energy_gravity", ("time",), "J", "change of the potential energy of the weight", "stored"
+    ),
     Channel("energy_friction", ("time",), "J", "dissipated by sliding", "taken out"),
     Channel("energy_damping", ("time",), "J", "dissipated by dampers", "taken out"),
     Channel(
         "energy_object_switched",
         ("time",),
         "J",
-        "brought in where an object is placed or removed",
+        "added where an object is placed or removed",
         "put in",
     ),
     Channel(
@@ -203,8 +205,8 @@ CHANNELS: Mapping[str, Channel] = _table(
     Channel("energy_machine", ("time",), "J", "change in coils, inertias and clutches", "stored"),
     Channel("work_rods", ("time",), "J", "work of the machines on their rods", "put in"),
     Channel("energy_numerical", ("time",), "J", "lost by the time stepping", "taken out"),
-    Channel("energy_residual", ("time",), "J", "energy residual: what the balance leaves open"),
-    Channel("object_placed", (), "1", "whether there was room for every object", kind="logical"),
+    Channel("energy_residual", ("time",), "J", "residual of the energy balance"),
+    Channel("object_placed", (), "1", "whether every object fits into the gap", kind="logical"),
     Channel("object_touched", (), "1", "whether a rail reached a foreign object", kind="logical"),
     Channel("contact_time", (), "s", "first contact with a foreign object", "forward"),
     Channel("object_contact_time", ("object",), "s", "first contact with each object", "forward"),
@@ -267,7 +269,7 @@ OF_MACHINES = frozenset(
         *("energy_brush", "energy_motor_friction", "energy_gear", "energy_machine", "work_rods"),
     }
 )
-# Made only where a run is asked for them.
+# Made on request only.
 ON_REQUEST = frozenset({"fastening_force", "fastening_moment"})
 OPTIONAL = (
     MEASURED

@@ -68,13 +68,13 @@ def limit_faults(
     ranges : mapping
         From `value_ranges`.
     variables : mapping of str to Variable
-        By name.
+        What varies, by its name in the study.
     fields : iterable of RandomField
         Tried at both ends of their distribution.
     law : TemperatureLaw or None
         Tried at the least and the largest temperature.
     whole : bool
-        Whether nothing is missing, so that what an object lacks may be told.
+        Whether nothing is missing, so that what an object lacks may be named.
     """
     problems = []
     for name, values in ranges.items():
@@ -159,7 +159,7 @@ def _faults_of_kinds(
 ) -> list[str]:
     """Return what is wrong with a value, in an object of each kind that may be drawn."""
     kinds = by_key.get("object.kind", ("spring",)) if key != "object.kind" else (value,)
-    found = []
+    found: list[str] = []
     for kind in kinds:
         chosen = {**usual, "object.kind": kind, key: value, "object.present": True}
         try:
