@@ -7,7 +7,7 @@ tables into the page and measures how long 200 throws with an ice ramp take.
 import time
 from pathlib import Path
 
-from turnout.metric.sequence import throw_table
+from turnout.metric.throw_table import throw_table
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.panel.object_kind import DIMENSIONS, KINDS

@@ -122,7 +122,7 @@ def sequence_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, st
 
 def throw_rows(dataset: "xr.Dataset") -> list[dict[str, Any]]:
     """Return a row for each throw: objects before and after it, forces, lock and control."""
-    from turnout.metric.sequence import throw_table
+    from turnout.metric.throw_table import throw_table
 
     return throw_table(dataset)
 

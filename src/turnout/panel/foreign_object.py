@@ -17,8 +17,8 @@ from turnout.panel.object_kind import (
     filled_parameters,
     kind_faults,
 )
+from turnout.panel.object_records import PanelObject
 from turnout.panel.place import find_place
-from turnout.panel.records import PanelObject
 
 # The opening is an estimate; an object is refused only when it is larger by more than this [m].
 OPENING_MARGIN = 0.003
