@@ -59,5 +59,5 @@ def test_an_unknown_parameter_of_a_stage_is_refused() -> None:
 
 
 def test_unknown_fixed_key_is_refused() -> None:
-    with pytest.raises(PanelError, match="no parameter of the default stages"):
+    with pytest.raises(PanelError, match="not a parameter of the default stages"):
         default_plan(load_panel("sb1"), fixed=["drive.1.stroke"])

@@ -83,7 +83,7 @@ def test_refused_temporary_file_is_a_clear_error(
         raise PermissionError(errno.EACCES, "Permission denied")
 
     monkeypatch.setattr("tempfile.mkstemp", refuse)
-    with pytest.raises(FileError, match=r"run\.txt: may not be written"):
+    with pytest.raises(FileError, match=r"run\.txt: is not writable"):
         write_atomic(tmp_path / "run.txt", "x")
 
 
@@ -91,8 +91,8 @@ def test_refused_temporary_file_is_a_clear_error(
     ("number", "message"),
     [
         (errno.ENOSPC, "no space left"),
-        (errno.EACCES, "may not be written"),
-        (errno.EROFS, "may not be written"),
+        (errno.EACCES, "is not writable"),
+        (errno.EROFS, "is not writable"),
         (errno.EIO, "cannot be written"),
     ],
 )

@@ -76,7 +76,7 @@ def _cached_model(
 class BlockModel:
     """A block of a mechanism with its modal model, whose rows are the ends of the block.
 
-    `leading` tells which ends the others follow from. `omitted` are the modes above the cut-off,
+    `leading` holds the ends that the others follow from. `omitted` are the modes above the cut-off,
     where further ends are wanted. `before` is the block without the ends that were added to it.
     """
 
@@ -113,7 +113,7 @@ class BlockModel:
 
 
 class CondensedRails:
-    """All blocks of a mechanism; `model` puts them together when it is first asked for.
+    """All blocks of a mechanism; `model` puts them together on first use.
 
     Parameters
     ----------

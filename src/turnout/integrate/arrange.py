@@ -189,7 +189,7 @@ def _condense(mechanism: Mechanism, scheme: Scheme, structure: Hashable | None) 
 
 
 def _condense_rails(mechanism: Mechanism, cutoff_frequency: float) -> _Rails:
-    """Condense rails each by itself, or together where one is held by another only."""
+    """Condense rails each on its own, or together where one is held by another only."""
     laws = drop_joining_bases(mechanism, mechanism.laws)
     try:
         parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff_frequency)
@@ -217,7 +217,7 @@ def _without_objects(mechanism: Mechanism) -> Mechanism:
 def _with_objects(
     parts: tuple[BlockModel, ...], rows: Floats, *, first: int
 ) -> tuple[tuple[BlockModel, ...], Hashable]:
-    """Add the rows from the `first` on to the blocks they reach into; tell which these are."""
+    """Add the rows from the `first` on to the blocks they reach into; return which these are."""
     found, joined = [], []
     for part in parts:
         own = rows[first:, part.block.coordinates]

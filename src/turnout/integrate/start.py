@@ -269,7 +269,7 @@ def _set_present(run: PreparedRun) -> None:
 
 
 def _find_equilibrium(run: PreparedRun, thread: Executor | None) -> bool:
-    """Iterate the contact set to static equilibrium from the present one; tell if it converged."""
+    """Iterate the contact set to static equilibrium from the present one; False if it fails."""
     patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
     given = (run.system, run.table, run.state, run.work, patient)
     code = call_interruptible(thread, run.work.stop, equilibrium, *given)
