@@ -61,7 +61,9 @@ def linear_spring(
 def obstruction(law: int, curve: Compression, *, size: float, deepest: float = 0.0) -> Obstructions:
     """Return the memory of one law."""
     found = no_obstructions(1)
-    values = {name: getattr(curve, name) for name in ("breaks", "unloading", "piece", "layer")}
+    values = {
+        name: getattr(curve, name) for name in ("breaks", "unloading", "piece", "limit", "layer")
+    }
     for name, value in (values | {"law": law, "least": curve.least, "size": size}).items():
         getattr(found, name)[0] = value
     found.deepest[0] = deepest

@@ -64,7 +64,8 @@ def update_obstructions(
         e = law_argument(table, law, state.g, state.inputs)
         if breaks == SPENT:
             continue
-        if breaks != NEVER:
+        dents = breaks == NEVER or (breaks == CRUMBLES and e <= obstructions.limit[row])
+        if not dents:
             _break(table, state, obstructions, row, e, time)
             count = mark_law(system, table, state, work, count, law)
         elif e > obstructions.deepest[row]:

@@ -5,7 +5,7 @@ with the stiffness of the contacts. With the area :math:`A` (length along the ra
 size :math:`s` and the compression :math:`e`:
 
 - stone splits along the line of load at :math:`F = \sigma s^2`;
-- ice fails by crushing at :math:`F = p A`, layer by layer, each time down to `ICE_REST` of it;
+- ice is crushed at :math:`F = p A` and flakes off in cycles, the force drops to zero in each;
 - snow is compacted, :math:`F = p_{ice} A (\varrho / \varrho_{ice})^n` at the density
   :math:`\varrho = \varrho_0 s / (s - e_p)` with the lasting compression :math:`e_p`;
 - wood across the grain and metal yield at :math:`F = \sigma A` and harden.
@@ -24,8 +24,11 @@ MELTING = 273.15
 """[K]"""
 ICE_PRESSURE, ICE_PRESSURE_RISE = 5e6, 0.5e6
 """Crushing pressure of ice at its melting point [Pa], and its rise with frost [Pa/K]."""
-ICE_MODULUS, ICE_DENSITY, ICE_REST = 9e9, 917.0, 0.3
-"""Young's modulus of ice [Pa], its density [kg/m3], and the share of the force after a failure."""
+ICE_MODULUS, ICE_DENSITY = 9e9, 917.0
+"""Young's modulus of ice [Pa], and its density [kg/m3]."""
+ICE_CYCLE, LEAST_CYCLE, ICE_CRUSHED = 0.1, 0.5e-3, 0.3
+"""Depth of one cycle of crushing over the size [-] and at least [m], and the share of it in which
+ice is crushed before the rest flakes off [-]."""
 SNOW_EXPONENT, SNOW_POINTS = 4.5, 12
 """Of the strength of snow over its density [-], and how many points of the curve are taken."""
 WOOD_MODULUS, WOOD_PLATEAU, WOOD_DENSE = 0.4e9, (0.5, 2.0), (0.65, 10.0)
@@ -49,7 +52,7 @@ class Compression:
         Of the segments; the first is free [N/m].
     breaks : int
         See `turnout.law.obstruction`.
-    piece, layer, least : float
+    piece, limit, layer, least : float
         See `turnout.law.obstruction.Obstructions`.
     """
 
@@ -57,6 +60,7 @@ class Compression:
     slopes: Floats
     breaks: int = NEVER
     piece: float = 0.0
+    limit: float = 0.0
     layer: float = 0.0
     least: float = 0.0
 
@@ -125,14 +129,16 @@ def stone(*, size: float, strength: float, contact: float, piece: float) -> Comp
 
 
 def ice(*, size: float, area: float, strength: float, contact: float, piece: float) -> Compression:
-    """Return the curve of ice: elastic, then it crumbles layer by layer down to a `piece` [-]."""
+    """Return the curve of ice: elastic, then crushed, flaking off down to a `piece` of it [-]."""
     stiffness = in_series(contact, ICE_MODULUS * area / size)
     limit = strength * area / stiffness
+    cycle = max(ICE_CYCLE * size, LEAST_CYCLE)
     return Compression(
         np.array([0.0, limit]),
         np.array([0.0, stiffness, 0.0]),
         CRUMBLES,
-        layer=(1.0 - ICE_REST) * limit,
+        limit=limit + ICE_CRUSHED * cycle,
+        layer=cycle,
         least=piece * size,
     )
 

@@ -25,6 +25,10 @@ NEVER, SPLITS, CRUMBLES, BREAKS_AWAY, SPENT = range(5)
 bodies; or no longer, and it does not dent either."""
 
 
+ROUNDING = 1e-9
+"""Of sizes from which layers were taken [m]."""
+
+
 class Obstructions(NamedTuple):
     """Obstructions of a mechanism, one row each; those from ``size`` on change during a run.
 
@@ -38,8 +42,8 @@ class Obstructions(NamedTuple):
         Stiffness on the way back [N/m].
     piece : ndarray, shape (n,)
         Splits: share of the size that stays [-].
-    layer : ndarray, shape (n,)
-        Crumbles: thickness that one failure takes away [m].
+    limit, layer : ndarray, shape (n,)
+        Crumbles: compression at which it fails, and thickness that one failure takes away [m].
     least : ndarray, shape (n,)
         Splits: a smaller piece falls out; crumbles: no failure below this size [m].
     size : ndarray, shape (n,)
@@ -56,6 +60,7 @@ class Obstructions(NamedTuple):
     breaks: Ints
     unloading: Floats
     piece: Floats
+    limit: Floats
     layer: Floats
     least: Floats
     size: Floats
@@ -78,6 +83,7 @@ def no_obstructions(count: int = 0) -> Obstructions:
         breaks=counts(),
         unloading=numbers(),
         piece=numbers(),
+        limit=numbers(),
         layer=numbers(),
         least=numbers(),
         size=numbers(),
@@ -151,22 +157,31 @@ def split(table: LawTable, obstructions: Obstructions, row: int) -> bool:
 def crumble(table: LawTable, obstructions: Obstructions, row: int, e: float) -> None:
     """Take away as many layers as bring the compression `e` [m] back below failure.
 
-    What is left below the least size fails no more.
+    What is left has no dent; below the least size it fails no more.
     """
     law: int = obstructions.law[row]
     first: int = table.segment_start[law]
-    layer: float = obstructions.layer[row]
-    count = 1 + int((e - table.segment_upper[first + 1]) / layer)
-    lost = count * layer
+    count = 1 + int((e - obstructions.limit[row]) / obstructions.layer[row])
+    lost = count * obstructions.layer[row]
     obstructions.size[row] -= lost
-    obstructions.broken[row] += 1
+    obstructions.broken[row] += count
+    obstructions.deepest[row] = 0.0
     table.offset[law] += lost
-    if obstructions.size[row] <= obstructions.least[row]:
+    stiffness: float = obstructions.unloading[row]
+    force: float = table.intercept[first + 2]
+    reach = force / stiffness
+    table.segment_upper[first] = 0.0
+    table.segment_lower[first + 1] = 0.0
+    table.segment_upper[first + 1] = reach
+    table.segment_lower[first + 2] = reach
+    table.intercept[first + 1] = 0.0
+    table.potential[first + 1] = 0.0
+    table.potential[first + 2] = -0.5 * force * reach
+    if obstructions.size[row] <= obstructions.least[row] + ROUNDING:
         obstructions.breaks[row] = SPENT
-        for s in range(first + 2, table.segment_start[law + 1]):
-            table.slope[s] = table.slope[first + 1]
-            table.intercept[s] = 0.0
-            table.potential[s] = 0.0
+        table.slope[first + 2] = stiffness
+        table.intercept[first + 2] = 0.0
+        table.potential[first + 2] = 0.0
 
 
 @compiled

@@ -14,7 +14,7 @@ from turnout.law.compression import (
     stone,
     wood,
 )
-from turnout.law.obstruction import BREAKS_AWAY, Obstructions, no_obstructions
+from turnout.law.obstruction import BREAKS_AWAY, ROUNDING, Obstructions, no_obstructions
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import LawIndex
 from turnout.panel.foreign_object import PlacedObject
@@ -71,7 +71,7 @@ def curve_of(item: PlacedObject) -> Compression:
     if item.kind == "ice":
         pressure = item.strength or ice_pressure(item.temperature)
         curve = ice(size=item.size, area=area, strength=pressure, contact=contact, piece=item.piece)
-        return spent(curve) if size <= curve.least else curve
+        return spent(curve) if size <= curve.least + ROUNDING else curve
     if item.kind == "snow":
         return snow(
             size=size,
@@ -136,6 +136,7 @@ def obstructions_of(index: LawIndex, objects: Sequence[PlacedObject]) -> Obstruc
         found.breaks[row] = curve.breaks
         found.unloading[row] = curve.unloading
         found.piece[row] = curve.piece
+        found.limit[row] = curve.limit
         found.layer[row] = curve.layer
         found.least[row] = curve.least
         found.size[row] = item.size - item.lost

@@ -203,6 +203,8 @@ def _remembered(item: PlacedObject, history: History, row: int, dent: float) -> 
         left = item.size - dent
         return replace(item, size=left, density=item.density * item.size / left)
     lost = item.size - float(obstructions.size[row])
+    if item.kind == "ice":  # crushed ice is gone
+        return replace(item, lost=lost + dent)
     return replace(item, lost=lost, deepest=float(obstructions.deepest[row]))
 
 
