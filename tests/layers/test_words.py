@@ -26,6 +26,7 @@ PACKAGES = (
         "integrate",
         "kernels",
         "law",
+        "machine",
         "measurement",
     ),
     *(
@@ -40,9 +41,10 @@ PACKAGES = (
         "virtual",
     ),
     *("web", "errors", "lazy", "scheme"),
+    *("panel", "mechanism", "analysis", "response"),
 )
 # Pages that are reworded with the package that they describe.
-PAGES_REMAINING = ("docs/machine.md", "docs/detection", "docs/performance")
+PAGES_REMAINING = ("docs/detection", "docs/performance")
 
 WORDS = {
     r"told|tells?|telling": "says, shows, identifies, detects",

@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 from turnout.cli.main import app
 from turnout.measurement.formats.file_format import write_recording
 from turnout.measurement.recording import RecordedChannel, Recording
+from turnout.panel.load import load_panel
 from turnout.sweep.run import run_sweep
 
 COMMON = {"command", "json_version", "units", "written"}
@@ -89,6 +90,18 @@ def test_panels_and_machines(
 def test_a_figure_beside_the_result(tmp_path: Path) -> None:
     figure = tmp_path / "plan.png"
     assert printed("panel", "show", "sb1", "--plot", figure)["written"] == [str(figure)]
+
+
+def test_a_check_gives_the_least_test_piece_of_every_drive(
+    documented: dict[str, set[str]],
+) -> None:
+    found = printed("panel", "check", "sb2")
+    assert set(found) - COMMON == documented["panel check"]
+    assert found["lock_rule"] == load_panel("sb2").lock.rule
+    assert [item["drive"] for item in found["test_pieces"]] == ["1", "2"]
+    for item in found["test_pieces"]:
+        assert item["fault"] or item["size"] is None or 0.0 < item["size"] <= item["largest"]
+    assert printed("panel", "check", "sb2", "--no-throw")["test_pieces"] == []
 
 
 def test_warnings_of_a_check() -> None:

@@ -272,6 +272,20 @@ def test_a_back_drive_that_cannot_be_is_refused(ratio: str, drive: str, x: str, 
     assert told in str(caught.value)
 
 
+def test_a_back_drive_is_adjusted_by_what_its_adjusters_take_up() -> None:
+    back = (
+        '[back_drive.far]\ndrive = "2"\nx = "9.6 m"\nratio = 0.7\nadjustment = "60 mm"\n'
+        'stiffness = "5e7 N/m"\n\n[sensor]\n'
+    )
+    with pytest.raises(PanelError) as caught:
+        with_text(("[sensor]\n", back))
+    assert len(caught.value.problems) == 1
+    told = (
+        "adjustment = 60 mm: at most 10 mm either way, or the rails cannot close; change its ratio"
+    )
+    assert told in str(caught.value)
+
+
 def test_a_back_drive_at_the_place_of_another_drive_is_refused_when_it_is_built() -> None:
     back = (
         '[back_drive.far]\ndrive = "2"\nx = "0.3 m"\nratio = 0.7\n'

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 RESOLUTION = 1e-4
-"""How finely the least size is told [m]."""
+"""Resolution of the least size [m]."""
 LARGEST = 3.0
 """The largest piece that is tried, as a multiple of the gap limit at the drive [-]."""
 
@@ -118,7 +118,7 @@ def check_piece(
     Returns
     -------
     PieceResult
-        How it ended; a run that ends early and a piece without room are told as a fault.
+        How it ended; a run that ends early and a piece without room are given as a fault.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def check_piece(
     if not dataset.attrs["complete"]:
         fault = str(dataset.attrs["outcome_message"])
     elif not dataset["object_placed"]:
-        fault = "the gap never had room for the piece"
+        fault = "the piece does not fit: the gap is smaller at all times"
     if fault:
         return PieceResult.without(drive, thickness, fault)
     held = dataset["object_force"].values > 0

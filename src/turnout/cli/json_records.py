@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from turnout.analysis.panel_check import Concern
+    from turnout.analysis.test_piece import PieceLimit
     from turnout.calibration.drive_law.compare import LawComparison
     from turnout.calibration.result import Calibration
     from turnout.cli.show import Thrown
@@ -123,10 +124,17 @@ def _throws(thrown: "Thrown") -> Record:
     }
 
 
+CHECK_UNITS = {"size": "m", "largest": "m"}
+
+
 def check_record(
-    file: str, panel: "LoadedPanel", found: "Sequence[Concern]", dataset: "xr.Dataset | None"
+    file: str,
+    panel: "LoadedPanel",
+    found: "Sequence[Concern]",
+    dataset: "xr.Dataset | None",
+    pieces: "Sequence[PieceLimit]",
 ) -> Record:
-    """Return the result of a panel check: its warnings, and how its throw ended."""
+    """Return the result of a panel check: warnings, how its throw ended, least test pieces."""
     return {
         "file": file,
         "panel": panel.name,
@@ -135,6 +143,8 @@ def check_record(
         "thrown": dataset is not None,
         "complete": None if dataset is None else bool(dataset.attrs["complete"]),
         "outcome": None if dataset is None else dataset.attrs["outcome"],
+        "lock_rule": panel.lock.rule,
+        "test_pieces": pieces,
     }
 
 

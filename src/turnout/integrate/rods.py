@@ -170,7 +170,7 @@ def iterate_rods(
 
 @compiled
 def accept_rods(rods: Rods, state: State, work: Work, begin: Floats, step: float) -> None:
-    """Make the end of a step the state of the machines, and add their work on the rods.
+    """Accept the end of a step as the machines' state, and add their work on the rods.
 
     Parameters
     ----------

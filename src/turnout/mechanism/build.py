@@ -22,8 +22,8 @@ from turnout.core.lru_cache import LRUCache
 from turnout.core.threads import one_blas_thread
 from turnout.mechanism.build_rails import stock_rail_data, switch_rail_data
 from turnout.mechanism.chair_courses import friction_courses
+from turnout.mechanism.drive_machines import drive_machines
 from turnout.mechanism.laws import Layout, Rows, law_table, lay_out
-from turnout.mechanism.machines import drive_machines
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailData, ReducedRail
 from turnout.mechanism.object_laws import obstructions_of
 from turnout.mechanism.offnode_objects import approach_row, is_off_node, local_flexibility
@@ -59,7 +59,7 @@ def shape_of(
 ) -> tuple[Hashable, tuple[object, ...]]:
     """Return a key of all that shapes rails and rows, and the records that it names.
 
-    Records are named by identity: those that an override leaves alone stay the same. Whoever keeps
+    Records are named by identity: those that an override leaves alone stay the same. Who keeps
     something by the key must keep the records too, so that no other takes their place.
 
     Parameters
@@ -296,7 +296,7 @@ def _made(panel: Panel, objects: Sequence[PlacedObject], *, records: object) -> 
 
 
 def _differ_in_objects(bare: _Linear, linear: _Linear) -> bool:
-    """Tell whether rails with objects are those without, but for the last rows.
+    """Return whether rails with objects are those without, but for the last rows.
 
     They are where each object stands at a node whose displacements were coordinates before.
     """

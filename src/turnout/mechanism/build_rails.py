@@ -39,7 +39,7 @@ def stock_body(panel: Panel, rail: str) -> str | None:
 
 
 def stands_on(rails: Sequence[str] | None, rail: str) -> bool:
-    """Tell whether something that names its rails, or none for all, stands on this one."""
+    """Return whether something that names its rails, or none for all, stands on this one."""
     return rails is None or rail in rails
 
 

@@ -13,7 +13,7 @@ from turnout.beam.material import Material
 from turnout.law.friction_course import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTable
-from turnout.machine.records import Machine
+from turnout.machine.components import Machine
 from turnout.panel.profile import Spline
 from turnout.panel.records import RailMatrices
 from turnout.section.properties import SectionProperties
@@ -129,7 +129,7 @@ class RailShape:
 
 @dataclass(frozen=True, slots=True)
 class DriveMachines:
-    """The machines of drives as the kernels take them, one row each; see `mechanism.machines`.
+    """Machines of drives, one row each, for the kernels; see `mechanism.drive_machines`.
 
     Attributes
     ----------

@@ -129,7 +129,7 @@ def section_outlines(panel: Panel, section: str) -> list[tuple[Outline, Outline 
             planing=_planing(panel, planed),
         )
     except MechanicsError as error:
-        msg = f"planed_section.{section}: {error}; look at its outlines and offsets"
+        msg = f"planed_section.{section}: {error}; check its outlines and offsets"
         raise MechanicsError(msg) from None
     return [(cut.outline, cut.stock_rail) for cut in cuts]
 

@@ -32,7 +32,12 @@ from turnout.panel.check_rails import (
     rising_fault,
     unknown_name,
 )
-from turnout.panel.check_shape import check_back_drive, check_link, check_shape, slips_at_rest
+from turnout.panel.check_shape import (
+    check_adjustment,
+    check_back_drive,
+    check_shape,
+    slips_at_rest,
+)
 from turnout.panel.foreign_object import from_record, object_faults
 from turnout.panel.machines import check_machines
 from turnout.panel.model import Panel
@@ -396,7 +401,8 @@ def _drive_saturated(path: tuple[str, str], drive: Any) -> Iterator[Problem]:
 
 def _link(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
     yield from _standing(draft, path, record)
-    yield from until_unknown(check_link(path, record))
+    remedy = "change the stroke of the drives to move a rail further"
+    yield from until_unknown(check_adjustment(path, record, remedy=remedy))
 
 
 def _back_drive(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
@@ -435,7 +441,7 @@ def _same_place(
 ) -> Iterator[Problem]:
     family, name = path
     if not is_finite(record.x / _SAME_PLACE):
-        return  # far off any rail, which is told
+        return  # far off any rail, which is reported elsewhere
     for rail in rails_of(family, record, draft):
         other = seen.setdefault((rail, round(record.x / _SAME_PLACE)), name)
         if other != name:

@@ -208,7 +208,7 @@ def restated(document: Document) -> dict[str, Origin]:
 
 
 def _given(name: str, given: Mapping[str, object]) -> bool:
-    """Tell whether a key or one above it is among those given."""
+    """Return whether a key or one above it is among those given."""
     while name:
         if name in given:
             return True

@@ -130,7 +130,7 @@ class Profile(Record):
 
 
 def _gap_form(value: object) -> str:
-    """Tell a tabulated gap from a constant one, so that an error speaks of one form only."""
+    """Distinguish a tabulated gap from a constant one, so that an error speaks of one form only."""
     tabulated = isinstance(value, Profile) or (isinstance(value, dict) and "unit" not in value)
     return "profile" if tabulated else "length"
 

@@ -48,7 +48,7 @@ class Motion:
     shapes : dict of str to RailShape
         Way of each switch rail from closed to open.
     seen : dict
-        Rows that were looked at before, of this run at these or at other instants.
+        Rows that were recovered before, of this run at these or at other instants.
     """
 
     rails: dict[str, RailBody]

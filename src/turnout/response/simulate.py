@@ -52,7 +52,7 @@ def simulate(
     foreign_object : ForeignObject or sequence of them, optional
         What is trapped, in addition to the objects of the panel itself.
     mode : {"waveform", "quick", "quasi-static"}, optional
-        How the throw is looked at: impacts and single chairs; drives, gaps and labels, several
+        What of the throw is resolved: impacts and single chairs; drives, gaps and labels, several
         times as fast; or without inertia. Default "waveform".
     scheme : Scheme, optional
         Numerical choices of your own in place of a mode, such as

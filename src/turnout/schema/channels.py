@@ -223,6 +223,8 @@ CHANNELS: Mapping[str, Channel] = _table(
     Channel(
         "throw_time", ("drive", "direction"), "s", "from the contactor to the cut-off", "forward"
     ),
+    Channel("mean_current", ("drive", "direction"), "A", "mean of the motor current after inrush"),
+    Channel("end_current", ("drive", "direction"), "A", "motor current before the cut-off"),
     Channel("least_flangeway", (), "m", "least flangeway at the end of a movement", "open"),
     Channel("least_flangeway_x", (), "m", "place of the least flangeway", "towards the heel"),
     Channel("least_flangeway_rail", (), "1", "rail of the least flangeway", kind="text"),
@@ -265,7 +267,15 @@ MEASURED = frozenset(
 OF_MACHINES = frozenset(
     {
         *("drive_voltage", "drive_power", "motor_speed", "clutch_slip", "clutch_heat"),
-        *("drive_state", "throw_time", "energy_supply", "energy_copper", "energy_line"),
+        *(
+            "drive_state",
+            "throw_time",
+            "mean_current",
+            "end_current",
+            "energy_supply",
+            "energy_copper",
+            "energy_line",
+        ),
         *("energy_brush", "energy_motor_friction", "energy_gear", "energy_machine", "work_rods"),
     }
 )
