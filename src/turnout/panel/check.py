@@ -11,7 +11,6 @@ Checks of the schedule: order, overlap, ramps, tables.
 import itertools
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
-from itertools import pairwise
 from typing import Any
 
 from turnout.core.problems import Problem, choices, nearest, show_value
@@ -19,6 +18,7 @@ from turnout.core.units import is_finite
 from turnout.panel.check_rails import (
     ON_ONE_RAIL,
     check_drive_table,
+    check_friction_course,
     check_outline,
     check_outline_section,
     check_planed_section,
@@ -355,22 +355,9 @@ def _sleeper(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Probl
         )
 
 
-def _friction_course(path: tuple[str, str], chair: Any) -> Iterator[Problem]:
-    opening, factor = chair.friction_opening, chair.friction_factor
-    if opening is None and factor is None:
-        return
-    if opening is None or factor is None or len(opening) != len(factor):
-        text = "needs friction_opening and friction_factor with as many values each"
-        yield Problem((*path, "friction_factor"), text)
-    elif opening[0] != 0.0 or any(b <= a for a, b in pairwise(opening)):
-        yield Problem((*path, "friction_opening"), "must begin with 0 and rise")
-    elif min(factor) < 0.0 or max(factor) > 10.0:
-        yield Problem((*path, "friction_factor"), "every factor must be 0 to 10")
-
-
 def _chair(draft: Draft, path: tuple[str, str], chair: Any) -> Iterator[Problem]:
     yield from until_unknown(_standing(draft, path, chair))
-    yield from _friction_course(path, chair)
+    yield from check_friction_course(path, chair)
     feet = chair.foot_offsets
     if feet is not None and len(feet) > _MOST_FEET:
         text = f": {len(feet)} foot points, at most {_MOST_FEET}; give those of the edges"
