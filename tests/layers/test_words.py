@@ -37,6 +37,7 @@ PACKAGES = (
         "schema",
         "section",
         "study",
+        "sweep",
         "validation",
         "virtual",
     ),

@@ -7,6 +7,7 @@ gaps, elastic laws of drives.
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np

@@ -314,7 +314,7 @@ def label(dataset: "xr.Dataset") -> "xr.Dataset":
     'N'
     """
     labelled = dataset.copy()
-    for name in labelled.variables:
+    for name, variable in labelled.variables.items():
         channel = known_channel(str(name), outer=outer_dimension(dataset))
         if channel is None:
             raise KeyError(name)
@@ -323,7 +323,7 @@ def label(dataset: "xr.Dataset") -> "xr.Dataset":
             attributes["positive"] = channel.positive
         if name in AXES:
             attributes["axis"] = AXES[str(name)]
-        labelled[name].attrs.update(attributes)
+        variable.attrs.update(attributes)
     return labelled.assign_attrs(Conventions=CONVENTIONS)
 
 
