@@ -152,7 +152,8 @@ def _objects(dataset: xr.Dataset) -> list[str]:
     if not items:
         return ["none"]
     placed = [
-        f"{item['size'] * 1e3:g} mm at {item['place']} (x = {item['x']:g} m), rail {item['rail']}"
+        f"{item['size'] * 1e3:g} mm{_kind(item)} at {item['place']} (x = {item['x']:g} m), "
+        f"rail {item['rail']}"
         for item in items
     ]
     if "object_touched" not in dataset or not dataset.sizes.get("time", 0):
@@ -166,7 +167,31 @@ def _objects(dataset: xr.Dataset) -> list[str]:
         peak = float(dataset["object_force"].max())
         end = final_value(dataset["object_force"])
         text += f"; force {format_force(end)} at the end, {format_force(peak)} at most"
-    return [*placed, text]
+    return [*placed, text, *_fates(dataset)]
+
+
+def _kind(item: dict[str, Any]) -> str:
+    """Return the kind of an object and its length, empty for a spring."""
+    if "kind" not in item:
+        return ""
+    length = item.get("length", 0.0)
+    along = f", {length:g} m long," if length > 2.0 * item["size"] else ""
+    return f" {item['kind']}{along}"
+
+
+def _fates(dataset: xr.Dataset) -> list[str]:
+    """Return what became of objects that dent or break."""
+    if "object_left" not in dataset:
+        return []
+    found = []
+    for number in range(dataset.sizes["object"]):
+        left = float(dataset["object_left"][number])
+        broken = int(dataset["object_broken"][number])
+        if not math.isnan(left):
+            times = "once" if broken == 1 else f"{broken} times"
+            text = f"broke {times}, " if broken else ""
+            found.append(f"{text}{1e3 * left:.1f} mm left")
+    return found
 
 
 def _run(dataset: xr.Dataset) -> str:
