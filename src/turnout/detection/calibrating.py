@@ -180,8 +180,10 @@ def calibrate_alone(
         ratios=ratios,
         left=np.concatenate([item[1] for item in found]),
         switches=len(sound.level),
-        tried=[(view, measured(sound.of(slice(INTERVALS)), errors), sound.of(slice(INTERVALS))),
-               (view, measured(seen, errors), seen)],  # fmt: skip
+        tried=[
+            (view, measured(sound.of(slice(INTERVALS)), errors), sound.of(slice(INTERVALS))),
+            (view, measured(seen, errors), seen),
+        ],  # fmt: skip
     )
 
 

@@ -94,8 +94,7 @@ def posterior_of(
     means, variances, weights = _gaps(view, evidence, number, kinds)
     deviation = np.sqrt(variances) * gap_factor
     gaps = tuple(
-        mixture_interval(means[:, gap], deviation[:, gap], weights)
-        for gap in range(means.shape[1])
+        mixture_interval(means[:, gap], deviation[:, gap], weights) for gap in range(means.shape[1])
     )
     above = weights @ ndtr((means - limits) / np.maximum(deviation, 1e-9))
     return Posterior(
