@@ -23,7 +23,7 @@ from benchmarks.kept import keep
 from benchmarks.machine import load, processor_seconds
 from benchmarks.page import write_section
 from benchmarks.schemes import MODES
-from turnout.integrate.run import integrate
+from turnout.integrate.integration import integrate
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel

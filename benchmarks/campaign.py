@@ -18,8 +18,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from turnout.measurement.campaign.piece import STORE
-from turnout.measurement.campaign.sheet import find_sheet, read_sheet
+from turnout.measurement.campaign.recorded_throw import STORE
+from turnout.measurement.campaign.run_sheet import find_sheet, read_sheet
 
 DOCS = Path(__file__).parents[1] / "docs"
 PANEL, SEED, REPEATS = "sb2", "1", 3

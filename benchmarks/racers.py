@@ -19,7 +19,7 @@ from tests.verification.reference import thinned
 from benchmarks import banded, sb1
 from benchmarks.machine import load, processor_seconds
 from benchmarks.schemes import MODES
-from turnout.integrate.run import integrate
+from turnout.integrate.integration import integrate
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.markers import marker_positions

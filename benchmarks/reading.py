@@ -17,7 +17,7 @@ import pandas as pd
 from scipy.io import savemat
 
 from benchmarks.machine import machine
-from turnout.measurement.formats.files import write_recording
+from turnout.measurement.formats.file_format import write_recording
 from turnout.measurement.recording import Channel, Recording
 
 PAGE = Path(__file__).parents[1] / "docs" / "performance-reading.md"
@@ -26,7 +26,7 @@ REPEATS = 3
 
 READ = """
 import resource, sys, time
-from turnout.measurement.formats.files import read_recording
+from turnout.measurement.formats.file_format import read_recording
 def peak():
     with open("/proc/self/status") as file:
         return int(next(line for line in file if line.startswith("VmHWM")).split()[1])

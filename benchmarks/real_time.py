@@ -10,7 +10,7 @@ from tests.verification.reference import thinned
 from benchmarks.kept import keep
 from benchmarks.machine import figure, load, machine, processor_seconds, told
 from benchmarks.schemes import MODES
-from turnout.integrate.run import integrate
+from turnout.integrate.integration import integrate
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel

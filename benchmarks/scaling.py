@@ -21,7 +21,7 @@ from benchmarks.log_axis import plain_ticks
 from benchmarks.machine import figure, load, machine, processor_seconds
 from benchmarks.page import write_section
 from benchmarks.schemes import MODES
-from turnout.integrate.run import integrate
+from turnout.integrate.integration import integrate
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel, library_text, load_panel

@@ -24,8 +24,8 @@ from typing import Any
 
 from benchmarks.sweep_page import page
 from turnout.response.simulate import compile_kernels
-from turnout.study.load import load_study
-from turnout.study.read import scheme_for
+from turnout.study.load_study import load_study
+from turnout.study.read_study import scheme_for
 from turnout.study.study import Study
 from turnout.sweep.batch import batch_variables, file_bytes, throw_batch
 from turnout.sweep.folder import JOURNAL

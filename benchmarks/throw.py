@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 from benchmarks.machine import machine
 from benchmarks.page import write_section
-from turnout.integrate.run import integrate
+from turnout.integrate.integration import integrate
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
@@ -89,13 +89,13 @@ def command() -> float:
 FIRST_STEP = """
 import sys, time
 from turnout.cli.main import main
-from turnout.integrate import run
-march = run._march_in_chunks
+from turnout.integrate import integration
+march = integration._march_in_chunks
 def first(*given):
     sys.stderr.write(f"{time.time()}")
-    run._march_in_chunks = march
+    integration._march_in_chunks = march
     return march(*given)
-run._march_in_chunks = first
+integration._march_in_chunks = first
 main()
 """
 

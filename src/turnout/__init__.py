@@ -33,7 +33,7 @@ NAMES = {
     "modes": "turnout.analysis.modes",
     "friction_stability": "turnout.analysis.stability",
     "features": "turnout.metric.features",
-    "filtered": "turnout.metric.signal",
+    "filtered": "turnout.metric.channel_features",
     # Point machines
     "load_machines": "turnout.machine.load",
     "LoadedMachines": "turnout.machine.load",
@@ -41,7 +41,7 @@ NAMES = {
     "MachineThrow": "turnout.machine.throw",
     "machine_dataset": "turnout.response.machine",
     # Measurements, calibration, validation
-    "read_recording": "turnout.measurement.formats.files",
+    "read_recording": "turnout.measurement.formats.file_format",
     "import_recording": "turnout.api.recording",
     "read_history": "turnout.measurement.formats.history",
     "Campaign": "turnout.api.campaign",
@@ -53,7 +53,7 @@ NAMES = {
     "Validation": "turnout.api.validation",
     "validate": "turnout.api.validation",
     # Studies of many throws
-    "load_study": "turnout.study.load",
+    "load_study": "turnout.study.load_study",
     "Sweep": "turnout.api.sweep",
     "run_sweep": "turnout.api.sweep",
     "open_sweep": "turnout.api.sweep",
@@ -83,7 +83,7 @@ _MOVED = {
 _WITHOUT_DATASETS = (
     *("turnout.errors", "turnout.core", "turnout.panel", "turnout.section", "turnout.integrate"),
     *("turnout.scheme", "turnout.response.save", "turnout.analysis.stability"),
-    "turnout.study.load",
+    "turnout.study.load_study",
 )
 
 

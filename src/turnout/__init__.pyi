@@ -30,10 +30,10 @@ from turnout.machine.load import LoadedMachines as LoadedMachines
 from turnout.machine.load import load_machines as load_machines
 from turnout.machine.throw import MachineThrow as MachineThrow
 from turnout.machine.throw import throw_one_mass as throw_one_mass
-from turnout.measurement.formats.files import read_recording as read_recording
+from turnout.measurement.formats.file_format import read_recording as read_recording
 from turnout.measurement.formats.history import read_history as read_history
+from turnout.metric.channel_features import filtered as filtered
 from turnout.metric.features import features as features
-from turnout.metric.signal import filtered as filtered
 from turnout.panel.foreign_object import ForeignObject as ForeignObject
 from turnout.panel.load import LoadedPanel as LoadedPanel
 from turnout.panel.load import library_names as panel_names
@@ -46,7 +46,7 @@ from turnout.response.store import save_response as save_response
 from turnout.scheme import Scheme as Scheme
 from turnout.section.analyse import analyse_outline as analyse_outline
 from turnout.section.outline import make_outline as make_outline
-from turnout.study.load import load_study as load_study
+from turnout.study.load_study import load_study as load_study
 
 __all__ = [
     "CalibrationResult",

@@ -25,7 +25,7 @@ from tests.faults.hostile_recordings import HOSTILE, ROD, mat73
 from turnout.errors import FileError
 from turnout.measurement.chain.skeleton import skeleton
 from turnout.measurement.formats import isolated
-from turnout.measurement.formats.files import read_recording, write_recording
+from turnout.measurement.formats.file_format import read_recording, write_recording
 from turnout.measurement.recording import Channel, Recording, overview
 
 MOST_MEMORY, MOST_SECONDS, LONGEST_MESSAGE = 1000.0, 10.0, 1000

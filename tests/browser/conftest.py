@@ -14,7 +14,7 @@ from tests.unit.campaigns import copied
 from tests.unit.served import served
 from tests.unit.simulated import sb2_panel
 
-from turnout.measurement.campaign.build import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.web.studio import Opened
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from turnout.core.cache_folder import PRIVATE_VARIABLE, distrust, private_folder, safe_folder
-from turnout.core.kept_arrays import DamagedError, arrays_from_bytes, arrays_to_bytes
+from turnout.core.stored_arrays import DamagedError, arrays_from_bytes, arrays_to_bytes
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
 

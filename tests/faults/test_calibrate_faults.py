@@ -7,10 +7,10 @@ import pytest
 import xarray as xr
 
 from turnout.calibration.calibrate import calibrate
-from turnout.calibration.movements import check_campaign
-from turnout.calibration.observed import observe
+from turnout.calibration.measured_movements import observe
 from turnout.calibration.parameter import Parameter
-from turnout.calibration.stage import default_plan
+from turnout.calibration.requirements import check_campaign
+from turnout.calibration.stages import default_plan
 from turnout.errors import MeasurementError, PanelError
 from turnout.panel.load import load_panel
 from turnout.response.store import save_response

@@ -156,13 +156,13 @@ def test_a_folder_that_may_not_be_written_is_read_all_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from turnout.errors import FileError
-    from turnout.measurement.campaign import piece
+    from turnout.measurement.campaign import recorded_throw
 
     def full(*_: object) -> None:
         message = "no space"
         raise FileError(message)
 
-    monkeypatch.setattr(piece, "write_atomic", full)
+    monkeypatch.setattr(recorded_throw, "write_atomic", full)
     folder = copied(tmp_path)
     assert run("check", folder).exit_code == 0
     assert list((folder / ".turnout").iterdir()) == []

@@ -9,7 +9,7 @@ from typer.testing import CliRunner, Result
 
 from turnout.cli.main import app
 from turnout.errors import TurnoutError
-from turnout.study.load import load_study
+from turnout.study.load_study import load_study
 from turnout.sweep.forecast import forecast
 from turnout.sweep.run import run_sweep
 

@@ -10,8 +10,8 @@ from tests.attack.recordings import OWN_LIMIT, judged, sound_files
 from tests.faults.hostile_recordings import HOSTILE
 
 from turnout.errors import FileError
-from turnout.measurement.formats import files
-from turnout.measurement.formats.files import read_recording
+from turnout.measurement.formats import file_format
+from turnout.measurement.formats.file_format import read_recording
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/clear_refs").exists(), reason="counts the memory of processes in /proc"
@@ -51,7 +51,7 @@ def test_a_reader_that_cannot_be_loaded_is_not_a_damaged_file(
 ) -> None:
     path = tmp_path / "a.h5"
     path.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(600))
-    moved = tuple(replace(item, reader="nowhere:read") for item in files.FORMATS)
-    monkeypatch.setattr(files, "FORMATS", moved)
+    moved = tuple(replace(item, reader="nowhere:read") for item in file_format.FORMATS)
+    monkeypatch.setattr(file_format, "FORMATS", moved)
     with pytest.raises(FileError, match="cannot be loaded .*install turnout again"):
         read_recording(path)

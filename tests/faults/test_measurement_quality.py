@@ -7,9 +7,9 @@ import pytest
 import xarray as xr
 from tests.unit.recorded import changed, noisy, only, samples, typical
 
-from turnout.measurement.quality.channel import KINDS, line_amplitude
+from turnout.measurement.quality.channel_faults import KINDS, line_amplitude
 from turnout.measurement.quality.judge import Expected, Verdict, judge
-from turnout.measurement.quality.throw import open_level
+from turnout.measurement.quality.throw_faults import open_level
 
 
 def judged(dataset: xr.Dataset, *, direction: str = "closing", load_cell: bool = True) -> Verdict:

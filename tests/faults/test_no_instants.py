@@ -11,7 +11,7 @@ from scipy.io import savemat
 from tests.faults.test_cli_faults import turnout
 
 from turnout.errors import FileError
-from turnout.measurement.formats.files import read_recording
+from turnout.measurement.formats.file_format import read_recording
 from turnout.response.store import open_response, save_response
 from turnout.schema.channels import SCHEMA_VERSION
 

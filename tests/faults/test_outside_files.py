@@ -11,8 +11,8 @@ from tests.faults.test_cli_faults import turnout
 from tests.unit.campaigns import copied, edited
 
 from turnout.errors import FileError, MeasurementError
-from turnout.measurement.campaign.build import build_campaign
-from turnout.measurement.formats.files import read_recording
+from turnout.measurement.campaign.build_campaign import build_campaign
+from turnout.measurement.formats.file_format import read_recording
 
 ROD = np.sin(np.arange(500) / 50)
 SECRET = "not to be read or replaced\n"

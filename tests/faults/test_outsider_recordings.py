@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from tests.verification.outsider import CASES, Case, Habits, Truth, write_campaign
 
-from turnout.calibration.movements import exclude_oversized_objects
-from turnout.calibration.observed import observe
+from turnout.calibration.measured_movements import observe
+from turnout.calibration.requirements import exclude_oversized_objects
 from turnout.errors import MeasurementError
-from turnout.measurement.campaign.build import build_campaign
-from turnout.measurement.quality.channel import Limits, run_faults
+from turnout.measurement.campaign.build_campaign import build_campaign
+from turnout.measurement.quality.channel_faults import Limits, run_faults
 from turnout.panel.load import load_panel
 
 SQUEEZED = Case(place="drive 2", size=0.013)

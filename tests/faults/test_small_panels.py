@@ -11,10 +11,10 @@ import pytest
 import scipy.sparse as sp
 
 from turnout.cli.main import main
-from turnout.core.points import MOST_POINTS
+from turnout.core.quantity import MOST_POINTS
 from turnout.core.units import MOST_VALUES
 from turnout.errors import FileError, MechanicsError, PanelError, SolverError, TurnoutError
-from turnout.integrate.run import MOST_STEPS
+from turnout.integrate.integration import MOST_STEPS
 from turnout.panel import matrices as matrices_file
 from turnout.panel.document import MOST_MEMBERS
 from turnout.panel.load import library_text, load_panel

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.errors import FileError, PanelError, TurnoutError
-from turnout.measurement.campaign.build import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.panel.load import library_text, load_panel
 from turnout.web.serve import prepared
 from turnout.web.studio import Opened, Studio

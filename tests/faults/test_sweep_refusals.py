@@ -13,7 +13,7 @@ import pytest
 from tests.unit.sweeps import STUDY, batch_names, here, small_study, study_file
 
 from turnout.cli.main import main
-from turnout.core import atomic
+from turnout.core import files
 from turnout.core.json_files import sealed_json
 from turnout.errors import FileError
 from turnout.sweep.folder import BATCHES, IDENTITY
@@ -206,7 +206,7 @@ def test_no_space_at_any_moment_is_told_and_goes_on(
             raise OSError(errno.ENOSPC, "No space left on device")
         written.append(path.name)
 
-    def flush(path: Path, *, kept: Callable[[Path], None] = atomic._flush) -> None:
+    def flush(path: Path, *, kept: Callable[[Path], None] = files._flush) -> None:
         count(path)
         kept(path)
 
@@ -216,7 +216,7 @@ def test_no_space_at_any_moment_is_told_and_goes_on(
         return open(path, mode, **chosen)
 
     with monkeypatch.context() as full:
-        full.setattr(atomic, "_flush", flush)
+        full.setattr(files, "_flush", flush)
         full.setattr(Path, "open", opened)
         with pytest.raises(FileError, match="no space left; free some"):
             run_sweep(study, folder, pool=here)

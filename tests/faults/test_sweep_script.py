@@ -8,7 +8,7 @@ from pathlib import Path
 from tests.unit.sweeps import batch_names, study_file
 
 SCRIPT = """
-from turnout.study.load import load_study
+from turnout.study.load_study import load_study
 from turnout.sweep.run import run_sweep
 
 print("begun")

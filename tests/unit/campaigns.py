@@ -8,8 +8,8 @@ from pathlib import Path
 
 from tests.unit.simulated import sb2_panel
 
-from turnout.virtual.campaign import make_virtual_campaign
-from turnout.virtual.plan import Plan
+from turnout.virtual.campaign_plan import Plan
+from turnout.virtual.make_campaign import make_virtual_campaign
 
 PLAN = Plan(
     places=("sleeper 6",),

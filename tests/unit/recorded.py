@@ -6,13 +6,13 @@ import numpy as np
 import xarray as xr
 from tests.unit.simulated import sb2_panel
 
-from turnout.measurement.campaign.throws import Throw, find_throws
-from turnout.measurement.quality.throw import Profile, early_profile, typical_profile
+from turnout.measurement.campaign.find_throws import Throw, find_throws
+from turnout.measurement.quality.throw_faults import Profile, early_profile, typical_profile
 from turnout.panel.foreign_object import ForeignObject
 from turnout.response.save import Save
 from turnout.response.simulate import simulate
-from turnout.virtual.noise import disturbed
-from turnout.virtual.throw import record_throw
+from turnout.virtual.disturbance import disturbed
+from turnout.virtual.record_throw import record_throw
 
 FIELDS = ("drive_force", "drive_displacement", "drive_slipping", "object_force", "contact_time")
 

@@ -5,7 +5,7 @@ from functools import cache
 
 import xarray as xr
 
-from turnout.integrate.run import History, integrate
+from turnout.integrate.integration import History, integrate
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects

@@ -5,7 +5,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
-from turnout.study.load import load_study
+from turnout.study.load_study import load_study
 from turnout.study.study import Study
 
 STUDY = """

@@ -11,15 +11,15 @@ import pytest
 from turnout.calibration import fit as fitting
 from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import spread_of
-from turnout.calibration.entries import distrust_reasons
 from turnout.calibration.evaluate import CELL, Evaluator, Response, Throw, packed, unpacked
 from turnout.calibration.fit import _least_squares, fit, inflate_noise
-from turnout.calibration.local import FINE_DIFFERENCE
+from turnout.calibration.linearisation import FINE_DIFFERENCE
+from turnout.calibration.measured_movements import BIN, Movement, Signal
 from turnout.calibration.misfit import Misfit, framed, jacobian
 from turnout.calibration.noise import Noise, measured_noise, missed_by_model
-from turnout.calibration.observed import BIN, Movement, Signal
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.predict import predicted
+from turnout.calibration.result_entries import distrust_reasons
 from turnout.panel.load import load_panel
 
 TRUE = {"mu": 0.31, "k": 900e3}

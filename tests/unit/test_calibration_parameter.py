@@ -3,7 +3,7 @@
 import pytest
 
 from turnout.calibration.parameter import Parameter, free_parameter, unit_in, value_in
-from turnout.calibration.stage import Plan, Selection, Stage, default_plan
+from turnout.calibration.stages import Plan, Selection, Stage, default_plan
 from turnout.errors import PanelError
 from turnout.panel.load import load_panel
 

@@ -10,10 +10,10 @@ from tests.unit.test_calibration_fit import PARAMETERS, TRUE, MadeUp, misfit, mo
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.evaluate import Response, Throw
 from turnout.calibration.fit import fit
+from turnout.calibration.measured_movements import Movement, selected
 from turnout.calibration.misfit import Misfit
-from turnout.calibration.movements import drop_unidentified_slip_levels
-from turnout.calibration.observed import Movement, selected
-from turnout.calibration.stage import Selection
+from turnout.calibration.requirements import drop_unidentified_slip_levels
+from turnout.calibration.stages import Selection
 from turnout.panel.load import load_panel
 
 KEY = "drive.1.saturation_force"

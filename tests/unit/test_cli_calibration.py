@@ -15,7 +15,7 @@ from turnout.cli.main import app
 from turnout.errors import FileError, PanelError
 from turnout.panel.load import load_panel
 from turnout.response.store import open_response
-from turnout.study.load import load_study
+from turnout.study.load_study import load_study
 
 
 @pytest.fixture

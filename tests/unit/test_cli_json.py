@@ -15,7 +15,7 @@ from tests.unit.sweeps import here, small_study, study_file
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.measurement.formats.files import write_recording
+from turnout.measurement.formats.file_format import write_recording
 from turnout.measurement.recording import Channel, Recording
 from turnout.sweep.run import run_sweep
 
@@ -154,7 +154,7 @@ def test_a_calibration(
 def test_a_validation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, documented: dict[str, set[str]]
 ) -> None:
-    from turnout.validation.verdict import ChannelResult, Verdict
+    from turnout.validation.acceptance import ChannelResult, Verdict
 
     channel = ChannelResult(
         channel="drive 1", movements=8, rms=90.0, nrmse=0.02, spread=10.0, cover=0.6,
@@ -167,8 +167,8 @@ def test_a_validation(
     calibration().save(tmp_path / "c.toml")
     monkeypatch.setattr("turnout.cli.validate.dataset_of", lambda *_, **__: None)
     monkeypatch.setattr("turnout.cli.validate._validated", lambda *_, **__: None)
-    monkeypatch.setattr("turnout.validation.verdict.judge", lambda _: verdict)
-    monkeypatch.setattr("turnout.validation.text.notes", lambda _: ["one note"])
+    monkeypatch.setattr("turnout.validation.acceptance.judge", lambda _: verdict)
+    monkeypatch.setattr("turnout.validation.acceptance.notes", lambda _: ["one note"])
     line = ("validate", tmp_path, "--calibration", tmp_path / "c.toml")
     found = printed(*line)
     assert set(found) - COMMON == documented["validate"]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from turnout.core.atomic import atomic_path, write_atomic, write_fault
+from turnout.core.files import atomic_path, write_atomic, write_fault
 from turnout.errors import FileError
 
 
@@ -105,7 +105,7 @@ import resource, signal, sys
 signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 from turnout.errors import FileError
-from turnout.core.atomic import write_atomic
+from turnout.core.files import write_atomic
 try:
     write_atomic(sys.argv[1], b"x" * 100_000)
 except FileError as error:

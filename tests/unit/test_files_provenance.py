@@ -1,8 +1,7 @@
-"""Provenance and progress."""
+"""Provenance."""
 
 import pytest
 
-from turnout.core.progress import Progress, Silent
 from turnout.core.provenance import content_hash, provenance
 
 
@@ -20,11 +19,3 @@ def test_hash_refuses_what_has_no_json() -> None:
 
 def test_provenance_names_program_and_machine() -> None:
     assert all(provenance().values())
-
-
-def test_silent_progress_is_a_progress() -> None:
-    progress: Progress = Silent()
-    progress.start(2.0, "text")
-    progress.update(1.0)
-    progress.finish()
-    assert isinstance(progress, Silent)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from turnout.integrate.arrange import arrange, forget
-from turnout.integrate.run import integrate
+from turnout.integrate.integration import integrate
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import load_panel

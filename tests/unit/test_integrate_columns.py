@@ -16,7 +16,7 @@ from turnout.condense.followers import leading_rows
 from turnout.condense.modal import diagonalise_damping, modal_model
 from turnout.errors import MechanicsError
 from turnout.integrate.columns import activate, assemble_level, deactivate, rebuild, update_row
-from turnout.integrate.places import place_laws
+from turnout.integrate.numbering import place_laws
 from turnout.integrate.scratch import Work, new_work
 from turnout.integrate.solution import gather_modes, solve_displacements
 from turnout.integrate.state import (
@@ -29,7 +29,7 @@ from turnout.integrate.state import (
     set_segment,
 )
 from turnout.integrate.system import System, check_normals, condensed_system
-from turnout.kernels.records import shared_record
+from turnout.kernels.shared_record import shared_record
 from turnout.law.kernel import STICK
 from turnout.law.table import LawTable, LawTableBuilder
 

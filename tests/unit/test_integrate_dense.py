@@ -5,8 +5,8 @@ import pytest
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring
 
 from turnout.integrate.dense import interpolate_record
+from turnout.integrate.integration import History, integrate
 from turnout.integrate.march import Record
-from turnout.integrate.run import History, integrate
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import Scheme

@@ -15,7 +15,7 @@ from turnout.integrate.solve import Tolerances, iterate_contact_set
 from turnout.integrate.step import Stepping
 from turnout.kernels.interrupt import call_interruptible, one_thread
 from turnout.kernels.lanes import zeros_in_lines
-from turnout.kernels.records import shared_record
+from turnout.kernels.shared_record import shared_record
 
 TOLERANCES = Tolerances(1e-11, 1e-6, 40)
 

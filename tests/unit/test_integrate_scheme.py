@@ -5,8 +5,8 @@ import pytest
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring, run
 
 from turnout.errors import SolverError
+from turnout.integrate.integration import History, integrate
 from turnout.integrate.outcome import ADVICE, Code, NotConverged, Outcome
-from turnout.integrate.run import History, integrate
 from turnout.law.table import LawTableBuilder
 from turnout.scheme import AlphaCoefficients, Scheme
 

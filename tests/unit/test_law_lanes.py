@@ -10,7 +10,7 @@ from numba.core.errors import TypingError
 from turnout.kernels import lanes
 from turnout.kernels.compiled import compiled
 from turnout.kernels.lanes import LANES
-from turnout.kernels.records import clone_record, shared_record
+from turnout.kernels.shared_record import clone_record, shared_record
 
 Floats = np.ndarray
 VECTORS = ("a", "b", "places", "found")

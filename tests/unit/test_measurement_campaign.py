@@ -9,16 +9,16 @@ from tests.unit.campaigns import copied, edited, made
 from tests.unit.recorded import clean
 
 from turnout.errors import MeasurementError
-from turnout.measurement.campaign import build as module
-from turnout.measurement.campaign import piece
-from turnout.measurement.campaign.build import Campaign, build_campaign, stacked
-from turnout.measurement.campaign.fit_of_files import order_remarks, series_remarks
-from turnout.measurement.campaign.piece import Piece
-from turnout.measurement.campaign.sheet import find_sheet, read_sheet
-from turnout.measurement.campaign.throws import Throw
-from turnout.measurement.formats.files import read_recording
+from turnout.measurement.campaign import build_campaign as module
+from turnout.measurement.campaign import recorded_throw
+from turnout.measurement.campaign.build_campaign import Campaign, build_campaign, stacked
+from turnout.measurement.campaign.find_throws import Throw
+from turnout.measurement.campaign.recorded_throw import Piece
+from turnout.measurement.campaign.run_sheet import find_sheet, read_sheet
+from turnout.measurement.campaign.sheet_checks import order_remarks, series_remarks
+from turnout.measurement.formats.file_format import read_recording
 from turnout.measurement.recording import Recording
-from turnout.schema.check import schema_problems
+from turnout.schema.channels import schema_problems
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +99,7 @@ def test_a_file_of_several_movements_is_read_once(
         read.append(path.name)
         return read_recording(path, allow_outside=allow_outside)
 
-    monkeypatch.setattr(piece, "read_recording", counted)
+    monkeypatch.setattr(recorded_throw, "read_recording", counted)
     campaign = build_campaign(folder)
     assert [item.run.name for item in campaign.excluded] == ["none_closing_1#2"]
     assert sorted(read) == sorted({run.file for run in campaign.sheet.runs})

@@ -16,7 +16,7 @@ from turnout.measurement.chain.apply import (
     raw_from_physical,
 )
 from turnout.measurement.recording import Channel, Recording
-from turnout.schema.check import check_schema
+from turnout.schema.channels import check_schema
 
 # By hand, with nothing of the program. Rod: E = 210e9 Pa, W = 6.28e-6 m3, h = 0.060 m.
 # 6000 N * 0.060 m = 360 N m; 360 / 6.28e-6 = 57.325e6 Pa; / 210e9 = 272.975e-6 strain.

@@ -14,8 +14,8 @@ from turnout.measurement.chain.condition import (
     tare,
 )
 from turnout.measurement.recording import Channel, Recording
-from turnout.metric.signal import filtered
-from turnout.schema.check import check_schema
+from turnout.metric.channel_features import filtered
+from turnout.schema.channels import check_schema
 
 RATE = 1000.0
 RNG = np.random.default_rng(7)

@@ -5,13 +5,13 @@ import pytest
 import xarray as xr
 from tests.unit.recorded import changed, clean, noisy, only, samples
 
-from turnout.measurement.campaign.signals import (
+from turnout.measurement.campaign.find_throws import Detection, find_throws
+from turnout.measurement.campaign.motion_signals import (
     UNKNOWN,
     force_changes,
     found_direction,
     without_holes,
 )
-from turnout.measurement.campaign.throws import Detection, find_throws
 
 ONSET = 2.0
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from turnout.errors import FileError
-from turnout.measurement.formats.files import read_recording
+from turnout.measurement.formats.file_format import read_recording
 
 TIME = np.arange(500) / 1000
 ROD = np.sin(20 * TIME)
@@ -145,7 +145,7 @@ def test_a_missing_package_names_the_extra(
     path.write_bytes(bytes(range(256)))
     find = importlib.util.find_spec
     monkeypatch.setattr(
-        "turnout.measurement.formats.optional.find_spec",
+        "turnout.measurement.formats.file_format.find_spec",
         lambda n: None if n == package else find(n),
     )
     with pytest.raises(FileError, match=rf"need {package}; pip install 'turnout\[{extra}\]'"):

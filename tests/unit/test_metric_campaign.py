@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 from scipy.stats import t as student
 
-from turnout.metric.campaign import (
+from turnout.metric.campaign_statistics import (
     FALSE_ALARM_RATE,
     Scatter,
     end_values,

@@ -5,7 +5,12 @@ import pytest
 import xarray as xr
 
 from turnout.errors import ResponseError
-from turnout.metric.effects import first_order_index, main_effect, numeric_outputs, varying_inputs
+from turnout.metric.sensitivity import (
+    first_order_index,
+    main_effect,
+    numeric_outputs,
+    varying_inputs,
+)
 from turnout.study.design import Design, Drawn
 from turnout.study.distribution import Distribution
 from turnout.sweep.effects import sobol_indices

@@ -14,7 +14,7 @@ from turnout.metric.agreement import (
     rms_difference,
     rms_over_movements,
 )
-from turnout.metric.signal import build_up_slope, channel_features, contact_time
+from turnout.metric.channel_features import build_up_slope, channel_features, contact_time
 
 DIMS = ("channel", "movement", "time")
 

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 from tests.unit.simulated import sb2_dataset
 
-from turnout.metric.signal import at_end, filtered, first_time
+from turnout.metric.channel_features import at_end, filtered, first_time
 from turnout.metric.slip import margins, movements, slips
 from turnout.metric.summary import LEAST_SCALE, numerical_share, residual_share
 

@@ -17,7 +17,7 @@ from turnout.panel.stored import panel_data, panel_from_data
 from turnout.plot.throw import plot_throw
 from turnout.response.simulate import simulate
 from turnout.schema.channels import OF_MACHINES
-from turnout.virtual.throw import Window, record_throw, with_time_to_stop
+from turnout.virtual.record_throw import Window, record_throw, with_time_to_stop
 
 NAME = "uic60-760-1-15"
 BOTH = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}

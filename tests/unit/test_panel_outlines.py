@@ -11,7 +11,7 @@ from turnout.mechanism.build_rails import foot_points, stock_rail_data, switch_r
 from turnout.mechanism.rail_sections import foot_spans, section_values, station_columns
 from turnout.panel.load import LoadedPanel, library_text, load_panel
 from turnout.section.analyse import analyse_outlines
-from turnout.section.library import planed_rail
+from turnout.section.rail_outlines import planed_rail
 
 DEFAULT = load_panel("uic60-760-1-15")
 # A trapezium of 60 mm on top and 100 mm below, 120 mm high, planed beside a bar of 60 mm.

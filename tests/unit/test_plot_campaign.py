@@ -6,8 +6,8 @@ import xarray as xr
 from tests.unit.campaigns import made
 
 from turnout.errors import ResponseError
-from turnout.measurement.campaign.build import build_campaign
-from turnout.metric.campaign import end_values, object_places
+from turnout.measurement.campaign.build_campaign import build_campaign
+from turnout.metric.campaign_statistics import end_values, object_places
 from turnout.plot.campaign import plot_overview, plot_stacked
 from turnout.response.store import open_response
 

@@ -8,7 +8,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from turnout.errors import ResponseError
-from turnout.metric.effects import Output, OutputEffects, SobolIndex
+from turnout.metric.sensitivity import Output, OutputEffects, SobolIndex
 from turnout.metric.sweep_map import STATES, end_state, sweep_map
 from turnout.plot.style import rendered
 from turnout.plot.sweep import (

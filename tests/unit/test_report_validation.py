@@ -14,7 +14,7 @@ from turnout.plot.validation import compared_movements, comparison_sheet
 from turnout.report.page import page_html
 from turnout.report.validation import validation_findings, validation_page
 from turnout.response.store import save_response
-from turnout.validation.verdict import judge
+from turnout.validation.acceptance import judge
 
 
 def test_findings_begin_with_the_verdict() -> None:

@@ -15,7 +15,7 @@ from turnout.panel.markers import marker_offsets
 from turnout.plot.throw import plot_throw
 from turnout.response.save import Save
 from turnout.response.simulate import simulate
-from turnout.schema.check import schema_problems
+from turnout.schema.channels import schema_problems
 
 TIMES = {key: value for key, value in sb1_panel().overrides.items() if "return" not in key}
 NO_RETURN = (r"\[movement\.return\].*?\n\n", "")

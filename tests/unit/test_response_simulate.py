@@ -16,7 +16,7 @@ from turnout.panel.foreign_object import ForeignObject
 from turnout.response.compilation import must_compile
 from turnout.response.save import Save
 from turnout.response.simulate import compile_kernels, simulate
-from turnout.schema.check import schema_problems
+from turnout.schema.channels import schema_problems
 from turnout.scheme import Scheme
 
 STUBBORN = Scheme(iterations=1, halvings=0, follow_path=False)

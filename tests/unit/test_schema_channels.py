@@ -8,8 +8,14 @@ import xarray as xr
 from tests.unit.simulated import sb1_dataset, sb2_dataset
 
 from turnout.errors import ResponseError
-from turnout.schema.channels import CHANNELS, COORDINATES, OPTIONAL, label
-from turnout.schema.check import check_schema, schema_problems
+from turnout.schema.channels import (
+    CHANNELS,
+    COORDINATES,
+    OPTIONAL,
+    check_schema,
+    label,
+    schema_problems,
+)
 
 
 def small() -> xr.Dataset:

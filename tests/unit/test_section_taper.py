@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from turnout.errors import MechanicsError
-from turnout.section.library import load_rail_outline, outline_names, planed_rail
 from turnout.section.outline import make_outline, ring_area
+from turnout.section.rail_outlines import load_rail_outline, outline_names, planed_rail
 from turnout.section.taper import Planing, planed_section, planed_sections
 
 BAR = make_outline([[-0.03, 0], [0.03, 0], [0.03, 0.1], [-0.03, 0.1]])

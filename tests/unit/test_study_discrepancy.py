@@ -7,7 +7,7 @@ import pytest
 
 from turnout.calibration.drive_law.candidates import drive_laws, lagged, table
 from turnout.calibration.drive_law.compare import LawComparison, LawResult, law_lines
-from turnout.calibration.drive_law.likelihood import criteria
+from turnout.calibration.drive_law.fit_law import criteria
 from turnout.calibration.evaluate import Response
 from turnout.errors import PanelError
 from turnout.panel.load import load_panel

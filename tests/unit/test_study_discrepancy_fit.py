@@ -10,12 +10,12 @@ from tests.unit.calibrations import calibration, fitted
 from turnout.calibration.comparison import Comparison
 from turnout.calibration.drive_law.candidates import PLAIN, SOFT, WORN, drive_laws, lagged
 from turnout.calibration.drive_law.compare import LawComparison, fitted_laws, judged
-from turnout.calibration.drive_law.fit import _movement_levels
+from turnout.calibration.drive_law.fit_law import _movement_levels
 from turnout.calibration.evaluate import CELL, Evaluator, Response, Throw
 from turnout.calibration.fit import fit
+from turnout.calibration.measured_movements import BIN, Movement, Signal
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import measured_noise
-from turnout.calibration.observed import BIN, Movement, Signal
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.predict import predicted
 from turnout.panel.load import load_panel

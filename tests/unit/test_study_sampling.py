@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from turnout.study.chance import RandomField, TemperatureLaw, correlation_root
 from turnout.study.distribution import Choice, Distribution, parameter_faults
+from turnout.study.random_inputs import RandomField, TemperatureLaw, correlation_root
 from turnout.study.sampling import copula_factor, correlate, sample_point
 
 SHARES = np.linspace(0.01, 0.99, 23)

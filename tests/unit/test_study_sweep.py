@@ -21,7 +21,7 @@ from turnout.metric.features import FEATURES, features
 from turnout.metric.slip import Span
 from turnout.response.simulate import Solved, simulate, solve_placed
 from turnout.scheme import Scheme
-from turnout.study.load import load_study
+from turnout.study.load_study import load_study
 from turnout.study.study import Study
 from turnout.sweep import folder as sweep_folder
 from turnout.sweep import row as sweep_row

@@ -9,9 +9,8 @@ import xarray as xr
 
 from turnout.errors import ResponseError
 from turnout.plot.validation import plot_comparison, plot_error_map
+from turnout.validation.acceptance import judge, page_text, table_text, verdict_lines
 from turnout.validation.scatter import Direction, scatter_of
-from turnout.validation.text import page_text, table_text
-from turnout.validation.verdict import judge, verdict_lines
 
 TIME = np.linspace(0.0, 3.0, 151)
 CHANNELS = ["drive 1", "drive 2", "object"]

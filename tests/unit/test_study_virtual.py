@@ -12,16 +12,14 @@ from tests.unit.recorded import FIELDS, clean, run
 from tests.unit.simulated import sb1_panel, sb2_panel
 
 from turnout.errors import FileError, PanelError
-from turnout.measurement.campaign.sheet import read_sheet
-from turnout.measurement.formats.files import WRITERS, read_recording
+from turnout.measurement.campaign.run_sheet import read_sheet
+from turnout.measurement.formats.file_format import WRITERS, read_recording
 from turnout.response.store import open_response
-from turnout.schema.check import schema_problems
+from turnout.schema.channels import schema_problems
 from turnout.scheme import Scheme
 from turnout.virtual import series as virtual_series
-from turnout.virtual.campaign import make_virtual_campaign
-from turnout.virtual.files import Thrown, mistype
-from turnout.virtual.noise import QUIET, Disturbance, Transducer, disturbed
-from turnout.virtual.plan import (
+from turnout.virtual.campaign_files import Thrown, mistype
+from turnout.virtual.campaign_plan import (
     Case,
     Defects,
     Plan,
@@ -31,7 +29,9 @@ from turnout.virtual.plan import (
     series_of,
     virtual_plan,
 )
-from turnout.virtual.throw import (
+from turnout.virtual.disturbance import QUIET, Disturbance, Transducer, disturbed
+from turnout.virtual.make_campaign import make_virtual_campaign
+from turnout.virtual.record_throw import (
     CurrentLaw,
     assumed_current,
     finer_panel,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from turnout.calibration.evaluate import Response
-from turnout.calibration.observed import Movement, Signal
+from turnout.calibration.measured_movements import Movement, Signal
 from turnout.validation.onset import onset_shifts
 
 TIME = np.arange(-0.99, 3.2, 0.02)

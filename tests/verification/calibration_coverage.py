@@ -22,13 +22,13 @@ from tests.verification.twin_campaigns import WINDOW, Twin, campaign, short_sb1
 
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.comparison import Uncertainty
-from turnout.calibration.stage import Plan as Stages
-from turnout.calibration.stage import default_plan
+from turnout.calibration.stages import Plan as Stages
+from turnout.calibration.stages import default_plan
 from turnout.errors import TurnoutError
 from turnout.scheme import Scheme
-from turnout.virtual.noise import Disturbance
-from turnout.virtual.plan import Plan
-from turnout.virtual.throw import finer_panel, finer_scheme
+from turnout.virtual.campaign_plan import Plan
+from turnout.virtual.disturbance import Disturbance
+from turnout.virtual.record_throw import finer_panel, finer_scheme
 
 SEED = 20261122
 CASES = (

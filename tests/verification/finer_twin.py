@@ -18,11 +18,11 @@ from pathlib import Path
 from tests.verification.resumable import Record, command_line, put_section
 
 from turnout.calibration.calibrate import calibrate
-from turnout.measurement.campaign.build import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.panel.load import load_panel
-from turnout.virtual.campaign import make_virtual_campaign
-from turnout.virtual.plan import Plan
-from turnout.virtual.throw import finer_panel, finer_scheme
+from turnout.virtual.campaign_plan import Plan
+from turnout.virtual.make_campaign import make_virtual_campaign
+from turnout.virtual.record_throw import finer_panel, finer_scheme
 
 NAME = "uic60-760-1-15"
 PAGE = Path(__file__).parents[2] / "docs" / "calibration.md"

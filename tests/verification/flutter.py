@@ -45,7 +45,7 @@ from turnout.analysis.sliding import (
 from turnout.analysis.stability import sliding_places
 from turnout.condense.condense import condense
 from turnout.condense.modal import ModalModel
-from turnout.integrate.run import History, integrate
+from turnout.integrate.integration import History, integrate
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism

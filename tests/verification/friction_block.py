@@ -18,7 +18,7 @@ from tests.verification.hand_made import (
     smooth_ramp,
 )
 
-from turnout.integrate.run import History
+from turnout.integrate.integration import History
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 

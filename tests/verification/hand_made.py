@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from turnout.integrate.run import History, integrate
+from turnout.integrate.integration import History, integrate
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import Scheme

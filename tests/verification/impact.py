@@ -48,7 +48,7 @@ from tests.verification.beams_by_hand import (
 )
 from tests.verification.hand_made import energy_residual, linear_spring, run
 
-from turnout.integrate.run import History
+from turnout.integrate.integration import History
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Point, ReducedRail, Support
 

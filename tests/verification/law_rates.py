@@ -22,10 +22,10 @@ from turnout.calibration.drive_law.candidates import PLAIN, SOFT, WORN
 from turnout.calibration.drive_law.compare import compare_laws
 from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.result import Calibration, Fitted
-from turnout.calibration.stage import default_plan
+from turnout.calibration.stages import default_plan
 from turnout.scheme import Scheme
-from turnout.virtual.plan import Defects, Plan
-from turnout.virtual.throw import finer_panel, finer_scheme
+from turnout.virtual.campaign_plan import Defects, Plan
+from turnout.virtual.record_throw import finer_panel, finer_scheme
 
 SEED = 20261123
 WANTED = (PLAIN, WORN, SOFT)

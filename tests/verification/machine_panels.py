@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from tests.verification.machine_rail import HORIZON, PLACES, RODS, gap
 
-from turnout.integrate.run import History, integrate
+from turnout.integrate.integration import History, integrate
 from turnout.machine.load import machine_text
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject

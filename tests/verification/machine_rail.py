@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from turnout.core.threads import one_blas_thread
 from turnout.integrate.arrange import arrange, prepare, start_at_rest
+from turnout.integrate.integration import History, integrate
 from turnout.integrate.march import march, store_instant
-from turnout.integrate.run import History, integrate
 from turnout.kernels.interrupt import one_thread
 from turnout.machine.compute import places as at
 from turnout.machine.compute.couple import Machines, Room, accept_machines, try_machines

@@ -24,7 +24,7 @@ from tests.verification.agreement import Check
 from tests.verification.beams_by_hand import AREA, I_LATERAL, RHO, E, Floats, G
 
 from turnout.condense.condense import condense
-from turnout.integrate.run import integrate
+from turnout.integrate.integration import integrate
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import LoadedPanel, load_panel

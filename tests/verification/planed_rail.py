@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from turnout.section.analyse import SectionAnalysis, analyse_outlines
-from turnout.section.library import planed_rail
+from turnout.section.rail_outlines import planed_rail
 from turnout.section.taper import PlanedSection
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"

@@ -15,8 +15,8 @@ import numpy as np
 import xarray as xr
 from tests.unit.recorded import changed, noisy, samples, typical
 
-from turnout.measurement.campaign.throws import find_throws
-from turnout.measurement.quality.channel import Limits
+from turnout.measurement.campaign.find_throws import find_throws
+from turnout.measurement.quality.channel_faults import Limits
 from turnout.measurement.quality.judge import Expected, Verdict, judge
 
 PAGE = Path(__file__).parents[2] / "docs" / "measurement-quality.md"
@@ -255,8 +255,8 @@ HEAD = """# Quality of recorded throws
 A throw is excluded, with its reason, when a channel is clipped, held, missing or dead, when
 channels have changed places or sign, when it goes the other way than its sheet says, when samples
 came at another rate than stated, when mains hum is strong, or when its start or end was not
-recorded. Limits are fields of `turnout.measurement.quality.channel.Limits`; a fault below its limit
-is meant to pass.
+recorded. Limits are fields of `turnout.measurement.quality.channel_faults.Limits`; a fault below
+its limit is meant to pass.
 
 Two things are taken from the rest of the campaign, so at least three sound movements in each
 direction are needed for them: the pace of a throw, and which channel is whose. Both look at the

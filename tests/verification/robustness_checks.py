@@ -19,8 +19,8 @@ from tests.verification.robustness_scenarios import Scenario
 
 import turnout.response.simulate as simulate_module
 from turnout.condense.condense import base_stiffness
+from turnout.integrate.integration import History, integrate
 from turnout.integrate.outcome import ADVICE, LEAST_SCALE, Code
-from turnout.integrate.run import History, integrate
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import LoadedPanel

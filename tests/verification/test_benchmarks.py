@@ -8,7 +8,7 @@ from tests.verification.agreement import sb1_checks, sb2_checks
 from tests.verification.reference import full, thinned
 from tests.verification.runs import books, throw
 
-from turnout.integrate.run import integrate
+from turnout.integrate.integration import integrate
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel

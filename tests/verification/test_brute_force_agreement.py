@@ -18,7 +18,7 @@ from tests.verification.hand_made import energy_residual, hand_made, run, smooth
 
 from turnout.beam.assembly import assemble_beam, point_row
 from turnout.beam.material import Material
-from turnout.integrate.run import History
+from turnout.integrate.integration import History
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 from turnout.section.properties import SectionProperties

@@ -12,11 +12,11 @@ import pytest
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.result import load_calibration
 from turnout.cli.main import app
-from turnout.measurement.campaign.build import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.panel.load import load_panel
 from turnout.response.store import open_response, save_response
-from turnout.virtual.campaign import make_virtual_campaign
-from turnout.virtual.plan import Plan
+from turnout.virtual.campaign_plan import Plan
+from turnout.virtual.make_campaign import make_virtual_campaign
 
 TRUE = {
     "chair.friction_coefficient": 0.31,

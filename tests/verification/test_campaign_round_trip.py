@@ -17,13 +17,13 @@ import pytest
 import xarray as xr
 from tests.unit.simulated import sb2_panel
 
-from turnout.measurement.campaign.build import build_campaign
-from turnout.measurement.formats.files import WRITERS
+from turnout.measurement.campaign.build_campaign import build_campaign
+from turnout.measurement.formats.file_format import WRITERS
 from turnout.response.store import open_response
-from turnout.virtual.campaign import make_virtual_campaign
-from turnout.virtual.noise import QUIET
-from turnout.virtual.plan import Plan
-from turnout.virtual.throw import Window
+from turnout.virtual.campaign_plan import Plan
+from turnout.virtual.disturbance import QUIET
+from turnout.virtual.make_campaign import make_virtual_campaign
+from turnout.virtual.record_throw import Window
 
 BIAS, ONSET = 0.005, 0.005
 CHANNELS = ("drive_force", "drive_current", "object_force")

@@ -12,7 +12,7 @@ import numpy as np
 from tests.verification.law_rates import near
 from typer.testing import CliRunner, Result
 
-from turnout.calibration.stage import default_plan
+from turnout.calibration.stages import default_plan
 from turnout.cli.main import app
 from turnout.panel.load import load_panel
 

@@ -21,8 +21,8 @@ from tests.verification.hand_made import (
 )
 
 from turnout.integrate import energy, march
-from turnout.integrate import run as run_module
-from turnout.integrate.run import History
+from turnout.integrate import integration as run_module
+from turnout.integrate.integration import History
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 

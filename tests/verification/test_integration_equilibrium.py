@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from tests.verification.hand_made import ALL_MODES, hand_made, linear_spring
 
 from turnout.errors import MechanicsError
-from turnout.integrate.run import History, integrate
+from turnout.integrate.integration import History, integrate
 from turnout.law.table import LawTable, LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import Scheme

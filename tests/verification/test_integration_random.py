@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tests.verification.hand_made import ALL_MODES, energy_residual, hand_made
 
-from turnout.integrate.run import History, integrate
+from turnout.integrate.integration import History, integrate
 from turnout.law.table import LawTable, LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import Scheme

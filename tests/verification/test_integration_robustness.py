@@ -14,8 +14,8 @@ from tests.verification.hand_made import (
     run,
 )
 
+from turnout.integrate.integration import History, integrate
 from turnout.integrate.outcome import Code
-from turnout.integrate.run import History, integrate
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import Scheme

@@ -15,7 +15,7 @@ from tests.verification.hand_made import (
     smooth_ramp,
 )
 
-from turnout.integrate.run import History
+from turnout.integrate.integration import History
 from turnout.law.table import LawTableBuilder
 
 STIFF, SOFT, BEND, HOLD = 7.5e5, 2e4, 0.0077, 3e5

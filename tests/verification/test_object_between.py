@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from tests.verification.runs import DEFAULT, STUDIED
 
-from turnout.integrate.run import History
+from turnout.integrate.integration import History
 from turnout.mechanism import build
 from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.offnode_objects import is_off_node, offnode_row

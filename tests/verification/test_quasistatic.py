@@ -10,8 +10,8 @@ from tests.verification import inertia
 from tests.verification.friction_block import LIMIT, SERIES, STICK, block, drive_force
 from tests.verification.hand_made import energy_residual, hand_made, linear_spring
 
+from turnout.integrate.integration import History, integrate
 from turnout.integrate.outcome import Code
-from turnout.integrate.run import History, integrate
 from turnout.law.table import LawTableBuilder
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.response.simulate import simulate

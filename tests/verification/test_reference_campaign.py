@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from turnout.calibration.calibrate import calibrate
-from turnout.measurement.campaign.build import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.panel.load import load_panel
 
 TRUE = {

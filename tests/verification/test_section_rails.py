@@ -14,8 +14,8 @@ import pytest
 from tests.verification.planed_rail import FIGURES, columns_of, cuts, page, reference
 
 from turnout.section.analyse import analyse_outline, analyse_outlines
-from turnout.section.library import load_rail_outline
 from turnout.section.outline import outline_of, polygon_of
+from turnout.section.rail_outlines import load_rail_outline
 
 RELATIVE = {
     "area": 0.02,

@@ -14,7 +14,7 @@ import pytest
 import xarray as xr
 
 from turnout.metric.sweep_map import SLIPS, STATES, sweep_map
-from turnout.study.load import load_study
+from turnout.study.load_study import load_study
 from turnout.sweep.read import read_labels
 from turnout.sweep.run import run_sweep
 

@@ -15,7 +15,7 @@ from tests.verification.hand_made import LEDGER, STORED, hand_made, linear_sprin
 from turnout.beam.element import element_gravity_load, element_mass, element_stiffness
 from turnout.beam.material import Material
 from turnout.calibration.noise import Noise
-from turnout.integrate.run import History
+from turnout.integrate.integration import History
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.offnode_objects import offnode_row
 from turnout.section.properties import SectionProperties

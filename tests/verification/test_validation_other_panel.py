@@ -11,12 +11,12 @@ from tests.verification.twin_campaigns import WINDOW, Twin, campaign, short_sb1
 
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.evaluate import Evaluator
-from turnout.calibration.stage import Plan as Stages
-from turnout.calibration.stage import default_plan
+from turnout.calibration.stages import Plan as Stages
+from turnout.calibration.stages import default_plan
 from turnout.panel.load import LoadedPanel, load_panel
+from turnout.validation.acceptance import Verdict, judge
 from turnout.validation.validate import validate
-from turnout.validation.verdict import Verdict, judge
-from turnout.virtual.plan import Plan
+from turnout.virtual.campaign_plan import Plan
 
 LIBRARY = Path(__file__).parents[2] / "src" / "turnout" / "panel" / "library" / "sb1.toml"
 CASES = (

@@ -12,19 +12,19 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.measurement.campaign.build import stacked
-from turnout.measurement.campaign.piece import Piece
-from turnout.measurement.campaign.throws import Throw
+from turnout.measurement.campaign.build_campaign import stacked
+from turnout.measurement.campaign.find_throws import Throw
+from turnout.measurement.campaign.recorded_throw import Piece
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.response.save import Save
 from turnout.response.simulate import simulate
 from turnout.scheme import Scheme
-from turnout.virtual.files import Thrown, true_run
-from turnout.virtual.noise import disturbed
-from turnout.virtual.plan import Case, Plan, chance_for, overrides_for
+from turnout.virtual.campaign_files import Thrown, true_run
+from turnout.virtual.campaign_plan import Case, Plan, chance_for, overrides_for
+from turnout.virtual.disturbance import disturbed
+from turnout.virtual.record_throw import Window, record_throw
 from turnout.virtual.series import FIELDS
-from turnout.virtual.throw import Window, record_throw
 
 WINDOW = Window(lead=1.0, length=5.0)
 # Each drive is loaded by an object beside it and by others; two throws are free.

@@ -21,17 +21,17 @@ from tests.verification.resumable import Record, command_line, put_section
 
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.evaluate import Evaluator
-from turnout.calibration.stage import default_plan
+from turnout.calibration.stages import default_plan
 from turnout.errors import TurnoutError
-from turnout.measurement.campaign.build import build_campaign
+from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.plot.validation import plot_comparison, plot_error_map
 from turnout.response.store import open_response, save_response
+from turnout.validation.acceptance import judge
 from turnout.validation.validate import validate
-from turnout.validation.verdict import judge
-from turnout.virtual.campaign import make_virtual_campaign
-from turnout.virtual.files import CHANNELS
-from turnout.virtual.plan import Plan
+from turnout.virtual.campaign_files import CHANNELS
+from turnout.virtual.campaign_plan import Plan
+from turnout.virtual.make_campaign import make_virtual_campaign
 
 NAME = "uic60-760-1-15"
 LIBRARY = Path(__file__).parents[2] / "src" / "turnout" / "panel" / "library" / f"{NAME}.toml"

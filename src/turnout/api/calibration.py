@@ -9,11 +9,11 @@ import xarray as xr
 
 from turnout.api.campaign import Campaign, checked_panel, dataset_of, kept_throws_of
 from turnout.calibration.calibrate import calibrate as fit_stages
-from turnout.calibration.movements import check_provenance
-from turnout.calibration.progress import State
+from turnout.calibration.requirements import check_provenance
 from turnout.calibration.result import Calibration
 from turnout.calibration.result import load_calibration as read_record
-from turnout.calibration.stage import default_plan
+from turnout.calibration.stage_progress import State
+from turnout.calibration.stages import default_plan
 from turnout.core.html_table import html_table
 from turnout.errors import FileError
 from turnout.panel.load import LoadedPanel, library_names, load_panel
@@ -111,7 +111,7 @@ class CalibrationResult:
         ax : matplotlib.axes.Axes, optional
             Where to draw; default a new figure.
         """
-        from turnout.plot.intervals import plot_intervals
+        from turnout.plot.calibration import plot_intervals
 
         fitted = self.record.fitted
         values = {

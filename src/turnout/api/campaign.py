@@ -11,15 +11,15 @@ import xarray as xr
 from turnout.core.html_table import html_table
 from turnout.core.units import LENGTH, parse_quantity
 from turnout.errors import FileError, MeasurementError, PanelError
-from turnout.measurement.campaign.build import build_campaign as read_folder
-from turnout.measurement.campaign.inside import kept_throws
-from turnout.measurement.campaign.sheet import normal_place
-from turnout.metric.campaign import object_places
+from turnout.measurement.campaign.build_campaign import build_campaign as read_folder
+from turnout.measurement.campaign.campaign_folder import kept_throws
+from turnout.measurement.campaign.run_sheet import normal_place
+from turnout.metric.campaign_statistics import object_places
 from turnout.panel.load import LoadedPanel
 from turnout.response.store import open_response, save_response
 from turnout.scheme import Mode, chosen_scheme
-from turnout.virtual.campaign import make_virtual_campaign
-from turnout.virtual.plan import SIZES, Plan, default_places
+from turnout.virtual.campaign_plan import SIZES, Plan, default_places
+from turnout.virtual.make_campaign import make_virtual_campaign
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,7 +8,7 @@ from turnout.core.units import TIME, parse_quantity
 from turnout.errors import FileError
 from turnout.measurement.chain.apply import apply_chain, load_channel_map
 from turnout.measurement.chain.condition import condition
-from turnout.measurement.formats.files import read_recording
+from turnout.measurement.formats.file_format import read_recording
 
 
 def import_recording(

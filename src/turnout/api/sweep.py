@@ -11,7 +11,7 @@ import xarray as xr
 from turnout.core.html_table import html_table
 from turnout.errors import StudyError
 from turnout.metric.sweep_map import STATES, end_state, sweep_map
-from turnout.study.load import load_study
+from turnout.study.load_study import load_study
 from turnout.study.study import Study
 from turnout.sweep.effects import sweep_effects
 from turnout.sweep.export import sweep_table

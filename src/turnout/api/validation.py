@@ -13,8 +13,8 @@ from turnout.calibration.evaluate import Evaluator
 from turnout.core.html_table import html_table
 from turnout.errors import MeasurementError
 from turnout.response.store import save_response
+from turnout.validation.acceptance import Verdict, judge
 from turnout.validation.validate import validate as predict
-from turnout.validation.verdict import Verdict, judge
 
 if TYPE_CHECKING:
     import pandas as pd

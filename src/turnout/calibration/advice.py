@@ -8,8 +8,14 @@ from numpy.typing import NDArray
 
 from turnout.calibration.covariance import Spread, force_channels, gain_column
 from turnout.calibration.fit import Fit
+from turnout.calibration.measured_movements import (
+    BIN,
+    OBJECT_FORCE,
+    Movement,
+    Signal,
+    movement_length,
+)
 from turnout.calibration.misfit import Misfit, framed, jacobian
-from turnout.calibration.observed import BIN, OBJECT_FORCE, Movement, Signal, movement_length
 from turnout.calibration.parameter import free_parameter
 from turnout.calibration.predict import predicted
 from turnout.errors import PanelError, SolverError

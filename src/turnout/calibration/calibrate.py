@@ -12,7 +12,20 @@ from numpy.typing import NDArray
 from turnout.calibration.advice import next_lines, next_movements, systematic_errors
 from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import Spread, spread_of
-from turnout.calibration.entries import (
+from turnout.calibration.evaluate import Evaluator
+from turnout.calibration.fit import JOINT_SHARES, ROUGH_SHARES, Fit, fit
+from turnout.calibration.grid_search import Sweep, sweep
+from turnout.calibration.measured_movements import Movement, observe, selected
+from turnout.calibration.misfit import Misfit
+from turnout.calibration.noise import measured_noise
+from turnout.calibration.posterior import posterior_of
+from turnout.calibration.requirements import (
+    check_campaign,
+    drop_unidentified_slip_levels,
+    exclude_oversized_objects,
+)
+from turnout.calibration.result import Calibration, StageLog
+from turnout.calibration.result_entries import (
     data_hash,
     distrust_reasons,
     excluded_movements,
@@ -22,21 +35,8 @@ from turnout.calibration.entries import (
     stage_log,
     warnings_from,
 )
-from turnout.calibration.evaluate import Evaluator
-from turnout.calibration.fit import JOINT_SHARES, ROUGH_SHARES, Fit, fit
-from turnout.calibration.grid_search import Sweep, sweep
-from turnout.calibration.misfit import Misfit
-from turnout.calibration.movements import (
-    check_campaign,
-    drop_unidentified_slip_levels,
-    exclude_oversized_objects,
-)
-from turnout.calibration.noise import measured_noise
-from turnout.calibration.observed import Movement, observe, selected
-from turnout.calibration.posterior import posterior_of
-from turnout.calibration.progress import State, Watch, planned_throws, throws_per_step
-from turnout.calibration.result import Calibration, StageLog
-from turnout.calibration.stage import Plan, Stage, default_plan
+from turnout.calibration.stage_progress import State, Watch, planned_throws, throws_per_step
+from turnout.calibration.stages import Plan, Stage, default_plan
 from turnout.core.provenance import provenance
 from turnout.errors import PanelError, SolverError
 from turnout.panel.load import LoadedPanel

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from turnout.calibration.evaluate import Response
+from turnout.calibration.measured_movements import Movement, Signal
 from turnout.calibration.noise import Noise
-from turnout.calibration.observed import Movement, Signal
 from turnout.calibration.predict import compared, prediction
 
 Floats = NDArray[np.float64]

@@ -10,7 +10,7 @@ from scipy.stats import t as student
 
 from turnout.calibration.comparison import Key
 from turnout.calibration.fit import SCATTER_WEIGHT, Fit
-from turnout.calibration.observed import Movement
+from turnout.calibration.measured_movements import Movement
 from turnout.calibration.parameter import Parameter
 
 Floats = NDArray[np.float64]

@@ -14,9 +14,9 @@ from typing import Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.atomic import write_atomic
-from turnout.core.kept_arrays import arrays_from_bytes, arrays_to_bytes
+from turnout.core.files import write_atomic
 from turnout.core.provenance import content_hash, version
+from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.errors import FileError, TurnoutError
 from turnout.integrate.outcome import Code
 from turnout.panel.foreign_object import ForeignObject

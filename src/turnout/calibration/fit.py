@@ -12,15 +12,17 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from turnout.calibration.comparison import Key
-from turnout.calibration.local import Local
-from turnout.calibration.misfit import Frame, Misfit, jacobian
-from turnout.calibration.movement_effects import (
+from turnout.calibration.linearisation import Local
+from turnout.calibration.measured_movements import BIN
+from turnout.calibration.misfit import (
     EFFECT_PASSES,
+    Frame,
+    Misfit,
     effects_after,
+    jacobian,
     update_movement_effects,
 )
 from turnout.calibration.noise import missed_by_model, poorly_followed
-from turnout.calibration.observed import BIN
 from turnout.calibration.parameter import Parameter, coordinates, values_at
 from turnout.calibration.predict import compared, predicted
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from turnout.calibration.comparison import align
 from turnout.calibration.evaluate import Response
+from turnout.calibration.measured_movements import BIN, Movement, Signal
 from turnout.calibration.misfit import Misfit
-from turnout.calibration.observed import BIN, Movement, Signal
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.predict import predicted
 

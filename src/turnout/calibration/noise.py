@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky
 
-from turnout.calibration.observed import BIN, OBJECT_FORCE, Movement
+from turnout.calibration.measured_movements import BIN, OBJECT_FORCE, Movement
 
 Floats = NDArray[np.float64]
 # The solver itself is not surer than this share of a channel's largest value [-].

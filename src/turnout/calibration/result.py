@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.atomic import write_atomic
+from turnout.core.files import write_atomic
 from turnout.core.problems import choices, shortened
 from turnout.core.toml import decode, parse_toml, read_bytes
 from turnout.errors import FileError, PanelError

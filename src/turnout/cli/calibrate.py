@@ -19,12 +19,12 @@ from turnout.cli.options import (
     opened_panel,
     write_and_report,
 )
-from turnout.measurement.campaign.inside import kept_throws
+from turnout.measurement.campaign.campaign_folder import kept_throws
 
 if TYPE_CHECKING:
     from turnout.calibration.calibrate import Outcome
-    from turnout.calibration.progress import State
     from turnout.calibration.result import Calibration
+    from turnout.calibration.stage_progress import State
 
 SECONDS_BETWEEN_LINES = 2.0
 
@@ -89,7 +89,7 @@ def calibrate_command(
     if figures is not None:
         made_folder("--figures", figures)
     loaded = opened_panel(panel, settings)
-    from turnout.calibration.stage import default_plan
+    from turnout.calibration.stages import default_plan
 
     plan = default_plan(loaded, free=free, fixed=fix, most=most)
     dataset = dataset_of(source, None, out=out, allow_outside=allow_outside, quiet=quiet)

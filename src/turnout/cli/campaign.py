@@ -18,9 +18,9 @@ from turnout.cli.options import (
 if TYPE_CHECKING:
     import xarray as xr
 
-    from turnout.measurement.campaign.build import Campaign
+    from turnout.measurement.campaign.build_campaign import Campaign
     from turnout.panel.load import LoadedPanel
-    from turnout.virtual.plan import Plan
+    from turnout.virtual.campaign_plan import Plan
 
 FIGURES = (".png", ".pdf", ".svg")
 INTERRUPTED = 130
@@ -90,7 +90,7 @@ def build_command(
     """Build one dataset of all usable movements; unchanged recordings are not read again."""
     if out is not None:
         check_outputs({"--out": out}, {"--out": (".nc",)})
-    from turnout.measurement.campaign.inside import refuse_to_leave
+    from turnout.measurement.campaign.campaign_folder import refuse_to_leave
 
     target = out if out is not None else folder / "campaign.nc"
     refuse_to_leave(target, folder)
@@ -146,7 +146,7 @@ def plot_command(
         raise FileError(message)
     place = None if place is None else _place(place)
     dataset = dataset_of(source, channels, out=target, allow_outside=allow_outside, quiet=quiet)
-    from turnout.core.atomic import write_atomic
+    from turnout.core.files import write_atomic
     from turnout.plot.campaign import plot_overview, plot_stacked
     from turnout.plot.style import rendered
 
@@ -214,8 +214,8 @@ def virtual_command(
     quiet: QuietOption = False,
 ) -> None:
     """Make a campaign of simulated throws in the formats of a data acquisition system."""
-    from turnout.virtual.plan import virtual_plan
-    from turnout.virtual.throw import finer_panel, finer_scheme
+    from turnout.virtual.campaign_plan import virtual_plan
+    from turnout.virtual.record_throw import finer_panel, finer_scheme
 
     loaded = opened_panel(panel, settings, calibration)
     if finer:
@@ -237,7 +237,7 @@ def virtual_command(
 
 def _place(text: str) -> str:
     from turnout.errors import FileError
-    from turnout.measurement.campaign.sheet import normal_place
+    from turnout.measurement.campaign.run_sheet import normal_place
 
     try:
         return normal_place(text)
@@ -251,7 +251,7 @@ def _make(
 ) -> None:
     from turnout.cli.watch import Watch
     from turnout.response.compilation import must_compile
-    from turnout.virtual.campaign import make_virtual_campaign
+    from turnout.virtual.make_campaign import make_virtual_campaign
 
     text = f"throwing {panel.name}"
     try:
@@ -297,7 +297,7 @@ def built_campaign(
 ) -> "Campaign":
     """Read a campaign's folder with its progress shown; Ctrl-C loses nothing."""
     from turnout.cli.watch import Watch
-    from turnout.measurement.campaign.build import build_campaign
+    from turnout.measurement.campaign.build_campaign import build_campaign
 
     try:
         with Watch(f"reading {folder.name or folder}", compiling=False, quiet=quiet) as watch:
@@ -329,7 +329,7 @@ def dataset_of(
 
     What is to be written, `out`, must not leave the folder by a link in it.
     """
-    from turnout.measurement.campaign.inside import (
+    from turnout.measurement.campaign.campaign_folder import (
         STORE,
         campaign_folder,
         refuse_links_out,

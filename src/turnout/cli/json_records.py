@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from turnout.calibration.drive_law.compare import LawComparison
     from turnout.calibration.result import Calibration
     from turnout.cli.show import Thrown
-    from turnout.measurement.campaign.build import Campaign
+    from turnout.measurement.campaign.build_campaign import Campaign
     from turnout.measurement.chain.apply import ChannelRow
     from turnout.measurement.recording import Recording
-    from turnout.metric.effects import OutputEffects
+    from turnout.metric.sensitivity import OutputEffects
     from turnout.panel.load import LoadedPanel
     from turnout.study.study import Study
     from turnout.sweep.forecast import Forecast
-    from turnout.validation.verdict import Verdict
+    from turnout.validation.acceptance import Verdict
 
 Record = dict[str, Any]
 

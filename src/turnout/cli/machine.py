@@ -144,7 +144,7 @@ def _write(throw: "MachineThrow", out: Path | None, plot: Path | None) -> None:
 
         save_response(dataset, out)
     if plot is not None:
-        from turnout.core.atomic import write_atomic
+        from turnout.core.files import write_atomic
         from turnout.plot.machine import plot_machine
         from turnout.plot.style import rendered
 

@@ -88,7 +88,7 @@ def write_and_report(path: Path, content: str | bytes, *, quiet: bool = False) -
     """Write a file, completely or not at all, and print its name unless quiet."""
     import typer
 
-    from turnout.core.atomic import write_atomic
+    from turnout.core.files import write_atomic
 
     write_atomic(path, content)
     if not quiet:
@@ -216,7 +216,7 @@ def opened_panel(
     if calibration is None:
         panel = load_panel(name if name is not None else DEFAULT_PANEL)
         return panel.with_settings(settings) if settings else panel
-    from turnout.calibration.movements import check_provenance
+    from turnout.calibration.requirements import check_provenance
     from turnout.calibration.result import load_calibration
 
     known = load_calibration(calibration)

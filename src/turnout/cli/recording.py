@@ -66,9 +66,9 @@ def import_command(
         {"--out": (".nc",), "--plot": FIGURES, "--suggest": (".toml",)},
     )
     window = _checked(channels, out=out, suggest=suggest, smooth=smooth)
-    from turnout.measurement.campaign.inside import refuse_to_leave
+    from turnout.measurement.campaign.campaign_folder import refuse_to_leave
     from turnout.measurement.chain.apply import load_channel_map
-    from turnout.measurement.formats.files import format_of, read_recording
+    from turnout.measurement.formats.file_format import format_of, read_recording
 
     for target in (out, plot, suggest):
         if target is not None:
@@ -125,7 +125,7 @@ def _list(
     for line in () if as_json else listing(recording, kind):
         typer.echo(line)
     if plot is not None:
-        from turnout.core.atomic import write_atomic
+        from turnout.core.files import write_atomic
         from turnout.plot.recording import Trace, plot_columns
         from turnout.plot.style import rendered
 
@@ -134,7 +134,7 @@ def _list(
         write_atomic(plot, rendered(plot_columns(traces, title=title), plot.suffix))
         _written(plot, as_json=as_json)
     if suggest is not None:
-        from turnout.core.atomic import write_atomic
+        from turnout.core.files import write_atomic
 
         write_atomic(suggest, skeleton(recording))
         _written(suggest, as_json=as_json)
@@ -199,7 +199,7 @@ def _convert(
         save_response(dataset, out)
         _written(out, as_json=as_json)
     if plot is not None:
-        from turnout.core.atomic import write_atomic
+        from turnout.core.files import write_atomic
         from turnout.plot.recording import plot_measured
         from turnout.plot.style import rendered
 

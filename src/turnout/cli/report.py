@@ -66,7 +66,7 @@ def report_command(
         page, files = _folder_page(source, channels, drawn=folder is not None, quiet=quiet)
     else:
         page, files = _file_page(source, panel, drawn=folder is not None)
-    from turnout.core.atomic import write_atomic
+    from turnout.core.files import write_atomic
     from turnout.report.page import page_html
 
     if folder is not None:

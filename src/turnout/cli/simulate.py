@@ -244,7 +244,7 @@ def _write(
         save_response(dataset, out)
         written.append(out)
     if plot is not None and figure:
-        from turnout.core.atomic import write_atomic
+        from turnout.core.files import write_atomic
 
         write_atomic(plot, figure)
         written.append(plot)

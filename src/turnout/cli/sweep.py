@@ -50,7 +50,7 @@ def plan_command(
 ) -> None:
     """Show the inputs of a study, its number of throws, run time and disk space."""
     from turnout.report.study import study_lines
-    from turnout.study.load import load_study
+    from turnout.study.load_study import load_study
 
     loaded = load_study(study, calibration=calibration)
     for text in loaded.remarks:
@@ -138,7 +138,7 @@ def run_command(
 ) -> None:
     """Run every scenario of a study; the same command continues an interrupted run."""
     from turnout.errors import FileError
-    from turnout.study.load import load_study
+    from turnout.study.load_study import load_study
     from turnout.sweep.folder import check_folder
     from turnout.sweep.run import run_sweep
 
@@ -207,7 +207,7 @@ def export_command(
     for path in paths.values():
         if path is None:
             continue
-        from turnout.core.atomic import write_atomic
+        from turnout.core.files import write_atomic
 
         write_atomic(path, export_bytes(table, path.suffix.lower()))
         if not quiet:
@@ -343,7 +343,7 @@ app.command("export", short_help="Write a table with one row per scenario.")(exp
 @app.command("list")
 def list_command(as_json: JsonOption = False) -> None:
     """List the library studies."""
-    from turnout.study.load import load_study, study_names
+    from turnout.study.load_study import load_study, study_names
 
     rows = [
         {"name": name, "throws": item.count, "description": first_sentence(item.description)}
@@ -360,7 +360,7 @@ def list_command(as_json: JsonOption = False) -> None:
 @app.command("show")
 def show_command(study: StudyArgument) -> None:
     """Print the file of a library study, as a template."""
-    from turnout.study.load import study_text
+    from turnout.study.load_study import study_text
 
     typer.echo(study_text(study).rstrip())
 
@@ -374,6 +374,6 @@ def schema_command(
     """Print the JSON schema of study files, for editors."""
     check_outputs({"--out": out}, {"--out": (".json",)})
 
-    from turnout.study.schema import study_schema
+    from turnout.study.read_study import study_schema
 
     print_schema(study_schema(), out)

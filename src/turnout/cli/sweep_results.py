@@ -12,7 +12,7 @@ from turnout.cli.options import FIGURES, FINDINGS, check_outputs, write_and_repo
 if TYPE_CHECKING:
     import xarray as xr
 
-    from turnout.metric.effects import OutputEffects, SobolIndex
+    from turnout.metric.sensitivity import OutputEffects, SobolIndex
 
 FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a sweep.")]
 OutOption = Annotated[

@@ -15,7 +15,7 @@ from turnout.cli.options import (
     opened_panel,
     write_and_report,
 )
-from turnout.measurement.campaign.inside import kept_throws
+from turnout.measurement.campaign.campaign_folder import kept_throws
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from turnout.calibration.drive_law.compare import LawComparison
     from turnout.calibration.result import Calibration
     from turnout.panel.load import LoadedPanel
-    from turnout.validation.verdict import Verdict
+    from turnout.validation.acceptance import Verdict
 
 PAGE, TABLE, DATASET = "validation.md", "movements.csv", "validation.nc"
 MAP, COMPARISON = "errors.png", "comparison.png"
@@ -68,7 +68,7 @@ def validate_command(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show only the verdict.")] = False,
 ) -> None:
     """Predict every movement of a campaign and judge those not used in the fit."""
-    from turnout.calibration.movements import check_provenance
+    from turnout.calibration.requirements import check_provenance
     from turnout.calibration.result import load_calibration
 
     known = load_calibration(calibration)
@@ -86,11 +86,11 @@ def validate_command(
         drive_laws(loaded, laws)
     for text in check_provenance(known, loaded):
         typer.echo(f"turnout: {calibration}: {text}", err=True)
-    from turnout.validation.verdict import judge, verdict_lines
+    from turnout.validation.acceptance import judge, verdict_lines
 
     found = _validated(source, dataset, loaded, known, workers=workers, quiet=quiet)
     verdict = judge(found)
-    from turnout.validation.text import notes
+    from turnout.validation.acceptance import notes
 
     for line in () if quiet or as_json else (*verdict_lines(verdict), *notes(found)):
         typer.echo(line)
@@ -123,7 +123,7 @@ def _check_place(dataset: "xr.Dataset", place: str) -> None:
     """Refuse a place without movements before anything is thrown."""
     from turnout.core.problems import choices
     from turnout.errors import FileError
-    from turnout.metric.campaign import object_places
+    from turnout.metric.campaign_statistics import object_places
 
     known = object_places(dataset)
     if place not in known:
@@ -192,11 +192,11 @@ def _interrupted() -> NoReturn:
 def _write(
     out: Path, found: "xr.Dataset", verdict: "Verdict", *, place: str | None, quiet: bool
 ) -> list[Path]:
-    from turnout.metric.campaign import object_places
+    from turnout.metric.campaign_statistics import object_places
     from turnout.plot.style import rendered
     from turnout.plot.validation import plot_comparison, plot_error_map
     from turnout.response.store import save_response
-    from turnout.validation.text import page_text, table_text
+    from turnout.validation.acceptance import page_text, table_text
 
     figures = [MAP]
     write_and_report(out / MAP, rendered(plot_error_map(found), ".png"), quiet=quiet)

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from turnout.core.files import read_fault, require_regular_file
 from turnout.core.problems import shortened
-from turnout.core.regular import read_fault, require_regular_file
 from turnout.errors import FileError
 
 MOST_NESTED = 30

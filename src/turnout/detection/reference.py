@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
-from turnout.study.load import load_study
+from turnout.study.load_study import load_study
 from turnout.study.study import Study
 from turnout.study.variable import values_at
 

@@ -26,8 +26,8 @@ from turnout.panel.foreign_object import resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.response.signals import drive_signals
 from turnout.response.simulate import solve_placed
-from turnout.study.chance import TemperatureLaw
 from turnout.study.design import Axis
+from turnout.study.random_inputs import TemperatureLaw
 from turnout.study.scenario import Output
 from turnout.study.study import Study
 from turnout.study.variable import Variable, value_kind

@@ -21,8 +21,8 @@ from turnout.errors import MechanicsError
 from turnout.integrate.columns import rebuild
 from turnout.integrate.equilibrium import anchor_at_rest, equilibrium, equilibrium_segments
 from turnout.integrate.march import Record
+from turnout.integrate.numbering import place_laws
 from turnout.integrate.outcome import Code
-from turnout.integrate.places import place_laws
 from turnout.integrate.rods import Rods
 from turnout.integrate.scratch import Work, acquire_buffer, new_work, release_buffers
 from turnout.integrate.solve import Tolerances
@@ -31,7 +31,7 @@ from turnout.integrate.step import Stepping
 from turnout.integrate.system import System, check_normals, condensed_system
 from turnout.kernels.interrupt import call_interruptible
 from turnout.kernels.lanes import whole_lines
-from turnout.kernels.records import clone_record, shared_record
+from turnout.kernels.shared_record import clone_record, shared_record
 from turnout.law.kernel import SLIP_FORWARD
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism

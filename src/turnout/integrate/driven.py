@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from turnout.errors import SolverError
 from turnout.integrate.arrange import Run
 from turnout.integrate.rods import Rods
-from turnout.kernels.records import shared_record
+from turnout.kernels.shared_record import shared_record
 from turnout.machine.compute import places as at
 from turnout.machine.records import Machine
 from turnout.machine.rows import work_rows

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.integrate.system import Ints, System
-from turnout.kernels.records import shared_record
+from turnout.kernels.shared_record import shared_record
 from turnout.law.table import LawTable
 
 Floats = NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy as np
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled
 from turnout.kernels.lanes import zeros_in_lines
-from turnout.kernels.records import clone_record, shared_record
+from turnout.kernels.shared_record import clone_record, shared_record
 from turnout.law.kernel import segment_for
 from turnout.law.table import LawTable
 
@@ -28,7 +28,7 @@ class State(NamedTuple):
 
     Motion: modal coordinates ``q`` with their velocities ``v``, algorithmic accelerations ``a`` and
     accelerations ``acceleration``, `turnout.integrate.step`; ``g`` holds the displacements of all
-    places [m], `turnout.integrate.places`. ``q_rest``, ``modal_force_rest``, ``law_rest_offset``
+    places [m], `turnout.integrate.numbering`. ``q_rest``, ``modal_force_rest``, ``law_rest_offset``
     and ``friction_rest_offset`` are the reference of the energies, and ``ledger`` sums up work [J],
     `turnout.integrate.energy`.
 

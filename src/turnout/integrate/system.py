@@ -2,7 +2,7 @@
 
 Laws act on *rows*. The mechanism is split into blocks (rails that only laws join), and a row has an
 *end* in each block that it reaches into: one, or two if it joins two blocks. All ends, modes and
-rows have a place in one vector of displacements, `turnout.integrate.places`, and are numbered by
+rows have a place in one vector of displacements, `turnout.integrate.numbering`, and are numbered by
 it. The linear system (beams, linear supports, and the base segments of the laws) is solved once; a
 law away from its base segment adds a *deviation* ``lambda = D g + b`` on its row. A row of ``D``
 has few entries: at the row itself and, for friction, at the rows of the normal laws. How the system
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from turnout.condense.condense import BlockModel, base_stiffness
 from turnout.errors import MechanicsError
-from turnout.integrate.places import Places, Terms, as_unsigned, number_places
+from turnout.integrate.numbering import Places, Terms, as_unsigned, number_places
 from turnout.kernels.lanes import LANES, whole_lines
-from turnout.kernels.records import shared_record
+from turnout.kernels.shared_record import shared_record
 from turnout.law.table import LawTable
 
 Floats = NDArray[np.float64]

@@ -36,7 +36,21 @@ def _prepare_numba() -> Any:
 
 
 _numba = _prepare_numba()
-from turnout.kernels.no_overlap import WithoutOverlap  # noqa: E402, numba comes prepared
+from numba.core.compiler import CompilerBase, DefaultPassBuilder  # noqa: E402, after its folder
+
+
+class WithoutOverlap(CompilerBase):
+    """Compile with the flag `noalias`: no array that is written overlaps another.
+
+    Without it a vectorised loop over several arrays begins with overlap checks, which short loops
+    do not repay.
+    """
+
+    def define_pipelines(self) -> list[object]:
+        """Return the pipeline of Numba with the flag set."""
+        self.state.flags.noalias = True
+        pipeline: object = DefaultPassBuilder.define_nopython_pipeline(self.state)  # type: ignore[no-untyped-call]
+        return [pipeline]
 
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:

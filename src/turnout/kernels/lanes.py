@@ -9,8 +9,8 @@ Store-to-load forwarding works only where a load lies within one earlier store: 
 which one was written alone have to wait for the cache. Kernels therefore write eight at once what
 they read eight at once.
 
-Vectors must be padded to whole cache lines, as those of `turnout.kernels.records` are, since the
-last eight may reach beyond the end. In Python the same functions work on padded vectors.
+Vectors must be padded to whole cache lines, as those of `turnout.kernels.shared_record` are, since
+the last eight may reach beyond the end. In Python the same functions work on padded vectors.
 """
 
 import operator

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import xarray as xr
 
-from turnout.metric.signal import at_end
+from turnout.metric.channel_features import at_end
 from turnout.metric.slip import Slip, margins, slips
 from turnout.metric.summary import is_inaccurate, kilo, milli, numerical_warning
 from turnout.metric.verdict import verdict

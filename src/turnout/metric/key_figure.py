@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import xarray as xr
 
-from turnout.metric.signal import at_end
+from turnout.metric.channel_features import at_end
 from turnout.metric.slip import margins
 
 

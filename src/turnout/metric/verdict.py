@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from turnout.metric.signal import at_end
+from turnout.metric.channel_features import at_end
 from turnout.metric.slip import TIME_TOLERANCE, Slip, Span, movements, slips
 from turnout.metric.summary import kilo
 from turnout.metric.verdict_words import (

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from turnout.metric.signal import at_end
+from turnout.metric.channel_features import at_end
 from turnout.metric.slip import TIME_TOLERANCE, Slip, Span
 from turnout.metric.summary import kilo, milli
 

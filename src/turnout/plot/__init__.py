@@ -15,7 +15,7 @@ NAMES = {
     "plot_gap": "turnout.plot.single",
     "plot_chair_load": "turnout.plot.single",
     "plot_energy": "turnout.plot.single",
-    "plot_intervals": "turnout.plot.intervals",
+    "plot_intervals": "turnout.plot.calibration",
     # Figures of several axes
     "plot_throw": "turnout.plot.throw",
     "plot_measured": "turnout.plot.recording",

@@ -1,10 +1,10 @@
 """Written by `python -m turnout.api.stub` from the table in __init__.py."""
 
+from turnout.plot.calibration import plot_intervals as plot_intervals
 from turnout.plot.calibration import plot_sweep as plot_grid_search
 from turnout.plot.campaign import plot_overview as plot_overview
 from turnout.plot.campaign import plot_stacked as plot_stacked
 from turnout.plot.draw import draw_sheet as draw_sheet
-from turnout.plot.intervals import plot_intervals as plot_intervals
 from turnout.plot.modes import plot_modes as plot_modes
 from turnout.plot.plan import plot_plan as plot_plan
 from turnout.plot.rail_sheet import chair_sheet as chair_sheet

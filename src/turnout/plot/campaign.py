@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.errors import ResponseError
-from turnout.metric.campaign import end_values, object_places
+from turnout.metric.campaign_statistics import end_values, object_places
 from turnout.plot.rail_sheet import shade_of
 from turnout.plot.sheet import Line, Row, Sheet
 from turnout.plot.style import GREY, new_figure, put_title, styled

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.metric.effects import Effect, OutputEffects
+from turnout.metric.sensitivity import Effect, OutputEffects
 from turnout.metric.sweep_map import NOT_THROWN, STATES
 from turnout.plot.style import COLOURS, GREY, put_title
 
@@ -242,7 +242,7 @@ def strongest(item: OutputEffects, count: int) -> list[Effect]:
 
     Examples
     --------
-    >>> from turnout.metric.effects import Output
+    >>> from turnout.metric.sensitivity import Output
     >>> output = Output(name="y", units="N", values=np.zeros(2))
     >>> strongest(OutputEffects(output=output, indices=(), effects=()), 3)
     []

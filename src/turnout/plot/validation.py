@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.errors import ResponseError
-from turnout.metric.campaign import object_places
+from turnout.metric.campaign_statistics import object_places
 from turnout.plot.sheet import Line, Row, Sheet
 from turnout.plot.style import COLOURS, GREY, new_figure, put_title, styled
 

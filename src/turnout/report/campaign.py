@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from turnout.metric.campaign import (
+from turnout.metric.campaign_statistics import (
     PlaceSizes,
     end_values,
     object_places,

@@ -5,12 +5,12 @@ from collections.abc import Iterator
 from turnout.core.units import TEMPERATURE
 from turnout.metric.summary import format_overrides
 from turnout.report.values import shown
-from turnout.study.chance import format_celsius
 from turnout.study.design import Drawn
 from turnout.study.distribution import Choice, Distribution
-from turnout.study.limits import value_ranges
+from turnout.study.random_inputs import format_celsius
 from turnout.study.scenario import Value
 from turnout.study.study import Study
+from turnout.study.value_ranges import value_ranges
 from turnout.study.variable import Variable
 
 WIDTH = 12
@@ -27,7 +27,7 @@ def study_lines(study: Study) -> Iterator[str]:
 
     Examples
     --------
-    >>> from turnout.study.load import load_study
+    >>> from turnout.study.load_study import load_study
     >>> next(study_lines(load_study("sleeper-6")))
     'study       sleeper-6 (seed 0)'
     """

@@ -7,8 +7,8 @@ import numpy as np
 import xarray as xr
 
 from turnout.errors import ResponseError
-from turnout.metric.effects import Effect, OutputEffects
 from turnout.metric.finding import Finding, Level
+from turnout.metric.sensitivity import Effect, OutputEffects
 from turnout.metric.sweep_map import FAILED, LOCKED, NOT_THROWN, SLIPS, STATES, end_state, sweep_map
 from turnout.plot.draw import draw_sheet
 from turnout.plot.sheet import Line, Row, Sheet

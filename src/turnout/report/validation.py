@@ -6,14 +6,20 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from turnout.metric.campaign import object_places
+from turnout.metric.campaign_statistics import object_places
 from turnout.metric.finding import Finding, Level
 from turnout.plot.style import rendered
 from turnout.plot.validation import comparison_sheet, plot_comparison, plot_error_map
 from turnout.report.inputs import origin_section
 from turnout.report.page import Heat, Page, Picture, Section, Table
-from turnout.validation.text import notes, scatter_text
-from turnout.validation.verdict import LEAST_COVER, MOST_SPREADS, Verdict, judge
+from turnout.validation.acceptance import (
+    LEAST_COVER,
+    MOST_SPREADS,
+    Verdict,
+    judge,
+    notes,
+    scatter_text,
+)
 
 MILLI, PERCENT = 1e3, 100.0
 # Points of a line: bins of 20 ms over a movement.

@@ -14,7 +14,7 @@ from turnout.report.campaign import campaign_findings
 from turnout.report.page import data_address
 from turnout.report.sweep import sweep_findings
 from turnout.report.validation import validation_findings
-from turnout.validation.verdict import judge
+from turnout.validation.acceptance import judge
 
 # Colour and sign both carry the level, so that no reader depends on colour.
 SIGNS = {"good": ("✓", "#00875f"), "look": ("!", "#b36b00"), "bad": ("✗", "#c8322b")}

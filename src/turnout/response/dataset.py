@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.provenance import provenance
-from turnout.integrate.run import History
+from turnout.integrate.integration import History
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
@@ -52,8 +52,7 @@ from turnout.response.signals import (
     stop_signals,
 )
 from turnout.response.signals import NAMES as FASTENINGS
-from turnout.schema.channels import SCHEMA_VERSION, label
-from turnout.schema.check import check_schema
+from turnout.schema.channels import SCHEMA_VERSION, check_schema, label
 from turnout.scheme import Scheme
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.integrate.driven import MachineHistory
-from turnout.integrate.run import History
+from turnout.integrate.integration import History
 from turnout.machine.compute import places as at
 from turnout.machine.rows import supply_voltage
 from turnout.machine.steady import shaft_travel

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.integrate.run import History
+from turnout.integrate.integration import History
 from turnout.mechanism.machines import slip_force
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel

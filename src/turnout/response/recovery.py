@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.condense.condense import base_stiffness
-from turnout.integrate.run import History
+from turnout.integrate.integration import History
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailShape
 
 Floats = NDArray[np.float64]

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from turnout.errors import ResponseError
-from turnout.schema.channels import ON_REQUEST
-from turnout.schema.check import unknown_channels
+from turnout.schema.channels import ON_REQUEST, unknown_channels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,7 +29,7 @@ from turnout.integrate.energy import (
     SWITCHED,
     energy_balance,
 )
-from turnout.integrate.run import History
+from turnout.integrate.integration import History
 from turnout.mechanism.build_rails import fastening_offset
 from turnout.mechanism.machines import slip_force
 from turnout.mechanism.mechanism import Mechanism, RailBody

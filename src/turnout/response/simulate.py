@@ -9,9 +9,9 @@ import numpy as np
 
 from turnout.core.threads import one_blas_thread
 from turnout.errors import ResponseError
+from turnout.integrate.integration import Floats, History, integrate
 from turnout.integrate.outcome import NotConverged
 from turnout.integrate.rods import store_rods
-from turnout.integrate.run import Floats, History, integrate
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from turnout.core.atomic import write_atomic
-from turnout.core.regular import require_regular_file
+from turnout.core.files import require_regular_file, write_atomic
 from turnout.errors import FileError
 from turnout.schema.channels import CONVENTIONS, SCHEMA_VERSION
 

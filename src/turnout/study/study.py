@@ -9,8 +9,8 @@ from turnout.core.json_files import to_plain
 from turnout.core.provenance import content_hash
 from turnout.panel.load import LoadedPanel
 from turnout.scheme import Scheme
-from turnout.study.chance import RandomField, TemperatureLaw
 from turnout.study.design import Design
+from turnout.study.random_inputs import RandomField, TemperatureLaw
 from turnout.study.sampling import FIELDS, SCENARIOS
 from turnout.study.scenario import Output, Rule, Scenario, Value, split_into_chains
 from turnout.study.variable import (

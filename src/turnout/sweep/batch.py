@@ -22,7 +22,7 @@ import numpy as np
 from h5py import h5a, h5d, h5ds, h5f, h5p, h5s, h5t
 from numpy.typing import NDArray
 
-from turnout.core.atomic import write_atomic
+from turnout.core.files import write_atomic
 from turnout.metric.features import FEATURES
 from turnout.response.signals import Variable
 from turnout.schema.channels import AXES, CONVENTIONS, known_channel

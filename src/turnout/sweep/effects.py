@@ -14,7 +14,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from turnout.errors import FileError, ResponseError
-from turnout.metric.effects import (
+from turnout.metric.sensitivity import (
     Output,
     OutputEffects,
     SobolIndex,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from turnout.core.atomic import write_atomic
+from turnout.core.files import write_atomic
 from turnout.core.provenance import provenance
 from turnout.errors import FileError
 from turnout.metric.features import FEATURES

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from itertools import chain, count
 from pathlib import Path
 
-from turnout.core.atomic import is_leftover, write_atomic, write_fault
+from turnout.core.files import is_leftover, write_atomic, write_fault
 from turnout.core.json_files import from_plain, read_sealed, sealed_json, to_plain
 from turnout.core.provenance import version
 from turnout.core.sources import THROWS, digest_of_sources

@@ -58,7 +58,7 @@ def trial_scenarios(study: Study, count: int) -> list[int]:
 
     Examples
     --------
-    >>> from turnout.study.load import load_study
+    >>> from turnout.study.load_study import load_study
     >>> trial_scenarios(load_study("sleeper-6"), 3)
     [0, 5, 10]
     """

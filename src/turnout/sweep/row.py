@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from turnout.core.threads import one_blas_thread
 from turnout.errors import FileError, PanelError, TurnoutError
+from turnout.integrate.integration import History
 from turnout.integrate.outcome import Code
-from turnout.integrate.run import History
 from turnout.panel.foreign_object import PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.response.dataset import coordinates_of, response_channels

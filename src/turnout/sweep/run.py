@@ -22,7 +22,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
-from turnout.core.atomic import write_fault
+from turnout.core.files import write_fault
 from turnout.core.sources import THROWS, digest_of_sources
 from turnout.errors import FileError
 from turnout.response.compilation import must_compile
@@ -135,7 +135,7 @@ def run_sweep(
 
     Examples
     --------
-    >>> from turnout.study.load import load_study  # doctest: +SKIP
+    >>> from turnout.study.load_study import load_study  # doctest: +SKIP
     >>> run_sweep(load_study("study.toml"), "results", workers=2).thrown  # doctest: +SKIP
     143
     """

@@ -41,7 +41,7 @@ def study_from_data(data: dict[str, Any]) -> Study:
 
     Examples
     --------
-    >>> from turnout.study.load import load_study
+    >>> from turnout.study.load_study import load_study
     >>> study = load_study("sleeper-6")
     >>> study_from_data(study_data(study)).digest == study.digest
     True

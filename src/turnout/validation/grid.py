@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.evaluate import Response
-from turnout.calibration.observed import BIN, Movement, Signal
+from turnout.calibration.measured_movements import BIN, Movement, Signal
 from turnout.calibration.predict import predicted
 
 Floats = NDArray[np.float64]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.evaluate import Response
-from turnout.calibration.observed import Movement
+from turnout.calibration.measured_movements import Movement
 from turnout.calibration.predict import predicted
 
 Floats = NDArray[np.float64]

@@ -8,14 +8,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.calibration.entries import excluded_movements
 from turnout.calibration.evaluate import Evaluator, Throw
-from turnout.calibration.local import stepped_value
-from turnout.calibration.movements import exclude_oversized_objects
+from turnout.calibration.linearisation import stepped_value
+from turnout.calibration.measured_movements import BIN, Movement, observe
 from turnout.calibration.noise import measured_noise
-from turnout.calibration.observed import BIN, Movement, observe
 from turnout.calibration.parameter import Parameter
+from turnout.calibration.requirements import exclude_oversized_objects
 from turnout.calibration.result import Calibration, Fitted
+from turnout.calibration.result_entries import excluded_movements
 from turnout.core.provenance import provenance
 from turnout.errors import MeasurementError
 from turnout.metric.agreement import (
@@ -26,7 +26,7 @@ from turnout.metric.agreement import (
     repeat_spread,
     rms_difference,
 )
-from turnout.metric.signal import channel_features, contact_time
+from turnout.metric.channel_features import channel_features, contact_time
 from turnout.panel.load import LoadedPanel
 from turnout.schema.channels import SCHEMA_VERSION
 from turnout.validation.grid import DRIVE, OBJECT, Grid

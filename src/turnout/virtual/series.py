@@ -11,20 +11,20 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from turnout.core.atomic import write_atomic
-from turnout.core.kept_arrays import arrays_from_bytes, arrays_to_bytes
-from turnout.measurement.campaign.piece import Piece
-from turnout.measurement.campaign.sheet import LOAD_CELL_FROM
-from turnout.measurement.campaign.throws import Throw
+from turnout.core.files import write_atomic
+from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
+from turnout.measurement.campaign.find_throws import Throw
+from turnout.measurement.campaign.recorded_throw import Piece
+from turnout.measurement.campaign.run_sheet import LOAD_CELL_FROM
 from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
 from turnout.response.save import Save
 from turnout.response.simulate import simulate
-from turnout.virtual.files import write_throw
-from turnout.virtual.noise import disturbed
-from turnout.virtual.plan import Case, Plan, chance_for, overrides_for
-from turnout.virtual.throw import record_throw, with_time_to_stop
+from turnout.virtual.campaign_files import write_throw
+from turnout.virtual.campaign_plan import Case, Plan, chance_for, overrides_for
+from turnout.virtual.disturbance import disturbed
+from turnout.virtual.record_throw import record_throw, with_time_to_stop
 
 STATE = ".virtual"
 FIELDS = (

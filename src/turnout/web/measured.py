@@ -10,8 +10,8 @@ import xarray as xr
 
 from turnout.core.toml import parse_toml
 from turnout.errors import FileError
-from turnout.measurement.campaign.build import CHANNEL_FILE, Campaign
-from turnout.measurement.campaign.throws import find_throws
+from turnout.measurement.campaign.build_campaign import CHANNEL_FILE, Campaign
+from turnout.measurement.campaign.find_throws import find_throws
 from turnout.measurement.chain.apply import (
     apply_chain,
     channel_rows,
@@ -21,7 +21,7 @@ from turnout.measurement.chain.apply import (
 from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.chain.condition import condition
 from turnout.measurement.chain.skeleton import skeleton
-from turnout.measurement.formats.files import format_of, read_recording
+from turnout.measurement.formats.file_format import format_of, read_recording
 from turnout.measurement.recording import Recording, overview
 from turnout.metric.slip import movements
 

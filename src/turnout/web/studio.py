@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from turnout.core.provenance import version
-from turnout.measurement.campaign.build import Campaign
+from turnout.measurement.campaign.build_campaign import Campaign
 from turnout.panel.load import LoadedPanel, library_names
 from turnout.response.compilation import must_compile
-from turnout.web.described import described, measured_record
+from turnout.web.controls import described, measured_record
 from turnout.web.measured import campaign_movements
 from turnout.web.tasks import Opening
 

@@ -24,7 +24,7 @@ from turnout.plot.sheet import sheet_record
 from turnout.plot.throw import throw_sheet
 from turnout.response.simulate import simulate
 from turnout.scheme import Scheme
-from turnout.web.described import described, measured_record
+from turnout.web.controls import described, measured_record
 from turnout.web.measured import (
     Measured,
     channel_map_of,

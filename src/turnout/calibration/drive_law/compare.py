@@ -17,20 +17,23 @@ from turnout.calibration.drive_law.candidates import (
     level_key,
     stiffness_key,
 )
-from turnout.calibration.drive_law.fit import LawFit, fitted_from, fitted_plain, fitted_variant
-from turnout.calibration.drive_law.likelihood import (
+from turnout.calibration.drive_law.fit_law import (
+    LawFit,
     criteria,
     deviance,
     effective_samples,
+    fitted_from,
+    fitted_plain,
+    fitted_variant,
     floored,
 )
 from turnout.calibration.evaluate import Evaluator
+from turnout.calibration.measured_movements import Movement, observe, selected
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import Noise, measured_noise
-from turnout.calibration.observed import Movement, observe, selected
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.result import Calibration
-from turnout.calibration.stage import Selection
+from turnout.calibration.stages import Selection
 from turnout.errors import MeasurementError
 from turnout.panel.load import LoadedPanel
 

@@ -16,9 +16,9 @@ import xarray as xr
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from turnout.core.files import require_regular_file, user_path
 from turnout.core.problems import choices, describe_error, nearest
 from turnout.core.provenance import content_hash, version
-from turnout.core.regular import require_regular_file, user_path
 from turnout.core.toml import TomlFile, decode, parse_toml, read_toml
 from turnout.core.units import CURRENT, FORCE, Dimension
 from turnout.errors import FileError, MeasurementError

@@ -17,8 +17,7 @@ from turnout.core.toml import decode, read_bytes
 from turnout.core.units import FORCE, LENGTH, TIME, Dimension, unit_factor
 from turnout.errors import FileError
 from turnout.measurement.formats.assemble import split_unit
-from turnout.schema.channels import label
-from turnout.schema.check import check_schema
+from turnout.schema.channels import check_schema, label
 
 Floats = NDArray[np.float64]
 

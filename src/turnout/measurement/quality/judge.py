@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 
 import xarray as xr
 
-from turnout.measurement.campaign.signals import Floats
-from turnout.measurement.campaign.throws import Throw
-from turnout.measurement.quality.channel import Fault, Limits, channel_faults
-from turnout.measurement.quality.throw import (
+from turnout.measurement.campaign.find_throws import Throw
+from turnout.measurement.campaign.motion_signals import Floats
+from turnout.measurement.quality.channel_faults import Fault, Limits, channel_faults
+from turnout.measurement.quality.throw_faults import (
     Profile,
     direction_faults,
     drift_faults,
@@ -96,7 +96,7 @@ def judge(
     Examples
     --------
     >>> import numpy as np
-    >>> from turnout.measurement.campaign.throws import find_throws
+    >>> from turnout.measurement.campaign.find_throws import find_throws
     >>> time = np.arange(0.0, 4.5, 1e-3)
     >>> current = 1.2 * ((time >= 1.0) & (time < 5.0)) + 1e-3 * np.sin(700.0 * time)
     >>> data = xr.Dataset(

@@ -14,7 +14,7 @@ from turnout.core.problems import choices, nearest, show_value
 from turnout.core.toml import decode, parse_toml, read_bytes
 from turnout.core.units import LENGTH, parse_quantity
 from turnout.errors import FileError, MeasurementError
-from turnout.measurement.campaign.signals import CLOSING, OPENING
+from turnout.measurement.campaign.motion_signals import CLOSING, OPENING
 
 # A larger object does not fit into any flangeway: its unit is wrong [m].
 LARGEST = 0.2

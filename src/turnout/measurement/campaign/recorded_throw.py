@@ -11,18 +11,17 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from turnout.core.atomic import write_atomic
-from turnout.core.kept_arrays import arrays_from_bytes, arrays_to_bytes
+from turnout.core.files import require_regular_file, write_atomic
 from turnout.core.provenance import content_hash, version
-from turnout.core.regular import require_regular_file
+from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.errors import FileError, MeasurementError, TurnoutError
-from turnout.measurement.campaign.inside import STORE
-from turnout.measurement.campaign.sheet import Run
-from turnout.measurement.campaign.throws import Detection, Throw, find_throws
+from turnout.measurement.campaign.campaign_folder import STORE
+from turnout.measurement.campaign.find_throws import Detection, Throw, find_throws
+from turnout.measurement.campaign.run_sheet import Run
 from turnout.measurement.chain.apply import apply_chain, map_hash
 from turnout.measurement.chain.channel_map import ChannelMap
-from turnout.measurement.formats.files import read_recording
-from turnout.measurement.quality.channel import MEASURED
+from turnout.measurement.formats.file_format import read_recording
+from turnout.measurement.quality.channel_faults import MEASURED
 
 # Raised when what a piece holds, or how it is cut, changes.
 PIECE_VERSION = 3

@@ -8,13 +8,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.calibration.stage import ANY, NONE, Selection, spread
+from turnout.calibration.stages import ANY, NONE, Selection, spread
 from turnout.core.problems import choices
 from turnout.errors import MeasurementError, PanelError
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import movement_time, ordered_movements
-from turnout.virtual.throw import DIRECTIONS
+from turnout.virtual.record_throw import DIRECTIONS
 
 Floats = NDArray[np.float64]
 # Whole periods of mains of 50 Hz, so that hum averages out; short against a build-up of force [s].

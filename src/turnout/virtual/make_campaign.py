@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from turnout.core.atomic import write_atomic
+from turnout.core.files import write_atomic
 from turnout.core.provenance import content_hash, provenance, version
 from turnout.core.toml import parse_toml
 from turnout.errors import FileError
-from turnout.measurement.campaign.build import stacked
-from turnout.measurement.campaign.piece import Piece
+from turnout.measurement.campaign.build_campaign import stacked
+from turnout.measurement.campaign.recorded_throw import Piece
 from turnout.measurement.chain.apply import parse_channel_map
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import ordered_movements
 from turnout.response.store import save_response
 from turnout.schema.channels import SCHEMA_VERSION
-from turnout.virtual.files import (
+from turnout.virtual.campaign_files import (
     CHANNELS,
     SHEET,
     Thrown,
@@ -29,7 +29,8 @@ from turnout.virtual.files import (
     synthetic_note,
     true_run,
 )
-from turnout.virtual.plan import Case, Plan, check_plan, series_of
+from turnout.virtual.campaign_plan import Case, Plan, check_plan, series_of
+from turnout.virtual.record_throw import DIRECTIONS
 from turnout.virtual.series import (
     STATE,
     Job,
@@ -37,7 +38,6 @@ from turnout.virtual.series import (
     read_part,
     run_jobs,
 )
-from turnout.virtual.throw import DIRECTIONS
 
 TRUTH = "truth.nc"
 _PLAN_FILE = "plan.json"

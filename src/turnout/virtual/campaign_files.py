@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from turnout.core.atomic import write_atomic
+from turnout.core.files import write_atomic
 from turnout.core.provenance import version
-from turnout.measurement.campaign.sheet import Run
+from turnout.measurement.campaign.run_sheet import Run
 from turnout.measurement.chain.apply import raw_from_physical
 from turnout.measurement.chain.channel_map import ChannelMap
-from turnout.measurement.formats.files import WRITERS
-from turnout.virtual.plan import Case
+from turnout.measurement.formats.file_format import WRITERS
+from turnout.virtual.campaign_plan import Case
 
 SHEET, CHANNELS = "runs.csv", "channels.toml"
 START = datetime(2025, 1, 1, 8, 0, 0)

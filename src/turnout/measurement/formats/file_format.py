@@ -2,16 +2,17 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
-from turnout.core.atomic import write_atomic
-from turnout.core.regular import require_regular_file
+from turnout.core.files import require_regular_file, write_atomic
 from turnout.errors import FileError
+from turnout.measurement.formats.csv_text import csv_bytes, read_text
 from turnout.measurement.formats.hdf5 import hdf5_bytes
 from turnout.measurement.formats.isolated import read_isolated
 from turnout.measurement.formats.mat import mat_bytes
-from turnout.measurement.formats.optional import require
-from turnout.measurement.formats.text import csv_bytes, read_text
 from turnout.measurement.recording import Recording
 
 HEAD = 600
@@ -59,7 +60,7 @@ FORMATS = (
         "Dewesoft",
         (".d7d", ".dxd", ".d7z"),
         _begins(b"MULTI_STREAM_FILE"),
-        "dewesoft:read_dewesoft",
+        "optional_formats:read_dewesoft",
         ("dwdatareader",),
         "daq",
     ),
@@ -67,16 +68,18 @@ FORMATS = (
         "MDF",
         (".mf4", ".mdf"),
         _begins(b"MDF     ", b"UnFinMF "),
-        "mdf:read_mdf",
+        "optional_formats:read_mdf",
         ("asammdf",),
         "daq",
     ),
-    FileFormat("TDMS", (".tdms",), _begins(b"TDSm"), "tdms:read_tdms", ("nptdms",), "daq"),
+    FileFormat(
+        "TDMS", (".tdms",), _begins(b"TDSm"), "optional_formats:read_tdms", ("nptdms",), "daq"
+    ),
     FileFormat(
         "Parquet",
         (".parquet", ".pq"),
         _begins(b"PAR1"),
-        "parquet:read_parquet",
+        "optional_formats:read_parquet",
         ("pyarrow", "pyarrow.parquet"),
         "parquet",
     ),
@@ -216,7 +219,7 @@ def write_recording(recording: Recording, path: Path | str) -> None:
     --------
     >>> import tempfile
     >>> import numpy as np
-    >>> from turnout.measurement.formats.files import read_recording
+    >>> from turnout.measurement.formats.file_format import read_recording
     >>> from turnout.measurement.recording import Channel
     >>> file = Path(tempfile.mkdtemp()) / "throw.mat"
     >>> rod = Channel("Rod 1", "mV/V", np.array([0.1, 0.2]), rate=1000.0)
@@ -230,3 +233,40 @@ def write_recording(recording: Recording, path: Path | str) -> None:
         message = f"{path}: the name must end in {' or '.join(WRITERS)}"
         raise FileError(message)
     write_atomic(path, writer(recording))
+
+
+def require(package: str, *, extra: str, purpose: str, load: bool = True) -> Any:
+    """Load an optional package, or say how to install it.
+
+    Parameters
+    ----------
+    package : str
+        Name of the module.
+    extra : str
+        Extra of turnout that brings it.
+    purpose : str
+        What cannot be read without it.
+    load : bool
+        False only looks whether it is there, for a process that will load it.
+
+    Raises
+    ------
+    FileError
+        When it is missing or cannot be loaded.
+
+    Examples
+    --------
+    >>> require("no_such_package", extra="daq", purpose="TDMS files")
+    Traceback (most recent call last):
+    turnout.errors.FileError: TDMS files need no_such_package; pip install 'turnout[daq]'
+    """
+    if find_spec(package) is None:
+        message = f"{purpose} need {package}; pip install 'turnout[{extra}]'"
+        raise FileError(message)
+    if not load:
+        return None
+    try:
+        return import_module(package)
+    except (ImportError, OSError) as error:
+        message = f"{purpose} need {package}, which cannot be loaded here ({error})"
+        raise FileError(message) from None

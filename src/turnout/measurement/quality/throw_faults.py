@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from turnout.measurement.campaign.signals import (
+from turnout.measurement.campaign.find_throws import Throw
+from turnout.measurement.campaign.motion_signals import (
     CLOSING,
     OPENING,
     Floats,
@@ -15,8 +16,7 @@ from turnout.measurement.campaign.signals import (
     mean_over,
     without_holes,
 )
-from turnout.measurement.campaign.throws import Throw
-from turnout.measurement.quality.channel import Fault, Limits, measured_channels
+from turnout.measurement.quality.channel_faults import Fault, Limits, measured_channels
 
 # The part of a throw that no object has a say in yet, and its samples [s].
 EARLY, EARLY_STEP = 1.5, 0.02

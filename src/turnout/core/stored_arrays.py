@@ -56,7 +56,7 @@ def arrays_from_bytes(content: bytes, purpose: str) -> dict[str, NDArray[Any]]:
     >>> arrays_from_bytes(content, "another")
     Traceback (most recent call last):
         ...
-    turnout.core.kept_arrays.DamagedError: is not what was written for this purpose
+    turnout.core.stored_arrays.DamagedError: is not what was written for this purpose
     """
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:

@@ -9,11 +9,11 @@ import xarray as xr
 from turnout.calibration.covariance import Spread
 from turnout.calibration.fit import Fit
 from turnout.calibration.grid_search import Sweep
+from turnout.calibration.measured_movements import Movement
 from turnout.calibration.noise import poorly_followed
-from turnout.calibration.observed import Movement
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.result import Fitted, StageLog
-from turnout.calibration.stage import Plan, Stage
+from turnout.calibration.stages import Plan, Stage
 from turnout.core.provenance import content_hash
 
 # A model error this much above the noise is warned of [-].

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from turnout.measurement.campaign.signals import (
+from turnout.measurement.campaign.motion_signals import (
     Flags,
     Floats,
     drift,

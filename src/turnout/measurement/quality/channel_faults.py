@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from turnout.measurement.campaign.signals import (
+from turnout.measurement.campaign.find_throws import Throw
+from turnout.measurement.campaign.motion_signals import (
     Floats,
     mean_over,
     spikes,
     without_holes,
     without_spikes,
 )
-from turnout.measurement.campaign.throws import Throw
 
 KINDS = (
     "unit",

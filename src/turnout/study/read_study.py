@@ -20,9 +20,12 @@ from turnout.core.units import (
 from turnout.errors import SolverError, StudyError
 from turnout.panel.keys import records_in
 from turnout.panel.load import LoadedPanel
-from turnout.schema.check import unknown_channels
+from turnout.panel.schema import DRAFT, tidy
+from turnout.schema.channels import unknown_channels
 from turnout.scheme import MODES, Scheme
-from turnout.study.chance import (
+from turnout.study.design import Axis, Design
+from turnout.study.distribution import PARAMETERS
+from turnout.study.random_inputs import (
     MOST_SCENARIOS,
     RandomField,
     TemperatureLaw,
@@ -32,13 +35,12 @@ from turnout.study.chance import (
     read_quantity,
     sampling_faults,
 )
-from turnout.study.design import Axis, Design
-from turnout.study.limits import limit_faults, value_ranges
 from turnout.study.sampling import copula_factor
 from turnout.study.scenario import Output, Rule
 from turnout.study.study_file import StudyRecord
+from turnout.study.value_ranges import limit_faults, value_ranges
 from turnout.study.variable import Variable
-from turnout.study.variables import ParsedStudy, read_together, read_variable
+from turnout.study.variables import CHOICE, ParsedStudy, read_together, read_variable
 
 SCHEME_UNITS: dict[str, Dimension] = {
     "step": TIME,
@@ -317,3 +319,27 @@ def _read_split(parsed: ParsedStudy, record: StudyRecord, design: Design | None)
     return tuple(
         name for name in design.names if keys[name] not in ("object.size", "object.present")
     )
+
+
+def study_schema() -> dict[str, Any]:
+    """Give the JSON schema of a study file.
+
+    Whether a key exists and a value has the right unit depends on the panel, so that is checked
+    when the file is loaded, not here.
+
+    Returns
+    -------
+    dict
+        A JSON schema, draft 2020-12.
+
+    Examples
+    --------
+    >>> record = study_schema()["$defs"]["VariableRecord"]
+    >>> "lognormal" in record["properties"]["distribution"]["enum"]
+    True
+    """
+    schema = StudyRecord.model_json_schema(mode="validation")
+    tidy(schema)
+    for name, more in (("VariableRecord", [CHOICE]), ("FieldRecord", [])):
+        schema["$defs"][name]["properties"]["distribution"]["enum"] = [*PARAMETERS, *more]
+    return {"$schema": DRAFT, **schema, "title": "turnout study"}

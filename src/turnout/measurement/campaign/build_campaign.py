@@ -16,7 +16,12 @@ from numpy.typing import NDArray
 from turnout.core.moving_average import moving_average
 from turnout.core.provenance import provenance
 from turnout.errors import ListedError, MeasurementError, TurnoutError
-from turnout.measurement.campaign.fit_of_files import (
+from turnout.measurement.campaign.campaign_folder import STORE, refuse_links_out, refuse_outside
+from turnout.measurement.campaign.find_throws import Detection
+from turnout.measurement.campaign.motion_signals import force_changes
+from turnout.measurement.campaign.recorded_throw import Piece, kept_pieces
+from turnout.measurement.campaign.run_sheet import Run, RunSheet, find_sheet, read_sheet
+from turnout.measurement.campaign.sheet_checks import (
     check_files,
     extra_files,
     force_remarks,
@@ -24,16 +29,11 @@ from turnout.measurement.campaign.fit_of_files import (
     series_remarks,
     slip_remarks,
 )
-from turnout.measurement.campaign.inside import STORE, refuse_links_out, refuse_outside
-from turnout.measurement.campaign.piece import Piece, kept_pieces
-from turnout.measurement.campaign.sheet import Run, RunSheet, find_sheet, read_sheet
-from turnout.measurement.campaign.signals import force_changes
-from turnout.measurement.campaign.throws import Detection
 from turnout.measurement.chain.apply import load_channel_map, map_hash
 from turnout.measurement.chain.channel_map import ChannelMap
-from turnout.measurement.quality.channel import MEASURED, Limits
+from turnout.measurement.quality.channel_faults import MEASURED, Limits
 from turnout.measurement.quality.judge import Expected, Verdict, judge
-from turnout.measurement.quality.throw import (
+from turnout.measurement.quality.throw_faults import (
     Profile,
     early_profile,
     open_level,

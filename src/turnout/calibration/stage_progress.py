@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from turnout.calibration.emulator import points_needed
 from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.fit import ROUGH_STEPS
-from turnout.calibration.observed import Movement, selected
-from turnout.calibration.stage import Plan
+from turnout.calibration.measured_movements import Movement, selected
+from turnout.calibration.stages import Plan
 from turnout.panel.load import LoadedPanel
 
 # Steps that the last stage usually takes, each with its own sensitivities.

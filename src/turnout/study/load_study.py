@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+from turnout.core.files import user_path
 from turnout.core.library import names_in_library, text_in_library
-from turnout.core.regular import user_path
 from turnout.core.toml import TomlFile, parse_toml, read_toml
 from turnout.errors import PanelError
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.study.read import read_parts, read_record
+from turnout.study.read_study import read_parts, read_record
 from turnout.study.study import Study
 
 
@@ -117,7 +117,7 @@ def apply_calibration(
     if calibration is None:
         return panel, ()
     # Only a study that names a calibration waits for what reads it.
-    from turnout.calibration.movements import check_provenance
+    from turnout.calibration.requirements import check_provenance
     from turnout.calibration.result import load_calibration
 
     known = load_calibration(calibration)

@@ -9,13 +9,13 @@ import numpy as np
 from turnout.core.problems import choices, nearest
 from turnout.core.units import LENGTH, parse_quantity
 from turnout.errors import FileError, PanelError
-from turnout.measurement.campaign.sheet import LOAD_CELL_FROM, normal_place
-from turnout.measurement.formats.files import WRITERS
+from turnout.measurement.campaign.run_sheet import LOAD_CELL_FROM, normal_place
+from turnout.measurement.formats.file_format import WRITERS
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.scheme import Scheme
-from turnout.virtual.noise import Disturbance
-from turnout.virtual.throw import CurrentLaw, Window
+from turnout.virtual.disturbance import Disturbance
+from turnout.virtual.record_throw import CurrentLaw, Window
 
 # The sizes of the published campaign; without an object there are repeats [m].
 SIZES = (0.005, 0.010, 0.013, 0.016, 0.018, 0.021, 0.023, 0.026, 0.029, 0.031)

@@ -6,9 +6,9 @@ from turnout.core.problems import show_value
 from turnout.errors import PanelError
 from turnout.panel.foreign_object import object_faults
 from turnout.panel.load import LoadedPanel
-from turnout.study.chance import RandomField, TemperatureLaw
 from turnout.study.design import Axis, Drawn
 from turnout.study.distribution import Choice
+from turnout.study.random_inputs import RandomField, TemperatureLaw
 from turnout.study.scenario import Value
 from turnout.study.variable import (
     OBJECT_KEYS,

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from turnout.core.problems import nearest
 from turnout.errors import MeasurementError
-from turnout.measurement.campaign.inside import PERMIT, leads_outside, where_to
-from turnout.measurement.campaign.sheet import SHEETS, Run, RunSheet
-from turnout.measurement.formats.files import FORMATS
+from turnout.measurement.campaign.campaign_folder import PERMIT, leads_outside, where_to
+from turnout.measurement.campaign.run_sheet import SHEETS, Run, RunSheet
+from turnout.measurement.formats.file_format import FORMATS
 
 # A rod force saturates where it grew by the first share of its largest value over a series of
 # objects, and by less than the second from the second largest object to the largest [-].

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.fit import Fit
-from turnout.calibration.local import is_slip_level, touches
-from turnout.calibration.observed import Movement, selected
+from turnout.calibration.linearisation import is_slip_level, touches
+from turnout.calibration.measured_movements import Movement, selected
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.result import Calibration
-from turnout.calibration.stage import NONE, Plan
+from turnout.calibration.stages import NONE, Plan
 from turnout.errors import MeasurementError
 from turnout.panel.foreign_object import OPENING_MARGIN, ForeignObject
 from turnout.panel.layout import largest_opening
