@@ -3,7 +3,7 @@ r"""What a measured throw may differ by from a simulated one, as covariances of 
 A detector that takes its simulation for the truth trusts differences that no switch honours. So it
 assumes, besides the discrepancy and noise of the reference case:
 
-- the onset of each movement is known to some milliseconds only, :math:`\sigma_\tau^2\,\dot y \dot y^T`;
+- the onset of a movement is known to some milliseconds, :math:`\sigma_\tau^2\,\dot y \dot y^T`;
 - the force sensors have a gain, the same in all throws of a switch, and a zero that drifts.
 """
 
@@ -116,10 +116,10 @@ def noise_of(layout: Layout, *, noise: float, rate: float) -> Floats:
 
 def zeros_of(layout: Layout, *, zero: float) -> Floats:
     """Return the covariance of features that unknown zeros of the force sensors cause [N^2]."""
-    return zero**2 * (layout.drive[:, np.newaxis] == layout.drive).astype(np.float64)
+    return np.asarray(zero**2 * (layout.drive[:, np.newaxis] == layout.drive))
 
 
 def gains_of(layout: Layout, mean: Floats, *, gain: float) -> Floats:
     """Return the covariance of features that unknown gains cause, of one mean throw [N^2]."""
     same = layout.drive[:, np.newaxis] == layout.drive
-    return gain**2 * np.where(same, np.outer(mean, mean), 0.0)
+    return np.asarray(gain**2 * np.where(same, np.outer(mean, mean), 0.0))

@@ -278,7 +278,8 @@ def _calibrated(
         part=part,
         history=history,
         thresholds={
-            f"{rate:g}": max(0.0, threshold_for(ratios, rate=SAFETY * rate)) for rate in RATES
+            f"{rate:g}": max(0.0, float(threshold_for(ratios, rate=SAFETY * rate)))
+            for rate in RATES
         },
         throws=len(ratios),
         switches=switches,

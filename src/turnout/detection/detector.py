@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(slots=True, eq=False)
 class Detector:
-    """Tells from drive forces whether something is trapped, where and how large, or what else it is.
+    """Tells from drive forces whether something is trapped, where, how large, or what else it is.
 
     Attributes
     ----------

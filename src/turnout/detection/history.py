@@ -29,7 +29,7 @@ LEVEL_DEVIATION = 0.02
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Expectation:
-    """What is known of a switch.
+    r"""What is known of a switch.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ def before_history(model: SoundModel, errors: ThrowErrors) -> Expectation:
 
 
 def way_at(model: SoundModel, number: int, *, size: int) -> Floats:
-    r"""Return what :math:`u` and :math:`\delta` make of a throw at a centre, shape (n, r + size)."""
+    r"""Return what :math:`u`, :math:`\delta` make of a throw at a centre, shape (n, r + size)."""
     rows = model.switch.shape[1]
     fixed = np.zeros((rows, size))
     fixed[:size] = np.eye(size)
@@ -109,7 +109,7 @@ def error_at(model: SoundModel, errors: ThrowErrors, number: int, *, level: floa
     found[:size, :size] += errors.changing + errors.timing**2 * model.shift[number]
     gaps = np.arange(size, len(found))
     found[gaps, gaps] += errors.gap**2
-    return found
+    return np.asarray(found)
 
 
 def predict(
@@ -149,7 +149,7 @@ def observe(
     drift : float
         Variance by which the switch drifts since the throw before, share of the population's [-].
     """
-    size, modes = len(errors.fixed), model.switch.shape[2]
+    size, _modes = len(errors.fixed), model.switch.shape[2]
     position = np.clip((level - model.level[0]) / model.spacing, 0.0, len(model.level) - 1.0)
     below = min(int(position), len(model.level) - 2)
     share = position - below

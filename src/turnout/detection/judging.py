@@ -134,7 +134,7 @@ def evidence_of(view: View, features: Floats) -> Evidence:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ratios:
-    """Log likelihood ratios of throws.
+    r"""Log likelihood ratios of throws.
 
     Attributes
     ----------

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.atomic import write_atomic
+from turnout.core.files import write_atomic
 from turnout.core.provenance import version
 from turnout.detection.allowances import (
     Allowances,

@@ -45,7 +45,7 @@ class Part:
     @property
     def edges(self) -> Floats:
         """Edges of the windows from the onset on, shape (count + 1,) [s]."""
-        return self.window * np.arange(self.count + 1) - self.before
+        return np.asarray(self.window * np.arange(self.count + 1) - self.before)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,7 +143,7 @@ def layout_of(
 
 
 BEFORE, AFTER = 0.12, 0.6
-"""Time before the onset and after the end of a movement that is looked at, where it is there [s]."""
+"""Time before the onset and after the end of a movement that is looked at [s]."""
 
 
 def throw_features(

@@ -1,8 +1,8 @@
 """What a throw says of the object and of the end gaps: place, size, virtual sensors.
 
-Signatures are samples: each says where its object was, how large, and by how much gaps changed. Their
-weights after the throw make the distributions of all three. What a sound throw with these forces
-leaves open is normal, and adds to the change.
+Signatures are samples: each says where its object was, how large, and by how much gaps changed.
+Their weights after the throw make the distributions of all three. What a sound throw with these
+forces leaves open is normal, and adds to the change.
 """
 
 from dataclasses import dataclass
@@ -98,7 +98,7 @@ def posterior_of(
     )
     above = weights @ ndtr((means - limits) / np.maximum(deviation, 1e-9))
     return Posterior(
-        place=np.bincount(kinds[objects], weights=share, minlength=view.objects),
+        place=np.asarray(np.bincount(kinds[objects], share, view.objects), dtype=np.float64),
         x=mixture_interval(places, np.full(len(places), 0.15), share),
         size=_widened(mixture_interval(sizes, spread, share), size_factor),
         gaps=gaps,

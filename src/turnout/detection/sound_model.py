@@ -149,9 +149,9 @@ class _Fit:
         along = (level - self._middle) / self._half
         design = np.hstack(
             [
-                np.polynomial.chebyshev.chebvander(along, MEAN_DEGREE),
-                _times(np.polynomial.chebyshev.chebvander(along, LINEAR_DEGREE), theta),
-                _times(np.polynomial.chebyshev.chebvander(along, PRODUCT_DEGREE), products),
+                _powers(along, MEAN_DEGREE),
+                _times(_powers(along, LINEAR_DEGREE), theta),
+                _times(_powers(along, PRODUCT_DEGREE), products),
             ]
         )
         found, *_ = np.linalg.lstsq(design, values, rcond=None)
@@ -173,14 +173,18 @@ class _Fit:
     def of_switch(self, level: float) -> Floats:
         """Return what uncorrelated inputs and products make of a throw, shape (n_ways, n)."""
         along = np.array([self._along(level)])
-        ways = np.polynomial.chebyshev.chebvander(along, LINEAR_DEGREE)[0]
-        bends = np.polynomial.chebyshev.chebvander(along, PRODUCT_DEGREE)[0]
+        ways, bends = _powers(along, LINEAR_DEGREE)[0], _powers(along, PRODUCT_DEGREE)[0]
         of_inputs = np.tensordot(ways, self._linear, axes=1)
         of_products = np.tensordot(bends, self._product, axes=1)
         return np.asarray(self._root @ np.vstack([of_inputs, of_products]))
 
     def _along(self, level: float) -> float:
         return (level - self._middle) / self._half
+
+
+def _powers(along: Floats, degree: int) -> Floats:
+    """Return Chebyshev polynomials up to a degree, shape (n, degree + 1)."""
+    return np.asarray(np.polynomial.chebyshev.chebvander(along, degree), dtype=np.float64)
 
 
 def _times(first: Floats, second: Floats) -> Floats:

@@ -67,7 +67,7 @@ class ThrowSet:
     x: Floats
     force: Floats
 
-    def of(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> "ThrowSet":
+    def of(self, index: NDArray[np.intp] | NDArray[np.bool_] | slice) -> "ThrowSet":
         """Return some of them."""
         return ThrowSet(**{name: getattr(self, name)[index] for name in self.__slots__})
 
@@ -93,7 +93,7 @@ def layout_of_panel(panel: LoadedPanel) -> Layout:
             f"panel {panel.name}: its schedule is {', '.join(names) or 'empty'}; a detector needs "
             "one closing, or an opening and then a closing"
         )
-        raise StudyError(message)
+        raise StudyError([message])
     movements = [
         (
             name,
@@ -174,7 +174,7 @@ def teach(sets: Mapping[str, ThrowSet], setting: Setting, *, seed: int = 0) -> K
     level = np.concatenate([item.level for item in sound])
     if len(level) < LEAST_SOUND:
         message = f"{len(level)} sound throws ended; a detector needs {LEAST_SOUND} at least"
-        raise StudyError(message)
+        raise StudyError([message])
     values = np.concatenate([item.values for item in sound])
     errors = setting.errors(values[:, : setting.layout.size].mean(axis=0))
     deviation = np.sqrt(np.diag(errors.fixed + errors.changing))

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from turnout.detection.reference import FRICTION, PER_THROW, TEMPERATURE
 from turnout.panel.load import LoadedPanel, panel_from_document
-from turnout.study.chance import TemperatureLaw
 from turnout.study.design import Axis, Design
+from turnout.study.random_inputs import TemperatureLaw
+from turnout.study.sampling import FIELDS
 from turnout.study.scenario import Output, Value
 from turnout.study.study import Study
 from turnout.study.variable import Variable, value_kind
@@ -144,7 +145,7 @@ class Population:
         row = {name: inputs[name] for name in self._drawn.variables}
         field = {}
         for number, item in enumerate(self._drawn.fields):
-            rng = np.random.default_rng([self._drawn.seed, 2, number, state])
+            rng = np.random.default_rng([self._drawn.seed, FIELDS, number, state])
             field = item.values(rng)
         for chair in self.chairs:
             row[chair_factor(chair)] = field.get(chair.removesuffix(OTHER_RAIL), 1.0)
