@@ -70,7 +70,7 @@ ALLOWED: dict[str, set[str]] = {
         *("response", "measurement", "metric", "study"),
     },
     "detection": {
-        *("errors", "core", "schema", "panel", "response", "study", "sweep"),
+        *("errors", "core", "schema", "panel", "response", "measurement", "study", "sweep"),
     },
     "validation": {
         *("errors", "scheme", "core", "schema", "panel", "response", "measurement"),

@@ -198,6 +198,8 @@ def calibrate_history(
     *,
     history: int,
     part: str = CYCLE,
+    objects: ThrowSet | None = None,
+    otherwise: Calibrated | None = None,
     draws: int = 4,
     again: int = 6,
     seed: int = 0,
@@ -215,6 +217,10 @@ def calibrate_history(
         Throws that are known of each switch.
     part : str
         What is recorded.
+    objects : ThrowSet, optional
+        The same throws with objects, for the widths of intervals.
+    otherwise : Calibrated, optional
+        Whose widths are taken where these throws say too little.
     draws : int
         Histories of each switch.
     again : int
@@ -248,6 +254,10 @@ def calibrate_history(
             left.append(square)
         if done % draws == 0:
             tried.append((view, features, rest))
+            if objects is not None:
+                with_object = objects.of((objects.switch == switch) & (objects.force > 0.0))
+                moved = fixed + errors.of_throws(with_object.rates)
+                tried.append((view, with_object.features + moved, with_object))
         if report is not None:
             report(done + 1, len(numbers) * draws)
     if not ratios:
@@ -260,6 +270,7 @@ def calibrate_history(
         left=np.concatenate(left),
         switches=len(numbers),
         tried=tried,
+        otherwise=otherwise,
     )
 
 
@@ -272,8 +283,9 @@ def _calibrated(
     left: Floats,
     switches: int,
     tried: Sequence[tuple[View, Floats, ThrowSet]],
+    otherwise: Calibrated | None = None,
 ) -> Calibrated:
-    sizes, gaps = _misses(knowledge, tried)
+    sizes, gaps, object_gaps = _misses(knowledge, tried)
     return Calibrated(
         part=part,
         history=history,
@@ -284,17 +296,21 @@ def _calibrated(
         throws=len(ratios),
         switches=switches,
         residual=tuple(np.quantile(left, RESIDUAL_LEVELS).tolist()),
-        size_factor=_factor(sizes),
-        gap_factor=_factor(gaps),
+        size_factor=_factor(sizes, otherwise=otherwise.size_factor if otherwise else 1.0),
+        gap_factor=_factor(gaps, otherwise=otherwise.gap_factor if otherwise else 1.0),
+        object_gap_factor=_factor(
+            object_gaps, otherwise=otherwise.object_gap_factor if otherwise else 1.0
+        ),
     )
 
 
 def _misses(
     knowledge: Knowledge, tried: Sequence[tuple[View, Floats, ThrowSet]]
-) -> tuple[list[float], list[float]]:
-    """Return by how many half-intervals sizes and gaps were missed."""
+) -> tuple[list[float], list[float], list[float]]:
+    """Return by how many half-intervals sizes, gaps, and gaps with a clear object were missed."""
     limits = np.array(knowledge.setting.limits)
-    sizes, gaps = [], []
+    sizes: list[float] = []
+    gaps: tuple[list[float], list[float]] = ([], [])
     for view, features, throws in tried:
         for first in range(0, len(features), AT_ONCE):
             rows = slice(first, first + AT_ONCE)
@@ -303,13 +319,13 @@ def _misses(
             for number in range(len(features[rows])):
                 found = posterior_of(view, evidence, number, limits=limits)
                 at = first + number
-                gaps += [
+                gaps[int(seen[number])].extend(
                     miss(item, float(truth))
                     for item, truth in zip(found.gaps, throws.gaps[at], strict=True)
-                ]
+                )
                 if throws.size[at] > 0.0 and seen[number]:
                     sizes.append(miss(found.size, float(throws.size[at])))
-    return sizes, gaps
+    return sizes, *gaps
 
 
 CLEARLY = 5.0
@@ -328,10 +344,10 @@ def miss(interval: Interval, truth: float) -> float:
     return abs(truth - interval.middle) / max(abs(edge - interval.middle), 1e-9)
 
 
-def _factor(misses: Sequence[float]) -> float:
+def _factor(misses: Sequence[float], *, otherwise: float) -> float:
     """Return by how much intervals must be widened to hold 95 %, never narrowed to below half."""
     if len(misses) < LEAST_MISSES:
-        return 1.0
+        return otherwise
     return max(0.5, float(np.quantile(misses, 0.95)))
 
 

@@ -55,8 +55,9 @@ class Calibrated:
         Among how many switches.
     residual : tuple of float
         Quantiles of what the best hypothesis leaves of a throw, at `RESIDUAL_LEVELS` [-].
-    size_factor, gap_factor : float
-        By which intervals of size and of end gaps are widened to hold 95 % [-].
+    size_factor, gap_factor, object_gap_factor : float
+        By which intervals of size, of end gaps, and of end gaps where there is an alarm, are
+        widened to hold 95 % [-].
     """
 
     part: str
@@ -67,6 +68,7 @@ class Calibrated:
     residual: tuple[float, ...] = ()
     size_factor: float = 1.0
     gap_factor: float = 1.0
+    object_gap_factor: float = 1.0
 
 
 RESIDUAL_LEVELS = (0.0, 0.01, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)

@@ -20,7 +20,12 @@ OBJECT_WEIGHT = 0.01
 """Weight of objects against a sound switch before a throw, for gaps [-]."""
 COVERAGE = 0.95
 """Of intervals [-]."""
-MOST_COMPONENTS = 400
+TEMPER = 3.0
+"""Log likelihoods of signatures are divided by this: a throw lies between samples, and the nearest
+of them is not as much better than the next as its likelihood says."""
+MOST_COMPONENTS = 200
+NEGLIGIBLE = 9.0
+"""Signatures whose logarithm lies so far below the highest do not count."""
 SMOOTHING = 0.3e-3
 """Deviation by which the size of a signature is spread, beside a share of it [m]."""
 SMOOTHING_SHARE = 0.05
@@ -84,9 +89,10 @@ def posterior_of(
     size_factor, gap_factor : float
         By which intervals are widened [-].
     """
-    component = evidence.component[:, number]
+    component = evidence.component[:, number] / TEMPER
     kinds = view.signatures.kind[evidence.number]
     objects = np.flatnonzero(kinds < view.objects)
+    objects = objects[component[objects] > component[objects].max() - NEGLIGIBLE]
     share = np.exp(component[objects] - logsumexp(component[objects]))
     signature = evidence.number[objects]
     sizes, places = view.signatures.size[signature], view.signatures.x[signature]
@@ -110,10 +116,14 @@ def _gaps(
     view: View, evidence: Evidence, number: int, kinds: NDArray[np.intp]
 ) -> tuple[Floats, Floats, Floats]:
     """Return means, variances and weights of the normal parts that gaps are made of."""
-    causes = np.concatenate([np.full(view.objects, np.log(OBJECT_WEIGHT / view.objects)),
-                             view.cause_weight])  # fmt: skip
-    logs = evidence.component[:, number] + causes[kinds]
-    kept = np.argsort(logs)[-MOST_COMPONENTS:]
+    before = np.full(view.objects, np.log(OBJECT_WEIGHT / view.objects))
+    logs = evidence.component[:, number] + np.concatenate([before, view.cause_weight])[kinds]
+    logs = np.where(
+        kinds < view.objects, *(_tempered(logs, group) for group in _groups(view, kinds))
+    )
+    sound = evidence.centre[:, number]
+    kept = np.flatnonzero(logs > max(logs.max(), sound.max()) - NEGLIGIBLE)
+    kept = kept[np.argsort(logs[kept])[-MOST_COMPONENTS:]]
     parts = [np.arange(len(view.centres)), evidence.place[kept]]
     place = np.concatenate(parts)
     change = np.zeros((len(place), view.signatures.change.shape[1]))
@@ -123,16 +133,40 @@ def _gaps(
     factor = evidence.factor[kept, number][:, np.newaxis]
     change[own] = factor * view.signatures.change[evidence.number[kept]]
     gap[own] = factor * view.signatures.gap[evidence.number[kept]]
-    means, variances = np.zeros_like(gap), np.zeros_like(gap)
+    means, variances = np.zeros_like(gap), np.full_like(gap, 1e-12)
+    joined = np.concatenate([sound, logs[kept]])
+    weights = np.exp(joined - logsumexp(joined))
     for at, centre in enumerate(view.centres):
         rows = np.flatnonzero(place == at)
+        if not np.any(weights[rows] > 1e-9):
+            continue
         left = evidence.white[at, :, number] - change[rows] @ centre.way.T
         means[rows] = centre.gap_mean + left @ centre.gap_gain.T + gap[rows]
         square = np.einsum("ij,ij->i", change[rows] @ centre.way.T, change[rows] @ centre.way.T)
         loose[rows] = AMPLITUDE**2 / (1.0 + AMPLITUDE**2 * square)
         variances[rows] = centre.gap_variance + loose[rows, np.newaxis] * gap[rows] ** 2
-    joined = np.concatenate([evidence.centre[:, number], logs[kept]])
-    return means, variances, np.exp(joined - logsumexp(joined))
+    return means, variances, weights
+
+
+def _groups(view: View, kinds: NDArray[np.intp]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which components are objects, and which are other causes."""
+    return kinds < view.objects, kinds >= view.objects
+
+
+def _tempered(logs: Floats, group: NDArray[np.bool_]) -> Floats:
+    """Return logarithms of weights that are evener within a group, with the same sum.
+
+    Examples
+    --------
+    >>> found = np.exp(_tempered(np.log([1.0, 8.0]), np.array([True, True])))
+    >>> found.round(6).tolist()
+    [3.0, 6.0]
+    """
+    own = np.where(group, logs, -np.inf)
+    total = logsumexp(own)
+    if not np.isfinite(total):
+        return own
+    return np.asarray(own / TEMPER - logsumexp(own / TEMPER) + total)
 
 
 def mixture_interval(means: Floats, deviations: Floats, weights: Floats) -> Interval:
@@ -144,12 +178,12 @@ def mixture_interval(means: Floats, deviations: Floats, weights: Floats) -> Inte
     >>> round(found.middle, 3), round(found.low, 3), round(found.high, 3)
     (1.0, 0.02, 1.98)
     """
-    used = weights > 1e-9
+    used = weights > 1e-5
     mean, deviation, weight = means[used], deviations[used], weights[used] / weights[used].sum()
     wanted = np.array([0.5, 0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE])
     low = np.full(3, float(np.min(mean - 8.0 * deviation)))
     high = np.full(3, float(np.max(mean + 8.0 * deviation)))
-    for _ in range(40):
+    for _ in range(24):
         middle = 0.5 * (low + high)
         share = ndtr((middle[:, np.newaxis] - mean) / deviation) @ weight
         low, high = np.where(share < wanted, middle, low), np.where(share < wanted, high, middle)

@@ -110,7 +110,7 @@ def knowledge_of_sets(
     seen = {
         name: item.of(item.row < first if name == SOUND else item.partner < first)
         for name, item in sets.items()
-        if name != HISTORY
+        if not name.startswith(HISTORY)
     }
     # objects may all lie in states before the limit; then the last of them are held back
     last = int(np.quantile(objects.partner, 1.0 - HELD_BACK))
@@ -121,11 +121,20 @@ def knowledge_of_sets(
     parts = [CYCLE, CLOSING] if len(setting.layout.parts) > 1 else [CYCLE]
     calibrated: list[Calibrated | None] = []
     for part in parts:
-        calibrated.append(calibrate_alone(part_way, rest, held, part=part, draws=draws))
+        alone = calibrate_alone(part_way, rest, held, part=part, draws=draws)
+        calibrated.append(alone)
         for number in histories if HISTORY in sets else ():
             told = _Telling(report, f"thresholds after {number} throws, {part}")
             calibrated.append(
-                calibrate_history(part_way, sets[HISTORY], history=number, part=part, report=told)
+                calibrate_history(
+                    part_way,
+                    sets[HISTORY],
+                    history=number,
+                    part=part,
+                    objects=sets.get(f"{HISTORY}, {OBJECT}"),
+                    otherwise=alone,
+                    report=told,
+                )
             )
     return with_calibration(teach(sets, setting), *calibrated)
 

@@ -112,21 +112,22 @@ LATER = 0.1
 def read_set(plan: Plan, dataset: xr.Dataset, layout: Layout) -> ThrowSet:
     """Take features, gaps and labels of the throws of a plan."""
     complete = (dataset["outcome"].astype(str) == "complete").to_numpy()
-    row = np.flatnonzero(complete)
-    force = dataset["drive_force"].to_numpy()[row].astype(np.float64)
+    at = np.flatnonzero(complete)
+    row = dataset["scenario"].to_numpy()[at]  # some may not be thrown yet
+    force = dataset["drive_force"].to_numpy()[at].astype(np.float64)
     time = dataset["time"].to_numpy().astype(np.float64)
     onsets = np.tile([part.start for part in layout.parts], (len(row), 1))
     onsets[:, -1] = plan.start[row]
 
-    def at(shift: float) -> Floats:
+    def shifted(shift: float) -> Floats:
         return throw_features(time, force, layout=layout, onsets=onsets + shift)
 
     # a constant onset rather late shows a throw that is rather early
-    rates = (at(-SHIFT) - at(SHIFT)) / (2.0 * SHIFT)
-    sensors = dataset["sensor_gap"].to_numpy()[row][..., -1]
-    drives = dataset["end_gap"].to_numpy()[row]
+    rates = (shifted(-SHIFT) - shifted(SHIFT)) / (2.0 * SHIFT)
+    sensors = dataset["sensor_gap"].to_numpy()[at][..., -1]
+    drives = dataset["end_gap"].to_numpy()[at]
     return ThrowSet(
-        features=at(0.0),
+        features=shifted(0.0),
         rates=rates,
         gaps=np.hstack([sensors, drives]).astype(np.float64),
         level=plan.level[row],
@@ -134,9 +135,9 @@ def read_set(plan: Plan, dataset: xr.Dataset, layout: Layout) -> ThrowSet:
         switch=plan.switch[row],
         partner=plan.partner[row],
         row=row,
-        size=dataset[OBJECT_SIZE].to_numpy()[row],
-        x=dataset[OBJECT_AT].to_numpy()[row],
-        force=dataset["object_force_peak"].to_numpy()[row].astype(np.float64),
+        size=dataset[OBJECT_SIZE].to_numpy()[at],
+        x=dataset[OBJECT_AT].to_numpy()[at],
+        force=dataset["object_force_peak"].to_numpy()[at].astype(np.float64),
     )
 
 

@@ -51,6 +51,11 @@ DEFECT = ", defect"
 DEFECT_FIELDS = ("stiffness", "saturation_force")
 
 
+SLOW, BLOCK = ("section_scale", "lateral_inertia_scale"), 100
+"""Inputs that make a rail anew, which takes five times as long as a throw, and how many states in
+a row share one draw of them."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plan:
     """Throws of one sweep.
@@ -137,11 +142,15 @@ class Population:
         switch : int, optional
             State that gives what is fixed; default the same one.
         """
-        scenario = self._drawn.scenario(state)
-        inputs = dict(scenario.inputs)
+        inputs = dict(self._drawn.scenario(state).inputs)
         if switch is not None and switch != state:
             fixed = self._drawn.scenario(switch).inputs
             inputs |= {name: fixed[name] for name in self.of_switch}
+        block = state // BLOCK * BLOCK
+        slow = [name for name in self.of_switch if name.endswith(SLOW)]
+        if slow and switch is None and block != state:
+            rolled = self._drawn.scenario(block).inputs
+            inputs |= {name: rolled[name] for name in slow}
         row = {name: inputs[name] for name in self._drawn.variables}
         field = {}
         for number, item in enumerate(self._drawn.fields):

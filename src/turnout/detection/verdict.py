@@ -227,7 +227,7 @@ def verdict_on(
         number,
         limits=np.array(knowledge.setting.limits),
         size_factor=calibrated.size_factor,
-        gap_factor=calibrated.gap_factor,
+        gap_factor=calibrated.object_gap_factor if status == ALARM else calibrated.gap_factor,
     )
     gaps = _gaps(knowledge, found)
     best = max(odds, key=lambda item: odds[item])
