@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from turnout.detection.history import Expectation, ThrowErrors, before_history, observe
 from turnout.detection.judging import (
+    CAUSE_WEIGHT,
     CYCLE,
     View,
     best_square,
@@ -36,6 +37,8 @@ LEAST_IN_TAIL = 10
 """Throws above a quantile that is taken as it is."""
 AT_ONCE = 50
 """Throws judged together."""
+LEAST_THRESHOLD = 1.0 - float(np.log(CAUSE_WEIGHT))
+"""A cause that explains a throw nearly as well as an object does keeps it below this [-]."""
 INTERVALS = 400
 """Throws that widths of intervals are taken from."""
 
@@ -290,7 +293,7 @@ def _calibrated(
         part=part,
         history=history,
         thresholds={
-            f"{rate:g}": max(0.0, float(threshold_for(ratios, rate=SAFETY * rate)))
+            f"{rate:g}": max(LEAST_THRESHOLD, threshold_for(ratios, rate=SAFETY * rate))
             for rate in RATES
         },
         throws=len(ratios),

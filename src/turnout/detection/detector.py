@@ -137,27 +137,30 @@ class Detector:
         Returns
         -------
         list of Verdict
-            On each throw, before it was learned.
+            On each throw, before any of them was learned.
         """
-        found = []
+        found, rows = [], []
         for throw in throws:
-            verdict = self.judge(throw)
-            found.append(verdict)
-            if verdict.status == CANNOT or (check and verdict.status != SOUND):
+            fault = recording_fault(throw, self.knowledge.layout)
+            if fault:
+                found.append(self.judge(throw))
                 continue
-            _, features = self.features(throw)
-            if np.isfinite(features).all():
-                self.learn_features(features)
+            part, features = self.features(throw)
+            verdict = self.judge_features(features, part=part, name=throw.name)
+            found.append(verdict)
+            usable = verdict.status == SOUND or not check
+            if usable and np.isfinite(features).all():
+                rows.append(features)
+        if rows:
+            self.learn_features(np.array(rows))
         return found
 
     def learn_features(self, features: Floats) -> None:
-        """Learn one sound throw by its features, shape (n_features,) [N]."""
-        knowledge = self.knowledge
-        view = self.view(CYCLE)
-        (level,) = throw_levels(view, features, levels=knowledge.model.level)
-        self.known = observe(
-            knowledge.model, knowledge.errors(), self.known, features, level=float(level)
-        )
+        """Learn sound throws by their features, shape (n_throws, n_features) [N]."""
+        model, errors = self.knowledge.model, self.knowledge.errors()
+        levels = throw_levels(self.view(CYCLE), features, levels=model.level)
+        for row, level in zip(features, levels, strict=True):
+            self.known = observe(model, errors, self.known, row, level=float(level))
         self._views.clear()
         self._aligners.clear()
 

@@ -23,7 +23,7 @@ Ints = NDArray[np.intp]
 
 CYCLE = "cycle"
 """Opening and closing together, in place of the closing alone."""
-CAUSE_WEIGHT = 0.1
+CAUSE_WEIGHT = 0.3
 r""":math:`\rho`, weight of every other cause against a sound switch [-]."""
 ADJUSTED = "adjustment"
 LEAST_HISTORY = 3

@@ -215,14 +215,19 @@ def log_density(square: Floats, *, size: int) -> Floats:
 
     Examples
     --------
-    >>> log_density(np.array([3.0, 4.0]), size=4).tolist()
-    [-1.5, -2.0]
-    >>> round(float(log_density(np.array(4.0 * np.e), size=4)), 6)
-    -4.0
+    >>> log_density(np.array([8.0, 20.0]), size=8).tolist()
+    [-4.0, -10.0]
+    >>> round(float(log_density(np.array(20.0 * np.e), size=8)), 6)
+    -20.0
     """
     given = np.asarray(square, dtype=np.float64)
-    beyond = size * (1.0 + np.log(np.maximum(given, size) / size))
-    return -0.5 * np.where(given <= size, given, beyond)
+    usual = size + USUAL * np.sqrt(2.0 * size)
+    beyond = usual * (1.0 + np.log(np.maximum(given, usual) / usual))
+    return -0.5 * np.where(given <= usual, given, beyond)
+
+
+USUAL = 3.0
+"""Standard deviations of the squared distance within which a density is normal [-]."""
 
 
 def weigh(features: Floats, centres: tuple[Centre, ...], *, kind: Ints, kinds: int) -> Evidence:

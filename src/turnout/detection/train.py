@@ -87,6 +87,7 @@ def knowledge_of_sets(
     setting: Setting,
     *,
     draws: int = 12,
+    history_draws: int = 4,
     histories: tuple[int, ...] = HISTORIES,
     report: Report | None = None,
 ) -> Knowledge:
@@ -100,6 +101,8 @@ def knowledge_of_sets(
         What for.
     draws : int
         Uses of each throw that thresholds are taken from.
+    history_draws : int
+        Histories that are drawn for each switch.
     histories : tuple of int
         Sound throws known, that thresholds are taken for beside none.
     report : callable, optional
@@ -133,6 +136,7 @@ def knowledge_of_sets(
                     part=part,
                     objects=sets.get(f"{HISTORY}, {OBJECT}"),
                     otherwise=alone,
+                    draws=history_draws,
                     report=told,
                 )
             )
