@@ -210,7 +210,7 @@ def run(system: LinearSystem, rest: Floats, *, case: str, step: float) -> Answer
     linear[:, width] += 4.0 / step**2 * mass
     count = system.stations.lateral.size
     record = np.zeros((count + 3, times.size))
-    iterations, factors, unsettled = march(
+    iterations, factors, unconverged = march(
         linear, damping, mass, system.load, width, system.stations.arrays(),
         rest.copy(), markers, there, step, KEPT_FACTORS, record,
     )  # fmt: skip
@@ -218,6 +218,6 @@ def run(system: LinearSystem, rest: Floats, *, case: str, step: float) -> Answer
         "steps": times.size - 1,
         "iterations": int(iterations),
         "factorisations": int(factors),
-        "unsettled": int(unsettled),
+        "unconverged": int(unconverged),
     }
     return Answer(times, record[count : count + 2], record[count + 2], record[:count], work)

@@ -19,8 +19,9 @@ from benchmarks.page import write_section
 from benchmarks.schemes import MODES
 from turnout.core.threads import one_blas_thread
 from turnout.integrate import energy, march, solution, solve, step
-from turnout.integrate.arrange import Run, arrange, prepare, start_at_rest
+from turnout.integrate.arrange import PreparedRun, arrange, prepare
 from turnout.integrate.columns import update_row
+from turnout.integrate.start import start_at_rest
 from turnout.integrate.state import COUNT_FLIPS, COUNT_ITERATIONS
 from turnout.kernels.interrupt import one_thread
 from turnout.kernels.vector import add_weighted_rows
@@ -60,7 +61,9 @@ class Profile:
     products: int
 
 
-def marched(name: str, scheme: Scheme, share: float, *, stride: int = 1) -> tuple[Run, float]:
+def marched(
+    name: str, scheme: Scheme, share: float, *, stride: int = 1
+) -> tuple[PreparedRun, float]:
     """March a panel a share of its cycle; return it with the seconds of the march."""
     panel = load_panel(name)
     mechanism = build_mechanism(panel, ())
@@ -102,7 +105,7 @@ def products(s, t, st, w, sp, rec, n):  # type: ignore[no-untyped-def]  # noqa: 
         add_weighted_rows(w.q_pred[:40], st.mode_columns[:40], st.columns[0])
 
 
-def seconds(loop: Callable[..., None], run: Run) -> float:
+def seconds(loop: Callable[..., None], run: PreparedRun) -> float:
     """Return the least seconds of one call."""
     given = (run.system, run.table, run.state, run.work, run.stepping, run.record)
     loop(*given, 1)

@@ -41,7 +41,7 @@ either). Each is judged by the same checks against the same answers (Exudyn at 0
 benchmark: *rms* is the worst of the drives (at most 0.3 % of the peak) and the object (0.5 %);
 *plateau* is the worst of the drives at 4.5 s and the object at 3.98 s in percent, at most 0.3.
 *Friction* of single chairs is told and not asked for. The ratio is to turnout's least that agrees,
-of medians in this run, books of energy and every instant stored included. Rivals begin at rest,
+of medians in this run, energy residual and every instant stored included. Rivals begin at rest,
 which they are given; turnout finds it: the ratio to its steps alone stands below each table.
 
 What the columns cannot tell:

@@ -18,7 +18,7 @@ from scipy.io import savemat
 
 from benchmarks.machine import machine
 from turnout.measurement.formats.file_format import write_recording
-from turnout.measurement.recording import Channel, Recording
+from turnout.measurement.recording import RecordedChannel, Recording
 
 PAGE = Path(__file__).parents[1] / "docs" / "performance-reading.md"
 SECONDS, RATE, CHANNELS = 3600, 1000, 5
@@ -51,7 +51,9 @@ def hour() -> Recording:
     channels = {}
     for number in range(1, CHANNELS + 1):
         values = np.sin(time / (10 * number)) + rng.normal(scale=0.01, size=time.size)
-        channels[f"AI {number}"] = Channel(f"AI {number}", "mV/V", np.round(values, 6), RATE)
+        channels[f"AI {number}"] = RecordedChannel(
+            f"AI {number}", "mV/V", np.round(values, 6), RATE
+        )
     return Recording(channels, "an hour")
 
 

@@ -16,12 +16,9 @@ from collections.abc import Callable
 
 from benchmarks.machine import machine
 from benchmarks.page import write_section
-from turnout.integrate.integration import integrate
-from turnout.mechanism.build import build_mechanism
-from turnout.panel.foreign_object import ForeignObject, resolve_objects
+from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
-from turnout.panel.markers import marker_offsets, marker_positions
-from turnout.response.simulate import simulate
+from turnout.response.simulate import simulate, solve
 from turnout.scheme import Scheme
 
 PANEL = "uic60-760-1-15"
@@ -41,16 +38,8 @@ def repeated(work: Callable[[], object], *, count: int = REPEATS) -> list[float]
 
 def solution() -> None:
     """Build and integrate one cycle."""
-    panel = load_panel(PANEL)
-    objects = resolve_objects(panel, [ForeignObject(0.013, "sleeper 6")])
-    mechanism = build_mechanism(panel, objects)
-    offsets = marker_offsets(panel)[:, None]
-    integrate(
-        mechanism,
-        Scheme(),
-        inputs=lambda times: marker_positions(panel, times) + offsets,
-        end=panel.schedule.end,
-    )
+    foreign = ForeignObject(0.013, "sleeper 6")
+    solve(load_panel(PANEL), foreign_object=foreign, scheme=Scheme())
 
 
 def dataset() -> None:

@@ -143,7 +143,7 @@ def run(system: LinearSystem, rest: Floats, *, case: str, step: float, dense: bo
         "steps": laws.steps,
         "evaluations": laws.evaluations,
         "Jacobians": laws.jacobians,
-        "unsettled": 0 if done else 1,
+        "unconverged": 0 if done else 1,
     }
     record = laws.record
     times = step * np.arange(laws.steps + 1)

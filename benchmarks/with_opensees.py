@@ -203,7 +203,7 @@ def run(system: LinearSystem, *, case: str, step: float) -> Answer:
         if trapped:
             record[-1, t] = ops.eleResponse(trapped, "material", 1, "stress")[0]
     count = model.weight.size
-    work = {"steps": steps, "unsettled": failed}
+    work = {"steps": steps, "unconverged": failed}
     return Answer(times, -record[count : count + 2], record[-1], -record[:count], work)
 
 

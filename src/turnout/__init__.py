@@ -9,7 +9,7 @@
 The public interface is what this package and `turnout.plot` list in ``__all__``, and the methods of
 what these return. All modules below are private: they may move or change in any version.
 
-Everything is loaded when it is first asked for, so that importing turnout costs nothing.
+Everything is loaded on first use, so that importing turnout costs nothing.
 """
 
 import sys
@@ -35,11 +35,13 @@ NAMES = {
     "features": "turnout.metric.features",
     "filtered": "turnout.metric.channel_features",
     # Point machines
-    "load_machines": "turnout.machine.load",
-    "LoadedMachines": "turnout.machine.load",
-    "throw_one_mass": "turnout.machine.throw",
-    "MachineThrow": "turnout.machine.throw",
+    "load_machines": "turnout.machine.machine_file",
+    "LoadedMachines": "turnout.machine.machine_file",
+    "throw_one_mass": "turnout.machine.one_mass_throw",
+    "MachineThrow": "turnout.machine.one_mass_throw",
     "machine_dataset": "turnout.response.machine",
+    "fit_machines": "turnout.api.machine",
+    "MachineFit": "turnout.calibration.machine_fit",
     # Measurements, calibration, validation
     "read_recording": "turnout.measurement.formats.file_format",
     "import_recording": "turnout.api.recording",

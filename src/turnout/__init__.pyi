@@ -9,12 +9,14 @@ from turnout.api.calibration import load_calibration as load_calibration
 from turnout.api.campaign import Campaign as Campaign
 from turnout.api.campaign import build_campaign as build_campaign
 from turnout.api.campaign import load_campaign as load_campaign
+from turnout.api.machine import fit_machines as fit_machines
 from turnout.api.recording import import_recording as import_recording
 from turnout.api.sweep import Sweep as Sweep
 from turnout.api.sweep import open_sweep as open_sweep
 from turnout.api.sweep import run_sweep as run_sweep
 from turnout.api.validation import Validation as Validation
 from turnout.api.validation import validate as validate
+from turnout.calibration.machine_fit import MachineFit as MachineFit
 from turnout.core.version import VERSION as __version__
 from turnout.errors import FileError as FileError
 from turnout.errors import MachineError as MachineError
@@ -26,10 +28,10 @@ from turnout.errors import SolverError as SolverError
 from turnout.errors import StudyError as StudyError
 from turnout.errors import TurnoutError as TurnoutError
 from turnout.integrate.outcome import NotConverged as NotConverged
-from turnout.machine.load import LoadedMachines as LoadedMachines
-from turnout.machine.load import load_machines as load_machines
-from turnout.machine.throw import MachineThrow as MachineThrow
-from turnout.machine.throw import throw_one_mass as throw_one_mass
+from turnout.machine.machine_file import LoadedMachines as LoadedMachines
+from turnout.machine.machine_file import load_machines as load_machines
+from turnout.machine.one_mass_throw import MachineThrow as MachineThrow
+from turnout.machine.one_mass_throw import throw_one_mass as throw_one_mass
 from turnout.measurement.formats.file_format import read_recording as read_recording
 from turnout.measurement.formats.history import read_history as read_history
 from turnout.metric.channel_features import filtered as filtered
@@ -56,6 +58,7 @@ __all__ = [
     "LoadedMachines",
     "LoadedPanel",
     "MachineError",
+    "MachineFit",
     "MachineThrow",
     "MeasurementError",
     "MechanicsError",
@@ -75,6 +78,7 @@ __all__ = [
     "calibrate",
     "features",
     "filtered",
+    "fit_machines",
     "friction_stability",
     "import_recording",
     "load_calibration",

@@ -1,4 +1,4 @@
-"""One error class a stage, so that a caller can tell bad input from a failed solution."""
+"""One error class a stage, so that a caller can distinguish bad input from a failed solution."""
 
 
 class TurnoutError(Exception):
@@ -9,7 +9,7 @@ class FileError(TurnoutError):
     """A file cannot be read or written; the text names the path and the remedy."""
 
 
-MOST_TOLD, LONGEST_TOLD = 200, 2000
+MOST_LISTED, LONGEST_MESSAGE = 200, 2000
 """Problems in the text of an error, and characters of each; a file can have as many as it likes."""
 
 
@@ -29,13 +29,13 @@ class ListedError(TurnoutError):
         self.source = source
         count = len(self.problems)
         heading = f"{source}: {count} problem{'s' if count != 1 else ''}"
-        told = tuple(
-            text if len(text) <= LONGEST_TOLD else f"{text[:LONGEST_TOLD]} ..."
-            for text in self.problems[:MOST_TOLD]
+        listed = tuple(
+            text if len(text) <= LONGEST_MESSAGE else f"{text[:LONGEST_MESSAGE]} ..."
+            for text in self.problems[:MOST_LISTED]
         )
-        if count > MOST_TOLD:
-            told = (*told, f"and {count - MOST_TOLD} more")
-        super().__init__("\n  - ".join((heading, *told)))
+        if count > MOST_LISTED:
+            listed = (*listed, f"and {count - MOST_LISTED} more")
+        super().__init__("\n  - ".join((heading, *listed)))
 
 
 class PanelError(ListedError):

@@ -15,7 +15,7 @@ def home_of(name: str, place: str) -> tuple[str, str]:
     Parameters
     ----------
     name : str
-        Public name.
+        Name that users import.
     place : str
         Module that defines it, and after a colon what it is called there, where that differs.
 
@@ -42,7 +42,7 @@ def loader(
     Parameters
     ----------
     package : str
-        Its name.
+        Dotted name of the package, such as "turnout.plot".
     table : mapping of str to str
         Public names, see `home_of`; a row that names a package inside this one is that package.
     moved : mapping of str to (str, str), optional

@@ -26,7 +26,7 @@ from turnout.errors import FileError
 from turnout.measurement.chain.skeleton import skeleton
 from turnout.measurement.formats import isolated
 from turnout.measurement.formats.file_format import read_recording, write_recording
-from turnout.measurement.recording import Channel, Recording, overview
+from turnout.measurement.recording import RecordedChannel, Recording, overview
 
 MOST_MEMORY, MOST_SECONDS, LONGEST_MESSAGE = 1000.0, 10.0, 1000
 """Of every process [MB], of all processors [s], of a message [characters]."""
@@ -40,7 +40,7 @@ Record = dict[str, Any]
 def sound_files(folder: Path) -> dict[str, Path]:
     """Write a sound recording in each format that can be written here; return them by kind."""
     rods = {
-        name: Channel(name, "mV/V", ROD * factor, rate=1000.0)
+        name: RecordedChannel(name, "mV/V", ROD * factor, rate=1000.0)
         for name, factor in (("Rod 1", 1.0), ("Rod 2", -0.5))
     }
     found = {}

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.core.cache_folder import PRIVATE_VARIABLE, distrust, private_folder, safe_folder
+from turnout.core.cache_folder import PRIVATE_VARIABLE, private_folder, safe_folder, why_unsafe
 from turnout.core.stored_arrays import DamagedError, arrays_from_bytes, arrays_to_bytes
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
@@ -157,19 +157,19 @@ def test_workers_share_the_private_folder_which_ends_with_the_run(
 def test_a_folder_of_another_user_is_not_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert distrust(tmp_path) == ""
+    assert why_unsafe(tmp_path) == ""
     me = os.geteuid()
     monkeypatch.setattr(os, "geteuid", lambda: me + 1)
-    assert distrust(tmp_path) == f"{tmp_path} belongs to another user"
+    assert why_unsafe(tmp_path) == f"{tmp_path} belongs to another user"
 
 
 def test_a_folder_that_others_can_replace_is_not_used(tmp_path: Path) -> None:
     folder = tmp_path / "open" / "own"
     folder.mkdir(parents=True)
     (tmp_path / "open").chmod(0o777)
-    assert "which can be written by other users" in distrust(folder)
+    assert "which can be written by other users" in why_unsafe(folder)
     (tmp_path / "open").chmod(0o1777)  # there only the owner moves what is his
-    assert distrust(folder) == ""
+    assert why_unsafe(folder) == ""
 
 
 def test_links_and_open_files_in_a_folder_are_not_used(tmp_path: Path) -> None:
@@ -177,13 +177,13 @@ def test_links_and_open_files_in_a_folder_are_not_used(tmp_path: Path) -> None:
     inside = tmp_path / "kernels" / "index"
     inside.parent.mkdir()
     inside.write_text("")
-    assert distrust(tmp_path) == ""
+    assert why_unsafe(tmp_path) == ""
     inside.chmod(0o666)
-    assert distrust(tmp_path) == f"{inside} can be written by other users"
+    assert why_unsafe(tmp_path) == f"{inside} can be written by other users"
     tmp_path.chmod(0o700)  # nobody else gets to the file
-    assert distrust(tmp_path) == ""
+    assert why_unsafe(tmp_path) == ""
     (tmp_path / "link").symlink_to("/etc")
-    assert distrust(tmp_path) == f"{tmp_path / 'link'} is a link"
+    assert why_unsafe(tmp_path) == f"{tmp_path / 'link'} is a link"
 
 
 def test_what_is_made_is_for_the_user_alone(tmp_path: Path) -> None:

@@ -75,7 +75,7 @@ def test_a_place_that_the_panel_has_not() -> None:
 
 
 def test_one_run_is_no_campaign() -> None:
-    with pytest.raises(MeasurementError, match="no built campaign"):
+    with pytest.raises(MeasurementError, match="not a built campaign"):
         calibrate(xr.Dataset({"drive_force": ("time", TIME)}), load_panel("sb1"))
 
 
@@ -99,10 +99,10 @@ REFUSED: list[tuple[dict[str, object], list[str], str]] = [
     ({}, ["--set", "chair.friction_coefficient=1.5"], "start = 1.5: is outside its bounds 0.02"),
     ({"forces": still(1)}, [], "drive 2: never moves, its force changes by 0 N"),
     # Others.
-    ({}, ["--fix", "drive.1.stroke"], "no parameter of the default stages"),
+    ({}, ["--fix", "drive.1.stroke"], "not a parameter of the default stages"),
     ({}, ["--free", "drive.1.height"], "drive.1.height = 0: is not positive"),
     ({}, ["--free", "drive.1.rail"], "is not a number, so it cannot be fitted"),
-    ({}, ["--free", "gravity", "--fix", "gravity"], "gravity: is no parameter of the default"),
+    ({}, ["--free", "gravity", "--fix", "gravity"], "gravity: is not a parameter of the default"),
     ({}, [*FREED, *FIXED], "drive.1.stiffness: is both freed and fixed; take one"),
     ({}, ["--exclude", "free"], "no movement without an object is left"),
     ({}, ["--exclude", "nobody"], "there is no such movement"),
@@ -163,4 +163,4 @@ def test_a_calibration_that_is_none_is_refused_by_simulate(
     with pytest.raises(SystemExit) as end:
         main()
     assert end.value.code == 2
-    assert "is no calibration" in capsys.readouterr().err
+    assert "is not a calibration" in capsys.readouterr().err

@@ -116,7 +116,7 @@ def test_a_map_and_effects_go_through(swept: Path, tmp_path: Path) -> None:
     assert sum(counts) == 12
     effects = run("effects", swept, "--feature", "object_force_peak").output
     assert effects.startswith("object_force_peak\n")
-    # The size is 0 or 30 mm: it decides over everything.
+    # The size is 0 or 30 mm: everything depends on it.
     assert effects.splitlines()[1].split()[0] == "object.size"
 
 

@@ -25,7 +25,7 @@ eccentricity = "60 mm"
         ("", MAP, ("throw.csv: the file is empty",)),
         ("hello\n", MAP, ("there are no rows of numbers",)),
         (GOOD.replace("0.2", "x"), MAP, ("line 3, column 'Rod 1': 'x' is not a number",)),
-        (GOOD.replace(" (mV/V)", ""), MAP, ("drive_force.1", "tells the unit")),
+        (GOOD.replace(" (mV/V)", ""), MAP, ("drive_force.1", "states the unit")),
         (GOOD.replace("(mV/V)", "[furlong]"), MAP, ('"furlong" is no unit of a sensor',)),
         (GOOD, MAP.replace("Rod 1", "Rod 3"), ('"Rod 3": is not in the file', "'Rod 1'")),
         (GOOD, MAP.replace("60 mm", "60"), ("map.toml: 1 problem", "write the unit")),

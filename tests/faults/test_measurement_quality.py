@@ -8,11 +8,13 @@ import xarray as xr
 from tests.unit.recorded import changed, noisy, only, samples, typical
 
 from turnout.measurement.quality.channel_faults import KINDS, line_amplitude
-from turnout.measurement.quality.judge import Expected, Verdict, judge
+from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
 from turnout.measurement.quality.throw_faults import open_level
 
 
-def judged(dataset: xr.Dataset, *, direction: str = "closing", load_cell: bool = True) -> Verdict:
+def judged(
+    dataset: xr.Dataset, *, direction: str = "closing", load_cell: bool = True
+) -> ThrowQuality:
     expected = Expected(
         direction=direction, load_cell=load_cell, rate=1000.0, profile=typical(direction)
     )

@@ -67,7 +67,7 @@ FAULTS = {
     ),
     "parameter missing": (
         DRAWN.replace("maximum = 0.3\n", "") + "[sampling]\ncount = 4\n",
-        "maximum: is missing for distribution 'uniform'",
+        "maximum: is required for distribution 'uniform'",
     ),
     "unknown distribution": (
         DRAWN.replace("uniform", "unifrm") + "[sampling]\ncount = 4\n",
@@ -77,7 +77,7 @@ FAULTS = {
     "contradicting correlation": (
         DRAWN + STIFF + "[sampling]\ncount = 4\n[[correlation]]\n"
         'between = ["drive.1.stiffness", "drive.2.stiffness"]\nrank_correlation = 0.5\n',
-        '"drive.2.stiffness": is no drawn variable; nearest is',
+        '"drive.2.stiffness": is not a drawn variable; nearest is',
     ),
     "correlation beyond one": (
         DRAWN + STIFF + "[sampling]\ncount = 4\n[[correlation]]\n"
@@ -86,7 +86,7 @@ FAULTS = {
     ),
     "rule of nothing": (
         SIZE + PLACE + '[rule]\nincrease = "object.sze"\n',
-        "is no variable with values; nearest is 'object.size'",
+        "is not a variable with values; nearest is 'object.size'",
     ),
     "rule that falls": (
         SIZE.replace('"5 mm", "13 mm"', '"13 mm", "5 mm"') + PLACE

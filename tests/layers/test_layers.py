@@ -52,7 +52,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "virtual": {"errors", "scheme", "core", "schema", "panel", "response", "measurement", "metric"},
     "calibration": {
-        *("errors", "scheme", "core", "schema", "panel", "integrate", "response"),
+        *("errors", "scheme", "core", "schema", "panel", "machine", "integrate", "response"),
         *("measurement", "metric", "virtual"),
     },
     "study": {

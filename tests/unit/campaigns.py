@@ -8,10 +8,10 @@ from pathlib import Path
 
 from tests.unit.simulated import sb2_panel
 
-from turnout.virtual.campaign_plan import Plan
+from turnout.virtual.campaign_plan import CampaignPlan
 from turnout.virtual.make_campaign import make_virtual_campaign
 
-PLAN = Plan(
+PLAN = CampaignPlan(
     places=("sleeper 6",),
     sizes=(0.010, 0.013, 0.031),
     object_free=3,

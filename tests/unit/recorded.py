@@ -6,12 +6,12 @@ import numpy as np
 import xarray as xr
 from tests.unit.simulated import sb2_panel
 
-from turnout.measurement.campaign.find_throws import Throw, find_throws
-from turnout.measurement.quality.throw_faults import Profile, early_profile, typical_profile
+from turnout.measurement.campaign.find_throws import FoundThrow, find_throws
+from turnout.measurement.quality.throw_faults import ForceProfile, early_profile, typical_profile
 from turnout.panel.foreign_object import ForeignObject
 from turnout.response.save import Save
 from turnout.response.simulate import simulate
-from turnout.virtual.disturbance import disturbed
+from turnout.virtual.disturbance import add_disturbance
 from turnout.virtual.record_throw import record_throw
 
 FIELDS = ("drive_force", "drive_displacement", "drive_slipping", "object_force", "contact_time")
@@ -34,17 +34,17 @@ def clean(size: float = 0.0, direction: str = "closing", friction: float = 0.4) 
 def noisy(
     seed: int, size: float = 0.0, direction: str = "closing", friction: float = 0.4
 ) -> xr.Dataset:
-    return disturbed(clean(size, direction, friction), rng=np.random.default_rng(seed))
+    return add_disturbance(clean(size, direction, friction), rng=np.random.default_rng(seed))
 
 
-def only(dataset: xr.Dataset) -> Throw:
+def only(dataset: xr.Dataset) -> FoundThrow:
     """Return the one throw of a recording."""
     (throw,) = find_throws(dataset)
     return throw
 
 
 @cache
-def typical(direction: str = "closing") -> Profile:
+def typical(direction: str = "closing") -> ForceProfile:
     """How three other throws begin."""
     profiles = []
     for seed in (11, 12, 13):

@@ -11,10 +11,10 @@ import pytest
 from turnout.calibration import fit as fitting
 from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import spread_of
-from turnout.calibration.evaluate import CELL, Evaluator, Response, Throw, packed, unpacked
+from turnout.calibration.evaluate import CELL, Evaluator, Response, ThrowInputs, packed, unpacked
 from turnout.calibration.fit import _least_squares, fit, inflate_noise
 from turnout.calibration.linearisation import FINE_DIFFERENCE
-from turnout.calibration.measured_movements import BIN, Movement, Signal
+from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
 from turnout.calibration.misfit import Misfit, framed, jacobian
 from turnout.calibration.noise import Noise, measured_noise, missed_by_model
 from turnout.calibration.parameter import Parameter
@@ -40,7 +40,7 @@ def force(time: np.ndarray, *, mu: float, k: float) -> np.ndarray:
 class MadeUp(Evaluator):
     """Answers at once, by a formula."""
 
-    def responses(self, throws: Sequence[Throw]) -> list[Response]:
+    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
         self.made += len(throws)
         return [response(throw.overrides) for throw in throws]
 
@@ -59,12 +59,12 @@ def response(values: Mapping[str, object]) -> Response:
 
 def movement(
     name: str, *, rng: np.random.Generator, late: float = 0.0, own: float = 0.0
-) -> Movement:
+) -> MeasuredMovement:
     """Make a measured movement whose onset is marked too early, with friction of its own."""
     time = BIN * (np.arange(-50, 150) + 0.5)
     truth = {"mu": TRUE["mu"] * (1.0 + own), "k": TRUE["k"]}
     bare = Signal(channel="drive_force", drive="1", time=time, values=0.0 * time)
-    whole = Movement(
+    whole = MeasuredMovement(
         name=name,
         direction="closing",
         place="none",
@@ -77,7 +77,7 @@ def movement(
     clean = predicted(response(truth), whole, bare, np.arange(time.size), shift=late)
     values = clean + 2.0 * rng.standard_normal(time.size)
     signal = Signal(channel="drive_force", drive="1", time=time, values=values)
-    return Movement(
+    return MeasuredMovement(
         name=name,
         direction="closing",
         place="none",
@@ -89,7 +89,7 @@ def movement(
     )
 
 
-def misfit(movements: Sequence[Movement]) -> Misfit:
+def misfit(movements: Sequence[MeasuredMovement]) -> Misfit:
     return Misfit(
         evaluator=MadeUp(load_panel("sb1")),
         parameters=PARAMETERS,
@@ -183,12 +183,12 @@ def test_a_fit_begins_with_the_noise_of_what_it_misses() -> None:
     assert near.total < 2.0 * whole.comparison.noise["drive_force", "1"].total
 
 
-def listened(whole: Misfit) -> list[tuple[Throw, float]]:
+def listened(whole: Misfit) -> list[tuple[ThrowInputs, float]]:
     """Write down what a misfit throws from now on, each with its stiffness."""
-    asked: list[tuple[Throw, float]] = []
+    asked: list[tuple[ThrowInputs, float]] = []
     answer = whole.evaluator.responses
 
-    def listening(throws: Sequence[Throw]) -> list[Response]:
+    def listening(throws: Sequence[ThrowInputs]) -> list[Response]:
         asked.extend((throw, float(str(throw.overrides["k"]))) for throw in throws)
         return answer(throws)
 
@@ -216,13 +216,13 @@ def test_slopes_are_thrown_anew_only_for_movements_that_went_away() -> None:
     known = whole.local(TRUE, ("k",))
     asked = listened(whole)
     near = whole.local_near({**TRUE, "k": TRUE["k"] * 1.002}, ("k",), known)
-    assert near.moved is known.moved
+    assert near.stepped is known.stepped
     assert len(asked) == 2
     asked.clear()
     whole.effects = {"mu": (0.0, 0.01)}
     part = whole.local_near(TRUE, ("k",), known)
-    assert part.moved["k"][0] is known.moved["k"][0]
-    assert part.moved["k"][1] is not known.moved["k"][1]
+    assert part.stepped["k"][0] is known.stepped["k"][0]
+    assert part.stepped["k"][1] is not known.stepped["k"][1]
     assert len(asked) == 2 + 3
     asked.clear()
     whole.local_near({**TRUE, "k": TRUE["k"] * 1.01}, ("k",), known)
@@ -236,7 +236,7 @@ def test_slopes_are_thrown_anew_only_for_movements_that_went_away() -> None:
 class Steep(MadeUp):
     """Friction that enters with its fifth power: a few per cent are no straight line."""
 
-    def responses(self, throws: Sequence[Throw]) -> list[Response]:
+    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
         found = []
         for throw in throws:
             mu = float(str(throw.overrides["mu"]))
@@ -267,7 +267,7 @@ def test_movements_are_thrown_at_their_own_values_however_far_these_are() -> Non
 def test_a_quick_throw_is_kept_apart_from_an_exact_one() -> None:
     with Evaluator(load_panel("sb1")) as evaluator:
         kinds = [{}, {"quick": True}, {"fine": True}]
-        assert len({evaluator._key(Throw(overrides={}, **kind)) for kind in kinds}) == 3
+        assert len({evaluator._key(ThrowInputs(overrides={}, **kind)) for kind in kinds}) == 3
 
 
 def test_a_parameter_that_does_nothing_is_not_identified() -> None:
@@ -352,7 +352,7 @@ def test_sensitivities_are_those_of_the_residuals() -> None:
     ahead = whole.residuals_of(
         whole.responses([{**TRUE, "k": TRUE["k"] * np.exp(FINE_DIFFERENCE)}])[0], frame
     )
-    change = (ahead - whole.residuals_of(local.here, frame)) / FINE_DIFFERENCE
+    change = (ahead - whole.residuals_of(local.simulated, frame)) / FINE_DIFFERENCE
     np.testing.assert_allclose(slopes[:, 1], change, atol=1e-6 * np.abs(change).max())
 
 
@@ -375,7 +375,7 @@ def test_a_response_comes_back_from_its_file() -> None:
 
 def test_throws_are_taken_up_from_the_folder(tmp_path: Path) -> None:
     panel = load_panel("sb1")
-    throw = Throw(overrides={"chair.friction_coefficient": 0.3})
+    throw = ThrowInputs(overrides={"chair.friction_coefficient": 0.3})
     with Evaluator(panel, folder=tmp_path) as evaluator:
         key = evaluator._key(throw)
         evaluator._write(key, packed(response(TRUE), key))
@@ -391,7 +391,7 @@ def test_noise_at_rest_and_its_correlation_are_found() -> None:
     time = BIN * (np.arange(4000) - 4010.0)
     values = 3.0 * slow + 1.0 * rng.standard_normal(4000)
     signal = Signal(channel="drive_force", drive="1", time=time, values=values)
-    item = Movement(
+    item = MeasuredMovement(
         name="m",
         direction="closing",
         place="none",

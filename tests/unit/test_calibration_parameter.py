@@ -3,7 +3,7 @@
 import pytest
 
 from turnout.calibration.parameter import Parameter, free_parameter, unit_in, value_in
-from turnout.calibration.stages import Plan, Selection, Stage, default_plan
+from turnout.calibration.stages import CalibrationPlan, Selection, Stage, default_plan
 from turnout.errors import PanelError
 from turnout.panel.load import load_panel
 
@@ -55,9 +55,9 @@ def test_an_unknown_parameter_of_a_stage_is_refused() -> None:
     item = free_parameter(load_panel("sb1"), "gravity")
     stage = Stage(name="one", parameters=("gravty",), movements=Selection())
     with pytest.raises(PanelError, match="nearest is 'gravity'"):
-        Plan(parameters=(item,), stages=(stage,))
+        CalibrationPlan(parameters=(item,), stages=(stage,))
 
 
 def test_unknown_fixed_key_is_refused() -> None:
-    with pytest.raises(PanelError, match="no parameter of the default stages"):
+    with pytest.raises(PanelError, match="not a parameter of the default stages"):
         default_plan(load_panel("sb1"), fixed=["drive.1.stroke"])

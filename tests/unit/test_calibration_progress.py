@@ -6,16 +6,16 @@ from typing import Any
 import pytest
 
 from turnout.calibration import stage_progress
-from turnout.calibration.stage_progress import State, Watch
+from turnout.calibration.stage_progress import CalibrationProgress, ProgressReporter
 
 
 def test_time_left_is_never_less_than_that_of_one_step(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fits that need more throws than usual said "about 0 s left" for minutes."""
     clock = iter([10.0, 30.0])
     monkeypatch.setattr(stage_progress.time, "monotonic", lambda: next(clock))
-    states: list[State] = []
+    states: list[CalibrationProgress] = []
     evaluator: Any = SimpleNamespace(made=100, reused=0)
-    watch = Watch(states.append, 1, planned=80, per_step=40, began=10.0)
+    watch = ProgressReporter(states.append, 1, planned=80, per_step=40, began=10.0)
     watch.tell(evaluator)
     watch.tell(evaluator)
     assert states[-1].seconds == 20.0

@@ -56,8 +56,8 @@ def test_a_panel_without_the_keys_is_refused() -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("schema_version = 1\n", "is no calibration"),
-        ('kind = "calibration"\nschema_version = 9\n', "calibrate anew"),
+        ("schema_version = 1\n", "is not a calibration"),
+        ('kind = "calibration"\nschema_version = 9\n', "calibrate again"),
         ('kind = "calibration"\nschema_version = 1\n', "damaged"),
     ],
 )

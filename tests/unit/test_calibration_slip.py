@@ -8,9 +8,9 @@ import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, MadeUp, misfit, movement, response
 
 from turnout.calibration.covariance import spread_of
-from turnout.calibration.evaluate import Response, Throw
+from turnout.calibration.evaluate import Response, ThrowInputs
 from turnout.calibration.fit import fit
-from turnout.calibration.measured_movements import Movement, selected
+from turnout.calibration.measured_movements import MeasuredMovement, selected
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.requirements import drop_unidentified_slip_levels
 from turnout.calibration.stages import Selection
@@ -25,7 +25,7 @@ LEVEL = replace(
 class Slipping(MadeUp):
     """The force is cut where the drive slips."""
 
-    def responses(self, throws: Sequence[Throw]) -> list[Response]:
+    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
         found = []
         for throw in throws:
             made = response(throw.overrides)
@@ -70,7 +70,7 @@ def test_a_level_at_which_a_drive_slips_is_told() -> None:
     assert spread_of(honest).states[2] == "fitted"
 
 
-def loaded(name: str, size: float, force: float) -> Movement:
+def loaded(name: str, size: float, force: float) -> MeasuredMovement:
     item = movement(name, rng=np.random.default_rng(1))
     item.signals[0].values[100] = force
     return replace(item, size=size, x=1.0)

@@ -75,7 +75,7 @@ def test_a_calibration_that_is_not_to_be_trusted_is_written_and_says_so(
     assert "trusted = false" in out.read_text(encoding="utf-8")
     shown = run("panel", "show", "sb1", "--calibration", out)
     assert shown.exit_code == 0
-    assert "is not to be trusted: model error 214 N" in shown.stderr
+    assert "is not trustworthy: model error 214 N" in shown.stderr
     made.append(calibration())
     good = run("calibrate", tmp_path, "--panel", "sb1", "-o", out, *quiet)
     assert good.exit_code == 0

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.measurement.formats.file_format import write_recording
-from turnout.measurement.recording import Channel, Recording
+from turnout.measurement.recording import RecordedChannel, Recording
 from turnout.response.store import open_response
 from turnout.schema.channels import check_schema
 
@@ -23,7 +23,7 @@ COLUMNS = {
 
 @pytest.fixture
 def throw(tmp_path: Path) -> Path:
-    channels = {n: Channel(n, unit, v, 1000.0) for n, (unit, v) in COLUMNS.items()}
+    channels = {n: RecordedChannel(n, unit, v, 1000.0) for n, (unit, v) in COLUMNS.items()}
     path = tmp_path / "throw.csv"
     write_recording(Recording(channels, "test", "2025-11-03T10:12:33"), path)
     return path

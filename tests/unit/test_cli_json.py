@@ -16,7 +16,8 @@ from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.measurement.formats.file_format import write_recording
-from turnout.measurement.recording import Channel, Recording
+from turnout.measurement.recording import RecordedChannel, Recording
+from turnout.panel.load import load_panel
 from turnout.sweep.run import run_sweep
 
 COMMON = {"command", "json_version", "units", "written"}
@@ -91,6 +92,18 @@ def test_a_figure_beside_the_result(tmp_path: Path) -> None:
     assert printed("panel", "show", "sb1", "--plot", figure)["written"] == [str(figure)]
 
 
+def test_a_check_gives_the_least_test_piece_of_every_drive(
+    documented: dict[str, set[str]],
+) -> None:
+    found = printed("panel", "check", "sb2")
+    assert set(found) - COMMON == documented["panel check"]
+    assert found["lock_rule"] == load_panel("sb2").lock.rule
+    assert [item["drive"] for item in found["test_pieces"]] == ["1", "2"]
+    for item in found["test_pieces"]:
+        assert item["fault"] or item["size"] is None or 0.0 < item["size"] <= item["largest"]
+    assert printed("panel", "check", "sb2", "--no-throw")["test_pieces"] == []
+
+
 def test_warnings_of_a_check() -> None:
     weak = ("panel", "check", "sb1", "--no-throw", "--set", "gravity=100 m/s^2")
     found = printed(*weak, "--strict", code=1)
@@ -107,7 +120,9 @@ def test_throws_of_a_panel(documented: dict[str, set[str]]) -> None:
 def test_a_recording(tmp_path: Path, documented: dict[str, set[str]]) -> None:
     time = np.arange(3000) / 1000
     columns = {"Rod 1": "mV/V", "Rod 2": "mV/V", "Clamp 1": "V", "Clamp 2": "V"}
-    channels = {n: Channel(n, unit, 0.3 + 0.0 * time, 1000.0) for n, unit in columns.items()}
+    channels = {
+        n: RecordedChannel(n, unit, 0.3 + 0.0 * time, 1000.0) for n, unit in columns.items()
+    }
     path, made = tmp_path / "throw.csv", tmp_path / "map.toml"
     write_recording(Recording(channels, "test", None), path)
     found = printed("import", path, "--suggest", made)
@@ -154,13 +169,13 @@ def test_a_calibration(
 def test_a_validation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, documented: dict[str, set[str]]
 ) -> None:
-    from turnout.validation.acceptance import ChannelResult, Verdict
+    from turnout.validation.acceptance import Acceptance, ChannelResult
 
     channel = ChannelResult(
         channel="drive 1", movements=8, rms=90.0, nrmse=0.02, spread=10.0, cover=0.6,
         errors={"contact": (1e-3, 2e-3)},
     )  # fmt: skip
-    verdict = Verdict(
+    verdict = Acceptance(
         channels=(channel,), judged=8, used=1, cover=0.6, held_back=True,
         reasons=channel.reasons, worst=(),
     )  # fmt: skip

@@ -165,6 +165,8 @@ def test_a_panel_is_thrown_to_warn() -> None:
     assert "drive 2 at x = 6.9 m, opening" in warnings[0]
     assert "0.44 kN (7.3 %) left" in warnings[0]
     assert "flangeway below its limit" in warnings[1]
+    pieces = [line for line in result.stdout.splitlines() if line.startswith("test piece: ")]
+    assert [line.split()[3] for line in pieces] == ["1", "2"]
 
 
 def test_strict_turns_warnings_into_a_refusal() -> None:

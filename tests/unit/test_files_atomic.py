@@ -72,7 +72,7 @@ def test_folder_as_target_and_missing_folder(tmp_path: Path) -> None:
 def test_folder_without_permission(tmp_path: Path) -> None:
     folder = tmp_path / "locked"
     folder.mkdir(mode=0o500)
-    with pytest.raises(FileError, match="may not be written; choose another folder"):
+    with pytest.raises(FileError, match="is not writable; choose another folder"):
         write_atomic(folder / "run.txt", "x")
 
 
@@ -83,7 +83,7 @@ def test_refused_temporary_file_is_a_clear_error(
         raise PermissionError(errno.EACCES, "Permission denied")
 
     monkeypatch.setattr("tempfile.mkstemp", refuse)
-    with pytest.raises(FileError, match=r"run\.txt: may not be written"):
+    with pytest.raises(FileError, match=r"run\.txt: is not writable"):
         write_atomic(tmp_path / "run.txt", "x")
 
 
@@ -91,8 +91,8 @@ def test_refused_temporary_file_is_a_clear_error(
     ("number", "message"),
     [
         (errno.ENOSPC, "no space left"),
-        (errno.EACCES, "may not be written"),
-        (errno.EROFS, "may not be written"),
+        (errno.EACCES, "is not writable"),
+        (errno.EROFS, "is not writable"),
         (errno.EIO, "cannot be written"),
     ],
 )

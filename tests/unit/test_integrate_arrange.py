@@ -5,10 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from turnout.integrate.arrange import arrange, forget
+from turnout.condense import condense
+from turnout.integrate.arrange import arrange, clear_memory
 from turnout.integrate.integration import integrate
 from turnout.mechanism.build import build_mechanism
+from turnout.mechanism.build import clear_memory as clear_linear
 from turnout.mechanism.mechanism import Mechanism
+from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
 from turnout.panel.markers import marker_positions
 from turnout.scheme import Scheme
@@ -18,7 +21,7 @@ QUICK = Scheme.of("quick")
 
 @pytest.fixture(autouse=True)
 def _own_memory() -> None:
-    forget()
+    clear_memory()
 
 
 def mechanism(**overrides: object) -> Mechanism:
@@ -63,6 +66,60 @@ def test_a_run_from_memory_gives_the_same_bits() -> None:
 
     first = history()
     kept = history()
-    forget()
+    clear_memory()
     np.testing.assert_array_equal(first, kept)
     np.testing.assert_array_equal(first, history())
+
+
+def test_a_drive_of_another_stiffness_shares_what_was_condensed_at_its_home() -> None:
+    panel = load_panel("sb1")
+    first = arrange(build_mechanism(panel), QUICK)
+    other = panel.with_overrides({"drive.1.stiffness": 770e3, "drive.2.stiffness": 1000e3})
+    assert arrange(build_mechanism(other), QUICK).system is first.system
+    soft = panel.with_overrides({"drive.2.stiffness": 300e3})
+    assert arrange(build_mechanism(soft), QUICK).system is not first.system
+
+
+def drive_forces(given: Mechanism, *, scheme: Scheme) -> np.ndarray:
+    panel = load_panel("sb1")
+    inputs = lambda t: marker_positions(panel, t)  # noqa: E731
+    history = integrate(given, scheme, inputs=inputs, end=2.0)
+    assert history.outcome.complete
+    return history.law_force[:, list(given.index.drive.values())]
+
+
+@pytest.mark.parametrize("scheme", [QUICK, Scheme()])
+def test_condensing_at_the_home_changes_less_than_a_hundredth_of_the_error(
+    scheme: Scheme, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = mechanism(**{"drive.1.stiffness": 555e3, "drive.2.stiffness": 1090e3})
+    at_home = drive_forces(given, scheme=scheme)
+    clear_memory()
+    monkeypatch.setattr(condense, "home_stiffness", lambda stiffness: stiffness)
+    itself = drive_forces(given, scheme=scheme)
+    # quick mode is off by 2e-3 of the peak, waveform mode by 2e-4 (docs/performance.md)
+    limit = 2e-5 if scheme is QUICK else 2e-6
+    difference = np.sqrt(np.mean((at_home - itself) ** 2, axis=0)).max()
+    assert 0.0 < difference < limit * np.abs(itself).max()
+
+
+PLACES = ("sleeper 6", "drive 2", "x = 3.333 m", "x = 2 m")
+
+
+def test_an_object_elsewhere_finds_the_rails_condensed_and_gives_the_same_bits() -> None:
+    panel = load_panel("uic60-760-1-15").with_overrides({"schedule.end": 8.0})
+    inputs = lambda t: marker_positions(panel, t)  # noqa: E731
+
+    def history(place: str) -> np.ndarray:
+        objects = resolve_objects(panel, (ForeignObject(0.01, place),))
+        return integrate(build_mechanism(panel, objects), QUICK, inputs=inputs, end=8.0).g
+
+    one_after_another = [history(place) for place in PLACES]
+    objects = [resolve_objects(panel, (ForeignObject(0.01, place),)) for place in PLACES]
+    made = [arrange(build_mechanism(panel, item), QUICK) for item in objects]
+    kept = {id(part.before.model) for item in made for part in item.condensed.parts if part.before}
+    assert len(kept) == 2  # a switch rail and its stock rail
+    for place, known in zip(PLACES, one_after_another, strict=True):
+        clear_memory()
+        clear_linear()
+        np.testing.assert_array_equal(history(place), known)

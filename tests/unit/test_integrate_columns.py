@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from turnout.condense.blocks import Block
-from turnout.condense.condense import BlockModel, linear_stiffness
+from turnout.condense.condense import BlockModel, folded_stiffness, sum_at_rows
 from turnout.condense.followers import leading_rows
 from turnout.condense.modal import diagonalise_damping, modal_model
 from turnout.errors import MechanicsError
@@ -100,7 +100,8 @@ def setup(cutoff_modes: int, seed: int) -> Setup:
         here = np.zeros((N_ROWS, N_DOF))
         here[rows] = rng.normal(size=(rows.size, N_DOF))
         follow(here)
-        stiffness = linear_stiffness(2e5 * (a @ a.T + 4 * np.eye(N_DOF)), here, given)
+        at_rows = sum_at_rows(given, folded_stiffness(given), N_ROWS)
+        stiffness = 2e5 * (a @ a.T + 4 * np.eye(N_DOF)) + (here.T * at_rows) @ here
         mass = b @ b.T + 5 * np.eye(N_DOF)
         squares = np.sort(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real)
         model = modal_model(
@@ -149,7 +150,7 @@ def flip(made: Setup, rng: np.random.Generator) -> None:
 def deviations(made: Setup) -> tuple[np.ndarray, np.ndarray]:
     """Form D and b from the meaning of the laws, by the mechanism's rows, not from the kernels."""
     state, table = made.state, made.laws
-    n = N_ROWS
+    n, folded = N_ROWS, folded_stiffness(table)
     matrix, constant = np.zeros((n, n)), np.zeros(n)
 
     def line(law: int) -> tuple[float, float]:
@@ -160,9 +161,7 @@ def deviations(made: Setup) -> tuple[np.ndarray, np.ndarray]:
 
     for law in range(table.row.size):
         slope, force = line(law)
-        base = table.base_segment[law]
-        if base >= 0:
-            matrix[table.row[law], table.row[law]] += table.slope[table.segment_start[law] + base]
+        matrix[table.row[law], table.row[law]] += folded[law]
         matrix[table.row[law], table.row[law]] -= slope
         constant[table.row[law]] -= force
     for friction in range(table.friction_row.size):

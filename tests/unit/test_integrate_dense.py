@@ -6,7 +6,7 @@ from tests.verification.hand_made import energy_residual, hand_made, linear_spri
 
 from turnout.integrate.dense import interpolate_record
 from turnout.integrate.integration import History, integrate
-from turnout.integrate.march import Record
+from turnout.integrate.march import StepRecord
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import Scheme
@@ -39,7 +39,7 @@ def test_motion_between_the_steps_is_of_fourth_order() -> None:
         at = step * np.arange(round(1.0 / step) + 1)
         q, v = np.sin(7.0 * at)[:, None], 7.0 * np.cos(7.0 * at)[:, None]
         nothing = np.zeros((at.size, 2))
-        record = Record(q, q.copy(), nothing[:, :0], nothing, nothing, nothing, at, v)
+        record = StepRecord(q, q.copy(), nothing[:, :0], nothing, nothing, nothing, at, v)
         instants = np.linspace(0.0, 1.0, 173)
         filled = interpolate_record(
             record,

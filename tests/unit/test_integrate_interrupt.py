@@ -9,7 +9,7 @@ import pytest
 from tests.unit.test_integrate_columns import setup
 
 from turnout.integrate.follow import follow_path
-from turnout.integrate.march import Record, march
+from turnout.integrate.march import StepRecord, march
 from turnout.integrate.outcome import Code
 from turnout.integrate.solve import Tolerances, iterate_contact_set
 from turnout.integrate.step import Stepping
@@ -55,7 +55,7 @@ def test_a_step_ends_where_it_is_and_the_state_is_that_of_the_last_instant() -> 
     stepping = Stepping(1e-3, 0.0, 1 / 3, 4 / 9, 5 / 6, 6, True, 1, True)
     markers = np.array([[0.0, 0.0], [5e-3, 1e-3], [9e-3, 2e-3]])
     shapes = [(3, 40)] * 6 + [(1,), (1, 40)]
-    record = shared_record(Record(*(zeros_in_lines(*shape) for shape in shapes)))
+    record = shared_record(StepRecord(*(zeros_in_lines(*shape) for shape in shapes)))
     q, inputs = state.q.copy(), state.inputs.copy()
     work.stop[0] = 1
     given = (system, table, state, work, TOLERANCES, stepping, markers, 0, 2, record)

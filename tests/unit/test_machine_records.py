@@ -9,16 +9,16 @@ import xarray as xr
 from typer.testing import CliRunner
 
 import turnout
-import turnout.machine.throw as throw_module
+import turnout.machine.one_mass_throw as throw_module
 from turnout.cli.machine import app
 from turnout.errors import FileError, MachineError
+from turnout.machine.components import Command
 from turnout.machine.compute import places
 from turnout.machine.compute.rail import rod_position
-from turnout.machine.load import load_machines, machine_names, machine_text
-from turnout.machine.records import Command
+from turnout.machine.machine_file import load_machines, machine_names, machine_text
+from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.machine.rows import angle_at, machine_row, stroke_table
 from turnout.machine.steady import slip_point
-from turnout.machine.throw import throw_one_mass
 from turnout.plot.machine import plot_machine
 
 SHORT = {"throw.duration": 0.3}

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from turnout.measurement.chain.known_loads import fit_calibration
+from turnout.measurement.chain.known_loads import fit_load_calibration
 
 
 def test_two_points_leave_nothing_to_judge_by() -> None:
-    line = fit_calibration([0.0, 2.0], [1.0, 5.0])
+    line = fit_load_calibration([0.0, 2.0], [1.0, 5.0])
     assert (line.scale, line.offset, line.nonlinearity) == (2.0, -0.5, 0.0)
     assert np.isnan(line.scale_error)
     assert np.isnan(line.offset_error)
@@ -15,7 +15,7 @@ def test_two_points_leave_nothing_to_judge_by() -> None:
 
 def test_a_bent_table() -> None:
     """Points 0, 1, 4 at 0, 1, 2: the line is 2 r - 1/3; they are 1/3, 2/3, 1/3 off; range 4."""
-    line = fit_calibration([0.0, 1.0, 2.0], [0.0, 1.0, 4.0])
+    line = fit_load_calibration([0.0, 1.0, 2.0], [0.0, 1.0, 4.0])
     assert line.scale == pytest.approx(2.0)
     assert line.offset == pytest.approx(1 / 6)
     assert line.nonlinearity == pytest.approx((2 / 3) / 4)
@@ -27,7 +27,7 @@ def test_the_errors_are_those_of_repetitions() -> None:
     rng = np.random.default_rng(3)
     raw = np.linspace(0.2, 1.0, 9)
     lines = [
-        fit_calibration(list(raw), list(5000 * (raw - 0.1) + rng.normal(scale=20, size=9)))
+        fit_load_calibration(list(raw), list(5000 * (raw - 0.1) + rng.normal(scale=20, size=9)))
         for _ in range(2000)
     ]
     for value, error in (("scale", "scale_error"), ("offset", "offset_error")):
@@ -48,4 +48,4 @@ def test_the_errors_are_those_of_repetitions() -> None:
 )
 def test_tables_without_a_line(raw: list[float], load: list[float], words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        fit_calibration(raw, load)
+        fit_load_calibration(raw, load)

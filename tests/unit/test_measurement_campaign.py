@@ -11,9 +11,9 @@ from tests.unit.recorded import clean
 from turnout.errors import MeasurementError
 from turnout.measurement.campaign import build_campaign as module
 from turnout.measurement.campaign import recorded_throw
-from turnout.measurement.campaign.build_campaign import Campaign, build_campaign, stacked
-from turnout.measurement.campaign.find_throws import Throw
-from turnout.measurement.campaign.recorded_throw import Piece
+from turnout.measurement.campaign.build_campaign import BuiltCampaign, build_campaign, stacked
+from turnout.measurement.campaign.find_throws import FoundThrow
+from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.measurement.campaign.run_sheet import find_sheet, read_sheet
 from turnout.measurement.campaign.sheet_checks import order_remarks, series_remarks
 from turnout.measurement.formats.file_format import read_recording
@@ -22,11 +22,11 @@ from turnout.schema.channels import schema_problems
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
+def built(tmp_path_factory: pytest.TempPathFactory) -> BuiltCampaign:
     return build_campaign(copied(tmp_path_factory.mktemp("campaign")))
 
 
-def test_all_movements_are_in_one_dataset(built: Campaign) -> None:
+def test_all_movements_are_in_one_dataset(built: BuiltCampaign) -> None:
     dataset = built.dataset
     assert dataset is not None
     assert built.excluded == ()
@@ -37,7 +37,7 @@ def test_all_movements_are_in_one_dataset(built: Campaign) -> None:
     assert "not measured" in dataset.attrs["synthetic"]
 
 
-def test_coordinates_say_what_was_thrown(built: Campaign) -> None:
+def test_coordinates_say_what_was_thrown(built: BuiltCampaign) -> None:
     dataset = built.dataset
     assert dataset is not None
     last = dataset.isel(movement=-1)
@@ -47,14 +47,14 @@ def test_coordinates_say_what_was_thrown(built: Campaign) -> None:
     assert dataset["repeat"].values.tolist() == [1, 2, 3, 1, 2, 3, 1, 1, 1]
 
 
-def test_no_load_cell_no_object_force(built: Campaign) -> None:
+def test_no_load_cell_no_object_force(built: BuiltCampaign) -> None:
     dataset = built.dataset
     assert dataset is not None
     measured = np.isfinite(dataset["object_force"]).any("time").values
     np.testing.assert_array_equal(measured, dataset["size"].values >= 0.013)
 
 
-def test_time_is_zero_at_the_onset(built: Campaign) -> None:
+def test_time_is_zero_at_the_onset(built: BuiltCampaign) -> None:
     dataset = built.dataset
     assert dataset is not None
     current = dataset["drive_current_unfiltered"].max("drive")
@@ -224,8 +224,8 @@ def test_slips_are_found_where_most_movements_slip() -> None:
     kept = clean(0.013).drop_attrs()
     pieces = []
     for end in (5.4, 10.0, 10.0, 10.0, 10.0):
-        throw = Throw(0, kept.sizes["time"], 2.0, end, (end, end), "current", "closing")
-        pieces.append(Piece(kept, throw, "", ()))
+        throw = FoundThrow(0, kept.sizes["time"], 2.0, end, (end, end), "current", "closing")
+        pieces.append(RecordedThrow(kept, throw, "", ()))
     assert module._slipped(pieces) == [False, True, True, True, True]
 
 
@@ -234,8 +234,8 @@ def test_movements_cut_at_different_times_are_aligned() -> None:
     pieces = []
     for start, stop in ((1.0, 6.0), (1.7, 6.5)):
         kept = clean(0.013).sel(time=slice(start, stop))
-        throw = Throw(0, kept.sizes["time"], 2.0, 5.4, (5.2, 5.4), "current", "closing")
-        pieces.append(Piece(kept.drop_attrs(), throw, "", ()))
+        throw = FoundThrow(0, kept.sizes["time"], 2.0, 5.4, (5.2, 5.4), "current", "closing")
+        pieces.append(RecordedThrow(kept.drop_attrs(), throw, "", ()))
     dataset = stacked(list(zip(runs, pieces, strict=True)), [False, False])
     force = dataset["drive_force_unfiltered"]
     assert (float(force["time"][0]), float(force["time"][-1])) == (-1.0, 4.5)

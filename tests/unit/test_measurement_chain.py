@@ -15,7 +15,7 @@ from turnout.measurement.chain.apply import (
     parse_channel_map,
     raw_from_physical,
 )
-from turnout.measurement.recording import Channel, Recording
+from turnout.measurement.recording import RecordedChannel, Recording
 from turnout.schema.channels import check_schema
 
 # By hand, with nothing of the program. Rod: E = 210e9 Pa, W = 6.28e-6 m3, h = 0.060 m.
@@ -44,7 +44,7 @@ eccentricity = "60 mm"
 
 
 def recorded(raw: dict[str, tuple[str, list[float]]], rate: float = 1000.0) -> Recording:
-    channels = (Channel(name, unit, np.array(v), rate) for name, (unit, v) in raw.items())
+    channels = (RecordedChannel(name, unit, np.array(v), rate) for name, (unit, v) in raw.items())
     return Recording({channel.name: channel for channel in channels}, "throw.csv")
 
 
@@ -155,7 +155,7 @@ def test_there_and_back_with_sign_offset_and_amplifier() -> None:
 
 def test_a_faster_column_is_averaged_over_a_step() -> None:
     values = np.tile([0.0, 2.0], 1000)
-    recording = Recording({"F": Channel("F", "N", values, 1000.0)}, "throw.csv")
+    recording = Recording({"F": RecordedChannel("F", "N", values, 1000.0)}, "throw.csv")
     text = 'rate = "50 Hz"\n[object_force]\ncolumn = "F"\nkind = "scaled"'
     force = apply_chain(recording, mapped(text))["object_force"]
     assert force.sizes["time"] == 100
@@ -191,8 +191,8 @@ def test_the_way_back_needs_what_the_map_names() -> None:
 
 def test_columns_of_several_rates() -> None:
     time = np.arange(2001) / 1000
-    fast = Channel("Rod 1", "mV/V", 0.1 * time, 1000.0)
-    slow = Channel("Load cell", "mV/V", 0.05 * time[::10][3:], 100.0, 0.03)
+    fast = RecordedChannel("Rod 1", "mV/V", 0.1 * time, 1000.0)
+    slow = RecordedChannel("Load cell", "mV/V", 0.05 * time[::10][3:], 100.0, 0.03)
     text = ROD + '[object_force]\ncolumn = "Load cell"\nkind = "load cell"\n'
     text += 'sensitivity = "1 mV/V"\ncapacity = "20 kN"\n'
     recording = Recording({"Rod 1": fast, "Load cell": slow}, "throw.h5")

@@ -13,7 +13,7 @@ from turnout.measurement.chain.condition import (
     remove_drift,
     tare,
 )
-from turnout.measurement.recording import Channel, Recording
+from turnout.measurement.recording import RecordedChannel, Recording
 from turnout.metric.channel_features import filtered
 from turnout.schema.channels import check_schema
 
@@ -136,7 +136,7 @@ def test_raw_and_filtered_both_stay() -> None:
     values = RNG.normal(size=400)
     names = ("Rod 1", "Rod 2", "Clamp 1", "Clamp 2")
     units = ("mV/V", "mV/V", "V", "V")
-    channels = {n: Channel(n, u, values, RATE) for n, u in zip(names, units, strict=True)}
+    channels = {n: RecordedChannel(n, u, values, RATE) for n, u in zip(names, units, strict=True)}
     dataset = apply_chain(Recording(channels, "throw.csv"), load_channel_map("two-rods"))
     once = condition(dataset)
     check_schema(once)

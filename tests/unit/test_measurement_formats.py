@@ -13,7 +13,7 @@ from scipy.sparse import csc_array
 from turnout.errors import FileError
 from turnout.measurement.formats.file_format import FORMATS, read_recording, write_recording
 from turnout.measurement.formats.mat_check import check_mat5
-from turnout.measurement.recording import Channel, Recording
+from turnout.measurement.recording import RecordedChannel, Recording
 
 TIME = np.arange(500) / 1000
 ROD = np.sin(20 * TIME)
@@ -23,9 +23,9 @@ def recording() -> Recording:
     values = np.random.default_rng(1).normal(size=(3, 500))
     values[2, 7] = np.nan
     channels = (
-        Channel("Rod 1", "mV/V", values[0], 1000.0, 0.25),
-        Channel("Clamp/2 é", "V", values[1], 1000.0, 0.25),
-        Channel("a.b", "", values[2], 1000.0, 0.25),
+        RecordedChannel("Rod 1", "mV/V", values[0], 1000.0, 0.25),
+        RecordedChannel("Clamp/2 é", "V", values[1], 1000.0, 0.25),
+        RecordedChannel("a.b", "", values[2], 1000.0, 0.25),
     )
     return Recording({item.name: item for item in channels}, "test", "2025-11-03T10:12:33.250")
 
@@ -45,8 +45,8 @@ def test_there_and_back(tmp_path: Path, suffix: str) -> None:
 
 @pytest.mark.parametrize("suffix", [".mat", ".h5"])
 def test_rates_and_descriptions_of_their_own(tmp_path: Path, suffix: str) -> None:
-    slow = Channel("slow", "V", np.arange(5.0), 10.0, -1.0, "of the gauge")
-    fast = Channel("fast", "V", np.arange(50.0), 100.0)
+    slow = RecordedChannel("slow", "V", np.arange(5.0), 10.0, -1.0, "of the gauge")
+    fast = RecordedChannel("fast", "V", np.arange(50.0), 100.0)
     write_recording(Recording({"slow": slow, "fast": fast}, "test"), tmp_path / f"a{suffix}")
     found = read_recording(tmp_path / f"a{suffix}")
     assert [(c.rate, c.start, c.description) for c in found.channels.values()] == [

@@ -8,9 +8,9 @@ from tests.unit.recorded import changed, clean, noisy, only, samples
 from turnout.measurement.campaign.find_throws import Detection, find_throws
 from turnout.measurement.campaign.motion_signals import (
     UNKNOWN,
+    bridge_gaps,
     force_changes,
     found_direction,
-    without_holes,
 )
 
 ONSET = 2.0
@@ -96,9 +96,9 @@ def test_an_offset_does_not_turn_the_direction() -> None:
 
 def test_a_hole_is_bridged_by_a_straight_line() -> None:
     np.testing.assert_array_equal(
-        without_holes(np.array([0.0, np.nan, 2.0])), np.array([0.0, 1.0, 2.0])
+        bridge_gaps(np.array([0.0, np.nan, 2.0])), np.array([0.0, 1.0, 2.0])
     )
-    np.testing.assert_array_equal(without_holes(np.full(2, np.nan)), np.zeros(2))
+    np.testing.assert_array_equal(bridge_gaps(np.full(2, np.nan)), np.zeros(2))
 
 
 def test_changes_are_those_of_each_drive() -> None:

@@ -11,24 +11,26 @@ from turnout.measurement.chain.apply import (
     parse_channel_map,
 )
 from turnout.measurement.chain.skeleton import skeleton
-from turnout.measurement.recording import Channel, Recording, overview
+from turnout.measurement.recording import RecordedChannel, Recording, overview
 
 
 def recording(*columns: tuple[str, str]) -> Recording:
-    channels = (Channel(name, unit, np.linspace(0, 1e-3, 50), 100.0) for name, unit in columns)
+    channels = (
+        RecordedChannel(name, unit, np.linspace(0, 1e-3, 50), 100.0) for name, unit in columns
+    )
     return Recording({channel.name: channel for channel in channels}, "throw.csv")
 
 
 def test_figures_of_a_channel() -> None:
     values = np.concatenate((np.zeros(50), np.full(50, 4.0), [np.nan] * 50))
-    row = overview(Channel("a", "V", values, 100.0, 2.0), steps=3)
+    row = overview(RecordedChannel("a", "V", values, 100.0, 2.0), steps=3)
     assert (row.samples, row.missing, row.duration) == (150, 50, 1.5)
     assert (row.least, row.mean, row.largest) == (0.0, 2.0, 4.0)
     np.testing.assert_array_equal(row.course, [0.0, 1.0, np.nan])
 
 
 def test_a_channel_without_values() -> None:
-    row = overview(Channel("a", "V", np.full(5, np.nan), 10.0))
+    row = overview(RecordedChannel("a", "V", np.full(5, np.nan), 10.0))
     assert row.missing == 5
     assert np.isnan([row.least, row.mean, row.largest]).all()
     assert np.isnan(row.course).all()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from turnout.errors import MeasurementError
-from turnout.measurement.recording import Channel, Recording, on_grid, time_grid
+from turnout.measurement.recording import RecordedChannel, Recording, on_grid, time_grid
 
 
 @pytest.mark.parametrize(("decimals", "rate"), [(9, 1000.0), (3, 1000.0), (4, 3000.0)])
@@ -52,7 +52,7 @@ def test_times_that_are_no_grid(time: list[float], words: str) -> None:
 
 
 def test_a_channel_that_is_not_there() -> None:
-    channel = Channel("Rod 1", "mV/V", np.zeros(5), rate=10.0, start=1.0)
+    channel = RecordedChannel("Rod 1", "mV/V", np.zeros(5), rate=10.0, start=1.0)
     assert channel.duration == 0.5
     assert channel.time[-1] == pytest.approx(1.4)
     recording = Recording({"Rod 1": channel}, "throw.csv")

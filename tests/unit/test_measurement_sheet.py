@@ -105,7 +105,7 @@ def test_places_are_written_one_way(given: str, place: str) -> None:
         ("1,no,,\nc", "1,perhaps,,\nc", "must be yes or no"),
         ("load_cell_from: 13 mm", "load_cell_from: 13", "load_cell_from"),
         ("closing,10", "closing,-10", "must be at least 0"),
-        ("closing,10", "closing,10 m", 'line 6: size = "10 m": 10 m is no object'),
+        ("closing,10", "closing,10 m", 'line 6: size = "10 m": 10 m is too large for an object'),
         ("sleeper 6,1", "sleper 6,1", "nearest is 'sleeper'"),
         ("sleeper 6,1", "x = 3.6,1", "write the unit"),
     ],

@@ -8,7 +8,7 @@ import pytest
 from turnout.errors import FileError, MeasurementError
 from turnout.measurement.formats.csv_text import csv_bytes
 from turnout.measurement.formats.file_format import read_recording
-from turnout.measurement.recording import Channel, Recording
+from turnout.measurement.recording import RecordedChannel, Recording
 
 DEWESOFT = (
     "Data file\tD:\\throw.dxd\r\nStart time:\t2025-11-03 10:12:33.250\r\n"
@@ -121,6 +121,8 @@ def test_a_fault_far_down_is_found(tmp_path: Path) -> None:
 
 
 def test_a_table_has_one_time() -> None:
-    slow, fast = (Channel(n, "V", np.zeros(4), rate=r) for n, r in (("slow", 10.0), ("fast", 20.0)))
+    slow, fast = (
+        RecordedChannel(n, "V", np.zeros(4), rate=r) for n, r in (("slow", 10.0), ("fast", 20.0))
+    )
     with pytest.raises(MeasurementError, match="'fast' and 'slow' have different times"):
         csv_bytes(Recording({"slow": slow, "fast": fast}, "test"))

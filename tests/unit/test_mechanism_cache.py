@@ -23,15 +23,15 @@ TABLE = ["-8 mm", "-5 mm", "0 mm", "9 mm"]
 def fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """An empty memory and an empty folder."""
     monkeypatch.setenv("TURNOUT_CACHE_DIR", str(tmp_path))
-    cache.forget()
-    reduce.forget()
-    build.forget()
+    cache.clear_memory()
+    reduce.clear_memory()
+    build.clear_memory()
     cache.counts.clear()
     monkeypatch.setattr(cache, "_reported", set())
     yield tmp_path
-    cache.forget()
-    reduce.forget()
-    build.forget()
+    cache.clear_memory()
+    reduce.clear_memory()
+    build.clear_memory()
 
 
 def built(overrides: dict[str, object]) -> dict[str, int]:
@@ -67,9 +67,9 @@ def test_only_what_changes_is_built_anew(fresh: Path) -> None:
 
 def test_files_serve_the_next_process(fresh: Path) -> None:
     first = build_mechanism(PANEL)
-    cache.forget()
-    reduce.forget()
-    build.forget()
+    cache.clear_memory()
+    reduce.clear_memory()
+    build.clear_memory()
     cache.counts.clear()
     second = build_mechanism(PANEL)
     assert cache.counts == {
@@ -91,18 +91,18 @@ def test_a_damaged_file_is_made_anew_and_told_once(
     assert len(files) == 2
     files[0].write_bytes(b"no archive")
     files[1].write_bytes(files[1].read_bytes()[:60])
-    cache.forget()
-    reduce.forget()
-    build.forget()
+    cache.clear_memory()
+    reduce.clear_memory()
+    build.clear_memory()
     with caplog.at_level(logging.WARNING, logger="turnout"):
         for number in (1, 2):
             again = cache.cached_arrays("a", [number], lambda: {"value": np.array([1.0, 2.0])})
             assert again["value"].tolist() == [1.0, 2.0]
     assert cache.counts["damaged"] == 2
     assert len(caplog.records) == 1
-    cache.forget()
-    reduce.forget()
-    build.forget()
+    cache.clear_memory()
+    reduce.clear_memory()
+    build.clear_memory()
     cache.cached_arrays("a", [1], lambda: {"value": np.zeros(0)})
     assert cache.counts["a from file"] == 1
 
@@ -175,7 +175,7 @@ def test_a_kept_linear_part_is_the_one_that_would_be_made(changes: dict[str, obj
     build_mechanism(PANEL, resolve_objects(PANEL, [ForeignObject("5 mm", "sleeper 6")]))
     objects = resolve_objects(panel, [ForeignObject("13 mm", "sleeper 6")])
     kept = build_mechanism(panel, objects)
-    build.forget()
+    build.clear_memory()
     made = build_mechanism(panel, objects)
     for name in ("stiffness", "mass", "damping", "load", "rows"):
         np.testing.assert_array_equal(getattr(kept, name), getattr(made, name), err_msg=name)

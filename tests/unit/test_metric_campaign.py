@@ -1,4 +1,4 @@
-"""Scatter of repeats, and sizes from which on objects are told, on campaigns made by hand."""
+"""Scatter of repeats, and sizes from which on objects are detected, on campaigns made by hand."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from scipy.stats import t as student
 
 from turnout.metric.campaign_statistics import (
     FALSE_ALARM_RATE,
-    Scatter,
+    RepeatScatter,
     end_values,
     object_places,
     place_sizes,
@@ -50,7 +50,7 @@ def test_one_more_throw_lies_within_reach_as_often_as_it_says() -> None:
     draws = rng.normal(3500.0, 20.0, size=(4000, 6))
     # Taken back to where one in twenty lies beyond, so that 4000 draws can tell.
     usual = student.ppf(0.95, 4) / student.ppf(1 - FALSE_ALARM_RATE, 4)
-    known = [Scatter("2", draw[:5].mean(), draw[:5].std(ddof=1), 5) for draw in draws]
+    known = [RepeatScatter("2", draw[:5].mean(), draw[:5].std(ddof=1), 5) for draw in draws]
     beyond = [
         draw[5] > drive.mean + usual * drive.threshold
         for draw, drive in zip(draws, known, strict=True)

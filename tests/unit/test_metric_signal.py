@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 from tests.unit.simulated import sb2_dataset
 
-from turnout.metric.channel_features import at_end, filtered, first_time
+from turnout.metric.channel_features import filtered, final_value, first_time
 from turnout.metric.slip import margins, movements, slips
 from turnout.metric.summary import LEAST_SCALE, numerical_share, residual_share
 
@@ -60,7 +60,7 @@ def test_first_time_of_what_never_happens_is_nan() -> None:
 
 def test_the_last_value() -> None:
     force = xr.DataArray([1.0, -5.0, 2.0], {"time": [0.0, 1.0, 2.0]}, "time")
-    assert float(at_end(force)) == 2.0
+    assert float(final_value(force)) == 2.0
 
 
 def test_movements_come_from_the_attributes() -> None:

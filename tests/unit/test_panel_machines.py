@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from turnout.errors import PanelError, SolverError
-from turnout.mechanism.machines import command_times, fitted_machine, slip_force
+from turnout.mechanism.drive_machines import command_times, fitted_machine, slip_force
 from turnout.metric.summary import summary
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
@@ -17,7 +17,7 @@ from turnout.panel.stored import panel_data, panel_from_data
 from turnout.plot.throw import plot_throw
 from turnout.response.simulate import simulate
 from turnout.schema.channels import OF_MACHINES
-from turnout.virtual.record_throw import Window, record_throw, with_time_to_stop
+from turnout.virtual.record_throw import Window, extend_schedule, record_throw
 
 NAME = "uic60-760-1-15"
 BOTH = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}
@@ -172,7 +172,7 @@ def test_stored_instants_between_the_steps() -> None:
 
 
 def test_virtual_recording_takes_the_simulated_current() -> None:
-    long = with_time_to_stop(panel())
+    long = extend_schedule(panel())
     assert long.schedule.end == pytest.approx(4.6 + 8.06 + 1.0)
     run = simulate(long, mode="quick", foreign_object=ForeignObject(0.013, "drive 1"))
     seen = record_throw(run, direction="closing", window=Window())
@@ -183,3 +183,25 @@ def test_virtual_recording_takes_the_simulated_current() -> None:
     assert seen.attrs["slipped"] == "1"
     opening = record_throw(run, direction="opening", window=Window())
     assert float(opening["drive_current"].mean()) > 0.0
+
+
+def test_the_limit_contact_waits_for_the_rail(thrown: xr.Dataset) -> None:
+    """`circuit.lock_gap`: the rod goes on beyond the contact until the rail is near enough."""
+    gap = thrown["drive_gap"].sel(drive="2")
+    free = json.loads(thrown.attrs["machine_throws"])
+    contact = next(d["off"] for d in free if d["drive"] == "2" and d["to"] == "closed")
+    at_contact = float(gap.interp(time=contact))
+    assert at_contact > 1e-3
+    near = {"machine.jea73-drive2.circuit.lock_gap": 0.7 * at_contact}
+    wide = {"machine.jea73-drive2.circuit.lock_gap": 2.0 * at_contact}
+    waits, same = (simulate(panel(**more), mode="quick") for more in (near, wide))
+    np.testing.assert_array_equal(same["drive_force"], thrown["drive_force"])
+    made = [d for d in json.loads(waits.attrs["machine_throws"]) if d["to"] == "closed"]
+    later = next(d for d in made if d["drive"] == "2")
+    assert later["outcome"] == "limit"
+    assert later["off"] > contact + 0.02
+    left = float(waits["drive_gap"].sel(drive="2").interp(time=later["off"]))
+    # seen at the start of a step, acted on at its end: two steps of 4 ms at 27 mm/s
+    assert 0.0 <= 0.7 * at_contact - left < 2.2e-4
+    opened = [d for d in json.loads(waits.attrs["machine_throws"]) if d["to"] == "open"]
+    assert [d["outcome"] for d in opened] == ["limit", "limit"]

@@ -12,6 +12,8 @@ from turnout.panel.markers import (
     movement_end,
     movement_fraction,
     ordered_movements,
+    prior_movement,
+    prior_positions,
     start_offset,
 )
 
@@ -145,3 +147,27 @@ def test_offset_of_the_start_from_the_stress_free_position(
     assert start_offset(changed, "A", 1.0) == expected
     strokes = np.array([drive.stroke for drive in panel.drive.values()])
     np.testing.assert_array_equal(marker_offsets(changed), expected * strokes)
+
+
+def test_a_loaded_start_follows_the_last_movement_to_it() -> None:
+    panel = load_panel("uic60-760-1-15")
+    movement = prior_movement(panel)
+    assert movement == panel.movement["return"]
+    positions = prior_positions(panel, movement, [0.0, 3.2, 3.4, 9.0])
+    np.testing.assert_allclose(positions[:, 0], [-0.117, -0.087], atol=1e-12)
+    np.testing.assert_array_equal(positions[:, -1], marker_positions(panel, [0.0])[:, 0])
+    assert positions[1, 1] < positions[1, 2] == positions[1, 3]
+
+
+def test_a_schedule_that_never_returns_turns_its_first_movement_around() -> None:
+    panel = load_panel("uic60-760-1-15")
+    away = panel.model_copy(update={"movement": {"throw": panel.movement["throw"]}})
+    movement = prior_movement(away)
+    assert movement is not None
+    assert (movement.to, movement.duration) == ("closed", panel.movement["throw"].duration)
+
+
+def test_other_starts_follow_no_movement() -> None:
+    assert prior_movement(load_panel("sb2")) is None
+    still = load_panel("uic60-760-1-15").model_copy(update={"movement": {}})
+    assert prior_movement(still) is None

@@ -190,7 +190,7 @@ def test_nothing_left_of_a_rail_names_its_section(tmp_path: Path) -> None:
         (
             'unit = "cm", values = [[-3',
             'unit = "m", values = [[-3',
-            r"6000 mm along y.*look at its unit",
+            r"6000 mm along y.*check its unit",
         ),
         ('unit = "cm", values = [[-3', 'unit = "µm", values = [[-3', r"0\.006 mm along y"),
         (BAR, "[[-3, 1], [3, 1], [3, 12], [-3, 12]]", r"lowest .* z = 10 mm.* shift .* by -10 mm"),

@@ -70,9 +70,9 @@ def test_a_throw_gives_the_gap_of_each_rail_when_it_lies_closed() -> None:
     """Rail A is closed at the end, rail B just before the return at 4.4 s."""
     dataset = sb2_dataset()
     ax = plot_plan(sb2_panel(), dataset=dataset).axes[1]
-    at_end = dataset["gap"].sel(rail="A").isel(time=-1)
+    final_value = dataset["gap"].sel(rail="A").isel(time=-1)
     before = dataset["gap"].sel(rail="B").sel(time=4.399, method="nearest")
-    np.testing.assert_allclose(line_of(ax, "rail A").get_ydata(), 1e3 * at_end)
+    np.testing.assert_allclose(line_of(ax, "rail A").get_ydata(), 1e3 * final_value)
     np.testing.assert_allclose(line_of(ax, "rail B").get_ydata(), 1e3 * before)
     assert "simulated" in ax.get_ylabel()
 

@@ -8,7 +8,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from turnout.errors import ResponseError
-from turnout.metric.sensitivity import Output, OutputEffects, SobolIndex
+from turnout.metric.sensitivity import NumericOutput, OutputEffects, SobolIndex
 from turnout.metric.sweep_map import STATES, end_state, sweep_map
 from turnout.plot.style import rendered
 from turnout.plot.sweep import (
@@ -130,7 +130,7 @@ def test_effects_draw_a_bar_for_each_input() -> None:
 
 def test_no_sensitivity_is_written_instead_of_empty_bars() -> None:
     size = SobolIndex(name="object.size", first=float("nan"), first_confidence=0.0)
-    output = Output(name="end_gap", units="m", values=np.zeros(3))
+    output = NumericOutput(name="end_gap", units="m", values=np.zeros(3))
     ax = Figure().subplots()
     plot_indices(OutputEffects(output=output, indices=(size,), effects=()), ax=ax)
     assert "no sensitivity" in " ".join(text.get_text() for text in ax.texts)

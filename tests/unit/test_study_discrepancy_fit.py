@@ -9,11 +9,11 @@ from tests.unit.calibrations import calibration, fitted
 
 from turnout.calibration.comparison import Comparison
 from turnout.calibration.drive_law.candidates import PLAIN, SOFT, WORN, drive_laws, lagged
-from turnout.calibration.drive_law.compare import LawComparison, fitted_laws, judged
+from turnout.calibration.drive_law.compare import LawComparison, fitted_laws, law_results
 from turnout.calibration.drive_law.fit_law import _movement_levels
-from turnout.calibration.evaluate import CELL, Evaluator, Response, Throw
+from turnout.calibration.evaluate import CELL, Evaluator, Response, ThrowInputs
 from turnout.calibration.fit import fit
-from turnout.calibration.measured_movements import BIN, Movement, Signal
+from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.parameter import Parameter
@@ -35,12 +35,12 @@ PANEL = load_panel("sb1")
 class MadeUp(Evaluator):
     """Answers at once, by a formula: a drive that is stretched by an object."""
 
-    def responses(self, throws: Sequence[Throw]) -> list[Response]:
+    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
         self.made += len(throws)
         return [response(throw) for throw in throws]
 
 
-def response(throw: Throw) -> Response:
+def response(throw: ThrowInputs) -> Response:
     time = CELL * (np.arange(800) + 0.5)
     values = {key: value for key, value in throw.overrides.items() if isinstance(value, float)}
     stretched = throw.size * np.clip((time - CONTACT) / 0.6, 0.0, 1.0)
@@ -69,13 +69,13 @@ def movement(
     lag: float,
     *,
     size: float | None = None,
-) -> Movement:
+) -> MeasuredMovement:
     """Make a measured movement, with noise."""
     size = SIZES[number] if size is None else size
     time = BIN * (np.arange(-50, 90) + 0.5)
-    clean = lagged(response(Throw(overrides=values, size=size)), "2", lag=lag)
+    clean = lagged(response(ThrowInputs(overrides=values, size=size)), "2", lag=lag)
     keys = [("drive_force", "1"), ("drive_force", "2"), *([("object_force", "")] if size else [])]
-    empty = Movement(
+    empty = MeasuredMovement(
         name=f"m{number}",
         direction="closing",
         place="drive 2" if size else "none",
@@ -115,7 +115,7 @@ def compared(
     )
     with MadeUp(PANEL) as evaluator:
         fits = fitted_laws(tuple(measured), PANEL, known, drive="2", evaluator=evaluator)
-    results, samples = judged(fits)
+    results, samples = law_results(fits)
     return LawComparison(
         drive="2", nominal=6e3, movements=(), samples=samples, results=tuple(results)
     )

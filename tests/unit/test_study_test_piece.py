@@ -59,7 +59,7 @@ shape = "smoothstep"
 def test_a_piece_without_room_has_no_result() -> None:
     """It is as thick as the estimate of the opening allows, more than the bushing leaves."""
     result = check_piece(sb2_panel(), "2", size=0.0775)
-    assert result.fault.startswith("the gap never had room")
+    assert result.fault.startswith("the piece does not fit")
 
 
 def test_a_piece_larger_than_the_opening_is_refused() -> None:

@@ -9,7 +9,7 @@ import xarray as xr
 
 from turnout.errors import ResponseError
 from turnout.plot.validation import plot_comparison, plot_error_map
-from turnout.validation.acceptance import judge, page_text, table_text, verdict_lines
+from turnout.validation.acceptance import acceptance_lines, judge, page_text, table_text
 from turnout.validation.scatter import Direction, scatter_of
 
 TIME = np.linspace(0.0, 3.0, 151)
@@ -98,7 +98,7 @@ def test_a_good_prediction_is_accepted() -> None:
     assert verdict.text.startswith("VALID: all 3 channels of 4 movements")
     assert (verdict.judged, verdict.used) == (4, 2)
     assert [item.movements for item in verdict.channels] == [4, 4, 4]
-    assert "drive 1" in verdict_lines(verdict)[1]
+    assert "drive 1" in acceptance_lines(verdict)[1]
 
 
 def test_an_error_beyond_three_spreads_is_refused() -> None:

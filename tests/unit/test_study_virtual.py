@@ -18,18 +18,18 @@ from turnout.response.store import open_response
 from turnout.schema.channels import schema_problems
 from turnout.scheme import Scheme
 from turnout.virtual import series as virtual_series
-from turnout.virtual.campaign_files import Thrown, mistype
+from turnout.virtual.campaign_files import WrittenThrow, mistype
 from turnout.virtual.campaign_plan import (
+    CampaignPlan,
     Case,
     Defects,
-    Plan,
-    chance_for,
     default_places,
     overrides_for,
     series_of,
+    throw_generator,
     virtual_plan,
 )
-from turnout.virtual.disturbance import QUIET, Disturbance, Transducer, disturbed
+from turnout.virtual.disturbance import QUIET, Disturbance, Transducer, add_disturbance
 from turnout.virtual.make_campaign import make_virtual_campaign
 from turnout.virtual.record_throw import (
     CurrentLaw,
@@ -88,16 +88,16 @@ def test_the_truth_has_the_schema_and_the_cases() -> None:
 
 def test_chance_does_not_depend_on_the_order() -> None:
     one, two = (Case(name=n, direction="closing", size=0.0, place="none") for n in "ab")
-    first = [chance_for(PLAN, case).standard_normal() for case in (one, two)]
-    second = [chance_for(PLAN, case).standard_normal() for case in (two, one)]
+    first = [throw_generator(PLAN, case).standard_normal() for case in (one, two)]
+    second = [throw_generator(PLAN, case).standard_normal() for case in (two, one)]
     assert first == second[::-1]
     assert first[0] != first[1]
-    assert chance_for(Plan(places=("x",), seed=6), one).standard_normal() != first[0]
+    assert throw_generator(CampaignPlan(places=("x",), seed=6), one).standard_normal() != first[0]
 
 
 @pytest.mark.parametrize("suffix", sorted(WRITERS))
 def test_a_campaign_that_stopped_comes_to_the_same_files(suffix: str, tmp_path: Path) -> None:
-    plan = Plan(places=(), object_free=2, formats=(suffix,), seed=1)
+    plan = CampaignPlan(places=(), object_free=2, formats=(suffix,), seed=1)
     whole, stopped = tmp_path / "whole", tmp_path / "stopped"
     make_virtual_campaign(sb2_panel(), whole, plan=plan)
     seen: list[int] = []
@@ -121,7 +121,7 @@ def test_a_campaign_that_stopped_comes_to_the_same_files(suffix: str, tmp_path: 
 def test_another_plan_is_not_mixed_in(tmp_path: Path) -> None:
     folder = tmp_path / "copy"
     shutil.copytree(made(), folder)
-    other = Plan(places=("sleeper 6",), seed=PLAN.seed + 1)
+    other = CampaignPlan(places=("sleeper 6",), seed=PLAN.seed + 1)
     with pytest.raises(FileError, match="another panel, seed or plan"):
         make_virtual_campaign(sb2_panel(), folder, plan=other)
 
@@ -158,7 +158,7 @@ def test_a_worn_clutch_slips_above_its_level_and_scatters() -> None:
 
 
 def test_a_defect_needs_its_drive(tmp_path: Path) -> None:
-    plan = Plan(places=(), defects=Defects(drive="3", build_up_lag=0.1))
+    plan = CampaignPlan(places=(), defects=Defects(drive="3", build_up_lag=0.1))
     with pytest.raises(FileError, match="no such drive"):
         make_virtual_campaign(sb2_panel(), tmp_path / "new", plan=plan)
 
@@ -191,10 +191,10 @@ def test_each_disturbance_is_of_the_size_asked_for() -> None:
     true = clean(0.0)
     rng = np.random.default_rng(0)
     noisy = Disturbance(drive_force=Transducer(noise=4.0), cross_talk=0.0)
-    added = disturbed(true, rng=rng, disturbance=noisy)["drive_force"] - true["drive_force"]
+    added = add_disturbance(true, rng=rng, disturbance=noisy)["drive_force"] - true["drive_force"]
     assert float(added.std()) == pytest.approx(4.0, rel=0.02)
     stepped = Disturbance(drive_force=Transducer(step=10.0), cross_talk=0.0)
-    seen = disturbed(true, rng=rng, disturbance=stepped)["drive_force"]
+    seen = add_disturbance(true, rng=rng, disturbance=stepped)["drive_force"]
     np.testing.assert_allclose(seen / 10.0, np.round(seen / 10.0), atol=1e-9)
     crossed = Disturbance(
         drive_force=Transducer(),
@@ -202,9 +202,9 @@ def test_each_disturbance_is_of_the_size_asked_for() -> None:
         object_force=Transducer(),
         cross_talk=0.01,
     )
-    added = disturbed(true, rng=rng, disturbance=crossed)["drive_force"] - true["drive_force"]
+    added = add_disturbance(true, rng=rng, disturbance=crossed)["drive_force"] - true["drive_force"]
     np.testing.assert_allclose(added[0], 0.01 * true["drive_force"][1], atol=1e-9)
-    assert disturbed(true, rng=rng, disturbance=QUIET).equals(true)
+    assert add_disturbance(true, rng=rng, disturbance=QUIET).equals(true)
     with pytest.raises(FileError, match="at least 0"):
         Transducer(noise=-1.0)
 
@@ -220,10 +220,10 @@ def test_mistakes_are_made_and_named() -> None:
     assert mistype(thrown, count=0, rng=np.random.default_rng(2)) == (thrown, [])
 
 
-def thrown_line(name: str, size: float) -> Thrown:
+def thrown_line(name: str, size: float) -> WrittenThrow:
     place = "sleeper 6" if size else "none"
     case = Case(name=name, direction="closing", size=size, place=place)
-    return Thrown(case, f"{name}.csv", slipped=False)
+    return WrittenThrow(case, f"{name}.csv", slipped=False)
 
 
 def test_places_go_from_toe_to_heel() -> None:
@@ -235,21 +235,21 @@ def test_a_throw_that_the_solver_gives_up_ends_its_series(
 ) -> None:
     broken = run(0.0).assign_attrs(complete=False, outcome="stuck", outcome_message="gave up")
     monkeypatch.setattr(virtual_series, "simulate", lambda *_, **__: broken)
-    plan = Plan(places=(), object_free=2)
+    plan = CampaignPlan(places=(), object_free=2)
     with pytest.raises(FileError, match="no throw came to an end: none_opening_1: gave up"):
         make_virtual_campaign(sb2_panel(), tmp_path / "new", plan=plan)
     assert set(FIELDS) | {"drive_current"} == set(virtual_series.FIELDS)  # of machines
 
 
 def test_a_series_ends_with_a_slip_but_not_before_a_load_cell_fits() -> None:
-    plan = Plan(places=("drive 2",))
+    plan = CampaignPlan(places=("drive 2",))
     part = virtual_series.Part(virtual_series._nothing(), True, {}, "")
     held = virtual_series.Part(virtual_series._nothing(), False, {}, "")
     cases = [
         Case(name="x", direction="closing", size=size, place="drive 2") for size in (0.01, 0.013)
     ]
-    assert [virtual_series.ends_series(part, case, plan) for case in cases] == [False, True]
-    assert not virtual_series.ends_series(held, cases[1], plan)
+    assert [virtual_series.stops_series(part, case, plan) for case in cases] == [False, True]
+    assert not virtual_series.stops_series(held, cases[1], plan)
 
 
 def test_a_finer_truth_is_solved_otherwise() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from turnout.calibration.evaluate import Response
-from turnout.calibration.measured_movements import Movement, Signal
+from turnout.calibration.measured_movements import MeasuredMovement, Signal
 from turnout.validation.onset import onset_shifts
 
 TIME = np.arange(-0.99, 3.2, 0.02)
@@ -30,9 +30,9 @@ def response(contact: float = np.nan) -> Response:
     )
 
 
-def movement(shift: float, *, clocked: bool = False, size: float = 0.0) -> Movement:
+def movement(shift: float, *, clocked: bool = False, size: float = 0.0) -> MeasuredMovement:
     signal = Signal(channel="drive_force", drive="1", time=TIME, values=force(TIME - shift))
-    return Movement(
+    return MeasuredMovement(
         name="a",
         direction="closing",
         place="drive 1" if size else "none",

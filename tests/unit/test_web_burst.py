@@ -11,7 +11,7 @@ from tests.unit.simulated import sb2_dataset, sb2_panel
 from turnout.web.tasks import MOST_RUNS
 
 RATE = 20.0
-SETTLED = 3.0
+TOLERANCE = 3.0
 """Seconds in which places beside the object are made ready."""
 
 
@@ -66,10 +66,10 @@ def test_the_last_of_many_questions_is_answered(seconds: float) -> None:
         client.enter()
         mark = client.ask("/api/start").json["panel"]["mark"]
         burst(client, mark, seconds=2.0)
-        time.sleep(SETTLED)
+        time.sleep(TOLERANCE)
         before = resident()
         answered, final, waits = burst(client, mark, seconds=seconds)
-        time.sleep(SETTLED)  # a throw at work takes memory that it gives back
+        time.sleep(TOLERANCE)  # a throw at work takes memory that it gives back
         grown = resident() - before
         late = client.ask("/api/start")
     assert None not in answered, "every question gets a reply"

@@ -118,7 +118,7 @@ def test_an_object_without_room_is_told_as_by_the_command(studio: Client) -> Non
     late = asked(studio, object=thick, settings={"object_defaults.appears": "8 s"})
     reply = studio.post("/api/run", late)
     assert reply.status == 422
-    assert "never had room" in reply.json["message"]
+    assert "does not fit" in reply.json["message"]
 
 
 def test_a_sent_panel_is_opened_and_checked(studio: Client) -> None:

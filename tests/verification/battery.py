@@ -105,7 +105,7 @@ def law_checks() -> list[Check]:
     return [
         Check("bilinear bushing: force, largest difference", off, 0, 0.01, "% of peak"),
         Check("dropped mass: peak force of contact", 100 * (found / peak - 1), -0.2, 0.2, "%"),
-        Check("books of energy of these", residual, 0, 1e-6, "of scale"),
+        Check("energy residual of these", residual, 0, 1e-6, "of scale"),
     ]
 
 

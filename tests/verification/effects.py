@@ -212,7 +212,7 @@ HEAD = """# What each refinement is worth
 Written by `python -m tests.verification.effects`: the default panel with each of its refinements
 switched off, or an option switched on, in turn. Its drives have no closing over-travel here, Drive
 2 has a stroke of 75 mm and a slip level of 6 kN, its rails fit without gaps and are free of force
-in the through route: so an independent study looked at it, whose findings stand at the end. Forces
+in the through route: so an independent study examined it, whose findings stand at the end. Forces
 are those at the end of the run, 0.7 s after the return; the columns without a head are changes from
 the first row. "Chairs off" counts chairs of both rails that carry nothing then. The last row of
 each table is the library panel `uic60-760-1-15-symmetric` in the same way: tabulated symmetric

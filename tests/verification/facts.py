@@ -14,7 +14,7 @@ from tests.verification.runs import DEFAULT, end_force, throw
 from turnout.analysis.panel_check import panel_concerns
 from turnout.core.toml import parse_toml
 from turnout.metric.features import features
-from turnout.metric.slip import settled
+from turnout.metric.slip import last_instant_at
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, library_text, load_panel, panel_from_file
 from turnout.response.simulate import simulate
@@ -233,7 +233,7 @@ def flangeways(ds: xr.Dataset, panel: LoadedPanel) -> dict[str, float]:
     found, x = {}, ds["x"].values
     for name, rail in panel.rail.items():
         to = "open" if rail.closes == "+y" else "closed"
-        gap = settled(ds, to=to)["gap"].sel(rail=name).values
+        gap = last_instant_at(ds, to=to)["gap"].sel(rail=name).values
         edge = rail.running_edge
         assert edge is not None
         assert rail.head_width is not None

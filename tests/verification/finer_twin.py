@@ -20,7 +20,7 @@ from tests.verification.resumable import Record, command_line, put_section
 from turnout.calibration.calibrate import calibrate
 from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.panel.load import load_panel
-from turnout.virtual.campaign_plan import Plan
+from turnout.virtual.campaign_plan import CampaignPlan
 from turnout.virtual.make_campaign import make_virtual_campaign
 from turnout.virtual.record_throw import finer_panel, finer_scheme
 
@@ -48,7 +48,7 @@ STARTS: tuple[tuple[str, Mapping[str, float]], ...] = (
         },
     ),
 )
-PLAN = Plan(
+PLAN = CampaignPlan(
     places=("drive 1", "sleeper 3", "sleeper 6", "sleeper 9", "drive 2", "sleeper 11"),
     sizes=(0.013,),
     object_free=2,

@@ -170,4 +170,4 @@ def checks() -> list[Check]:
         for name, loop, limit in cases
     ]
     residual = max(energy_residual(loop.history) for _, loop, _ in cases)
-    return [*found, Check("books of energy of these", residual, 0, 1e-6, "of scale")]
+    return [*found, Check("energy residual of these", residual, 0, 1e-6, "of scale")]

@@ -1,4 +1,4 @@
-"""Mechanisms of a few masses made by hand, and the books of energy of a run."""
+"""Mechanisms of a few masses made by hand, and the energy residual of a run."""
 
 from collections.abc import Callable
 
@@ -89,7 +89,7 @@ def energy_scale(history: History) -> float:
 
 
 def energy_residual(history: History, *, without: str = "") -> float:
-    """Return what the books of energy leave open, over their scale [-].
+    """Return what the energy residual leave open, over their scale [-].
 
     `without` names a term that is left out, to see that it would be missed.
     """

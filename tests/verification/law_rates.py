@@ -24,7 +24,7 @@ from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.result import Calibration, Fitted
 from turnout.calibration.stages import default_plan
 from turnout.scheme import Scheme
-from turnout.virtual.campaign_plan import Defects, Plan
+from turnout.virtual.campaign_plan import CampaignPlan, Defects
 from turnout.virtual.record_throw import finer_panel, finer_scheme
 
 SEED = 20261123
@@ -77,7 +77,7 @@ def result_of(index: int) -> Record:
         p.name: p.start * float(np.exp(TRUTH * np.clip(rng.standard_normal(), -1.0, 1.0)))
         for p in default_plan(panel).parameters
     }
-    plan = Plan(places=("drive 1",), window=WINDOW, seed=int(rng.integers(2**31)))
+    plan = CampaignPlan(places=("drive 1",), window=WINDOW, seed=int(rng.integers(2**31)))
     twin = Twin(
         panel=finer_panel(panel),
         truth=truth,

@@ -15,8 +15,8 @@ from tests.verification.test_machine_coupling import coupled
 from tests.verification.test_machine_library import RATED, sheet_of
 from tests.verification.test_machine_sb3 import CASES, DATA
 
-from turnout.machine.load import load_machines
-from turnout.machine.throw import MachineThrow, throw_one_mass
+from turnout.machine.machine_file import load_machines
+from turnout.machine.one_mass_throw import MachineThrow, throw_one_mass
 from turnout.plot.machine import plot_machine
 from turnout.plot.style import rendered
 from turnout.response.machine import machine_dataset

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from tests.verification.machine_rail import HORIZON, PLACES, RODS, gap
 
 from turnout.integrate.integration import History, integrate
-from turnout.machine.load import machine_text
+from turnout.machine.machine_file import machine_text
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.response.simulate import Solved, simulate, solve
+from turnout.response.simulate import Solved, _prior_motion, simulate, solve
 from turnout.scheme import Scheme
 
 Floats = NDArray[np.float64]
@@ -84,7 +84,8 @@ def fed_back(solved: Solved) -> tuple[Floats, Floats]:
     def inputs(instants: Floats) -> Floats:
         return np.array([np.interp(instants, given.time, row) for row in given.inputs.T])
 
-    again = integrate(marker, Scheme.of("waveform"), inputs=inputs, end=float(given.time[-1]))
+    end, prior = float(given.time[-1]), _prior_motion(panel)
+    again = integrate(marker, Scheme.of("waveform"), inputs=inputs, end=end, prior=prior)
     laws = [solved.mechanism.index.drive[name] for name in panel.drive]
     return given.law_force[:, laws], again.law_force[:, laws]
 

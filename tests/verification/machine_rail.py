@@ -12,14 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.threads import one_blas_thread
-from turnout.integrate.arrange import arrange, prepare, start_at_rest
+from turnout.integrate.arrange import arrange, prepare
 from turnout.integrate.integration import History, integrate
 from turnout.integrate.march import march, store_instant
+from turnout.integrate.start import start_at_rest
 from turnout.kernels.interrupt import one_thread
+from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
 from turnout.machine.compute.couple import Machines, Room, accept_machines, try_machines
-from turnout.machine.load import load_machines
-from turnout.machine.records import Machine
+from turnout.machine.machine_file import load_machines
 from turnout.machine.rows import command_rows, machine_row, start_state, stroke_table, work_rows
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism

@@ -120,7 +120,7 @@ def thrown(truth: Truth, case: Case) -> Answer:
         }
     system = replace(system, stations=replace(stations, **changes))
     answer = banded.run(system, rest.copy(), case="B" if case.size > 0 else "A", step=STEP)
-    assert answer.work["unsettled"] == 0
+    assert answer.work["unconverged"] == 0
     return answer
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from turnout.section.analyse import SectionAnalysis, analyse_outlines
 from turnout.section.rail_outlines import planed_rail
-from turnout.section.taper import PlanedSection
+from turnout.section.taper import PlanedOutline
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 UNITS = {"_mm": 1e-3, "_cm2": 1e-4, "_cm4": 1e-8}
@@ -42,7 +42,7 @@ def reference() -> dict[str, np.ndarray]:
     return columns
 
 
-def cuts(*, least_thickness: float | None = None) -> list[PlanedSection]:
+def cuts(*, least_thickness: float | None = None) -> list[PlanedOutline]:
     """Cut the rail where the reference does."""
     offsets = reference()["running_edge_offset"]
     return planed_rail("60E1A1", running_edge_offsets=offsets, least_thickness=least_thickness)

@@ -17,7 +17,7 @@ from tests.unit.recorded import changed, noisy, samples, typical
 
 from turnout.measurement.campaign.find_throws import find_throws
 from turnout.measurement.quality.channel_faults import Limits
-from turnout.measurement.quality.judge import Expected, Verdict, judge
+from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
 
 PAGE = Path(__file__).parents[2] / "docs" / "measurement-quality.md"
 FIRST_SEED, TRIALS, SOUND = 13_000, 24, 144
@@ -45,7 +45,7 @@ class Sweep:
     levels: tuple[Level, ...]
 
 
-def judged(dataset: xr.Dataset, *, direction: str = "closing") -> Verdict | None:
+def judged(dataset: xr.Dataset, *, direction: str = "closing") -> ThrowQuality | None:
     """Judge the first throw as a build does; None where there is none."""
     throws = find_throws(dataset)
     if not throws:
@@ -54,7 +54,7 @@ def judged(dataset: xr.Dataset, *, direction: str = "closing") -> Verdict | None
     return judge(dataset, throws[0], expected=expected)
 
 
-def is_seen(verdict: Verdict | None, kind: str) -> bool:
+def is_seen(verdict: ThrowQuality | None, kind: str) -> bool:
     """Tell whether a throw is excluded for this kind of fault; no throw at all is excluded too."""
     if verdict is None:
         return True
@@ -259,7 +259,7 @@ recorded. Limits are fields of `turnout.measurement.quality.channel_faults.Limit
 its limit is meant to pass.
 
 Two things are taken from the rest of the campaign, so at least three sound movements in each
-direction are needed for them: the pace of a throw, and which channel is whose. Both look at the
+direction are needed for them: the pace of a throw, and which channel is whose. Both use the
 first 1.5 s, in which no object has a say. Clipping and drop-outs are told by noise; a channel
 without any cannot be judged. A silent load cell is only remarked upon: an object need not be
 reached.

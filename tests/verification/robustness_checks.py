@@ -1,7 +1,7 @@
 """Run a scenario and list everything about its response that must not be.
 
-What must hold whatever the panel: no NaN, books that close to 1e-6 of their scale, no contact that
-pulls, no friction above its limit, every force on its law, friction that takes energy, rows in
+What must hold whatever the panel: no NaN, an energy residual below 1e-6 of its scale, no contact
+that pulls, no friction above its limit, every force on its law, friction that takes energy, rows in
 equilibrium; and a run that ends early says when, where, why, and what to do.
 """
 
@@ -27,7 +27,7 @@ from turnout.panel.load import LoadedPanel
 from turnout.scheme import Scheme
 
 BOOKS = 1e-6
-"""Largest residual of the books, as a share of their scale."""
+"""Largest energy residual, as a share of its scale."""
 ROUNDING = 5e-13
 """What a run that is not complete may be off besides, as a share of the energy of the folded linear
 system.
@@ -140,7 +140,7 @@ def _message_faults(run: Run) -> Iterator[str]:
         "remedy": ADVICE[outcome.code],
     }
     if outcome.code is not Code.INACCURATE:
-        wanted["contacts"] = "unsettled: "
+        wanted["contacts"] = "unconverged: "
     yield from (f"message without {what}" for what, part in wanted.items() if part not in text)
     expected = outcome.step // run.scheme.stride + 1
     if run.history.time.size not in (0, expected):
@@ -228,7 +228,7 @@ def _book_faults(run: Run) -> Iterator[str]:
         allowed += ROUNDING * folded_energy(run)
     residual = float(np.abs(run.dataset["energy_residual"]).max())
     if residual > allowed and run.history.outcome.code is not Code.INACCURATE:
-        yield f"books open by {residual:.1e} J, allowed are {allowed:.1e} J of {scale:.1e} J"
+        yield f"energy residual {residual:.1e} J, allowed are {allowed:.1e} J of {scale:.1e} J"
     lost = float(run.dataset["energy_friction"][-1])
     if lost < -allowed:
         yield f"friction gave {-lost:.1e} J"

@@ -23,7 +23,7 @@ the rail is closed. Steps are 0.5 to 4 ms, cut-offs 100 Hz to none.
 
 Each run must come to its end, or stop with a message that names time, step, residual, contacts and
 a remedy and keeps the response until then. Every run, whole or partial, must be free of NaN, close
-its books of energy to 1e-6 of their scale, and keep every law: no contact pulls by more than 1 mN
+its energy balance to 1e-6 of its scale, and keep every law: no contact pulls by more than 1 mN
 (or the scheme's gap tolerance times its stiffness, if that is more), no friction is above its
 limit, no force is off its law, friction in sum takes energy. A run that comes to its end with an
 open balance must say so itself (`inaccurate`). In a run that stops early, where the balance is a
@@ -37,15 +37,15 @@ and all that take more than 3 s, are repeated and ended by Ctrl-C at a random ti
     python -m tests.verification.robustness show INDEX
 
 The first command can be killed and started again; the second writes this page; the third repeats
-one scenario. The same job is the test `test_robustness_long.py`, left out unless asked for with
+one scenario. The same job is the test `test_robustness_long.py`, left out unless selected with
 `-m long`.
 """
 
 
-LOSSES = """The books close, whatever the step; how much of them is the scheme's own says whether
-the step is small enough. Many of these scenarios are hard blows: a rail thrown in 0.3 s against
-stops or an object of a thousand times the usual stiffness, without damping. Then a large step
-loses or makes energy of the order of what there is, and the summary of a run says so; take a
+LOSSES = """The energy balance closes, whatever the step; the share of numerical dissipation shows
+whether the step is small enough. Many of these scenarios are hard blows: a rail thrown in 0.3 s
+against stops or an object of a thousand times the usual stiffness, without damping. Then a large
+step loses or makes energy of the order of what there is, and the summary of a run says so; take a
 smaller step.
 """
 
@@ -63,7 +63,7 @@ def page(results: Sequence[Record], job: Record) -> str:
     parts = [HEAD, "## Result\n", _table(_figures(results, job), ("figure", "value"))]
     parts += ["## Outcomes by kind of panel\n", _by(results, "kind")]
     parts += ["## Outcomes by what is extreme\n", _by(results, "special")]
-    parts += ["## What the scheme itself loses or makes\n", LOSSES, _losses(results)]
+    parts += ["## Numerical dissipation\n", LOSSES, _losses(results)]
     parts.append("## Runs that stopped early\n")
     parts.append(_early(results))
     parts.append("## Defects\n")

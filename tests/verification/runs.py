@@ -47,7 +47,7 @@ def end_force(ds: xr.Dataset, drive: str) -> float:
     return float(ds["drive_force"].sel(drive=drive)[-1])
 
 
-def books(ds: xr.Dataset) -> tuple[float, float]:
+def energy_balance(ds: xr.Dataset) -> tuple[float, float]:
     """Return largest energy residual and largest numerical loss as shares of the run's scale."""
     scale = ds.attrs["energy_scale"]
     residual = np.abs(ds["energy_residual"].to_numpy()).max() / scale

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.verification.agreement import sb1_checks, sb2_checks
 from tests.verification.reference import full, thinned
-from tests.verification.runs import books, throw
+from tests.verification.runs import energy_balance, throw
 
 from turnout.integrate.integration import integrate
 from turnout.mechanism.build import build_mechanism
@@ -54,7 +54,7 @@ def test_thinned_copies_are_of_the_answers(case, reference_dir: Path):
 
 @pytest.mark.parametrize("case", RUNS)
 def test_books_close(case):
-    residual, loss = books(throw(*RUNS[case]))
+    residual, loss = energy_balance(throw(*RUNS[case]))
     assert residual < 1e-6
     assert loss < 0.02
 

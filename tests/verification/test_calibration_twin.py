@@ -15,7 +15,7 @@ from turnout.cli.main import app
 from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.panel.load import load_panel
 from turnout.response.store import open_response, save_response
-from turnout.virtual.campaign_plan import Plan
+from turnout.virtual.campaign_plan import CampaignPlan
 from turnout.virtual.make_campaign import make_virtual_campaign
 
 TRUE = {
@@ -41,7 +41,7 @@ def twin(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the dataset of a small measured twin."""
     folder = tmp_path_factory.mktemp("twin")
     truth = load_panel("sb1").with_overrides({**TRUE, "discretisation.element_length": "0.05 m"})
-    plan = Plan(
+    plan = CampaignPlan(
         places=("drive 1",),
         sizes=(0.013,),
         object_free=1,

@@ -20,7 +20,7 @@ from tests.unit.simulated import sb2_panel
 from turnout.measurement.campaign.build_campaign import build_campaign
 from turnout.measurement.formats.file_format import WRITERS
 from turnout.response.store import open_response
-from turnout.virtual.campaign_plan import Plan
+from turnout.virtual.campaign_plan import CampaignPlan
 from turnout.virtual.disturbance import QUIET
 from turnout.virtual.make_campaign import make_virtual_campaign
 from turnout.virtual.record_throw import Window
@@ -33,11 +33,11 @@ WINDOW = Window()
 @cache
 def pair(suffix: str, *, quiet: bool) -> tuple[xr.Dataset, xr.Dataset]:
     """Return what was built of a campaign in one format, and its truth, on the same times."""
-    plan = Plan(
+    plan = CampaignPlan(
         places=("sleeper 6",), sizes=(0.013, 0.031), object_free=3, formats=(suffix,), seed=77
     )
     if quiet:
-        plan = Plan(
+        plan = CampaignPlan(
             places=("sleeper 6",),
             sizes=(0.013,),
             object_free=0,

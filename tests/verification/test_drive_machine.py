@@ -22,7 +22,7 @@ from tests.verification.reference import DATA
 
 from turnout.machine.compute import places as at
 from turnout.machine.steady import slip_point
-from turnout.mechanism.machines import fitted_machine
+from turnout.mechanism.drive_machines import fitted_machine
 from turnout.panel.foreign_object import ForeignObject
 from turnout.response.simulate import Solved, simulate, solve
 from turnout.scheme import Scheme

@@ -1,4 +1,4 @@
-"""The books of energy close to 1e-6 of their scale, and a wrong entry in any of them shows.
+"""The energy residual close to 1e-6 of their scale, and a wrong entry in any of them shows.
 
 Reference: the identity of the energy balance over a step (turnout.integrate.energy). The scale is
 the largest sum of work and stored energy of the run. The mechanism is made so that every term takes

@@ -2,7 +2,7 @@
 
 Reference: the law table itself, evaluated here in plain numpy at the displacements of the run.
 Tolerances: a contact force may disagree by what the gap tolerance of 1e-11 m makes at the stiffest
-law (1e-4 N), friction may exceed its limit by the force tolerance of 1e-6 N, the books of energy
+law (1e-4 N), friction may exceed its limit by the force tolerance of 1e-6 N, the energy residual
 close to 1e-8 of their scale and the rows agree with the base system to 1e-10 m.
 """
 

@@ -109,7 +109,7 @@ def test_a_run_that_cannot_settle_names_what_did_not() -> None:
     assert outcome.contacts, "no law is named"
     assert len(outcome.contacts) < 2 * N_FEET + 2, "every law is named"
     assert all(n.startswith(("law", "friction foot")) for n in outcome.contacts)
-    assert "unsettled" in outcome.message()
+    assert "unconverged" in outcome.message()
 
 
 def test_an_interrupted_run_keeps_what_there_is() -> None:

@@ -2,7 +2,7 @@
 
 Reference: two springs in series, one of them bilinear, in closed form. A cycle of the elastic
 bushing gives all work back; with a foot the loop encloses the friction work. Tolerance 1e-4 for the
-inertia of a light mass moved slowly, 1e-6 for the books of energy.
+inertia of a light mass moved slowly, 1e-6 for the energy residual.
 """
 
 import numpy as np

@@ -12,9 +12,9 @@ import pytest
 
 from turnout.machine.compute import places as at
 from turnout.machine.compute.couple import Machines, Room, accept_machines, try_machines
-from turnout.machine.load import load_machines
+from turnout.machine.machine_file import load_machines
+from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.machine.rows import command_rows, machine_row, start_state, stroke_table, work_rows
-from turnout.machine.throw import throw_one_mass
 
 RAIL = {"rail.friction_force": 0.0, "rail.stop_stiffness": 0.0, "rail.bed_stiffness": 60e3}
 

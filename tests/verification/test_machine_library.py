@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from turnout.machine.load import load_machines, machine_names
-from turnout.machine.throw import throw_one_mass
+from turnout.machine.machine_file import load_machines, machine_names
+from turnout.machine.one_mass_throw import throw_one_mass
 
 
 @dataclass(frozen=True)

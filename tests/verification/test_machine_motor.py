@@ -14,9 +14,9 @@ from tests.verification.machines import (
     steady_current,
 )
 
-from turnout.machine.load import load_machines
+from turnout.machine.machine_file import load_machines
+from turnout.machine.one_mass_throw import MachineThrow, throw_one_mass
 from turnout.machine.steady import shaft_travel, slip_point, steady_point, torque_for
-from turnout.machine.throw import MachineThrow, throw_one_mass
 
 SLIPPING = {"rail.object_size": 0.1, "throw.duration": 2.0}
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from tests.verification.machines import random_overrides
 
-from turnout.machine.load import load_machines
-from turnout.machine.throw import throw_one_mass
+from turnout.machine.machine_file import load_machines
+from turnout.machine.one_mass_throw import throw_one_mass
 
 
 def throw_many(count: int, seed: int) -> Counter[str]:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.machine.throw import MachineThrow, throw_one_mass
+from turnout.machine.one_mass_throw import MachineThrow, throw_one_mass
 
 DATA = Path(__file__).parent / "data"
 BEFORE = {"throw.duration": 8.8, "rail.object_size": 0.013}

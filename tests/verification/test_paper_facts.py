@@ -2,7 +2,7 @@
 
 import pytest
 from tests.verification.facts import ALL
-from tests.verification.runs import DEFAULT, books, throw
+from tests.verification.runs import DEFAULT, energy_balance, throw
 
 
 @pytest.mark.parametrize("fact", ALL, ids=lambda fact: fact.__name__)
@@ -14,7 +14,7 @@ def test_fact(fact):
 def test_books_of_the_default_throw():
     """Residual tests the code, numerical loss the physics: at most 0.5 % on a default throw."""
     for place in (None, "sleeper 6"):
-        residual, loss = books(throw(DEFAULT, place))
+        residual, loss = energy_balance(throw(DEFAULT, place))
         assert residual < 1e-6
         assert loss < 0.005
 

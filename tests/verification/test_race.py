@@ -27,7 +27,7 @@ def test_the_banded_program_agrees(case):
     assert agrees
     assert rms < {"A": 0.02, "B": 0.2}[case]  # found: 0.011 and 0.17
     assert plateau < 0.1
-    assert found.work["unsettled"] == 0
+    assert found.work["unconverged"] == 0
 
 
 def test_the_banded_program_converges_to_the_reference():

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.verification.runs import SYMMETRIC, books, end_force, throw
+from tests.verification.runs import SYMMETRIC, end_force, energy_balance, throw
 
 from turnout.errors import PanelError
 from turnout.panel.foreign_object import ForeignObject
@@ -48,7 +48,7 @@ def test_the_gap_is_measured_to_the_rail_that_moves(response):
 
 
 def test_books_close(response):
-    residual, loss = books(response)
+    residual, loss = energy_balance(response)
     assert residual < 1e-6
     assert loss < 0.005
 

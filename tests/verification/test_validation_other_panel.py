@@ -11,12 +11,12 @@ from tests.verification.twin_campaigns import WINDOW, Twin, campaign, short_sb1
 
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.evaluate import Evaluator
-from turnout.calibration.stages import Plan as Stages
+from turnout.calibration.stages import CalibrationPlan as Stages
 from turnout.calibration.stages import default_plan
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.validation.acceptance import Verdict, judge
+from turnout.validation.acceptance import Acceptance, judge
 from turnout.validation.validate import validate
-from turnout.virtual.campaign_plan import Plan
+from turnout.virtual.campaign_plan import CalibrationPlan
 
 LIBRARY = Path(__file__).parents[2] / "src" / "turnout" / "panel" / "library" / "sb1.toml"
 CASES = (
@@ -49,10 +49,14 @@ def longer(folder: Path) -> LoadedPanel:
     return load_panel(path).with_overrides(dict(short_sb1().overrides))
 
 
-def verdict_on(truth: LoadedPanel) -> Verdict:
+def verdict_on(truth: LoadedPanel) -> Acceptance:
     panel = short_sb1()
     dataset = campaign(
-        Twin(panel=truth, plan=Plan(places=("drive 1",), window=WINDOW, seed=8), cases=CASES)
+        Twin(
+            panel=truth,
+            plan=CalibrationPlan(places=("drive 1",), window=WINDOW, seed=8),
+            cases=CASES,
+        )
     )
     names = [str(name) for name in dataset["movement"].values]
     plan = default_plan(panel)

@@ -13,16 +13,16 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.measurement.campaign.build_campaign import stacked
-from turnout.measurement.campaign.find_throws import Throw
-from turnout.measurement.campaign.recorded_throw import Piece
+from turnout.measurement.campaign.find_throws import FoundThrow
+from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.response.save import Save
 from turnout.response.simulate import simulate
 from turnout.scheme import Scheme
-from turnout.virtual.campaign_files import Thrown, true_run
-from turnout.virtual.campaign_plan import Case, Plan, chance_for, overrides_for
-from turnout.virtual.disturbance import disturbed
+from turnout.virtual.campaign_files import WrittenThrow, true_sheet_row
+from turnout.virtual.campaign_plan import CampaignPlan, Case, overrides_for, throw_generator
+from turnout.virtual.disturbance import add_disturbance
 from turnout.virtual.record_throw import Window, record_throw
 from turnout.virtual.series import FIELDS
 
@@ -58,7 +58,7 @@ class Twin:
         Before the truth.
     truth : mapping of str to float
         Overrides that a calibration has to find.
-    plan : Plan
+    plan : CampaignPlan
         Scatter, defects, noise and seed.
     cases : tuple of (str, float)
         Places and sizes of closing movements.
@@ -71,7 +71,9 @@ class Twin:
 
     panel: LoadedPanel = field(default_factory=lambda: short_sb1())
     truth: Mapping[str, float] = field(default_factory=dict)
-    plan: Plan = field(default_factory=lambda: Plan(places=("drive 1",), window=WINDOW))
+    plan: CampaignPlan = field(
+        default_factory=lambda: CampaignPlan(places=("drive 1",), window=WINDOW)
+    )
     cases: Sequence[tuple[str, float]] = SB1_CASES
     scheme: Scheme = field(default_factory=Scheme)
     mixing: Sequence[NDArray[np.float64]] = ()
@@ -88,8 +90,8 @@ def campaign(twin: Twin) -> xr.Dataset:
     return stacked(members, [None] * len(members)).assign_attrs(title="twin", synthetic="synthetic")
 
 
-def _member(twin: Twin, panel: LoadedPanel, case: Case) -> tuple[object, Piece]:
-    rng = chance_for(twin.plan, case)
+def _member(twin: Twin, panel: LoadedPanel, case: Case) -> tuple[object, RecordedThrow]:
+    rng = throw_generator(twin.plan, case)
     changed = overrides_for(twin.plan, panel, rng)
     foreign = ForeignObject(case.size, case.place) if case.size > 0 else None
     run = simulate(
@@ -108,9 +110,9 @@ def _member(twin: Twin, panel: LoadedPanel, case: Case) -> tuple[object, Piece]:
     )
     if twin.mixing:
         true = _mixed(true, twin.mixing[case.repeat - 1])
-    seen = disturbed(true, rng=rng, disturbance=twin.plan.disturbance)
+    seen = add_disturbance(true, rng=rng, disturbance=twin.plan.disturbance)
     # Forces are told from the rest before the onset, as a build takes zeros.
-    throw = Throw(
+    throw = FoundThrow(
         0,
         seen.sizes["time"],
         window.lead,
@@ -119,7 +121,9 @@ def _member(twin: Twin, panel: LoadedPanel, case: Case) -> tuple[object, Piece]:
         "current",
         "closing",
     )
-    return true_run(Thrown(case, f"{case.name}.csv", False)), Piece(seen, throw, "", ())
+    return true_sheet_row(WrittenThrow(case, f"{case.name}.csv", False)), RecordedThrow(
+        seen, throw, "", ()
+    )
 
 
 def _mixed(true: xr.Dataset, matrix: NDArray[np.float64]) -> xr.Dataset:

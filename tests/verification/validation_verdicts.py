@@ -30,7 +30,7 @@ from turnout.response.store import open_response, save_response
 from turnout.validation.acceptance import judge
 from turnout.validation.validate import validate
 from turnout.virtual.campaign_files import CHANNELS
-from turnout.virtual.campaign_plan import Plan
+from turnout.virtual.campaign_plan import CampaignPlan
 from turnout.virtual.make_campaign import make_virtual_campaign
 
 NAME = "uic60-760-1-15"
@@ -96,7 +96,7 @@ def result_of(index: int) -> Record:
     folder = job_folder() / f"{index:03d}"
     folder.mkdir(parents=True, exist_ok=True)
     truth = truth_of(kind, folder, np.random.default_rng([SEED, number]))
-    plan = Plan(
+    plan = CampaignPlan(
         places=PLACES,
         sizes=SIZES,
         at_least=max(SIZES),

@@ -38,7 +38,7 @@ Complexes = NDArray[np.complex128]
 
 MOTIONS = ("lateral", "vertical", "torsion", "along")
 HEAD = 0.1
-"""Height above the foot at which the motion of a turning rail is looked at as well [m]."""
+"""Height above the foot at which the motion of a turning rail is evaluated as well [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -210,7 +210,7 @@ def reduction_texts(panel: Panel) -> dict[str, str]:
 
 
 def _rail_systems(mechanism: Mechanism, data: list[RailData], count: int) -> Iterator[_System]:
-    """Yield each rail by itself: feet free, off the chairs' dashpots too, and on its chairs."""
+    """Yield each rail alone: feet free, off the chairs' dashpots too, and on its chairs."""
     laws = mechanism.laws
     for number, body in enumerate(mechanism.rails):
         mine = slice(body.first, body.first + body.count)
@@ -244,7 +244,7 @@ def _panel_systems(panel: Panel, mechanism: Mechanism, count: int) -> Iterator[_
     start = marker_positions(panel, 0.0)[:, 0] + marker_offsets(panel)
     state = steady_sliding(mechanism, model, inputs=start, sense=0.0)
     if not state.settled:
-        message = f"modes: the panel {panel.name} finds no static equilibrium; look at its supports"
+        message = f"modes: the panel {panel.name} finds no static equilibrium; check its supports"
         raise ResponseError(message)
     everything = tuple(range(len(mechanism.rails)))
     yield _system(AT_REST, everything, model, state.coupling, count)

@@ -21,7 +21,7 @@ LEAST_LOAD = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Concern:
-    """One thing to look at.
+    """One warning about a panel.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ def concerns(dataset: xr.Dataset) -> list[Concern]:
         remedy = "what follows holds until then only"
         if is_inaccurate(dataset):
             what, where = "throw is inaccurate", "its whole time"
-            remedy = "what follows is not to be trusted either"
+            remedy = "the warnings below are not reliable either"
         found.append(Concern(what, where, message, remedy))
     if not dataset.sizes.get("time", 0):
         return found
@@ -145,7 +145,7 @@ REMEDY = "more chair.damping or less chair.friction_coefficient"
 
 
 def panel_concerns(panel: Panel, dataset: xr.Dataset) -> list[Concern]:
-    """Return what is to be looked at in a panel.
+    """Return the warnings about a panel.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def resting_concerns(panel: Panel) -> list[Concern]:
 
 
 def concern_lines(panel: Panel, found: list[Concern]) -> list[str]:
-    """Return what to tell of a checked panel: a line a warning, or what was found in order.
+    """Return the text of a checked panel: a line a warning, or what was found in order.
 
     Examples
     --------

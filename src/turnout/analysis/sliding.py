@@ -18,7 +18,7 @@ an unsymmetric stiffness: two modes may merge and draw energy from the sliding t
 coefficient is constant (mode coupling, flutter). Source of the mechanism: Hoffmann, Fischer,
 Allgaier and Gaul, Mechanics Research Communications 29(4), 2002, doi:10.1016/S0093-6413(02)00254-9,
 whose two-mass example these equations contain. Valid as long as no foot changes between open,
-sliding and sticking: this tells whether a vibration grows, not how large it becomes.
+sliding and sticking: this shows whether a vibration grows, not how large it becomes.
 """
 
 from dataclasses import dataclass

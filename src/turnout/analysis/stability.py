@@ -1,6 +1,6 @@
 """Whether friction makes the rails of a panel flutter while they are thrown.
 
-Steady sliding is looked at where the markers stand at several shares of each movement; every foot
+Steady sliding is evaluated where the markers stand at several shares of each movement; every foot
 that carries slides the way of the movement. See `turnout.analysis.sliding` for the equations.
 """
 
@@ -64,7 +64,7 @@ class FrictionStability:
     friction_factor : float
         The friction coefficients were multiplied by it [-].
     cases : tuple of SlidingCase
-        Every place that was looked at.
+        Every place that was evaluated.
     superelement_cutoff : float
         Nothing is said about vibration near or above this frequency [Hz].
     """
@@ -95,7 +95,7 @@ class FrictionStability:
         return self.worst.damping_ratio
 
     def __str__(self) -> str:
-        """Tell it in one sentence."""
+        """Return the result in one sentence."""
         at = f"at {self.friction_factor:g} times the friction"
         worst, lost = self.worst, sum(not case.settled for case in self.cases)
         text = f"{at} all vibrations decay while the rails slide"
@@ -119,7 +119,7 @@ def friction_stability(panel: Panel, *, friction_factor: float = 1.0) -> Frictio
     panel : Panel
         With movements; foreign objects are left out.
     friction_factor : float
-        Multiplies the friction coefficient of every chair: 1.25 tells how near flutter is [-].
+        Multiplies the friction coefficient of every chair: 1.25 shows how near flutter is [-].
 
     Returns
     -------

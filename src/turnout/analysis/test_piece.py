@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from turnout.metric.slip import settled
+from turnout.metric.slip import last_instant_at
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
 from turnout.response.save import Save
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 RESOLUTION = 1e-4
-"""How finely the least size is told [m]."""
+"""Resolution of the least size [m]."""
 LARGEST = 3.0
 """The largest piece that is tried, as a multiple of the gap limit at the drive [-]."""
 
@@ -118,7 +118,7 @@ def check_piece(
     Returns
     -------
     PieceResult
-        How it ended; a run that ends early and a piece without room are told as a fault.
+        How it ended; a run that ends early and a piece without room are given as a fault.
 
     Raises
     ------
@@ -140,12 +140,12 @@ def check_piece(
     if not dataset.attrs["complete"]:
         fault = str(dataset.attrs["outcome_message"])
     elif not dataset["object_placed"]:
-        fault = "the gap never had room for the piece"
+        fault = "the piece does not fit: the gap is smaller at all times"
     if fault:
         return PieceResult.without(drive, thickness, fault)
     held = dataset["object_force"].values > 0
     forces = np.abs(dataset["drive_force"].values[:, held])
-    end = settled(dataset, to="closed" if panel.rail[rail].closes == "+y" else "open")
+    end = last_instant_at(dataset, to="closed" if panel.rail[rail].closes == "+y" else "open")
     return PieceResult(
         drive=drive,
         size=thickness,

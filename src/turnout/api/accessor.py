@@ -21,7 +21,7 @@ class TurnoutAccessor:
     Parameters
     ----------
     dataset : xarray.Dataset
-        The dataset.
+        Run, recording, campaign, sweep, calibration, validation or modes, by its `kind`.
     """
 
     def __init__(self, dataset: xr.Dataset) -> None:

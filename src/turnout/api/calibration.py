@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import xarray as xr
 
-from turnout.api.campaign import Campaign, checked_panel, dataset_of, kept_throws_of
+from turnout.api.campaign import Campaign, checked_panel, dataset_of, throw_store_of
 from turnout.calibration.calibrate import calibrate as fit_stages
 from turnout.calibration.requirements import check_provenance
 from turnout.calibration.result import Calibration
 from turnout.calibration.result import load_calibration as read_record
-from turnout.calibration.stage_progress import State
+from turnout.calibration.stage_progress import CalibrationProgress
 from turnout.calibration.stages import default_plan
 from turnout.core.html_table import html_table
 from turnout.errors import FileError
@@ -157,7 +157,7 @@ class CalibrationResult:
         ]
         rows += [("not trusted", text, "", "", "") for text in self.reasons]
         rows += [("warning", text, "", "", "") for text in self.warnings]
-        columns = ("Parameter", "Value", "Unit", "95 % interval", "State")
+        columns = ("Parameter", "Value", "Unit", "95 % interval", "CalibrationProgress")
         return html_table(self._title(), rows, columns=columns)
 
     def _title(self) -> str:
@@ -177,7 +177,7 @@ def calibrate(
     posterior: bool = False,
     advise: bool = False,
     workers: int = 1,
-    report: Callable[[State], None] | None = None,
+    report: Callable[[CalibrationProgress], None] | None = None,
 ) -> CalibrationResult:
     """Fit friction, drive stiffness and slip levels of a panel to a campaign.
 
@@ -203,7 +203,7 @@ def calibrate(
     advise : bool
         Whether to list strongly correlated parameters and the tests that separate them.
     workers : int
-        Processes.
+        Processes that simulate at the same time, at least 1.
     report : callable, optional
         Called after each throw with how far the calibration is.
 
@@ -234,7 +234,7 @@ def calibrate(
         before,
         plan=default_plan(before, free=free, fixed=fix, most=most),
         exclude=exclude,
-        folder=kept_throws_of(campaign),
+        folder=throw_store_of(campaign),
         workers=workers,
         scheme=chosen_scheme(mode, None, caller="calibrate()"),
         posterior=posterior,

@@ -12,13 +12,13 @@ from turnout.core.html_table import html_table
 from turnout.core.units import LENGTH, parse_quantity
 from turnout.errors import FileError, MeasurementError, PanelError
 from turnout.measurement.campaign.build_campaign import build_campaign as read_folder
-from turnout.measurement.campaign.campaign_folder import kept_throws
+from turnout.measurement.campaign.campaign_folder import throw_store
 from turnout.measurement.campaign.run_sheet import normal_place
 from turnout.metric.campaign_statistics import object_places
 from turnout.panel.load import LoadedPanel
 from turnout.response.store import open_response, save_response
 from turnout.scheme import Mode, chosen_scheme
-from turnout.virtual.campaign_plan import SIZES, Plan, default_places
+from turnout.virtual.campaign_plan import SIZES, CampaignPlan, default_places
 from turnout.virtual.make_campaign import make_virtual_campaign
 
 if TYPE_CHECKING:
@@ -257,11 +257,11 @@ def checked_panel(panel: object, *, caller: str) -> LoadedPanel:
     raise PanelError([problem], source=caller)
 
 
-def kept_throws_of(campaign: Campaign | xr.Dataset) -> Path | None:
+def throw_store_of(campaign: Campaign | xr.Dataset) -> Path | None:
     """Return the folder in which throws for a campaign are kept; None for a bare dataset."""
     if not isinstance(campaign, Campaign):
         return None
-    return kept_throws(campaign.source)
+    return throw_store(campaign.source)
 
 
 def _from_file(source: Path) -> Campaign:
@@ -282,7 +282,7 @@ def _plan(
     object_free: int,
     seed: int,
     mode: Mode | None,
-) -> Plan:
+) -> CampaignPlan:
     """Return the plan of a virtual campaign, or refuse all that is wrong with it at once."""
     problems: list[str] = []
     metres: list[float] = []
@@ -299,7 +299,7 @@ def _plan(
             problems.append(f"places: {place!r}: {error}")
     if problems:
         raise MeasurementError(problems, source="virtual campaign")
-    return Plan(
+    return CampaignPlan(
         places=tuple(named) or default_places(panel),
         sizes=tuple(sorted(metres)) or SIZES,
         object_free=object_free,

@@ -23,7 +23,7 @@ def draw(dataset: xr.Dataset, **options: Any) -> "Figure":
     Parameters
     ----------
     dataset : xarray.Dataset
-        Any result.
+        Run, recording, campaign, sweep, calibration, validation or modes, by its `kind`.
     **options
         Of the function that draws it.
     """

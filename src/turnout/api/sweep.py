@@ -127,7 +127,7 @@ def run_sweep(
     out : path-like
         Folder to fill; empty, not there yet, or the beginning of this very sweep.
     workers : int
-        Processes.
+        Processes that simulate at the same time, at least 1.
     report : callable, optional
         Called twice a second with how far the run is.
 

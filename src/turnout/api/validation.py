@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from turnout.api.calibration import CalibrationResult
-from turnout.api.campaign import Campaign, dataset_of, kept_throws_of
+from turnout.api.campaign import Campaign, dataset_of, throw_store_of
 from turnout.calibration.evaluate import Evaluator
 from turnout.core.html_table import html_table
 from turnout.errors import MeasurementError
 from turnout.response.store import save_response
-from turnout.validation.acceptance import Verdict, judge
+from turnout.validation.acceptance import Acceptance, judge
 from turnout.validation.validate import validate as predict
 
 if TYPE_CHECKING:
@@ -30,12 +30,12 @@ class Validation:
     dataset : xarray.Dataset
         `measured`, `predicted` and the 95 % band `low`, `high` by (channel, movement, time) [N];
         errors and features by (channel, movement).
-    verdict : Verdict
+    verdict : Acceptance
         Over the movements that the fit has not seen.
     """
 
     dataset: xr.Dataset
-    verdict: Verdict
+    verdict: Acceptance
 
     @property
     def accepted(self) -> bool:
@@ -120,7 +120,7 @@ def validate(
     calibration : CalibrationResult
         From `calibrate` or `load_calibration`.
     workers : int
-        Processes.
+        Processes that simulate at the same time, at least 1.
     report : callable, optional
         Called with throws done and throws in all.
 
@@ -146,7 +146,7 @@ def validate(
         raise MeasurementError([problem], source="validate()")
     record, panel = calibration.record, calibration.before
     total = dataset.sizes["movement"] * (1 + len(record.fitted))
-    with Evaluator(panel, folder=kept_throws_of(campaign), workers=workers) as evaluator:
+    with Evaluator(panel, folder=throw_store_of(campaign), workers=workers) as evaluator:
         if report is not None:
             evaluator.on_throw = lambda: report(min(evaluator.made, total), total)
         found = predict(dataset, panel, record, evaluator=evaluator)

@@ -11,7 +11,7 @@ from turnout.calibration.fit import Fit
 from turnout.calibration.measured_movements import (
     BIN,
     OBJECT_FORCE,
-    Movement,
+    MeasuredMovement,
     Signal,
     movement_length,
 )
@@ -24,7 +24,7 @@ from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]
 WEIGHT = "gravity"
-# Relative error of the weight and of each sensitivity that is looked at [-].
+# Relative error of the weight and of each sensitivity that is examined [-].
 SHARE = 0.01
 # Residuals below this many standard deviations are not noticed.
 SEEN = 3.0
@@ -59,7 +59,7 @@ class Candidate:
 def systematic_errors(found: Fit) -> list[str]:
     """Say how errors of weight and sensitivity would change the parameters.
 
-    Looked at are the weight of the rails and the sensitivity of each force channel. An error that
+    Examined are the weight of the rails and the sensitivity of each force channel. An error that
     the parameters can imitate is not seen in the residuals, and goes into the parameters.
 
     Parameters
@@ -90,7 +90,7 @@ def _without_gain_uncertainty(found: Fit) -> Fit:
         found,
         misfit=misfit,
         frame=frame,
-        residuals=misfit.residuals_of(found.local.here, frame),
+        residuals=misfit.residuals_of(found.local.simulated, frame),
         jacobian=jacobian(found.local, frame, [item.name for item in found.parameters]),
     )
 
@@ -171,7 +171,7 @@ def next_movements(found: Fit, spread: Spread, panel: LoadedPanel) -> list[Candi
     return sorted(ranked, key=lambda item: -item.gain)
 
 
-def _candidates(found: Fit, panel: LoadedPanel) -> list[Movement]:
+def _candidates(found: Fit, panel: LoadedPanel) -> list[MeasuredMovement]:
     places = [f"drive {name}" for name in panel.drive]
     places += [f"sensor {name}" for name in panel.sensor]
     xs = sorted(drive.x for drive in panel.drive.values())
@@ -188,7 +188,7 @@ def _candidates(found: Fit, panel: LoadedPanel) -> list[Movement]:
             continue
         what = f"{size * 1e3:g} mm at {place}" if size else "no object"
         movements.append(
-            Movement(
+            MeasuredMovement(
                 name=f"closing, {what}",
                 direction="closing",
                 place=place,
@@ -202,7 +202,7 @@ def _candidates(found: Fit, panel: LoadedPanel) -> list[Movement]:
     return movements
 
 
-def _slopes(found: Fit, movement: Movement, names: Sequence[str]) -> Floats:
+def _slopes(found: Fit, movement: MeasuredMovement, names: Sequence[str]) -> Floats:
     """Return the sensitivities of a movement that was not measured."""
     misfit: Misfit = replace(found.misfit, movements=(movement,), effects={})
     local = misfit.local(found.values, names)
@@ -215,7 +215,7 @@ def _slopes(found: Fit, movement: Movement, names: Sequence[str]) -> Floats:
         if channel == OBJECT_FORCE and movement.size == 0:
             continue
         bare = Signal(channel=channel, drive=drive, time=time, values=0.0 * time)
-        values = predicted(local.here[0], movement, bare, bins)
+        values = predicted(local.simulated[0], movement, bare, bins)
         signals.append(replace(bare, values=values))
     whole = replace(misfit, movements=(replace(movement, signals=tuple(signals)),))
     return jacobian(local, framed(local, whole), names)

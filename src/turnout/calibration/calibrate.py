@@ -14,8 +14,8 @@ from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import Spread, spread_of
 from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.fit import JOINT_SHARES, ROUGH_SHARES, Fit, fit
-from turnout.calibration.grid_search import Sweep, sweep
-from turnout.calibration.measured_movements import Movement, observe, selected
+from turnout.calibration.grid_search import GridSearch, sweep
+from turnout.calibration.measured_movements import MeasuredMovement, observe, selected
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.posterior import posterior_of
@@ -35,8 +35,13 @@ from turnout.calibration.result_entries import (
     stage_log,
     warnings_from,
 )
-from turnout.calibration.stage_progress import State, Watch, planned_throws, throws_per_step
-from turnout.calibration.stages import Plan, Stage, default_plan
+from turnout.calibration.stage_progress import (
+    CalibrationProgress,
+    ProgressReporter,
+    planned_throws,
+    throws_per_step,
+)
+from turnout.calibration.stages import CalibrationPlan, Stage, default_plan
 from turnout.core.provenance import provenance
 from turnout.errors import PanelError, SolverError
 from turnout.panel.load import LoadedPanel
@@ -46,35 +51,35 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Outcome:
+class CalibrationOutcome:
     """A calibration and what it was made with, for what comes after.
 
     Attributes
     ----------
     calibration : Calibration
-        The record.
+        Fitted values in SI with deviations and intervals, as `save` writes them.
     final : Fit
-        The last stage.
+        Fit of the last stage, all free parameters together.
     spread : Spread
-        Its uncertainty.
-    sweeps : tuple of Sweep
+        Covariance of the free parameters, shape (p, p), in coordinates of the fit.
+    sweeps : tuple of GridSearch
         The grid searches, to draw.
-    movements : tuple of Movement
+    movements : tuple of MeasuredMovement
         All that were measured.
     """
 
     calibration: Calibration
     final: Fit
     spread: Spread
-    sweeps: tuple[Sweep, ...]
-    movements: tuple[Movement, ...]
+    sweeps: tuple[GridSearch, ...]
+    movements: tuple[MeasuredMovement, ...]
 
 
 def calibrate(
     dataset: xr.Dataset,
     panel: LoadedPanel,
     *,
-    plan: Plan | None = None,
+    plan: CalibrationPlan | None = None,
     exclude: Sequence[str] = (),
     folder: Path | None = None,
     workers: int = 1,
@@ -82,26 +87,26 @@ def calibrate(
     uncertainty: Uncertainty | None = None,
     posterior: bool = False,
     advise: bool = False,
-    report: Callable[[State], None] | None = None,
-) -> Outcome:
+    report: Callable[[CalibrationProgress], None] | None = None,
+) -> CalibrationOutcome:
     """Calibrate a panel to a campaign, stage by stage.
 
     Parameters
     ----------
     dataset : xarray.Dataset
-        A built campaign.
+        From `build_campaign`, with dimensions movement and time.
     panel : LoadedPanel
         What was measured, with start values.
-    plan : Plan, optional
+    plan : CalibrationPlan, optional
         Parameters and stages; default the published ones and a joint refinement.
     exclude : sequence of str
         Movements to leave out.
     folder : Path, optional
-        Where throws are kept; the same call goes on from there after a stop.
+        Where throws are kept; the same call continues after a stop.
     workers : int
-        Processes.
+        Processes that simulate at the same time, at least 1.
     scheme : Scheme, optional
-        Numerical choices.
+        Step, cut-off and tolerances of every throw; by default those of `Scheme()`.
     uncertainty : Uncertainty, optional
         Of onsets, zeros, gains and the solver.
     posterior : bool
@@ -113,7 +118,7 @@ def calibrate(
 
     Returns
     -------
-    Outcome
+    CalibrationOutcome
 
     Raises
     ------
@@ -136,9 +141,9 @@ def calibrate(
     )
     planned = planned_throws(plan, movements, panel, posterior=posterior, advise=advise)
     per_step = throws_per_step(plan, movements, panel)
-    watch = Watch(report, len(plan.stages), planned=planned, per_step=per_step)
+    watch = ProgressReporter(report, len(plan.stages), planned=planned, per_step=per_step)
     with Evaluator(panel, folder=folder, workers=workers, scheme=scheme or Scheme()) as evaluator:
-        evaluator.on_throw = lambda: watch.tell(evaluator)
+        evaluator.on_throw = lambda: watch.report_state(evaluator)
         run = _Run(plan, panel, movements, comparison, evaluator, watch)
         logs, sweeps, warnings, final = run.stages()
         final, slip_warnings = drop_unidentified_slip_levels(final)
@@ -171,7 +176,7 @@ def calibrate(
         findings=tuple(findings),
         posterior=sampled,
     )
-    return Outcome(
+    return CalibrationOutcome(
         calibration=calibration,
         final=final,
         spread=spread,
@@ -184,7 +189,7 @@ def _result(
     final: Fit,
     spread: Spread,
     *,
-    of: tuple[Plan, LoadedPanel, xr.Dataset, Sequence[Movement]],
+    of: tuple[CalibrationPlan, LoadedPanel, xr.Dataset, Sequence[MeasuredMovement]],
     scheme: Scheme,
 ) -> Calibration:
     """Return the values and their uncertainty, without the history of the stages."""
@@ -214,19 +219,19 @@ def _result(
 class _Run:
     """The stages of one calibration."""
 
-    plan: Plan
+    plan: CalibrationPlan
     panel: LoadedPanel
-    movements: tuple[Movement, ...]
+    movements: tuple[MeasuredMovement, ...]
     comparison: Comparison
     evaluator: Evaluator
-    watch: Watch
+    watch: ProgressReporter
 
-    def stages(self) -> tuple[list[StageLog], list[Sweep], list[str], Fit]:
+    def stages(self) -> tuple[list[StageLog], list[GridSearch], list[str], Fit]:
         """Do all stages, each from where the one before ended."""
         values = {item.name: item.start for item in self.plan.parameters}
         scatter = dict(self.comparison.scatter)
         logs: list[StageLog] = []
-        sweeps: list[Sweep] = []
+        sweeps: list[GridSearch] = []
         warnings: list[str] = []
         final: Fit | None = None
         for number, stage in enumerate(self.plan.stages, 1):
@@ -238,7 +243,7 @@ class _Run:
                 continue
             before = self.evaluator.made
             misfit = self._misfit(stage, chosen, values, scatter)
-            swept: Sweep | None = None
+            swept: GridSearch | None = None
             if "sweep" in stage.method and parameters[0].name == stage.parameters[0]:
                 swept = sweep(replace(misfit, quick=True), parameters[0], stage.grid, values)
                 sweeps.append(swept)
@@ -270,7 +275,7 @@ class _Run:
     def _misfit(
         self,
         stage: Stage,
-        chosen: tuple[Movement, ...],
+        chosen: tuple[MeasuredMovement, ...],
         values: Mapping[str, float],
         scatter: Mapping[str, float],
     ) -> Misfit:

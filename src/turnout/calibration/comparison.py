@@ -1,6 +1,6 @@
 """How one measured movement is compared with a simulated one: alignment, noise, nuisances.
 
-What differs from movement to movement, and is not asked for, has a prior and is integrated out: the
+What differs from movement to movement, and is not fitted, has a prior and is integrated out: the
 true onset, the zero of each channel, and parameters that scatter, such as friction. Whitened
 residuals therefore hold only what the parameters of a fit can explain.
 """
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from turnout.calibration.evaluate import Response
-from turnout.calibration.measured_movements import Movement, Signal
+from turnout.calibration.measured_movements import MeasuredMovement, Signal
 from turnout.calibration.noise import Noise
 from turnout.calibration.predict import compared, prediction
 
@@ -87,15 +87,15 @@ class Sensitivity:
 
     Attributes
     ----------
-    here, aside : Response
+    simulated, stepped : Response
         At the movement's own value, and one step aside.
     step, effect : float
         The step, and the difference of the movement's own value from the common one, as shares of
         the common one.
     """
 
-    here: Response
-    aside: Response
+    simulated: Response
+    stepped: Response
     step: float
     effect: float
 
@@ -106,8 +106,8 @@ class Alignment:
 
     Attributes
     ----------
-    movement : Movement
-        Measured.
+    movement : MeasuredMovement
+        Measured means over bins of each channel, forces [N].
     parts : list of (Signal, ndarray of int)
         What is compared.
     measured : ndarray, shape (n,)
@@ -129,7 +129,7 @@ class Alignment:
         Mean and standard deviation: "onset" [s], scattering parameters as shares.
     """
 
-    movement: Movement
+    movement: MeasuredMovement
     parts: list[tuple[Signal, NDArray[np.intp]]]
     measured: Floats
     shift: float
@@ -165,7 +165,7 @@ class Alignment:
 
     def noise_whitened(self, row: Floats) -> Floats:
         """Return a row with its noise made independent; nuisances are left in."""
-        return _unnoised(row, self.factors)
+        return _without_noise(row, self.factors)
 
     def whitened(self, row: Floats) -> Floats:
         """Return a row, or each of several columns, made independent, nuisances shrunk."""
@@ -185,7 +185,7 @@ class Alignment:
         return found
 
 
-def _unnoised(row: Floats, factors: Sequence[Floats]) -> Floats:
+def _without_noise(row: Floats, factors: Sequence[Floats]) -> Floats:
     """Return a row, or each of several columns, with its noise made independent."""
     found, first = [], 0
     for factor in factors:
@@ -196,7 +196,7 @@ def _unnoised(row: Floats, factors: Sequence[Floats]) -> Floats:
 
 
 def align(
-    movement: Movement,
+    movement: MeasuredMovement,
     response: Response,
     *,
     comparison: Comparison,
@@ -206,8 +206,8 @@ def align(
 
     Parameters
     ----------
-    movement : Movement
-        Measured.
+    movement : MeasuredMovement
+        Measured means over bins of each channel, forces [N].
     response : Response
         Simulated at the point about which nuisances are linearised.
     comparison : Comparison
@@ -238,7 +238,7 @@ def deviations(factor: Floats) -> Floats:
 
 
 def _align(
-    movement: Movement,
+    movement: MeasuredMovement,
     response: Response,
     parts: list[tuple[Signal, NDArray[np.intp]]],
     factors: tuple[Floats, ...],
@@ -255,7 +255,7 @@ def _align(
     zeros = _channel_columns(parts, measured, comparison.uncertainty)
     ahead = prediction(response, movement, parts)
     pairs = [
-        (prediction(s.aside, movement, parts), prediction(s.here, movement, parts), s.step)
+        (prediction(s.stepped, movement, parts), prediction(s.simulated, movement, parts), s.step)
         for s in sensitivities.values()
     ]
     shift = 0.0
@@ -269,13 +269,13 @@ def _align(
         nuisances = np.column_stack(
             [*(c * s for c, s in zip(columns, scales, strict=True)), *zeros]
         )
-        clean = _unnoised(nuisances, factors)
+        clean = _without_noise(nuisances, factors)
         places = np.array([shift, *(s.effect for s in sensitivities.values())])
         plain = np.column_stack(columns)
         rest = measured - ahead.row(shift) + plain @ places
         inverse = np.linalg.inv(np.eye(clean.shape[1]) + clean.T @ clean)
         solve = inverse @ clean.T
-        found = solve @ _unnoised(rest, factors)
+        found = solve @ _without_noise(rest, factors)
         before, shift = shift, float(np.clip(found[0] * spread, -MAX_ONSET_SHIFT, MAX_ONSET_SHIFT))
         if abs(shift - before) < 1e-4:
             break

@@ -10,7 +10,7 @@ from scipy.stats import t as student
 
 from turnout.calibration.comparison import Key
 from turnout.calibration.fit import SCATTER_WEIGHT, Fit
-from turnout.calibration.measured_movements import Movement
+from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.parameter import Parameter
 
 Floats = NDArray[np.float64]
@@ -38,7 +38,7 @@ class Spread:
     states : tuple of str
         "fitted", "at its bound" or "not identified".
     findings : tuple of str
-        In words.
+        Sentences on parameters that are not identified or strongly correlated.
     """
 
     coordinate_covariance: Floats
@@ -88,13 +88,13 @@ def gain_column(found: Fit, key: Key, *, source: Key | None = None) -> Floats:
         for signal, bins in alignment.parts:
             if (signal.channel, signal.drive) == key:
                 place = slice(first, first + bins.size)
-                row[place] = _taken_up(alignment.movement, source, bins)
+                row[place] = _measured_at(alignment.movement, source, bins)
             first += bins.size
         rows.append(alignment.whitened(row))
     return np.concatenate(rows)
 
 
-def _taken_up(movement: Movement, source: Key, bins: NDArray[np.intp]) -> Floats:
+def _measured_at(movement: MeasuredMovement, source: Key, bins: NDArray[np.intp]) -> Floats:
     """Return what was measured of a channel in some bins, 0 where there is nothing."""
     for signal in movement.signals:
         if (signal.channel, signal.drive) == source:

@@ -112,7 +112,7 @@ def emulate(found: Fit, spread: Spread, *, rng: np.random.Generator) -> Emulator
     number = PER_COEFFICIENT * _coefficients(count)
     learnt = _cloud(number, count, rng)
     fresh = _cloud(FRESH, count, rng)
-    rows = _thrown(found, root, np.concatenate([np.zeros((1, count)), learnt, fresh]))
+    rows = _simulate_points(found, root, np.concatenate([np.zeros((1, count)), learnt, fresh]))
     taught, proof = rows[: 1 + number], rows[1 + number :]
     terms = monomials(np.concatenate([np.zeros((1, count)), learnt]))
     good = np.isfinite(taught).all(axis=1)
@@ -135,7 +135,7 @@ def _cloud(number: int, count: int, rng: np.random.Generator) -> Floats:
     return np.asarray(radius * raw / np.linalg.norm(raw, axis=1, keepdims=True))
 
 
-def _thrown(found: Fit, root: Floats, standard: Floats) -> Floats:
+def _simulate_points(found: Fit, root: Floats, standard: Floats) -> Floats:
     """Return the whitened residuals at standardised points.
 
     A parameter that scatters keeps its own value in each movement, which identifies it sharply; the

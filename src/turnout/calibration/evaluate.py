@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 # Means over cells of this length are kept [s]: an impact keeps its impulse.
 CELL = 4e-3
 # Raised when what a kept throw holds changes.
-KEPT_VERSION = 3
+STORED_VERSION = 3
 MOST_IN_MEMORY = 4000
 # Step of a fine throw, as a share of the one of the scheme. After an impact steps of 1 ms leave the
 # object held by other forces than shorter ones do, which biased stiffnesses by 0.1 to 0.2 %.
@@ -37,7 +37,7 @@ FINE = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Throw:
+class ThrowInputs:
     """One simulation that a fit needs.
 
     Attributes
@@ -90,7 +90,7 @@ class Response:
 
 @dataclass(slots=True, eq=False)
 class Evaluator:
-    """Worker processes and what they have thrown so far; use as a context manager.
+    """Worker processes and what they have simulated so far; use as a context manager.
 
     Attributes
     ----------
@@ -142,16 +142,16 @@ class Evaluator:
             self._pool.join()
             self._pool = None
 
-    def responses(self, throws: Sequence[Throw]) -> list[Response]:
+    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
         """Return the response of each throw; equal ones are made once.
 
         Raises
         ------
         KeyboardInterrupt
-            On Ctrl-C; what was thrown by then is kept.
+            On Ctrl-C; what was simulated by then is kept.
         """
         keys = [self._key(throw) for throw in throws]
-        missing: dict[str, Throw] = {}
+        missing: dict[str, ThrowInputs] = {}
         for key, throw in zip(keys, throws, strict=True):
             if key in self._known or key in missing:
                 continue
@@ -173,25 +173,25 @@ class Evaluator:
             self._known.popitem(last=False)
         return found
 
-    def _made(self, missing: Mapping[str, Throw]) -> Iterator[tuple[str, Response]]:
+    def _made(self, missing: Mapping[str, ThrowInputs]) -> Iterator[tuple[str, Response]]:
         jobs = [(key, throw, self._scheme_of(throw)) for key, throw in missing.items()]
         if self.workers <= 1 or (len(jobs) <= 1 and self._pool is None):
             for key, throw, scheme in jobs:
-                yield key, thrown(self.panel, throw, scheme)
+                yield key, simulate_throw(self.panel, throw, scheme)
             return
         if self._pool is None:
             context = multiprocessing.get_context("spawn")
             self._pool = context.Pool(
                 self.workers, initializer=_begin_worker, initargs=(self.panel,)
             )
-        yield from self._pool.imap_unordered(_thrown_by_worker, jobs)
+        yield from self._pool.imap_unordered(_simulate_in_worker, jobs)
 
-    def _scheme_of(self, throw: Throw) -> Scheme:
+    def _scheme_of(self, throw: ThrowInputs) -> Scheme:
         if throw.fine:
             return replace(self.scheme, step=FINE * self.scheme.step)
         return self.quick if throw.quick else self.scheme
 
-    def _key(self, throw: Throw) -> str:
+    def _key(self, throw: ThrowInputs) -> str:
         return content_hash(
             {
                 "by": self._by(throw),
@@ -200,7 +200,7 @@ class Evaluator:
             }
         )
 
-    def _by(self, throw: Throw) -> str:
+    def _by(self, throw: ThrowInputs) -> str:
         """Return a hash of what throws of this kind share."""
         kind = (throw.quick, throw.fine)
         if kind not in self._shared:
@@ -208,7 +208,7 @@ class Evaluator:
                 {
                     "panel": self.panel.hash,
                     "scheme": asdict(self._scheme_of(throw)),
-                    "version": f"{version()} {KEPT_VERSION}",
+                    "version": f"{version()} {STORED_VERSION}",
                 }
             )
         return self._shared[kind]
@@ -225,16 +225,16 @@ class Evaluator:
         # A folder that may not be written to costs time after a stop, never a result.
         if self.folder is not None:
             with suppress(FileError):
-                # A throw that a power cut tears is thrown again; waiting for the disk takes longer.
+                # A throw that a power cut tears is simulated again; waiting for the disk is slower.
                 write_atomic(self.folder / f"{key[:40]}.npz", content, durable=False)
 
 
 def _plain(value: object) -> object:
-    """Return an override as plain data, whose text tells it apart from any other."""
+    """Return an override as plain data, whose text is unique to its value."""
     return value if isinstance(value, str | int | float | bool) else repr(value)
 
 
-# What a worker process throws; sent once, so that it keeps what is made ready from it.
+# What a worker process throws; sent once, so that it keeps what is prepared from it.
 _panels: list[LoadedPanel] = []
 
 
@@ -244,12 +244,12 @@ def _begin_worker(panel: LoadedPanel) -> None:
     _panels[:] = [panel]
 
 
-def _thrown_by_worker(job: tuple[str, Throw, Scheme]) -> tuple[str, Response]:
+def _simulate_in_worker(job: tuple[str, ThrowInputs, Scheme]) -> tuple[str, Response]:
     key, throw, scheme = job
-    return key, thrown(_panels[0], throw, scheme)
+    return key, simulate_throw(_panels[0], throw, scheme)
 
 
-def thrown(panel: LoadedPanel, throw: Throw, scheme: Scheme) -> Response:
+def simulate_throw(panel: LoadedPanel, throw: ThrowInputs, scheme: Scheme) -> Response:
     """Simulate one throw of a panel; what goes wrong with it comes back as its failure."""
     try:
         changed = panel.with_overrides(dict(throw.overrides)) if throw.overrides else panel
@@ -259,16 +259,16 @@ def thrown(panel: LoadedPanel, throw: Throw, scheme: Scheme) -> Response:
         return _failed(str(error))
     if solved.history.outcome.code == Code.INTERRUPTED:
         raise KeyboardInterrupt
-    return kept(changed, solved)
+    return fitted_part(changed, solved)
 
 
-def kept(panel: LoadedPanel, solved: Solved) -> Response:
+def fitted_part(panel: LoadedPanel, solved: Solved) -> Response:
     """Return what a fit keeps of a simulation.
 
     Parameters
     ----------
     panel : LoadedPanel
-        That was thrown.
+        That was simulated.
     solved : Solved
         As the solver left it.
     """

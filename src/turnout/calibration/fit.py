@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from turnout.calibration.comparison import Key
-from turnout.calibration.linearisation import Local
+from turnout.calibration.linearisation import Linearisation
 from turnout.calibration.measured_movements import BIN
 from turnout.calibration.misfit import (
     EFFECT_PASSES,
@@ -65,24 +65,24 @@ class Fit:
         Those that it changed.
     values : mapping of str to float
         Of all parameters.
-    local, frame : Local, Frame
+    local, frame : Linearisation, Frame
         Responses and alignments there.
     residuals : ndarray, shape (n,)
-        Whitened.
+        Whitened, in standard deviations [-].
     jacobian : ndarray, shape (n, p)
         Of the residuals to the coordinates.
     iterations : int
-        Steps tried.
+        Steps tried, rejected ones included.
     message : str
         How it ended.
     converged : bool
-        Whether it ended by itself.
+        Whether it met a convergence criterion, instead of a limit of steps.
     """
 
     misfit: Misfit
     parameters: tuple[Parameter, ...]
     values: Mapping[str, float]
-    local: Local
+    local: Linearisation
     frame: Frame
     residuals: Floats
     jacobian: Floats
@@ -125,7 +125,7 @@ def fit(
     misfit : Misfit
         Movements and how they are compared.
     parameters : sequence of Parameter
-        To change.
+        The p free parameters; all others keep their value in `values`.
     values : mapping of str to float
         Where to start, of all parameters.
     rough : bool
@@ -199,13 +199,13 @@ def inflate_noise(
     misfit : Misfit
         With the noise of the measurement.
     parameters : sequence of Parameter
-        To change.
+        The p free parameters; all others keep their value in `values`.
     values : mapping of str to float
         Where the fit starts.
     """
     local = misfit.local(values, [item.name for item in parameters])
     squares: dict[Key, list[Floats]] = {}
-    for movement, response in zip(misfit.movements, local.here, strict=True):
+    for movement, response in zip(misfit.movements, local.simulated, strict=True):
         for signal, bins in compared(
             movement, misfit.comparison.channels, misfit.comparison.window
         ):
@@ -236,16 +236,16 @@ def _least_squares(
     *,
     rough: bool,
     on_step: Callable[[float], None] | None,
-    local: Local | None = None,
+    local: Linearisation | None = None,
     min_decrease: float = MIN_DECREASE,
 ) -> Fit:
     """Levenberg-Marquardt within bounds, in one state of noise and scatter."""
     names = [item.name for item in parameters]
-    if local is None or not set(names) <= set(local.moved):
+    if local is None or not set(names) <= set(local.stepped):
         local = misfit.local(values, names)
     else:
         whole = {**misfit.base, **values}
-        local = replace(local, values=whole, here=tuple(misfit.responses([whole])[0]))
+        local = replace(local, values=whole, simulated=tuple(misfit.responses([whole])[0]))
     damping, iterations = 1e-4, 0
     max_steps, max_rejected = (ROUGH_STEPS, ROUGH_REJECTED) if rough else (MAX_STEPS, MAX_STEPS)
     message, converged = "", rough
@@ -253,7 +253,7 @@ def _least_squares(
         misfit, local, frame = update_movement_effects(
             misfit, local, names, passes=1 if rough else EFFECT_PASSES
         )
-        r = misfit.residuals_of(local.here, frame)
+        r = misfit.residuals_of(local.simulated, frame)
         J = jacobian(local, frame, names)
         cost = float(r @ r)
         if on_step is not None:
@@ -285,7 +285,7 @@ def _least_squares(
                 break
         if not accepted:
             break
-        local = replace(local, values=trial, here=here)
+        local = replace(local, values=trial, simulated=here)
     return Fit(
         misfit=misfit,
         parameters=tuple(parameters),
@@ -316,11 +316,11 @@ def _step(
     Parameters
     ----------
     r : ndarray, shape (n,)
-        Whitened residuals.
+        Whitened residuals [-].
     J : ndarray, shape (n, p)
         Their change with each coordinate.
     parameters : sequence of Parameter
-        Tell the bounds.
+        With bounds, in the order of the columns of `J`.
     values : mapping of str to float
         At the present point.
     damping : float
@@ -355,7 +355,7 @@ def reestimate_noise(found: Fit, first: Misfit) -> Misfit:
     """
     series: dict[Key, list[Floats]] = {}
     misfit_noise = found.misfit.comparison.noise
-    for alignment, response in zip(found.frame.alignments, found.local.here, strict=True):
+    for alignment, response in zip(found.frame.alignments, found.local.simulated, strict=True):
         for (signal, _), row in zip(
             alignment.parts, alignment.remaining_residuals(response), strict=True
         ):
@@ -381,7 +381,7 @@ def reestimate_noise(found: Fit, first: Misfit) -> Misfit:
 
 
 def _same_noise(before: Misfit, after: Misfit) -> bool:
-    """Tell whether noise and scatter changed by at most a quarter."""
+    """Return whether noise and scatter changed by at most a quarter."""
     if before.comparison.outlier_limit != after.comparison.outlier_limit:
         return False
     pairs = [

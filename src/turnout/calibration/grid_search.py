@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from turnout.calibration.comparison import align
 from turnout.calibration.evaluate import Response
-from turnout.calibration.measured_movements import BIN, Movement, Signal
+from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.predict import predicted
@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sweep:
+class GridSearch:
     """Misfit over a grid.
 
     Attributes
@@ -26,7 +26,7 @@ class Sweep:
     parameter : Parameter
         That was swept.
     grid : tuple of float
-        Its values.
+        Values of the parameter that were tried, in SI, rising.
     misfit : tuple of float
         Root mean square of measured less simulated, as share of each channel's range; infinite
         where a simulation failed.
@@ -46,7 +46,7 @@ class Sweep:
 
 def sweep(
     misfit: Misfit, parameter: Parameter, grid: Sequence[float], values: Mapping[str, float]
-) -> Sweep:
+) -> GridSearch:
     """Try each value of a grid, with the force at which drives slip as it is and as measured.
 
     Parameters
@@ -54,7 +54,7 @@ def sweep(
     misfit : Misfit
         Movements and how they are compared.
     parameter : Parameter
-        To sweep.
+        Parameter that takes the values of the grid.
     grid : sequence of float
         Its values, those within its bounds are tried.
     values : mapping of str to float
@@ -62,7 +62,7 @@ def sweep(
 
     Returns
     -------
-    Sweep
+    GridSearch
     """
     tried = tuple(value for value in grid if parameter.lower <= value <= parameter.upper)
     bases = [dict(values)]
@@ -78,7 +78,7 @@ def sweep(
     shown = int(np.argmax([movement.direction == "closing" for movement in misfit.movements]))
     base = best // count
     rows = [made[base * count + n][shown] for n in range(count)]
-    return Sweep(
+    return GridSearch(
         parameter=parameter,
         grid=tried,
         misfit=tuple(per_value),
@@ -124,7 +124,9 @@ def _share(misfit: Misfit, responses: Sequence[Response]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 
-def _curves(movement: Movement, grid: Sequence[float], rows: Sequence[Response]) -> xr.Dataset:
+def _curves(
+    movement: MeasuredMovement, grid: Sequence[float], rows: Sequence[Response]
+) -> xr.Dataset:
     """Return measured and simulated signals of a movement, on the time of its bins."""
     time = movement.signals[0].time
     inside = np.flatnonzero((time >= -0.2) & (time + BIN <= movement.length))

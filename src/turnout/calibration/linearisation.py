@@ -13,7 +13,7 @@ T = TypeVar("T")
 # Far enough for the noise of the solver, near enough for a straight line [coordinate]: of quick
 # throws, and of those whose slopes must hold where little is left over but noise.
 DIFFERENCE, FINE_DIFFERENCE = 0.01, 0.003
-# Within this, steps aside are not simulated anew [coordinate]: of quick throws, and of those whose
+# Within this, steps aside are not simulated again [coordinate]: of quick throws, and of those whose
 # small rest, once nuisances are taken out, has to point the right way.
 SAME_SLOPE, SAME_FINE_SLOPE = 0.015, 0.003
 # A drive that stays this far below its slip level does not feel it [-].
@@ -21,19 +21,19 @@ UNTOUCHED = 0.98
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Local:
+class Linearisation:
     """Responses at a point and one step aside for each parameter.
 
     Attributes
     ----------
     values : mapping of str to float
-        The point.
-    here : tuple of Response
+        Common values of the parameters at the point, in SI.
+    simulated : tuple of Response
         To each movement.
     origin : tuple of Response
         Where the steps aside were taken, as they were: here, or near by.
-    moved : mapping of str to tuple of Response
-        By parameter.
+    stepped : mapping of str to tuple of Response
+        Responses one step away, by name of the parameter, one for each movement.
     steps : mapping of str to tuple of float
         How far aside for each movement, in the coordinate.
     shares : mapping of str to tuple of float
@@ -45,15 +45,15 @@ class Local:
     """
 
     values: Mapping[str, float]
-    here: tuple[Response, ...]
+    simulated: tuple[Response, ...]
     origin: tuple[Response, ...]
-    moved: Mapping[str, tuple[Response, ...]]
+    stepped: Mapping[str, tuple[Response, ...]]
     steps: Mapping[str, tuple[float, ...]]
     shares: Mapping[str, tuple[float, ...]]
     about: tuple[Mapping[str, float], ...]
     quick: bool
 
-    def with_movements(self, numbers: Sequence[int], other: "Local") -> "Local":
+    def with_movements(self, numbers: Sequence[int], other: "Linearisation") -> "Linearisation":
         """Return this with some movements of another one, in the order of the numbers."""
         place = {number: n for n, number in enumerate(numbers)}
 
@@ -67,9 +67,9 @@ class Local:
 
         return replace(
             self,
-            here=joined(self.here, other.here),
+            simulated=joined(self.simulated, other.simulated),
             origin=joined(self.origin, other.origin),
-            moved=by_name(self.moved, other.moved),
+            stepped=by_name(self.stepped, other.stepped),
             steps=by_name(self.steps, other.steps),
             shares=by_name(self.shares, other.shares),
             about=joined(self.about, other.about),
@@ -86,7 +86,7 @@ def stepped_value(parameter: Parameter, value: float, difference: float = DIFFER
 
 
 def is_slip_level(parameter: Parameter) -> bool:
-    """Tell whether a parameter is nothing but the force at which drives slip."""
+    """Return whether a parameter is nothing but the force at which drives slip."""
     parts = [key.split(".") for key in parameter.keys]
     return bool(parts) and all(
         len(part) == 3 and part[0] == "drive" and part[2] == "saturation_force" for part in parts
@@ -94,7 +94,7 @@ def is_slip_level(parameter: Parameter) -> bool:
 
 
 def touches(parameter: Parameter, value: float, response: Response) -> bool:
-    """Tell whether a parameter can change a response: a slip level that is not reached cannot."""
+    """Return whether a parameter can change a response: a slip level that is not reached cannot."""
     if not is_slip_level(parameter):
         return bool(parameter.keys)
     drives = [key.split(".")[1] for key in parameter.keys]

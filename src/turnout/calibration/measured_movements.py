@@ -55,7 +55,7 @@ class Signal:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Movement:
+class MeasuredMovement:
     """One measured movement: what was thrown, and what was recorded.
 
     Attributes
@@ -97,7 +97,7 @@ class Movement:
 
 def observe(
     dataset: xr.Dataset, panel: LoadedPanel, *, exclude: Sequence[str] = ()
-) -> tuple[Movement, ...]:
+) -> tuple[MeasuredMovement, ...]:
     """Return the movements of a campaign as a fit sees them.
 
     Parameters
@@ -111,7 +111,7 @@ def observe(
 
     Returns
     -------
-    tuple of Movement
+    tuple of MeasuredMovement
 
     Raises
     ------
@@ -138,16 +138,16 @@ def observe(
 
 
 def selected(
-    movements: Sequence[Movement], selection: Selection, panel: LoadedPanel
-) -> tuple[Movement, ...]:
+    movements: Sequence[MeasuredMovement], selection: Selection, panel: LoadedPanel
+) -> tuple[MeasuredMovement, ...]:
     """Return the movements that a stage uses.
 
     Parameters
     ----------
-    movements : sequence of Movement
+    movements : sequence of MeasuredMovement
         All there are.
     selection : Selection
-        The rule.
+        Objects, places, sizes and directions to include, and how many at most.
     panel : LoadedPanel
         Knows where places are.
     """
@@ -168,7 +168,7 @@ def selected(
         found = [item for item in found if abs(item.size - nearest) < 1e-6]
     if selection.most and len(found) > selection.most:
         found.sort(key=lambda item: (item.size > 0, item.x if item.size else 0.0, item.size))
-        # Where a drive pushes hardest tells the force at which it slips, or that it does not.
+        # The largest force of a drive identifies the force at which it slips, or that it does not.
         hardest = {_hardest(found, name) for name in panel.drive}
         rest = [number for number in range(len(found)) if number not in hardest]
         evenly = spread(len(rest), max(selection.most - len(hardest), 1))
@@ -176,12 +176,12 @@ def selected(
     return tuple(found)
 
 
-def _hardest(movements: Sequence[Movement], drive: str) -> int:
+def _hardest(movements: Sequence[MeasuredMovement], drive: str) -> int:
     """Return which movement has the largest force of a drive."""
     return int(np.argmax([largest_force(item, drive) for item in movements]))
 
 
-def largest_force(movement: Movement, drive: str) -> float:
+def largest_force(movement: MeasuredMovement, drive: str) -> float:
     """Return the largest force of a drive in a movement, 0 where none was measured [N]."""
     values = [s.values for s in movement.signals if (s.channel, s.drive) == ("drive_force", drive)]
     return float(np.nanmax(np.abs(values))) if values else 0.0
@@ -218,7 +218,7 @@ def movement_length(panel: LoadedPanel, direction: str, *, trapped: bool) -> flo
 def _problems(dataset: xr.Dataset, panel: LoadedPanel, exclude: Sequence[str]) -> list[str]:
     """Return what a campaign lacks to be compared with a panel."""
     if "movement" not in dataset.dims or "drive_force" not in dataset:
-        return ["is no built campaign with drive forces; see `turnout campaign build`"]
+        return ["is not a built campaign with drive forces; see `turnout campaign build`"]
     names = [str(name) for name in dataset["movement"].values]
     problems = [
         f"exclude {name}: there is no such movement; there are {choices(names)}"
@@ -259,7 +259,7 @@ class _Bins:
         return np.asarray(used.reshape(count, self.samples).mean(axis=1), dtype=np.float64)
 
 
-def _movement(row: xr.Dataset, panel: LoadedPanel, bins: _Bins) -> Movement:
+def _movement(row: xr.Dataset, panel: LoadedPanel, bins: _Bins) -> MeasuredMovement:
     name, size = str(row["movement"].values), float(row["size"])
     direction, place = str(row["direction"].values), str(row["place"].values)
     trapped = size > 0
@@ -281,7 +281,7 @@ def _movement(row: xr.Dataset, panel: LoadedPanel, bins: _Bins) -> Movement:
                     Signal(channel=channel, drive=drive, time=bins.centres, values=means)
                 )
     currents = row.get("drive_current")
-    return Movement(
+    return MeasuredMovement(
         name=name,
         direction=direction,
         place=place,

@@ -7,17 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.comparison import Alignment, Comparison, Sensitivity, align
-from turnout.calibration.evaluate import Evaluator, Response, Throw
+from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs
 from turnout.calibration.linearisation import (
     DIFFERENCE,
     FINE_DIFFERENCE,
     SAME_FINE_SLOPE,
     SAME_SLOPE,
-    Local,
+    Linearisation,
     stepped_value,
     touches,
 )
-from turnout.calibration.measured_movements import Movement
+from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.parameter import Parameter, overrides_of
 from turnout.errors import SolverError
 
@@ -36,8 +36,8 @@ class Misfit:
         All that may differ from the panel.
     base : mapping of str to float
         Their values where a call does not name them [SI].
-    movements : tuple of Movement
-        Measured.
+    movements : tuple of MeasuredMovement
+        Measured means over bins of each channel, forces [N].
     comparison : Comparison
         How they are compared.
     effects : mapping of str to tuple of float
@@ -58,7 +58,7 @@ class Misfit:
     evaluator: Evaluator
     parameters: tuple[Parameter, ...]
     base: Mapping[str, float]
-    movements: tuple[Movement, ...]
+    movements: tuple[MeasuredMovement, ...]
     comparison: Comparison
     effects: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     law: Callable[[Mapping[str, float]], dict[str, object]] | None = None
@@ -113,7 +113,7 @@ class Misfit:
             for row, values in zip(rows, whole, strict=True)
         ]
 
-    def _throw(self, number: int, values: Mapping[str, float]) -> Throw:
+    def _throw(self, number: int, values: Mapping[str, float]) -> ThrowInputs:
         movement = self.movements[number]
         mine = {
             name: values[name] * (1.0 + shares[number])
@@ -123,7 +123,7 @@ class Misfit:
         overrides: dict[str, object] = dict(overrides_of(self.parameters, {**values, **mine}))
         if self.law is not None:
             overrides |= self.law({**values, **mine})
-        return Throw(
+        return ThrowInputs(
             overrides=overrides,
             place=movement.place,
             size=movement.size,
@@ -131,7 +131,7 @@ class Misfit:
             fine=self.fine,
         )
 
-    def local(self, values: Mapping[str, float], vary: Sequence[str]) -> Local:
+    def local(self, values: Mapping[str, float], vary: Sequence[str]) -> Linearisation:
         """Simulate about values: responses there, and one step aside for each parameter.
 
         Parameters that scatter are always among those that are stepped.
@@ -170,20 +170,20 @@ class Misfit:
             for p in stepped
             if whole[p.name] != 0.0
         }
-        return Local(
+        return Linearisation(
             values=whole,
-            here=tuple(here),
+            simulated=tuple(here),
             origin=tuple(origin),
-            moved=moved,
+            stepped=moved,
             steps=steps,
             shares=shares,
-            about=tuple(self._thrown_at(whole, n) for n in range(len(self.movements))),
+            about=tuple(self._inputs_of(whole, n) for n in range(len(self.movements))),
             quick=self.quick,
         )
 
     def local_near(
-        self, values: Mapping[str, float], vary: Sequence[str], previous: Local
-    ) -> Local:
+        self, values: Mapping[str, float], vary: Sequence[str], previous: Linearisation
+    ) -> Linearisation:
         """Return what `local` does, reusing differences that were taken near by.
 
         Near is judged movement by movement, as each is simulated at its own values.
@@ -191,11 +191,11 @@ class Misfit:
         whole = {**self.base, **values}
         most = SAME_SLOPE if self.quick else SAME_FINE_SLOPE
         stale = [n for n in range(len(self.movements)) if self._shift(whole, n, previous) > most]
-        same = set(vary) <= set(previous.moved) and previous.quick == self.quick
+        same = set(vary) <= set(previous.stepped) and previous.quick == self.quick
         if not same or len(stale) == len(self.movements):
             return self.local(whole, vary)
         here = tuple(self.responses([whole])[0])
-        found = replace(previous, values=whole, here=here)
+        found = replace(previous, values=whole, simulated=here)
         if not stale:
             return found
         part = replace(
@@ -205,16 +205,16 @@ class Misfit:
         )
         return found.with_movements(stale, part.local(whole, vary))
 
-    def _thrown_at(self, values: Mapping[str, float], number: int) -> dict[str, float]:
+    def _inputs_of(self, values: Mapping[str, float], number: int) -> dict[str, float]:
         return {name: value * (1.0 + self.effect(name, number)) for name, value in values.items()}
 
-    def _shift(self, values: Mapping[str, float], number: int, previous: Local) -> float:
+    def _shift(self, values: Mapping[str, float], number: int, previous: Linearisation) -> float:
         """Return how far a movement is thrown from where its steps aside were taken."""
-        before, after = previous.about[number], self._thrown_at(values, number)
+        before, after = previous.about[number], self._inputs_of(values, number)
         return max(
             abs(p.coordinate(after[p.name]) - p.coordinate(before[p.name]))
             for p in self.parameters
-            if p.name in previous.moved
+            if p.name in previous.stepped
         )
 
     def _moved(
@@ -252,7 +252,7 @@ class Frame:
     Attributes
     ----------
     values : mapping of str to float
-        The point.
+        Common values of the parameters at which the frame was found, in SI.
     alignments : tuple of Alignment
         In the order of the movements.
     """
@@ -261,24 +261,24 @@ class Frame:
     alignments: tuple[Alignment, ...]
 
 
-def framed(local: Local, misfit: Misfit) -> Frame:
+def framed(local: Linearisation, misfit: Misfit) -> Frame:
     """Align all movements about a point."""
     alignments = []
     for number, movement in enumerate(misfit.movements):
         sensitivities = {
             name: Sensitivity(
-                here=local.origin[number],
-                aside=local.moved[name][number],
+                simulated=local.origin[number],
+                stepped=local.stepped[name][number],
                 step=local.shares[name][number],
                 effect=misfit.effect(name, number),
             )
             for name, share in misfit.comparison.scatter.items()
-            if share > 0 and name in local.moved
+            if share > 0 and name in local.stepped
         }
         alignments.append(
             align(
                 movement,
-                local.here[number],
+                local.simulated[number],
                 comparison=misfit.comparison,
                 sensitivities=sensitivities,
             )
@@ -286,7 +286,7 @@ def framed(local: Local, misfit: Misfit) -> Frame:
     return Frame(values=local.values, alignments=tuple(alignments))
 
 
-def slopes_of(local: Local, frame: Frame, names: Sequence[str]) -> list[Floats]:
+def slopes_of(local: Linearisation, frame: Frame, names: Sequence[str]) -> list[Floats]:
     """Return the change of each movement's prediction with each coordinate.
 
     Returns
@@ -298,14 +298,14 @@ def slopes_of(local: Local, frame: Frame, names: Sequence[str]) -> list[Floats]:
         here = alignment.predicted(local.origin[number])
         block = np.zeros((here.size, len(names)))
         for column, name in enumerate(names):
-            moved = local.moved[name][number]
+            moved = local.stepped[name][number]
             if moved is not local.origin[number]:
                 block[:, column] = (alignment.predicted(moved) - here) / local.steps[name][number]
         found.append(block)
     return found
 
 
-def jacobian(local: Local, frame: Frame, names: Sequence[str]) -> Floats:
+def jacobian(local: Linearisation, frame: Frame, names: Sequence[str]) -> Floats:
     """Return the change of the whitened residuals with each coordinate.
 
     Returns
@@ -326,8 +326,8 @@ SAME_EFFECT, EFFECT_PASSES, LONGEST_EFFECT_STEP, FURTHEST_EFFECT = 2e-3, 6, 0.04
 
 
 def update_movement_effects(
-    misfit: Misfit, local: Local, names: Sequence[str], *, passes: int
-) -> tuple[Misfit, Local, Frame]:
+    misfit: Misfit, local: Linearisation, names: Sequence[str], *, passes: int
+) -> tuple[Misfit, Linearisation, Frame]:
     """Simulate movements at their own values until these agree with the estimates.
 
     The response to a movement effect is linear over a part of a per cent only. Estimated from
@@ -336,23 +336,23 @@ def update_movement_effects(
     frame = framed(local, misfit)
     for _ in range(passes):
         effects = _clipped(misfit, [alignment.estimates for alignment in frame.alignments])
-        if _furthest(misfit, effects) <= SAME_EFFECT:
+        if _largest_deviation(misfit, effects) <= SAME_EFFECT:
             break
         misfit = replace(misfit, effects=effects)
-        local = replace(local, here=tuple(misfit.responses([local.values])[0]))
+        local = replace(local, simulated=tuple(misfit.responses([local.values])[0]))
         frame = framed(local, misfit)
-    before = local.moved
+    before = local.stepped
     local = misfit.local_near(local.values, names, local)
-    return misfit, local, frame if local.moved is before else framed(local, misfit)
+    return misfit, local, frame if local.stepped is before else framed(local, misfit)
 
 
 def effects_after(
-    misfit: Misfit, local: Local, frame: Frame, names: Sequence[str], step: Floats
+    misfit: Misfit, local: Linearisation, frame: Frame, names: Sequence[str], step: Floats
 ) -> dict[str, tuple[float, ...]]:
     """Return the movement effects expected after a step of the common values."""
     slopes = slopes_of(local, frame, names)
     expected = []
-    for alignment, slope, response in zip(frame.alignments, slopes, local.here, strict=True):
+    for alignment, slope, response in zip(frame.alignments, slopes, local.simulated, strict=True):
         found = alignment.effects_from(
             alignment.measured - alignment.reduced(response) - slope @ step
         )
@@ -379,7 +379,7 @@ def _clipped(
     return effects
 
 
-def _furthest(misfit: Misfit, effects: Mapping[str, tuple[float, ...]]) -> float:
+def _largest_deviation(misfit: Misfit, effects: Mapping[str, tuple[float, ...]]) -> float:
     shifts = [
         abs(share - misfit.effect(name, number))
         for name, shares in effects.items()

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky
 
-from turnout.calibration.measured_movements import BIN, OBJECT_FORCE, Movement
+from turnout.calibration.measured_movements import BIN, OBJECT_FORCE, MeasuredMovement
 
 Floats = NDArray[np.float64]
 # The solver itself is not surer than this share of a channel's largest value [-].
@@ -66,7 +66,7 @@ class Noise:
         return np.asarray(cholesky(covariance, lower=True), dtype=np.float64)
 
 
-def peaks_of(movements: Sequence[Movement]) -> dict[tuple[str, str], float]:
+def peaks_of(movements: Sequence[MeasuredMovement]) -> dict[tuple[str, str], float]:
     """Return the largest value of each channel and drive, over all movements."""
     peaks: dict[tuple[str, str], float] = {}
     for movement in movements:
@@ -77,9 +77,9 @@ def peaks_of(movements: Sequence[Movement]) -> dict[tuple[str, str], float]:
 
 
 def poorly_followed(
-    noise: Mapping[tuple[str, str], Noise], movements: Sequence[Movement]
+    noise: Mapping[tuple[str, str], Noise], movements: Sequence[MeasuredMovement]
 ) -> dict[tuple[str, str], float]:
-    """Return the channels whose model error is too large for the fit to be trusted.
+    """Return the channels whose model error is too large for a trustworthy fit.
 
     Returns
     -------
@@ -90,13 +90,13 @@ def poorly_followed(
     return {key: share for key, share in shares.items() if share > POOR.get(key[0], MISSED)}
 
 
-def measured_noise(movements: Sequence[Movement]) -> dict[tuple[str, str], Noise]:
+def measured_noise(movements: Sequence[MeasuredMovement]) -> dict[tuple[str, str], Noise]:
     """Estimate the noise of each channel from its rest before the onset of motion.
 
     Parameters
     ----------
-    movements : sequence of Movement
-        As observed.
+    movements : sequence of MeasuredMovement
+        From `observe`; their rests and repeats give the noise.
 
     Returns
     -------

@@ -34,7 +34,7 @@ class Parameter:
         Keys of the panel that it sets, all to the same value; none for a parameter that acts on
         the simulated signals alone.
     start, lower, upper : float
-        In SI.
+        Start value and bounds in SI; lower < upper.
     unit : str
         SI unit; "1" for a plain number.
     vary : bool
@@ -108,7 +108,7 @@ class Parameter:
         return value if self.transform == "log" else self.scale
 
     def at_bound(self, value: float) -> bool:
-        """Tell whether a value lies on a bound, so that the fit would have gone on."""
+        """Return whether a value lies on a bound, so that the fit would have gone on."""
         reach = 1e-6 * (self.upper - self.lower)
         return value - self.lower <= reach or self.upper - value <= reach
 

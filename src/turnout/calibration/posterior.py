@@ -32,11 +32,11 @@ class Posterior:
     Attributes
     ----------
     names : tuple of str
-        Parameters.
+        The p parameters.
     method : str
         "importance sampling" or "chain".
     mean, deviation : ndarray, shape (p,)
-        In SI.
+        Mean and standard deviation of each parameter in SI.
     intervals : ndarray, shape (p, 2)
         95 %, equal tails.
     profiles : ndarray, shape (p, 2)
@@ -93,7 +93,7 @@ def posterior_of(found: Fit, spread: Spread, *, seed: int = 0) -> Posterior:
     found : Fit
         At its end.
     spread : Spread
-        Its covariance.
+        Covariance of the fit, from which samples are drawn.
     seed : int
         Of all that is drawn.
 
@@ -104,13 +104,13 @@ def posterior_of(found: Fit, spread: Spread, *, seed: int = 0) -> Posterior:
     Raises
     ------
     SolverError
-        When the emulator misses fresh throws by more than a tenth of a standard deviation.
+        When the emulator differs from new throws by more than a tenth of a standard deviation.
     """
     rng = np.random.default_rng(seed)
     emulator = emulate(found, spread, rng=rng)
     if not emulator.proved:
         message = (
-            f"posterior: the emulator misses fresh throws by {emulator.worst:.2g} standard "
+            f"posterior: the emulator differs from new throws by {emulator.worst:.2g} standard "
             "deviations, allowed is 0.1; the intervals of the fit stand, as the posterior is far "
             "from normal or the solver too coarse for them"
         )

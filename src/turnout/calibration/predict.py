@@ -7,20 +7,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.evaluate import Response
-from turnout.calibration.measured_movements import BIN, Movement, Signal
+from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
 
 Floats = NDArray[np.float64]
 
 
 def compared(
-    movement: Movement, channels: tuple[str, ...], window: tuple[float, float | None]
+    movement: MeasuredMovement, channels: tuple[str, ...], window: tuple[float, float | None]
 ) -> list[tuple[Signal, NDArray[np.intp]]]:
     """Return the signals that are compared, and which of their bins.
 
     Parameters
     ----------
-    movement : Movement
-        As observed.
+    movement : MeasuredMovement
+        From `observe`: bins of `BIN` seconds with the samples in each.
     channels : tuple of str
         Of the stage.
     window : tuple
@@ -87,7 +87,7 @@ class Prediction:
 
 
 def prediction(
-    response: Response, movement: Movement, parts: Sequence[tuple[Signal, NDArray[np.intp]]]
+    response: Response, movement: MeasuredMovement, parts: Sequence[tuple[Signal, NDArray[np.intp]]]
 ) -> Prediction:
     """Make a response ready to be compared with the parts of a movement.
 
@@ -95,10 +95,10 @@ def prediction(
     ----------
     response : Response
         Of the throw.
-    movement : Movement
-        Tells the direction.
+    movement : MeasuredMovement
+        Its direction selects the movement of the response.
     parts : sequence of (Signal, ndarray of int)
-        Tell channel, drive and bins.
+        With channel, drive and bins.
     """
     centres = tuple(signal.time[bins] for signal, bins in parts)
     if response.failure:
@@ -118,7 +118,7 @@ def prediction(
 
 def predicted(
     response: Response,
-    movement: Movement,
+    movement: MeasuredMovement,
     signal: Signal,
     bins: NDArray[np.intp],
     *,
@@ -130,12 +130,12 @@ def predicted(
     ----------
     response : Response
         Of the throw.
-    movement : Movement
-        Tells the direction.
+    movement : MeasuredMovement
+        Its direction selects the movement of the response.
     signal : Signal
-        Tells channel, drive and time.
+        With channel, drive and time.
     bins : ndarray of int, shape (n,)
-        Which bins.
+        Numbers of bins of the movement, from 0.
     shift : float
         How much later than its marked onset the movement truly began [s].
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from turnout.calibration.fit import Fit
 from turnout.calibration.linearisation import is_slip_level, touches
-from turnout.calibration.measured_movements import Movement, selected
+from turnout.calibration.measured_movements import MeasuredMovement, selected
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.result import Calibration
-from turnout.calibration.stages import NONE, Plan
+from turnout.calibration.stages import NONE, CalibrationPlan
 from turnout.errors import MeasurementError
 from turnout.panel.foreign_object import OPENING_MARGIN, ForeignObject
 from turnout.panel.layout import largest_opening
@@ -29,7 +29,7 @@ LEAST_FORCE = 30.0
 
 
 def check_campaign(
-    movements: Sequence[Movement], plan: Plan, panel: LoadedPanel, *, source: str
+    movements: Sequence[MeasuredMovement], plan: CalibrationPlan, panel: LoadedPanel, *, source: str
 ) -> None:
     """Refuse a campaign that the stages cannot be fitted to, with all problems."""
     problems = []
@@ -62,8 +62,8 @@ def check_campaign(
 
 
 def exclude_oversized_objects(
-    movements: Sequence[Movement], panel: LoadedPanel
-) -> tuple[tuple[Movement, ...], list[str]]:
+    movements: Sequence[MeasuredMovement], panel: LoadedPanel
+) -> tuple[tuple[MeasuredMovement, ...], list[str]]:
     """Return the movements whose object fits between the rails, and a message for each other.
 
     An object is placed between the rails as soon as they stand far enough apart. Where they never
@@ -73,8 +73,8 @@ def exclude_oversized_objects(
 
     Parameters
     ----------
-    movements : sequence of Movement
-        As observed.
+    movements : sequence of MeasuredMovement
+        From `observe`; sizes of objects [m].
     panel : LoadedPanel
         What was measured.
 
@@ -96,7 +96,7 @@ def exclude_oversized_objects(
     return kept, texts
 
 
-def _fits(panel: LoadedPanel, item: Movement) -> bool:
+def _fits(panel: LoadedPanel, item: MeasuredMovement) -> bool:
     opening = largest_opening(panel, str(panel.object_defaults.rail), item.x)
     if opening is None or item.size < opening - OPENING_MARGIN:
         return True
@@ -145,10 +145,10 @@ def drop_unidentified_slip_levels(found: Fit) -> tuple[Fit, list[str]]:
 
 
 def _is_identified(found: Fit, item: Parameter, column: int) -> bool:
-    """Tell whether a higher level makes the cost rise, whatever the other parameters do."""
+    """Return whether a higher level makes the cost rise, whatever the other parameters do."""
     value = found.values[item.name]
     higher = item.value(item.coordinate(value) + FURTHER)
-    numbers = [n for n, row in enumerate(found.local.here) if touches(item, value, row)]
+    numbers = [n for n, row in enumerate(found.local.simulated) if touches(item, value, row)]
     if not numbers or higher <= value:
         return bool(numbers)
     others = np.delete(found.jacobian, column, axis=1)
@@ -165,7 +165,7 @@ def _residuals(found: Fit, item: Parameter, value: float, numbers: Sequence[int]
         effects={name: tuple(row[n] for n in numbers) for name, row in misfit.effects.items()},
     )
     made = part.responses([{**found.values, item.name: value}])[0]
-    responses = list(found.local.here)
+    responses = list(found.local.simulated)
     for number, response in zip(numbers, made, strict=True):
         responses[number] = response
     return misfit.residuals_of(responses, found.frame)
@@ -179,21 +179,21 @@ def _least(residuals: Floats, slopes: Floats) -> float:
 
 
 def check_provenance(calibration: Calibration, *panels: LoadedPanel) -> tuple[str, ...]:
-    """Say why a calibration is not to be trusted, or that it is of another panel, by hash.
+    """Say why a calibration is not trustworthy, or that it is of another panel, by hash.
 
     Parameters
     ----------
     calibration : Calibration
-        Tells the hash of its panel.
+        Its attributes hold the hash of its panel.
     *panels : LoadedPanel
         The same panel before and after what a user sets.
 
     Returns
     -------
     tuple of str
-        Empty where it is to be trusted and belongs to one of them.
+        Empty where it is trustworthy and belongs to one of them.
     """
-    found = tuple(f"is not to be trusted: {text}" for text in calibration.distrust)
+    found = tuple(f"is not trustworthy: {text}" for text in calibration.distrust)
     if calibration.panel_hash in [panel.hash for panel in panels]:
         return found
     return (

@@ -32,7 +32,7 @@ class Fitted:
     deviation : float
         Standard deviation; NaN where it was not fitted or is not identified.
     lower, upper : float
-        The bounds it was kept in.
+        Bounds of the fit in SI.
     interval : tuple of float
         95 % interval.
     start : float
@@ -105,7 +105,7 @@ class Calibration:
     warnings, findings : tuple of str
         Warnings, and findings such as strong correlations, in words.
     distrust : tuple of str
-        Why it is not to be trusted, and what to do; empty where it is.
+        Why it is not trustworthy, and what to do; empty where it is.
     noise : mapping of str to mapping of str to float
         By channel: white, slow and missed parts and their times of decay.
     scatter : mapping of str to float
@@ -233,12 +233,12 @@ def load_calibration(path: Path | str) -> Calibration:
     path = Path(path)
     data = parse_toml(decode(read_bytes(path), source=str(path)), source=str(path)).data
     if data.get("kind") != "calibration":
-        message = f"{path}: is no calibration; `turnout calibrate CAMPAIGN -o FILE` writes one"
+        message = f"{path}: is not a calibration; `turnout calibrate CAMPAIGN -o FILE` writes one"
         raise FileError(message)
     if data.get("schema_version") != SCHEMA_VERSION:
         message = (
             f"{path}: schema_version = {data.get('schema_version')}: this version reads "
-            f"{SCHEMA_VERSION}; calibrate anew"
+            f"{SCHEMA_VERSION}; calibrate again"
         )
         raise FileError(message)
     try:
@@ -252,7 +252,7 @@ def load_calibration(path: Path | str) -> Calibration:
         RecursionError,
     ) as error:
         reason = shortened(f"{type(error).__name__}: {error}", 200)
-        message = f"{path}: is damaged ({reason}); calibrate anew"
+        message = f"{path}: is damaged ({reason}); calibrate again"
         raise FileError(message) from None
 
 

@@ -8,19 +8,19 @@ import xarray as xr
 
 from turnout.calibration.covariance import Spread
 from turnout.calibration.fit import Fit
-from turnout.calibration.grid_search import Sweep
-from turnout.calibration.measured_movements import Movement
+from turnout.calibration.grid_search import GridSearch
+from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.noise import poorly_followed
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.result import Fitted, StageLog
-from turnout.calibration.stages import Plan, Stage
+from turnout.calibration.stages import CalibrationPlan, Stage
 from turnout.core.provenance import content_hash
 
-# A model error this much above the noise is warned of [-].
+# A model error this much above the noise gives a warning [-].
 LARGE_MISFIT = 1.5
 
 
-def data_hash(movements: Sequence[Movement]) -> str:
+def data_hash(movements: Sequence[MeasuredMovement]) -> str:
     """Return the content hash of what was measured and compared."""
     return content_hash(
         [
@@ -54,7 +54,7 @@ def excluded_movements(dataset: xr.Dataset) -> list[str]:
     ]
 
 
-def skipped_stage(stage: Stage, chosen: Sequence[Movement]) -> list[str]:
+def skipped_stage(stage: Stage, chosen: Sequence[MeasuredMovement]) -> list[str]:
     """Say why a stage was left out."""
     if chosen:
         return [f"stage {stage.name} was left out: all its parameters are fixed"]
@@ -67,11 +67,11 @@ def skipped_stage(stage: Stage, chosen: Sequence[Movement]) -> list[str]:
 
 def stage_log(
     stage: Stage,
-    chosen: Sequence[Movement],
+    chosen: Sequence[MeasuredMovement],
     parameters: Sequence[Parameter],
     values: Mapping[str, float],
     final: Fit | None,
-    swept: Sweep | None,
+    swept: GridSearch | None,
     made: int,
 ) -> StageLog:
     """Return what a stage did, for the record."""
@@ -109,7 +109,7 @@ def warnings_from(final: Fit, spread: Spread) -> list[str]:
 
 
 def distrust_reasons(final: Fit, spread: Spread) -> list[str]:
-    """Say why a calibration is not to be trusted; nothing where it is.
+    """Say why a calibration is not trustworthy; nothing where it is.
 
     Reasons are an end before convergence, values at their bounds, and a large model error.
     """
@@ -139,7 +139,7 @@ def _channel_name(channel: str, drive: str) -> str:
     return f"{channel} of drive {drive}" if drive else channel
 
 
-def fitted_parameters(plan: Plan, final: Fit, spread: Spread) -> tuple[Fitted, ...]:
+def fitted_parameters(plan: CalibrationPlan, final: Fit, spread: Spread) -> tuple[Fitted, ...]:
     """Return every parameter of the plan as it came out of the last stage."""
     places = {item.name: number for number, item in enumerate(final.parameters)}
     found = []

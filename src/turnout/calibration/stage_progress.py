@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from turnout.calibration.emulator import points_needed
 from turnout.calibration.evaluate import Evaluator
 from turnout.calibration.fit import ROUGH_STEPS
-from turnout.calibration.measured_movements import Movement, selected
-from turnout.calibration.stages import Plan
+from turnout.calibration.measured_movements import MeasuredMovement, selected
+from turnout.calibration.stages import CalibrationPlan
 from turnout.panel.load import LoadedPanel
 
 # Steps that the last stage usually takes, each with its own sensitivities.
@@ -18,7 +18,7 @@ CANDIDATES = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class State:
+class CalibrationProgress:
     """Calibration progress.
 
     Attributes
@@ -46,8 +46,8 @@ class State:
 
 
 def planned_throws(
-    plan: Plan,
-    movements: Sequence[Movement],
+    plan: CalibrationPlan,
+    movements: Sequence[MeasuredMovement],
     panel: LoadedPanel,
     *,
     posterior: bool = False,
@@ -68,7 +68,9 @@ def planned_throws(
     return total
 
 
-def throws_per_step(plan: Plan, movements: Sequence[Movement], panel: LoadedPanel) -> int:
+def throws_per_step(
+    plan: CalibrationPlan, movements: Sequence[MeasuredMovement], panel: LoadedPanel
+) -> int:
     """Return how many throws one step of the last stage takes."""
     stage = plan.stages[-1]
     count = len(plan.named(stage.parameters))
@@ -76,10 +78,10 @@ def throws_per_step(plan: Plan, movements: Sequence[Movement], panel: LoadedPane
 
 
 @dataclass(slots=True)
-class Watch:
+class ProgressReporter:
     """Collects the progress of a calibration and reports it after each throw."""
 
-    report: Callable[[State], None] | None
+    report: Callable[[CalibrationProgress], None] | None
     stages: int
     planned: int
     per_step: int = 0
@@ -88,14 +90,14 @@ class Watch:
     misfit: float = float("nan")
     began: float = 0.0
 
-    def tell(self, evaluator: Evaluator) -> None:
+    def report_state(self, evaluator: Evaluator) -> None:
         """Report the state after a throw."""
         self.began = self.began or time.monotonic()
         if self.report is None:
             return
         seconds, made = time.monotonic() - self.began, max(evaluator.made, 1)
         self.report(
-            State(
+            CalibrationProgress(
                 stage=self.stage,
                 number=self.number,
                 stages=self.stages,

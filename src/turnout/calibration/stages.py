@@ -98,7 +98,7 @@ class Stage:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class CalibrationPlan:
     """Parameters and stages of a calibration.
 
     Attributes
@@ -138,7 +138,7 @@ def default_plan(
     free: Sequence[str] = (),
     fixed: Sequence[str] = (),
     most: int = JOINT_MOVEMENTS,
-) -> Plan:
+) -> CalibrationPlan:
     """Return the published stages, with slip levels free, and a joint refinement.
 
     Friction comes from movements without an object; then the stiffness of each drive, and the
@@ -201,7 +201,7 @@ def default_plan(
     known = [item.name for item in parameters]
     parameters += [free_parameter(panel, key) for key in free if key not in known]
     problems = [
-        f"{key}: is no parameter of the default stages{nearest(key, known)}; they are "
+        f"{key}: is not a parameter of the default stages{nearest(key, known)}; they are "
         f"{choices(known)}"
         for key in fixed
         if key not in known
@@ -215,7 +215,7 @@ def default_plan(
         parameters=tuple(item.name for item in kept),
         movements=Selection(most=most),
     )
-    return Plan(parameters=kept, stages=(*stages, joint))
+    return CalibrationPlan(parameters=kept, stages=(*stages, joint))
 
 
 def spread(count: int, most: int) -> list[int]:

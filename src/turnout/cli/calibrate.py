@@ -19,12 +19,12 @@ from turnout.cli.options import (
     opened_panel,
     write_and_report,
 )
-from turnout.measurement.campaign.campaign_folder import kept_throws
+from turnout.measurement.campaign.campaign_folder import throw_store
 
 if TYPE_CHECKING:
-    from turnout.calibration.calibrate import Outcome
+    from turnout.calibration.calibrate import CalibrationOutcome
     from turnout.calibration.result import Calibration
-    from turnout.calibration.stage_progress import State
+    from turnout.calibration.stage_progress import CalibrationProgress
 
 SECONDS_BETWEEN_LINES = 2.0
 
@@ -101,7 +101,7 @@ def calibrate_command(
             loaded,
             plan=plan,
             exclude=exclude,
-            folder=kept_throws(source),
+            folder=throw_store(source),
             workers=workers,
             posterior=posterior,
             advise=advise,
@@ -143,7 +143,7 @@ class _ProgressLog:
     def __init__(self) -> None:
         self._due = time.monotonic() + SECONDS_BETWEEN_LINES
 
-    def report(self, state: "State") -> None:
+    def report(self, state: "CalibrationProgress") -> None:
         """Show stage, throws, misfit and time, where a line is due."""
         now = time.monotonic()
         if now < self._due:
@@ -207,7 +207,7 @@ def _posterior_lines(calibration: "Calibration") -> list[str]:
     return lines
 
 
-def _draw(outcome: "Outcome", folder: Path, *, quiet: bool) -> list[Path]:
+def _draw(outcome: "CalibrationOutcome", folder: Path, *, quiet: bool) -> list[Path]:
     from turnout.plot.calibration import plot_sweep
     from turnout.plot.style import rendered
 

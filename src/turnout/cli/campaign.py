@@ -18,9 +18,9 @@ from turnout.cli.options import (
 if TYPE_CHECKING:
     import xarray as xr
 
-    from turnout.measurement.campaign.build_campaign import Campaign
+    from turnout.measurement.campaign.build_campaign import BuiltCampaign
     from turnout.panel.load import LoadedPanel
-    from turnout.virtual.campaign_plan import Plan
+    from turnout.virtual.campaign_plan import CampaignPlan
 
 FIGURES = (".png", ".pdf", ".svg")
 INTERRUPTED = 130
@@ -90,10 +90,10 @@ def build_command(
     """Build one dataset of all usable movements; unchanged recordings are not read again."""
     if out is not None:
         check_outputs({"--out": out}, {"--out": (".nc",)})
-    from turnout.measurement.campaign.campaign_folder import refuse_to_leave
+    from turnout.measurement.campaign.campaign_folder import refuse_to_write_outside
 
     target = out if out is not None else folder / "campaign.nc"
-    refuse_to_leave(target, folder)
+    refuse_to_write_outside(target, folder)
     campaign = built_campaign(
         folder, channels, strict=strict, allow_outside=allow_outside, quiet=quiet
     )
@@ -247,7 +247,13 @@ def _place(text: str) -> str:
 
 
 def _make(
-    panel: "LoadedPanel", out: Path, plan: "Plan", *, workers: int, as_json: bool, quiet: bool
+    panel: "LoadedPanel",
+    out: Path,
+    plan: "CampaignPlan",
+    *,
+    workers: int,
+    as_json: bool,
+    quiet: bool,
 ) -> None:
     from turnout.cli.watch import Watch
     from turnout.response.compilation import must_compile
@@ -294,7 +300,7 @@ def built_campaign(
     strict: bool,
     allow_outside: bool = False,
     quiet: bool,
-) -> "Campaign":
+) -> "BuiltCampaign":
     """Read a campaign's folder with its progress shown; Ctrl-C loses nothing."""
     from turnout.cli.watch import Watch
     from turnout.measurement.campaign.build_campaign import build_campaign
@@ -332,14 +338,14 @@ def dataset_of(
     from turnout.measurement.campaign.campaign_folder import (
         STORE,
         campaign_folder,
-        refuse_links_out,
-        refuse_to_leave,
+        refuse_links_outside,
+        refuse_to_write_outside,
     )
 
     received = campaign_folder(source)
-    refuse_links_out(received / STORE, received)
+    refuse_links_outside(received / STORE, received)
     if out is not None:
-        refuse_to_leave(out, received)
+        refuse_to_write_outside(out, received)
     if source.suffix.lower() == ".nc":
         from turnout.response.store import open_response
 
@@ -359,7 +365,7 @@ def dataset_of(
     return dataset
 
 
-def usable_dataset(campaign: "Campaign", source: Path) -> "xr.Dataset":
+def usable_dataset(campaign: "BuiltCampaign", source: Path) -> "xr.Dataset":
     """Return the dataset of a campaign, which must have a usable movement."""
     if campaign.dataset is None:
         from turnout.errors import MeasurementError
@@ -369,7 +375,7 @@ def usable_dataset(campaign: "Campaign", source: Path) -> "xr.Dataset":
     return campaign.dataset
 
 
-def _print_campaign(campaign: "Campaign", *, remarks: bool) -> None:
+def _print_campaign(campaign: "BuiltCampaign", *, remarks: bool) -> None:
     """Print the movements, the excluded ones with reasons, and the remarks."""
     sheet = campaign.sheet
     usable = len(sheet.runs) - len(campaign.excluded)
@@ -388,7 +394,7 @@ def _print_campaign(campaign: "Campaign", *, remarks: bool) -> None:
         typer.echo(f"{'':<12}and {more} more; `turnout campaign check` shows all")
 
 
-def excluded_movements(campaign: "Campaign") -> list[tuple[str, tuple[str, ...]]]:
+def excluded_movements(campaign: "BuiltCampaign") -> list[tuple[str, tuple[str, ...]]]:
     """Return the reasons to leave movements out, each with the names that it holds for."""
     same: dict[tuple[str, ...], list[str]] = {}
     for item in campaign.excluded:

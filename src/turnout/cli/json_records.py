@@ -10,17 +10,18 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from turnout.analysis.panel_check import Concern
+    from turnout.analysis.test_piece import PieceLimit
     from turnout.calibration.drive_law.compare import LawComparison
     from turnout.calibration.result import Calibration
     from turnout.cli.show import Thrown
-    from turnout.measurement.campaign.build_campaign import Campaign
-    from turnout.measurement.chain.apply import ChannelRow
+    from turnout.measurement.campaign.build_campaign import BuiltCampaign
+    from turnout.measurement.chain.apply import MappedChannel
     from turnout.measurement.recording import Recording
     from turnout.metric.sensitivity import OutputEffects
     from turnout.panel.load import LoadedPanel
     from turnout.study.study import Study
     from turnout.sweep.forecast import Forecast
-    from turnout.validation.acceptance import Verdict
+    from turnout.validation.acceptance import Acceptance
 
 Record = dict[str, Any]
 
@@ -92,7 +93,7 @@ def panel_record(panel: "LoadedPanel", thrown: "Thrown | None" = None) -> Record
 
 
 def _closed_gaps(panel: "LoadedPanel", dataset: "xr.Dataset") -> Record:
-    from turnout.metric.slip import settled
+    from turnout.metric.slip import last_instant_at
 
     if not dataset.sizes["time"]:
         return {"x": [], "closed_gap": {}}
@@ -100,7 +101,7 @@ def _closed_gaps(panel: "LoadedPanel", dataset: "xr.Dataset") -> Record:
     for name, rail in panel.rail.items():
         if not rail.has_stock_rail:
             continue
-        closed = settled(dataset, to="closed" if rail.closes == "+y" else "open")
+        closed = last_instant_at(dataset, to="closed" if rail.closes == "+y" else "open")
         gaps[name] = closed["gap"].sel(rail=name).values
     return {"x": dataset["x"].values, "closed_gap": gaps}
 
@@ -123,10 +124,17 @@ def _throws(thrown: "Thrown") -> Record:
     }
 
 
+CHECK_UNITS = {"size": "m", "largest": "m"}
+
+
 def check_record(
-    file: str, panel: "LoadedPanel", found: "Sequence[Concern]", dataset: "xr.Dataset | None"
+    file: str,
+    panel: "LoadedPanel",
+    found: "Sequence[Concern]",
+    dataset: "xr.Dataset | None",
+    pieces: "Sequence[PieceLimit]",
 ) -> Record:
-    """Return the result of a panel check: its warnings, and how its throw ended."""
+    """Return the result of a panel check: warnings, how its throw ended, least test pieces."""
     return {
         "file": file,
         "panel": panel.name,
@@ -135,6 +143,8 @@ def check_record(
         "thrown": dataset is not None,
         "complete": None if dataset is None else bool(dataset.attrs["complete"]),
         "outcome": None if dataset is None else dataset.attrs["outcome"],
+        "lock_rule": panel.lock.rule,
+        "test_pieces": pieces,
     }
 
 
@@ -185,7 +195,7 @@ def recording_record(recording: "Recording", kind: str, *, steps: int) -> Record
     }
 
 
-def quantity_record(dataset: "xr.Dataset", rows: "Sequence[ChannelRow]") -> Record:
+def quantity_record(dataset: "xr.Dataset", rows: "Sequence[MappedChannel]") -> Record:
     """Return the quantities of a recording, each with its unit."""
     return {
         "source": dataset.attrs["source"],
@@ -205,7 +215,7 @@ def quantity_record(dataset: "xr.Dataset", rows: "Sequence[ChannelRow]") -> Reco
     }
 
 
-def campaign_record(campaign: "Campaign") -> Record:
+def campaign_record(campaign: "BuiltCampaign") -> Record:
     """Return movements, exclusions with reasons, and remarks of a campaign."""
     sheet = campaign.sheet
     return {
@@ -233,7 +243,7 @@ def calibration_record(calibration: "Calibration") -> tuple[Record, dict[str, st
 
 
 def validation_record(
-    verdict: "Verdict", remarks: Sequence[str], laws: "LawComparison | None" = None
+    verdict: "Acceptance", remarks: Sequence[str], laws: "LawComparison | None" = None
 ) -> Record:
     """Return verdict, errors of each channel, and the comparison of drive laws."""
     return {

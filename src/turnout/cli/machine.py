@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from turnout.cli.json_output import JsonOption, print_json, print_library
+from turnout.cli.machine_fit import fit_command
 from turnout.cli.options import FIGURES, check_outputs, first_sentence
 from turnout.errors import SolverError
 
 if TYPE_CHECKING:
-    from turnout.machine.load import LoadedMachines
-    from turnout.machine.throw import MachineThrow
+    from turnout.machine.machine_file import LoadedMachines
+    from turnout.machine.one_mass_throw import MachineThrow
 
 NOT_CONVERGED = 3
 THROW_UNITS = {
@@ -21,7 +22,7 @@ THROW_UNITS = {
 }
 
 app = typer.Typer(
-    help="Point machines: list, show, run one on a one-mass rail.",
+    help="Point machines: list, show, run one on a one-mass rail, fit to measured currents.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -43,7 +44,7 @@ MachineSetOption = Annotated[
 @app.command("list")
 def list_command(as_json: JsonOption = False) -> None:
     """List the library machines."""
-    from turnout.machine.load import load_machines, machine_names
+    from turnout.machine.machine_file import load_machines, machine_names
 
     found = {name: first_sentence(load_machines(name).description) for name in machine_names()}
     print_library("machine list", "machines", found, as_json=as_json)
@@ -59,7 +60,7 @@ def show_command(
     as_json: JsonOption = False,
 ) -> None:
     """Show every value of a machine with its origin, and its steady operating points."""
-    from turnout.machine.load import load_machines, machine_text
+    from turnout.machine.machine_file import load_machines, machine_text
 
     if toml:
         typer.echo(machine_text(machine), nl=False)
@@ -90,9 +91,9 @@ def run_command(
 ) -> None:
     """Simulate a machine throwing a one-mass rail: current, force, events, energy."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
-    from turnout.machine.compute.throw import throw as kernel
-    from turnout.machine.load import load_machines
-    from turnout.machine.throw import throw_one_mass
+    from turnout.machine.compute.one_mass import throw as kernel
+    from turnout.machine.machine_file import load_machines
+    from turnout.machine.one_mass_throw import throw_one_mass
     from turnout.response.compilation import must_compile
 
     loaded = load_machines(machine)
@@ -117,6 +118,9 @@ def run_command(
                 typer.echo(f"{path}: written")
     if not throw.is_balanced:
         raise typer.Exit(NOT_CONVERGED)
+
+
+app.command("fit", short_help="Identify machines from the currents of a campaign.")(fit_command)
 
 
 def machine_record(loaded: "LoadedMachines") -> dict[str, Any]:

@@ -56,7 +56,7 @@ app.command("studio", short_help="Open an interactive page that runs locally.")(
 app.add_typer(
     panel.app, name="panel", short_help="Switch panels: list, show, check, sections, modes, export."
 )
-app.add_typer(machine.app, name="machine", short_help="Point machines: list, show, run.")
+app.add_typer(machine.app, name="machine", short_help="Point machines: list, show, run, fit.")
 app.add_typer(
     campaign.app, name="campaign", short_help="Measured movements: check, build, plot, virtual."
 )

@@ -71,7 +71,7 @@ def _problem(path: Path, suffixes: Sequence[str]) -> str | None:
     if not os.access(folder, os.W_OK):
         return f"folder {folder} is not writable; choose another or change its permissions"
     if path.exists() and not os.access(path, os.W_OK):
-        return "exists and may not be written; choose another name or change its permissions"
+        return "exists and is not writable; choose another name or change its permissions"
     return _refused(folder)
 
 

@@ -97,7 +97,7 @@ def check_command(
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Check a panel file, report all errors, then simulate a throw and warn about small margins.
+    """Check a panel file, report all errors, then simulate throws for margins and test pieces.
 
     Exit code 3 if the throw does not converge or is inaccurate.
     """
@@ -105,17 +105,21 @@ def check_command(
     if not as_json:
         typer.echo(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
     from turnout.analysis.panel_check import concern_lines, panel_concerns, unusual_concerns
-    from turnout.cli.show import thrown_alone
+    from turnout.cli.show import least_pieces, piece_limit_line, thrown_alone
 
     dataset = thrown_alone(panel) if throw else None
     found = unusual_concerns(panel) if dataset is None else panel_concerns(panel, dataset)
+    pieces = least_pieces(panel) if dataset is not None and dataset.attrs["complete"] else []
     if as_json:
-        from turnout.cli.json_records import check_record
+        from turnout.cli.json_records import CHECK_UNITS, check_record
 
-        print_json("panel check", check_record(file, panel, found, dataset))
+        record = check_record(file, panel, found, dataset, pieces)
+        print_json("panel check", record, units=CHECK_UNITS)
     else:
         for line in concern_lines(panel, found) if throw or found else ():
             typer.echo(line)
+        for piece in pieces:
+            typer.echo(f"test piece: {piece_limit_line(piece)}")
     if dataset is not None and (code := end_code(dataset)):
         raise typer.Exit(code)
     if found and strict:

@@ -66,13 +66,13 @@ def import_command(
         {"--out": (".nc",), "--plot": FIGURES, "--suggest": (".toml",)},
     )
     window = _checked(channels, out=out, suggest=suggest, smooth=smooth)
-    from turnout.measurement.campaign.campaign_folder import refuse_to_leave
+    from turnout.measurement.campaign.campaign_folder import refuse_to_write_outside
     from turnout.measurement.chain.apply import load_channel_map
     from turnout.measurement.formats.file_format import format_of, read_recording
 
     for target in (out, plot, suggest):
         if target is not None:
-            refuse_to_leave(target, file.parent)
+            refuse_to_write_outside(target, file.parent)
     channel_map = load_channel_map(channels) if channels is not None else None
     kind = format_of(file).name
     recording = read_recording(file, allow_outside=allow_outside)

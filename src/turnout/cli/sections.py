@@ -20,7 +20,7 @@ def section_figure(panel: "LoadedPanel", rail: str) -> Any:
     Parameters
     ----------
     panel : LoadedPanel
-        The panel.
+        Its rails have outlines or tabulated sections.
     rail : str
         Name of a switch rail.
 

@@ -61,7 +61,7 @@ def plan_lines(panel: "Panel") -> Iterator[str]:
     Parameters
     ----------
     panel : Panel
-        The panel.
+        Checked panel; positions are printed in m, openings in mm.
 
     Examples
     --------
@@ -151,7 +151,7 @@ def panel_lines(
     Parameters
     ----------
     panel : LoadedPanel
-        The panel.
+        Loaded panel with the origin of every number.
     thrown : Thrown, optional
         Adds results that need throws.
     values : bool
@@ -210,14 +210,14 @@ def _closed_gap(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
             if gap is not None:
                 rails[name] = gap
     else:
-        from turnout.metric.slip import settled
+        from turnout.metric.slip import last_instant_at
 
         yield "CLOSED GAP [mm] at contact height, simulated, each rail when it lies closed"
         x = thrown.dataset["x"].values
         for name, rail in panel.rail.items():
             if not rail.has_stock_rail:
                 continue
-            closed = settled(thrown.dataset, to="closed" if rail.closes == "+y" else "open")
+            closed = last_instant_at(thrown.dataset, to="closed" if rail.closes == "+y" else "open")
             rails[name] = closed["gap"].sel(rail=name).values
     if not rails:
         yield "no rail has a stock rail"
@@ -286,10 +286,10 @@ def _pieces(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
             f"{_zero(piece.piece_force / 1e3):12.2f} kN{piece.largest_force / 1e3:20.2f} kN"
             f"{1e3 * piece.gap:9.2f} mm"
         )
-    yield from (f"  {_limit(item)}" for item in thrown.limits)
+    yield from (f"  {piece_limit_line(item)}" for item in thrown.limits)
 
 
-def _limit(item: "PieceLimit") -> str:
+def piece_limit_line(item: "PieceLimit") -> str:
     """Say from which piece on a drive refuses to lock, and by which part of the rule."""
     if item.fault:
         return f"drive {item.drive}: least piece that is refused not known: {item.fault}"
@@ -351,7 +351,7 @@ def thrown_on_pieces(panel: "LoadedPanel") -> "list[PieceResult]":
     return results
 
 
-def least_pieces(panel: "LoadedPanel") -> "list[PieceLimit]":
+def least_pieces(panel: "LoadedPanel", *, quiet: bool = False) -> "list[PieceLimit]":
     """Find the least piece at each drive that keeps a panel from locking."""
     from turnout.analysis.test_piece import PieceLimit, least_piece
     from turnout.cli.watch import watched
@@ -359,7 +359,8 @@ def least_pieces(panel: "LoadedPanel") -> "list[PieceLimit]":
 
     found = []
     for drive in panel.drive:
-        with watched(f"finding the piece that {panel.name} refuses at drive {drive}") as watch:
+        text = f"finding the piece that {panel.name} refuses at drive {drive}"
+        with watched(text, quiet=quiet) as watch:
             try:
                 found.append(least_piece(panel, drive, report=watch.report))
             except PanelError as error:

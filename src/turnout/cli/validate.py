@@ -15,7 +15,7 @@ from turnout.cli.options import (
     opened_panel,
     write_and_report,
 )
-from turnout.measurement.campaign.campaign_folder import kept_throws
+from turnout.measurement.campaign.campaign_folder import throw_store
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from turnout.calibration.drive_law.compare import LawComparison
     from turnout.calibration.result import Calibration
     from turnout.panel.load import LoadedPanel
-    from turnout.validation.acceptance import Verdict
+    from turnout.validation.acceptance import Acceptance
 
 PAGE, TABLE, DATASET = "validation.md", "movements.csv", "validation.nc"
 MAP, COMPARISON = "errors.png", "comparison.png"
@@ -86,13 +86,13 @@ def validate_command(
         drive_laws(loaded, laws)
     for text in check_provenance(known, loaded):
         typer.echo(f"turnout: {calibration}: {text}", err=True)
-    from turnout.validation.acceptance import judge, verdict_lines
+    from turnout.validation.acceptance import acceptance_lines, judge
 
     found = _validated(source, dataset, loaded, known, workers=workers, quiet=quiet)
     verdict = judge(found)
     from turnout.validation.acceptance import notes
 
-    for line in () if quiet or as_json else (*verdict_lines(verdict), *notes(found)):
+    for line in () if quiet or as_json else (*acceptance_lines(verdict), *notes(found)):
         typer.echo(line)
     files = [] if out is None else _write(out, found, verdict, place=place, quiet=as_json)
     if not as_json:
@@ -148,7 +148,7 @@ def _validated(
     try:
         with (
             watched(f"throwing {panel.name}", quiet=quiet) as watch,
-            Evaluator(panel, folder=kept_throws(source), workers=workers) as evaluator,
+            Evaluator(panel, folder=throw_store(source), workers=workers) as evaluator,
         ):
             evaluator.on_throw = lambda: watch.report(min(evaluator.made, total), total)
             return validate(dataset, panel, known, evaluator=evaluator)
@@ -173,7 +173,7 @@ def _compared_laws(
     try:
         with (
             watched(f"fitting laws of drive {drive}", quiet=quiet) as watch,
-            Evaluator(panel, folder=kept_throws(source), workers=workers) as evaluator,
+            Evaluator(panel, folder=throw_store(source), workers=workers) as evaluator,
         ):
             return compare_laws(
                 dataset, panel, known, drive=drive, evaluator=evaluator, report=watch.report
@@ -190,7 +190,7 @@ def _interrupted() -> NoReturn:
 
 
 def _write(
-    out: Path, found: "xr.Dataset", verdict: "Verdict", *, place: str | None, quiet: bool
+    out: Path, found: "xr.Dataset", verdict: "Acceptance", *, place: str | None, quiet: bool
 ) -> list[Path]:
     from turnout.metric.campaign_statistics import object_places
     from turnout.plot.style import rendered

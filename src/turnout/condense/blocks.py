@@ -24,7 +24,7 @@ MOST_KEPT = 32
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A group of rails of a mechanism that is solved by itself.
+    """A group of rails of a mechanism that is solved on its own.
 
     Attributes
     ----------

@@ -1,23 +1,35 @@
 """Condense a mechanism to the modes of its blocks and the residual flexibility above them.
 
 The stiffness of the laws on their base segments is part of the linear system; for modes and
-flexibility see `turnout.condense.modal`.
+flexibility see `turnout.condense.modal`. Of a driven law (the bushing of a drive) it is not its own
+stiffness but the *home* one next to it, so that drives of many stiffnesses share one condensation;
+the difference is a deviation like that of any law off its base segment.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.condense.blocks import Block, split_blocks
 from turnout.condense.followers import Leading, leading_rows
-from turnout.condense.modal import ModalModel, diagonalise_damping, modal_model
+from turnout.condense.modal import (
+    ModalModel,
+    Omitted,
+    diagonalise_damping,
+    modal_model,
+    split_modes,
+    with_rows,
+)
 from turnout.core.content_cache import cached_arrays
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 def _cached_model(
@@ -30,15 +42,15 @@ def _cached_model(
     first: NDArray[np.bool_],
     load: Floats,
     cutoff_frequency: float,
-) -> tuple[ModalModel, Leading]:
-    """Return the modal model with stiffnesses `at_rows` added [N/m], and the leading rows.
+) -> tuple[ModalModel, Leading, Omitted]:
+    """Return the modal model with stiffnesses `at_rows` added [N/m], leading rows, and other modes.
 
     Its damping is diagonal. Both are cached: throws that differ in friction, objects or motion only
     share them.
     """
 
     def compute() -> dict[str, Floats]:
-        model = modal_model(
+        model, omitted = split_modes(
             stiffness + (rows.T * at_rows) @ rows,
             mass,
             damping=damping,
@@ -49,25 +61,76 @@ def _cached_model(
         model = diagonalise_damping(model)
         leading = leading_rows(rows, first=first)
         found = {item.name: getattr(model, item.name) for item in fields(model)}
+        found |= {f"omitted_{item.name}": getattr(omitted, item.name) for item in fields(omitted)}
         of_rows = {"leaders": leading.leaders.astype(np.float64), "weights": leading.weights}
         return found | of_rows
 
     parts = (stiffness, mass, damping, rows, at_rows, first, load, cutoff_frequency)
     kept = dict(cached_arrays("modes", parts, compute, on_disk=False))
     leading = Leading(kept.pop("leaders").astype(np.int64), kept.pop("weights"))
-    return ModalModel(**kept), leading
+    omitted = Omitted(**{item.name: kept.pop(f"omitted_{item.name}") for item in fields(Omitted)})
+    return ModalModel(**kept), leading, omitted
 
 
 @dataclass(frozen=True, slots=True)
 class BlockModel:
     """A block of a mechanism with its modal model, whose rows are the ends of the block.
 
-    `leading` tells which ends the others follow from.
+    `leading` holds the ends that the others follow from. `omitted` are the modes above the cut-off,
+    where further ends are wanted. `before` is the block without the ends that were added to it.
     """
 
     block: Block
     model: ModalModel
     leading: Leading
+    omitted: Omitted | None = None
+    before: "BlockModel | None" = None
+
+    def with_ends(self, numbers: Ints, rows: Floats) -> "BlockModel":
+        """Return the block with further ends, which all lead.
+
+        Parameters
+        ----------
+        numbers : ndarray of int, shape (n_added,)
+            Of their rows, beyond those of the block.
+        rows : ndarray, shape (n_added, n_coordinates)
+            In the coordinates of the block.
+        """
+        if self.omitted is None:
+            message = "a block without its omitted modes takes no further ends"
+            raise ValueError(message)
+        block, count = self.block, self.block.rows.size
+        weights = np.zeros((count + numbers.size, self.leading.leaders.size + numbers.size))
+        weights[:count, : -numbers.size] = self.leading.weights
+        weights[count:, -numbers.size :] = np.eye(numbers.size)
+        added = count + np.arange(numbers.size)
+        return BlockModel(
+            block=Block(block.coordinates, np.concatenate((block.rows, numbers))),
+            model=with_rows(self.model, self.omitted, rows),
+            leading=Leading(np.concatenate((self.leading.leaders, added)), weights),
+            before=self,
+        )
+
+
+class CondensedRails:
+    """All blocks of a mechanism; `model` puts them together on first use.
+
+    Parameters
+    ----------
+    parts : sequence of BlockModel
+        The blocks.
+    n_coordinates, n_rows : int
+        Of the mechanism.
+    """
+
+    def __init__(self, parts: Sequence[BlockModel], *, n_coordinates: int, n_rows: int) -> None:
+        self.parts = tuple(parts)
+        self._size = n_coordinates, n_rows
+
+    @cached_property
+    def model(self) -> ModalModel:
+        """The modal model of the whole mechanism, its modes in the order of the blocks."""
+        return assemble_model(self.parts, *self._size)
 
 
 def condense_blocks(
@@ -80,13 +143,13 @@ def condense_blocks(
     MechanicsError
         If a block is not held.
     """
-    at_rows = _sum_base_stiffness(mechanism.rows.shape[0], laws)
+    at_rows = sum_at_rows(laws, folded_stiffness(laws), mechanism.rows.shape[0])
     rubs = np.zeros(at_rows.size, dtype=bool)
     rubs[laws.friction_row] = rubs[laws.row[laws.friction_normal]] = True
     found = []
     for block in split_blocks(mechanism, laws):
         square = np.ix_(block.coordinates, block.coordinates)
-        model, leading = _cached_model(
+        model, leading, omitted = _cached_model(
             mechanism.stiffness[square],
             mechanism.mass[square],
             damping=mechanism.damping[square],
@@ -96,13 +159,12 @@ def condense_blocks(
             load=mechanism.load[block.coordinates],
             cutoff_frequency=cutoff_frequency,
         )
-        found.append(BlockModel(block, model, leading))
+        found.append(BlockModel(block, model, leading, omitted))
     return tuple(found)
 
 
-def assemble_model(parts: Sequence[BlockModel], mechanism: Mechanism) -> ModalModel:
-    """Return the modal model of the whole mechanism, its modes in the order of the blocks."""
-    n, n_rows = mechanism.stiffness.shape[0], mechanism.rows.shape[0]
+def assemble_model(parts: Sequence[BlockModel], n: int, n_rows: int) -> ModalModel:
+    """Return the modal model of a mechanism of `n` coordinates and `n_rows` rows."""
     modes = np.cumsum([0, *(part.model.eigenvalues.size for part in parts)])
     whole = ModalModel(
         eigenvalues=np.concatenate([part.model.eigenvalues for part in parts]),
@@ -142,20 +204,55 @@ def condense(mechanism: Mechanism, *, cutoff_frequency: float) -> ModalModel:
 
 
 def base_stiffness(table: LawTable) -> Floats:
-    """Return the stiffness of each law in the linear system [N/m], zero for none."""
+    """Return the stiffness of each law on its base segment [N/m], zero for none."""
     chosen = table.base_segment >= 0
     slope = np.zeros(table.row.size)
     slope[chosen] = table.slope[(table.segment_start[:-1] + table.base_segment)[chosen]]
     return slope
 
 
+HOMES = (750e3, 810e3)
+"""Home stiffnesses of one octave, those of the published drives, so that throws of library panels
+are condensed as they are [N/m]."""
+
+
+def home_stiffness(stiffness: float) -> float:
+    """Return the home next to a stiffness by ratio: `HOMES` times a power of two [N/m].
+
+    It depends on the stiffness alone, so that a throw does not depend on those before it. What is
+    not positive is its own home.
+
+    Examples
+    --------
+    >>> home_stiffness(750e3), home_stiffness(790e3), home_stiffness(81e3), home_stiffness(0.0)
+    (750000.0, 810000.0, 93750.0, 0.0)
+    """
+    if not 0.0 < stiffness < math.inf:
+        return stiffness
+    octave = math.floor(math.log2(stiffness / HOMES[0]))
+    homes = [home * 2.0 ** (octave + more) for more in (-1, 0, 1) for home in HOMES]
+    return min(homes, key=lambda home: abs(math.log(stiffness / home)))
+
+
+def folded_stiffness(table: LawTable) -> Floats:
+    """Return the stiffness of each law in the condensed linear system [N/m], zero for none.
+
+    It is `base_stiffness` but for driven laws, which have that of their home.
+    """
+    slope = base_stiffness(table)
+    for law in np.flatnonzero(table.input_index >= 0):
+        slope[law] = home_stiffness(float(slope[law]))
+    return slope
+
+
 def linear_stiffness(stiffness: Floats, rows: Floats, table: LawTable) -> Floats:
     """Return the stiffness matrix with the base segment of every law added."""
-    folded: Floats = stiffness + (rows.T * _sum_base_stiffness(rows.shape[0], table)) @ rows
+    at_rows = sum_at_rows(table, base_stiffness(table), rows.shape[0])
+    folded: Floats = stiffness + (rows.T * at_rows) @ rows
     return folded
 
 
-def _sum_base_stiffness(n_rows: int, table: LawTable) -> Floats:
-    """Return the sum of the base segments of all laws at each row [N/m]."""
-    found: Floats = np.bincount(table.row, base_stiffness(table), n_rows).astype(np.float64)
+def sum_at_rows(table: LawTable, stiffness: Floats, n_rows: int) -> Floats:
+    """Return the sum of the stiffnesses of all laws at each row [N/m]."""
+    found: Floats = np.bincount(table.row, stiffness, n_rows).astype(np.float64)
     return found

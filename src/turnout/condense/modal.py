@@ -73,6 +73,25 @@ class ModalModel:
         return np.sqrt(np.maximum(self.eigenvalues, 0.0)) / (2.0 * np.pi)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Omitted:
+    """Modes above the cut-off, from which the flexibility of further rows follows.
+
+    Attributes
+    ----------
+    eigenvalues : ndarray, shape (n_omitted,)
+        Squared angular frequencies [1/s2].
+    modes : ndarray, shape (n_dof, n_omitted)
+        Mass-normalised shapes [1/sqrt(kg)].
+    row_modes : ndarray, shape (n_rows, n_omitted)
+        Displacements of the rows in these shapes.
+    """
+
+    eigenvalues: Floats
+    modes: Floats
+    row_modes: Floats
+
+
 def modal_model(
     stiffness: Floats,
     mass: Floats,
@@ -82,6 +101,21 @@ def modal_model(
     load: Floats,
     cutoff_frequency: float,
 ) -> ModalModel:
+    """Condense a linear system at a cut-off frequency; see `split_modes`."""
+    return split_modes(
+        stiffness, mass, damping=damping, rows=rows, load=load, cutoff_frequency=cutoff_frequency
+    )[0]
+
+
+def split_modes(
+    stiffness: Floats,
+    mass: Floats,
+    *,
+    damping: Floats,
+    rows: Floats,
+    load: Floats,
+    cutoff_frequency: float,
+) -> tuple[ModalModel, Omitted]:
     """Condense a linear system at a cut-off frequency.
 
     Parameters
@@ -98,6 +132,9 @@ def modal_model(
     Returns
     -------
     ModalModel
+        With the modes up to the cut-off.
+    Omitted
+        All others.
 
     Raises
     ------
@@ -118,7 +155,7 @@ def modal_model(
     high_rows = _multiply_by_rows(rows, high.T)
     scaled = high / eigenvalues[kept:]
     residual_load = scaled @ (high.T @ load)
-    return ModalModel(
+    model = ModalModel(
         eigenvalues=eigenvalues[:kept].copy(),
         stiffness=np.diag(eigenvalues[:kept]),
         damping=low.T @ damping @ low,
@@ -129,6 +166,43 @@ def modal_model(
         load=low.T @ load,
         residual_load=residual_load,
         row_load=_multiply_by_rows(rows, residual_load[np.newaxis])[:, 0].copy(),
+    )
+    return model, Omitted(eigenvalues[kept:], high, high_rows)
+
+
+def with_rows(model: ModalModel, omitted: Omitted, rows: Floats) -> ModalModel:
+    """Return a model with further rows, which come last.
+
+    Parameters
+    ----------
+    model : ModalModel
+        In any shapes of its kept modes.
+    omitted : Omitted
+        The modes that it leaves out.
+    rows : ndarray, shape (n_added, n_dof)
+        Further rows.
+
+    Examples
+    --------
+    >>> spring = np.array([[2.0, -1.0], [-1.0, 2.0]])
+    >>> given = {"damping": 0.0 * spring, "load": np.ones(2), "cutoff_frequency": 0.2}
+    >>> both = modal_model(spring, np.eye(2), rows=np.eye(2), **given)
+    >>> model, omitted = split_modes(spring, np.eye(2), rows=np.eye(2)[:1], **given)
+    >>> found = with_rows(model, omitted, np.eye(2)[1:])
+    >>> bool(np.allclose(found.flexibility, both.flexibility, rtol=1e-14))
+    True
+    """
+    own = _multiply_by_rows(rows, omitted.modes.T)
+    before, squares = omitted.row_modes, omitted.eigenvalues
+    beside = _multiply_by_rows(before / squares, own)
+    below = _multiply_by_rows(own / squares, np.concatenate((before, own)))
+    of_load = _multiply_by_rows(rows, model.residual_load[np.newaxis])[:, 0]
+    return replace(
+        model,
+        row_modes=np.concatenate((model.row_modes, _multiply_by_rows(rows, model.modes.T))),
+        flexibility=np.concatenate((np.hstack((model.flexibility, beside)), below)),
+        residual_shapes=np.hstack((model.residual_shapes, (omitted.modes / squares) @ own.T)),
+        row_load=np.concatenate((model.row_load, of_load)),
     )
 
 
@@ -191,7 +265,7 @@ def _multiply_by_rows(a: Floats, b: Floats) -> Floats:
 
 
 def free_model(stiffness: Floats, mass: Floats, *, damping: Floats) -> ModalModel:
-    """Return all modes of a body by itself, which need not be held; it has no rows and no load.
+    """Return all modes of a free body; it has no rows and no load.
 
     Parameters
     ----------

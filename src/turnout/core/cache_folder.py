@@ -1,8 +1,8 @@
-"""Cache folders: one that nobody else can write, or a private one for this run.
+"""Cache folders: one that no other user can write, or a private one for this run.
 
 Numba unpickles cached kernels, so anyone who can write to its folder can run code as the user. A
 folder is used only if the folder itself, its content and all folders above belong to the user or
-the system, and nobody else may write there. Otherwise a new private folder takes its place; child
+the system, and no other user may write there. Otherwise a new private folder takes its place; child
 processes share it, and it is removed at the end.
 """
 
@@ -48,7 +48,7 @@ def user_cache_folder() -> Path:
 
 @cache
 def safe_folder(wanted: Path) -> Path | None:
-    """Return a folder for a cache that nobody else can write to; it exists.
+    """Return an existing folder for a cache that no other user can write to.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def safe_folder(wanted: Path) -> Path | None:
         The folder without symbolic links, a private one in its place, or None where neither is
         possible. The answer is the same throughout the process.
     """
-    reason = _make(wanted) or distrust(wanted)
+    reason = _make(wanted) or why_unsafe(wanted)
     if not reason:
         return Path(os.path.realpath(wanted))
     _reasons[wanted] = reason
@@ -76,16 +76,16 @@ def why_private() -> str:
     return next(iter(_reasons.values()), "")
 
 
-def distrust(folder: Path) -> str:
+def why_unsafe(folder: Path) -> str:
     """Return why a folder is not safe for a cache; empty where it is.
 
     Examples
     --------
     >>> folder = Path(tempfile.mkdtemp())
-    >>> distrust(folder)
+    >>> why_unsafe(folder)
     ''
     >>> folder.chmod(0o777)
-    >>> distrust(folder).endswith("can be written by other users")
+    >>> why_unsafe(folder).endswith("can be written by other users")
     True
     """
     if os.name != "posix":  # Windows protects a user profile by access lists
@@ -98,30 +98,30 @@ def distrust(folder: Path) -> str:
         if found.st_mode & _OTHERS:
             return f"{folder} can be written by other users"
         for above in real.parents:
-            if reason := _distrust_above(above):
+            if reason := _unsafe_parent(above):
                 return f"{folder} lies in {above}, which {reason}"
-        return _distrust_content(real, closed=not found.st_mode & 0o077)
+        return _unsafe_content(real, closed=not found.st_mode & 0o077)
     except OSError as error:
         return f"{folder} cannot be used ({error.strerror})"
 
 
-def _distrust_above(folder: Path) -> str:
+def _unsafe_parent(folder: Path) -> str:
     """Return why others could replace a folder inside this one; empty where they could not."""
     found = folder.stat()
     if found.st_uid not in (_SYSTEM, os.geteuid()):
         return "belongs to another user"
-    if found.st_mode & stat.S_ISVTX:  # nobody may move what is not theirs
+    if found.st_mode & stat.S_ISVTX:  # users may move only what is theirs
         return ""
     others = found.st_mode & _OTHERS
     if others & stat.S_IWOTH:
         return "can be written by other users"
-    if others and not _nobody_else_in(found.st_gid):
+    if others and not _is_private_group(found.st_gid):
         return "can be written by its group"
     return ""
 
 
-def _nobody_else_in(group: int) -> bool:
-    """Tell whether a group is the system's, or a private one with the user as only member."""
+def _is_private_group(group: int) -> bool:
+    """Return whether a group is the system's, or a private one with the user as only member."""
     if group == _SYSTEM:
         return True
     import grp
@@ -134,7 +134,7 @@ def _nobody_else_in(group: int) -> bool:
     return entry.gr_name == user.pw_name and set(entry.gr_mem) <= {user.pw_name}
 
 
-def _distrust_content(folder: Path, *, closed: bool) -> str:
+def _unsafe_content(folder: Path, *, closed: bool) -> str:
     """Return which file or folder inside is a link, another user's, or writable by others."""
     for place, folders, files in os.walk(folder):
         for name in (*folders, *files):
@@ -172,14 +172,14 @@ def private_folder() -> Path | None:
         None where no folder can be created that others cannot write to.
     """
     given = os.environ.get(PRIVATE_VARIABLE)
-    if given and Path(given).is_dir() and not distrust(Path(given)):
+    if given and Path(given).is_dir() and not why_unsafe(Path(given)):
         return Path(given)
     try:
         folder = Path(tempfile.mkdtemp(prefix="turnout-")).resolve()
     except OSError:
         return None
     atexit.register(_remove, folder, os.getpid())
-    if distrust(folder):
+    if why_unsafe(folder):
         return None
     os.environ[PRIVATE_VARIABLE] = str(folder)
     return folder

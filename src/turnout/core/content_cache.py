@@ -82,7 +82,7 @@ def cached_arrays(
     return _memory.put(key, found)
 
 
-def forget() -> None:
+def clear_memory() -> None:
     """Clear the cache in memory; files stay."""
     _memory.clear()
 
@@ -123,7 +123,7 @@ def _read(key: str) -> Arrays | None:
         return None
     except (OSError, DamagedError) as error:
         counts["damaged"] += 1
-        _report_once("damaged", f"{path}: cannot be used ({error}); it is made anew")
+        _report_once("damaged", f"{path}: cannot be used ({error}); it is computed again")
         return None
 
 
@@ -136,7 +136,7 @@ def _write(key: str, arrays: Arrays) -> None:
         _prune(folder)
     except (OSError, FileError) as error:
         counts["unwritable"] += 1
-        _report_once("unwritable", f"{error}; rails are made anew in each run (TURNOUT_CACHE_DIR)")
+        _report_once("unwritable", f"{error}; each run reduces rails again (TURNOUT_CACHE_DIR)")
 
 
 def _prune(folder: Path) -> None:

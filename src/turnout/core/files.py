@@ -27,7 +27,7 @@ def atomic_path(target: Path | str, *, durable: bool = True) -> Iterator[Path]:
     Parameters
     ----------
     target : Path or str
-        The file to write.
+        File to write, in a folder that exists.
     durable : bool
         Whether to wait until the data are on the disk; not needed for files that can be made again.
 
@@ -77,12 +77,12 @@ def write_atomic(target: Path | str, content: str | bytes, *, durable: bool = Tr
 
 
 def is_leftover(path: Path, *, of: re.Pattern[str]) -> bool:
-    """Tell whether a file is a temporary one that an interrupted `atomic_path` left behind.
+    """Return whether a file is a temporary one that an interrupted `atomic_path` left behind.
 
     Parameters
     ----------
     path : Path
-        The file.
+        Any path; need not exist.
     of : pattern
         Matches the whole name of a target, suffix included.
 
@@ -102,7 +102,7 @@ def write_fault(path: Path, error: OSError) -> str:
     if error.errno in _NO_SPACE:
         return f"{path}: cannot be written, no space left; free some, or choose another folder"
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return f"{path}: may not be written; choose another folder or change its permissions"
+        return f"{path}: is not writable; choose another folder or change its permissions"
     if error.errno in (errno.ENOENT, errno.ENOTDIR):
         return f"{path}: no such folder '{path.parent}'; create it first"
     if error.errno == errno.EISDIR:
@@ -215,7 +215,7 @@ def user_path(text: Path | str) -> Path:
 
     Examples
     --------
-    >>> user_path("~nobody-of-that-name/panel.toml").name
+    >>> user_path("~no-user-of-that-name/panel.toml").name
     'panel.toml'
     """
     with suppress(RuntimeError):
@@ -228,5 +228,5 @@ def read_fault(path: Path | str, error: OSError | ValueError) -> str:
     if isinstance(error, FileNotFoundError):
         return f"{path}: no such file; check the path (the current folder is {Path.cwd()})"
     if isinstance(error, PermissionError):
-        return f"{path}: may not be read; check its permissions"
+        return f"{path}: is not readable; check its permissions"
     return f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})"

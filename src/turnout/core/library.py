@@ -28,7 +28,7 @@ def text_in_library(package: str, name: str, *, kind: str) -> str:
     package : str
         Such as "turnout.panel".
     name : str
-        Without ending.
+        Name of a library file without its suffix.
     kind : str
         What the file describes, for the message: "panel".
 

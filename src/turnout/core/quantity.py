@@ -347,7 +347,7 @@ def parse_points(value: object, *, si: bool = False) -> tuple[tuple[float, float
 
 
 def _all_si(value: object) -> bool:
-    """Tell whether every number in nested lists is marked as SI."""
+    """Return whether every number in nested lists is marked as SI."""
     if isinstance(value, list | tuple):
         return all(_all_si(item) for item in value)
     return isinstance(value, SI)

@@ -56,7 +56,7 @@ def arrays_from_bytes(content: bytes, purpose: str) -> dict[str, NDArray[Any]]:
     >>> arrays_from_bytes(content, "another")
     Traceback (most recent call last):
         ...
-    turnout.core.stored_arrays.DamagedError: is not what was written for this purpose
+    turnout.core.stored_arrays.DamagedError: was written for another purpose
     """
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -71,7 +71,7 @@ def arrays_from_bytes(content: bytes, purpose: str) -> dict[str, NDArray[Any]]:
         raise DamagedError(message) from None
     said = arrays.pop(DIGEST, None)
     if said is None or str(said) != _digest(arrays, purpose):
-        message = "is not what was written for this purpose"
+        message = "was written for another purpose"
         raise DamagedError(message)
     return arrays
 
@@ -83,7 +83,7 @@ def _read_member(archive: zipfile.ZipFile, item: zipfile.ZipInfo) -> NDArray[Any
     data = archive.read(item)
     stream = io.BytesIO(data)
     if npy.read_magic(stream) != (1, 0):
-        message = f"is damaged ({item.filename} has another form)"
+        message = f"is damaged ({item.filename} has another shape or type)"
         raise DamagedError(message)
     shape, fortran_order, dtype = npy.read_array_header_1_0(stream)
     if dtype.hasobject:

@@ -127,7 +127,7 @@ class TomlFile:
     Parameters
     ----------
     data : dict
-        The nested tables.
+        Tables of the document, nested as written.
     origins : dict
         Origin comments by the key path they stand at: a table, a key, or an item of an array
         (its number from 0 as the last part).

@@ -20,7 +20,7 @@ _ONE = re.compile(r"1(?:\s?/\s?|\sper\s)")
 
 
 def is_unit_text(text: str) -> bool:
-    """Tell whether a text, with single spaces at most, follows the grammar of the module.
+    """Return whether a text, with single spaces at most, follows the grammar of the module.
 
     Examples
     --------

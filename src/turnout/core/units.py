@@ -46,6 +46,7 @@ AREA = Dimension("area", "m^2", "76.7 cm^2")
 SECOND_MOMENT = Dimension("second moment of area", "m^4", "3038 cm^4")
 VOLTAGE = Dimension("voltage", "V", "10 V")
 CURRENT = Dimension("current", "A", "2 A")
+CURRENT_PER_FORCE = Dimension("current per force", "A/N", "0.2 A/kN")
 CURRENT_SENSITIVITY = Dimension("current sensitivity", "V/A", "100 mV/A")
 VOLTAGE_RATIO = Dimension("voltage ratio", "V/V", "1 mV/V")
 STRAIN = Dimension("strain", "m/m", "273 um/m")
@@ -82,6 +83,7 @@ DIMENSIONS = (
     SECOND_MOMENT,
     VOLTAGE,
     CURRENT,
+    CURRENT_PER_FORCE,
     CURRENT_SENSITIVITY,
     VOLTAGE_RATIO,
     STRAIN,
@@ -122,6 +124,7 @@ COMMON_UNITS: dict[str, dict[str, float]] = {
     "second moment of area": {"m^4": 1.0, "cm^4": 1e-8, "mm^4": 1e-12},
     "voltage": {"V": 1.0, "mV": 1e-3},
     "current": {"A": 1.0, "mA": 1e-3},
+    "current per force": {"A/N": 1.0, "A/kN": 1e-3},
     "current sensitivity": {"V/A": 1.0, "mV/A": 1e-3},
     "voltage ratio": {"V/V": 1.0, "mV/V": 1e-3},
     "strain": {"m/m": 1.0, "um/m": 1e-6},
@@ -224,7 +227,7 @@ def _read(value: str, dimension: Dimension) -> float:
 
 
 def is_finite(value: float) -> bool:
-    """Tell whether a number is finite as a float; a whole number may be too large for one."""
+    """Return whether a number is finite as a float; a whole number may be too large for one."""
     try:
         return math.isfinite(value)
     except OverflowError:

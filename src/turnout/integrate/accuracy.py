@@ -130,7 +130,7 @@ def _expand_end_errors(system: System, state: State, work: Work) -> None:
 def is_inaccurate(
     system: System, table: LawTable, state: State, work: Work, inertia: float, viscosity: float
 ) -> bool:
-    """Tell whether the columns are too inaccurate for the present solution.
+    """Return whether the columns are too inaccurate for the present solution.
 
     The residual is measured only where rounding errors may have grown since the last time.
 
@@ -148,7 +148,7 @@ def is_inaccurate(
 def measure_residual(
     system: System, table: LawTable, state: State, work: Work, inertia: float, viscosity: float
 ) -> bool:
-    """Put the solution into the equations; tell whether the residual is too large.
+    """Put the solution into the equations; return whether the residual is too large.
 
     Errors are written to ``work.end_error`` and ``work.modal_error``; the drift is reset to 1.
     """

@@ -1,38 +1,38 @@
-"""Condense a mechanism for the kernels, prepare a run of it, and find where it rests.
+"""Condense a mechanism for the kernels, and prepare a run of it.
 
 Runs that differ only in values of laws (friction, clearances, saturation forces, times) or in the
 motion share modes and structure, which are therefore condensed once and cached. Mechanisms built
 from the same records share their matrices, which are read-only then; the cache knows them by their
-identity.
+identity. The rows of foreign objects come last and are added to the condensed rails, so that an
+object in another place costs its own displacements and flexibilities, and no modes.
 """
 
 from collections.abc import Hashable
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.condense.blocks import drop_joining_bases
-from turnout.condense.condense import assemble_model, base_stiffness, condense_blocks
+from turnout.condense.condense import (
+    BlockModel,
+    CondensedRails,
+    condense_blocks,
+    folded_stiffness,
+)
 from turnout.condense.modal import ModalModel
 from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
-from turnout.integrate.columns import rebuild
-from turnout.integrate.equilibrium import anchor_at_rest, equilibrium, equilibrium_segments
-from turnout.integrate.march import Record
-from turnout.integrate.numbering import place_laws
-from turnout.integrate.outcome import Code
+from turnout.integrate.march import StepRecord
+from turnout.integrate.numbering import Places, number_places, place_laws
 from turnout.integrate.rods import Rods
 from turnout.integrate.scratch import Work, acquire_buffer, new_work, release_buffers
 from turnout.integrate.solve import Tolerances
-from turnout.integrate.state import LEVEL, State, fresh_copy, fresh_state, set_segments
+from turnout.integrate.state import State, fresh_copy, fresh_state
 from turnout.integrate.step import Stepping
-from turnout.integrate.system import System, check_normals, condensed_system
-from turnout.kernels.interrupt import call_interruptible
+from turnout.integrate.system import System, check_normals, condensed_system, refill_system
 from turnout.kernels.lanes import whole_lines
 from turnout.kernels.shared_record import clone_record, shared_record
-from turnout.law.kernel import SLIP_FORWARD
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import AlphaCoefficients, Scheme
@@ -41,7 +41,7 @@ Floats = NDArray[np.float64]
 Templates = dict[tuple[int, int], tuple[State, Work]]
 
 MOST_KEPT = 24
-"""Condensed mechanisms in the cache, the latest used."""
+"""Condensed rails in the cache, and rails with objects in place, the latest used."""
 LARGE_PAGE = 1 << 21
 """Size of a large page of memory [bytes]."""
 
@@ -58,10 +58,10 @@ class Arrangement:
         The laws as integrated: those that join rails are not part of the linear system.
     table : LawTable
         The same for the kernels, as a shared record whose rows are places.
-    model : ModalModel
+    condensed : CondensedRails
         Modes and flexibility of the rails, in the coordinates of the mechanism.
     system : System
-        The same for the kernels.
+        Condensed system of the model, laid out for the kernels.
     templates : dict
         States at rest and scratch arrays, by numbers of inputs and of levels, for runs to copy.
     """
@@ -69,12 +69,40 @@ class Arrangement:
     mechanism: Mechanism
     laws: LawTable
     table: LawTable
-    model: ModalModel
+    condensed: CondensedRails
     system: System
     templates: Templates
 
+    @property
+    def model(self) -> ModalModel:
+        """Modes and flexibility of the rails, in the coordinates of the mechanism."""
+        return self.condensed.model
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Frame:
+    """What does not depend on where in its blocks an object stands."""
+
+    system: System
+    places: Places
+    templates: Templates
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rails:
+    """Condensed rails without objects; frames by the blocks that each object joins.
+
+    The mechanism keeps alive the matrices whose identities are the key of the cache.
+    """
+
+    mechanism: Mechanism
+    parts: tuple[BlockModel, ...]
+    base_segment: NDArray[np.int64]
+    frames: dict[Hashable, _Frame]
+
 
 _cache = LRUCache[Arrangement](MOST_KEPT)
+_rails_cache = LRUCache[_Rails](MOST_KEPT)
 
 
 def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
@@ -86,24 +114,26 @@ def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
         If a rail is not held, or a law of friction cannot be integrated.
     """
     check_normals(mechanism.laws)
-    key = _key(mechanism, scheme)
+    structure = _structure(mechanism, scheme)
+    key = None if structure is None else (id(mechanism.rows), structure)
     cached = _cache.get(key) if key is not None else None
     if cached is None:
-        made = _condense(mechanism, scheme)
+        made = _condense(mechanism, scheme, structure)
         return made if key is None else _cache.put(key, made)
     laws = mechanism.laws._replace(base_segment=cached.laws.base_segment)
     table = shared_record(place_laws(laws, cached.system.row_place))
     return replace(cached, mechanism=mechanism, laws=laws, table=table)
 
 
-def forget() -> None:
+def clear_memory() -> None:
     """Clear the cache of condensed mechanisms, and release the buffers of histories."""
     _cache.clear()
+    _rails_cache.clear()
     release_buffers()
 
 
-def _key(mechanism: Mechanism, scheme: Scheme) -> Hashable | None:
-    """Return the key of a mechanism in the cache; None where its matrices are writeable."""
+def _structure(mechanism: Mechanism, scheme: Scheme) -> Hashable | None:
+    """Return what condensed rails depend on, but for their rows; None for writeable matrices."""
     matrices = (
         mechanism.stiffness,
         mechanism.mass,
@@ -119,32 +149,84 @@ def _key(mechanism: Mechanism, scheme: Scheme) -> Hashable | None:
         laws.input_index,
         laws.base_segment,
         laws.segment_start,
-        base_stiffness(laws),
+        folded_stiffness(laws),
         np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1),
         laws.friction_row,
         laws.friction_normal,
         laws.stick_stiffness,
     )
-    same = tuple(id(matrix) for matrix in matrices)
+    same = tuple(id(matrix) for matrix in matrices[:-1])
     rails = tuple((rail.first, rail.count) for rail in mechanism.rails)
     return (*same, rails, scheme.cutoff_frequency, *(part.tobytes() for part in structure))
 
 
-def _condense(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
-    cutoff = scheme.cutoff_frequency
+def _condense(mechanism: Mechanism, scheme: Scheme, structure: Hashable | None) -> Arrangement:
+    """Condense the rails, or find them, and put the objects in their places."""
+    core = _without_objects(mechanism)
+    key = None if structure is None else (id(core.rows), structure)
+    rails = _rails_cache.get(key) if key is not None else None
+    if rails is None:
+        rails = _condense_rails(core, scheme.cutoff_frequency)
+        if key is not None:
+            _rails_cache.put(key, rails)
+    parts, joined = _with_objects(rails.parts, mechanism.rows, first=core.rows.shape[0])
+    further = np.full(mechanism.laws.row.size - rails.base_segment.size, -1)
+    laws = mechanism.laws._replace(base_segment=np.concatenate((rails.base_segment, further)))
+    frame = rails.frames.get(joined)
+    if frame is None:
+        places = number_places(parts)
+        system = condensed_system(parts, laws, places)
+        rails.frames[joined] = frame = _Frame(system, places, {})
+    else:
+        system = refill_system(frame.system, parts, laws, frame.places)
+    n_rows, n_coordinates = mechanism.rows.shape
+    condensed = CondensedRails(parts, n_coordinates=n_coordinates, n_rows=n_rows)
+    table = shared_record(place_laws(laws, system.row_place))
+    return Arrangement(mechanism, laws, table, condensed, system, frame.templates)
+
+
+def _condense_rails(mechanism: Mechanism, cutoff_frequency: float) -> _Rails:
+    """Condense rails each on its own, or together where one is held by another only."""
     laws = drop_joining_bases(mechanism, mechanism.laws)
     try:
-        parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff)
+        parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff_frequency)
     except MechanicsError:
         laws = mechanism.laws
-        parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff)
-    model, system = assemble_model(parts, mechanism), condensed_system(parts, laws)
-    table = shared_record(place_laws(laws, system.row_place))
-    return Arrangement(mechanism, laws, table, model, system, {})
+        parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff_frequency)
+    return _Rails(mechanism, parts, laws.base_segment, {})
+
+
+def _without_objects(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism without the objects whose rows were added to the others."""
+    core, laws = mechanism.core, mechanism.laws
+    if core is None:
+        return mechanism
+    count = int(np.count_nonzero(laws.row < core.shape[0]))
+    trimmed = laws._replace(
+        row=laws.row[:count],
+        input_index=laws.input_index[:count],
+        base_segment=laws.base_segment[:count],
+        segment_start=laws.segment_start[: count + 1],
+    )
+    return replace(mechanism, rows=core, laws=trimmed, core=None)
+
+
+def _with_objects(
+    parts: tuple[BlockModel, ...], rows: Floats, *, first: int
+) -> tuple[tuple[BlockModel, ...], Hashable]:
+    """Add the rows from the `first` on to the blocks they reach into; return which these are."""
+    found, joined = [], []
+    for part in parts:
+        own = rows[first:, part.block.coordinates]
+        reaching = np.flatnonzero(own.any(axis=1))
+        added = part.with_ends(first + reaching, own[reaching]) if reaching.size else part
+        found.append(added)
+        joined.append(tuple(reaching.tolist()))
+    return tuple(found), tuple(joined)
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class PreparedRun:
     """All data of one run; `positions` are the inputs at the ends of the steps [m]."""
 
     system: System
@@ -155,7 +237,7 @@ class Run:
     tolerances: Tolerances
     stepping: Stepping
     positions: Floats
-    record: Record
+    record: StepRecord
     rods: Rods | None = None
 
 
@@ -166,7 +248,7 @@ def prepare(
     n_stored: int,
     *,
     filled_in: bool,
-) -> Run:
+) -> PreparedRun:
     """Allocate state, scratch arrays and record of one run; nothing has moved yet.
 
     Parameters
@@ -174,7 +256,7 @@ def prepare(
     arrangement : Arrangement
         From `arrange`.
     scheme : Scheme
-        Numerical choices.
+        Step [s], spectral radius, tolerances and halvings.
     positions : ndarray, shape (n_steps + 1, n_inputs)
         Marker positions at the ends of the steps [m].
     n_stored : int
@@ -188,7 +270,7 @@ def prepare(
     )
     state.inputs[:] = positions[0]
     alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
-    return Run(
+    return PreparedRun(
         system=system,
         laws=laws,
         table=table,
@@ -228,7 +310,7 @@ def _copy_templates(
     return fresh_copy(template[0], arrangement.table), clone_record(template[1])
 
 
-def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: bool) -> Record:
+def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: bool) -> StepRecord:
     """Allocate a record of `count` instants in one piece of memory.
 
     It begins at a large page, so that a run touches few pages for the first time.
@@ -247,13 +329,13 @@ def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: 
         arrays[name] = memory[at : at + count * width].reshape(count, width)
         at += count * width
     velocity = np.zeros((count if with_velocity else 1, arrays["q"].shape[1]))
-    return shared_record(Record(**arrays, residual=np.zeros(1), v=velocity))
+    return shared_record(StepRecord(**arrays, residual=np.zeros(1), v=velocity))
 
 
-def trim_record(run: Run, count: int) -> Record:
+def trim_record(run: PreparedRun, count: int) -> StepRecord:
     """Return the first `count` stored instants, without the padding to whole cache lines."""
     record, n_modes = run.record, run.system.load.size
-    return Record(
+    return StepRecord(
         q=record.q[:count, :n_modes],
         g=record.g[:count, : run.system.row_place.size],
         friction=record.friction[:count, : run.laws.friction_row.size],
@@ -263,35 +345,3 @@ def trim_record(run: Run, count: int) -> Record:
         residual=record.residual,
         v=record.v[:count, :n_modes],
     )
-
-
-def start_at_rest(run: Run, mechanism: Mechanism, thread: Executor) -> Code:
-    """Find the static equilibrium without friction, then anchor the feet at their places."""
-    system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
-    state.present[:] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9) & (laws.waits == 0)
-    state.law_placed[state.present == 1] = 0.0
-    set_segments(table, state, state.segment)
-    state.friction[:] = SLIP_FORWARD
-    table.friction_coefficient[:] = 0.0
-    try:
-        if not _find_equilibrium(run, thread):
-            segments = equilibrium_segments(mechanism, inputs=state.inputs, present=state.present)
-            set_segments(table, state, segments)
-            if not _find_equilibrium(run, thread):
-                return Code.NO_EQUILIBRIUM
-    finally:
-        table.friction_coefficient[:] = laws.friction_coefficient
-    anchor_at_rest(system, table, state, work)
-    if not run.stepping.inertia:
-        rebuild(system, table, state, state.counters[LEVEL], work.row)
-    return Code.COMPLETE
-
-
-def _find_equilibrium(run: Run, thread: Executor) -> bool:
-    """Iterate the contact set to static equilibrium from the present one; tell if it converged."""
-    patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
-    given = (run.system, run.table, run.state, run.work, patient)
-    code = call_interruptible(thread, run.work.stop, equilibrium, *given)
-    if code == Code.INTERRUPTED:
-        raise KeyboardInterrupt
-    return code == Code.COMPLETE

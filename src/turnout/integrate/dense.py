@@ -13,19 +13,25 @@ that they hold between the steps too.
 
 import numpy as np
 
-from turnout.integrate.march import Record
+from turnout.integrate.march import StepRecord
 from turnout.integrate.system import Floats
 from turnout.law.table import LawTable
 
 
 def interpolate_record(
-    record: Record, *, step: float, instants: Floats, inputs: Floats, modes: Floats, laws: LawTable
-) -> Record:
+    record: StepRecord,
+    *,
+    step: float,
+    instants: Floats,
+    inputs: Floats,
+    modes: Floats,
+    laws: LawTable,
+) -> StepRecord:
     """Interpolate a record of every step at other instants.
 
     Parameters
     ----------
-    record : Record
+    record : StepRecord
         Of every step; without velocities all of it is interpolated linearly.
     step : float
         Time between the rows of the record [s].

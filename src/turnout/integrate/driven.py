@@ -2,16 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import SolverError
-from turnout.integrate.arrange import Run
+from turnout.integrate.arrange import PreparedRun
+from turnout.integrate.duty import Duty, machine_duties
 from turnout.integrate.rods import Rods
 from turnout.kernels.shared_record import shared_record
+from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
-from turnout.machine.records import Machine
 from turnout.machine.rows import work_rows
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import Scheme
@@ -45,7 +47,7 @@ LOSSES = {
 """Sums of a machine's own losses by what they are."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class MachineHistory:
     """What the machines of a run leave behind, at its stored instants.
 
@@ -58,8 +60,10 @@ class MachineHistory:
     records : tuple of Machine
         As fitted to the drives.
     constants : ndarray, shape (n, CONSTANTS)
+    commands : ndarray, shape (n, n_commands, 2)
+        Time [s] and direction; what fills the table up is infinite.
     inputs : ndarray of int, shape (n,)
-        The input that each moves.
+        Column of the inputs that each machine moves.
     shift : ndarray, shape (n,)
         Input less rod position [m].
     states : ndarray, shape (n_times, n, STATES)
@@ -68,7 +72,7 @@ class MachineHistory:
         Work of the rod ends on the rods, by the sums of the rails [J].
     events : tuple of tuple of (float, str)
         Time [s] and what happened, machine by machine.
-    left_over : float
+    imbalance : float
         Largest movement of a rod end that a step left uncorrected [m].
     """
 
@@ -76,12 +80,13 @@ class MachineHistory:
     names: tuple[str, ...]
     records: tuple[Machine, ...]
     constants: Floats
+    commands: Floats
     inputs: NDArray[np.int64]
     shift: Floats
     states: Floats
     given: Floats
     events: tuple[tuple[tuple[float, str], ...], ...]
-    left_over: float
+    imbalance: float
 
     def at(self, instants: Floats, positions: Floats) -> "MachineHistory":
         """Return the history at other instants, linear in between, and write its inputs.
@@ -106,16 +111,44 @@ class MachineHistory:
         positions[:, self.inputs] = states[:, :, at.ROD_POSITION] + self.shift
         return replace(self, time=instants, states=states, given=between(self.given))
 
+    def select(self, index: NDArray[np.int64] | slice) -> "MachineHistory":
+        """Return the history at some of its instants; what was done on commands stays."""
+        chosen = replace(
+            self, time=self.time[index], states=self.states[index], given=self.given[index]
+        )
+        chosen.__dict__["duties"] = self.duties  # found with every instant
+        return chosen
+
+    @cached_property
+    def duties(self) -> tuple[Duty, ...]:
+        """What every machine did on every command that it was given."""
+        return tuple(
+            duty
+            for number, name in enumerate(self.names)
+            for duty in machine_duties(
+                name,
+                commands=self.commands[number],
+                events=self.events[number],
+                time=self.time,
+                states=self.states[:, number],
+            )
+        )
+
+    @cached_property
+    def _energies(self) -> Floats:
+        """Sums of energy, shape (n_sums, n_times, n) [J]."""
+        return np.ascontiguousarray(self.states[:, :, at.ENERGIES :].transpose(2, 0, 1))
+
     def sums(self, *places: int) -> Floats:
         """Return sums of energy over time, shape (n_times, n) [J]."""
-        return np.asarray(self.states[:, :, [at.ENERGIES + place for place in places]].sum(axis=2))
+        return np.asarray(self._energies[list(places)].sum(axis=0))
 
-    @property
+    @cached_property
     def losses(self) -> Mapping[str, Floats]:
         """What each machine lost by `LOSSES`, shape (n_times, n) [J]."""
         return {name: self.sums(*places) for name, places in LOSSES.items()}
 
-    @property
+    @cached_property
     def stored(self) -> Floats:
         """Change of energy in coil, inertias and clutch, shape (n_times, n) [J]."""
         energy = np.zeros(self.given.shape)
@@ -123,7 +156,7 @@ class MachineHistory:
             energy += 0.5 * self.constants[:, constant] * self.states[:, :, state] ** 2
         return np.asarray(energy - energy[0])
 
-    @property
+    @cached_property
     def numerical(self) -> Floats:
         """What the schemes lose, shape (n_times, n) [J].
 
@@ -133,9 +166,9 @@ class MachineHistory:
         own = self.sums(at.INTO_STORES) - self.stored
         return np.asarray(own + self.sums(at.ROD_INPUT) - self.given)
 
-    @property
+    @cached_property
     def residual(self) -> Floats:
-        """What is left over when the books of the machines are closed, shape (n_times, n) [J]."""
+        """Residual of the energy balance of each machine, shape (n_times, n) [J]."""
         spent = sum(self.losses.values(), self.stored + self.numerical + self.given)
         return np.asarray(self.sums(at.SUPPLY, at.HAND) - spent)
 
@@ -148,7 +181,7 @@ class MachineHistory:
         return residual + worst, scale + turned_over
 
 
-def new_rods(run: Run, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods | None:
+def new_rods(run: PreparedRun, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods | None:
     """Arrange the machines of a mechanism for the kernels; None where there are none.
 
     Raises
@@ -197,8 +230,8 @@ def new_rods(run: Run, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods
     return shared_record(rods)
 
 
-def start_rods(run: Run) -> None:
-    """Let the machines know the rails at rest, as the first stored instant."""
+def start_rods(run: PreparedRun) -> None:
+    """Start the machines from the rails at rest, and store the first instant."""
     rods = run.rods
     if rods is None:
         return
@@ -208,7 +241,7 @@ def start_rods(run: Run) -> None:
     rods.kept[0] = rods.state
 
 
-def machine_history(run: Run, mechanism: Mechanism, kept: int) -> MachineHistory | None:
+def machine_history(run: PreparedRun, mechanism: Mechanism, kept: int) -> MachineHistory | None:
     """Return what the machines of a run left behind, up to a number of stored instants."""
     rods, given = run.rods, mechanism.machines
     if rods is None or given is None:
@@ -219,6 +252,7 @@ def machine_history(run: Run, mechanism: Mechanism, kept: int) -> MachineHistory
         names=given.names,
         records=given.records,
         constants=given.constants,
+        commands=given.commands,
         inputs=given.inputs,
         shift=given.shift,
         states=rods.kept[:kept],
@@ -227,5 +261,5 @@ def machine_history(run: Run, mechanism: Mechanism, kept: int) -> MachineHistory
             tuple((float(time), at.EVENT_TEXTS[int(event)]) for time, event in rows[:count])
             for rows, count in zip(rods.log, counts, strict=True)
         ),
-        left_over=float(rods.left[0]),
+        imbalance=float(rods.left[0]),
     )

@@ -1,9 +1,9 @@
-"""Static equilibrium of a mechanism without friction: the minimum of its potential energy.
+"""Static equilibrium of a mechanism: without friction the minimum of its potential energy.
 
 `equilibrium` iterates the contact set of the condensed system. Where that cycles,
 `equilibrium_segments` finds the segments of the laws first, on all coordinates: the force of every
 law never falls with its argument, so the energy is convex, and a Newton iteration with line search
-finds the minimum from any start.
+finds the minimum from any start. `settle` finds an equilibrium with friction that a motion left.
 """
 
 import numpy as np
@@ -11,8 +11,17 @@ import numpy as np
 from turnout.integrate.accuracy import measure_residual, refine
 from turnout.integrate.columns import assemble_level, rebuild
 from turnout.integrate.energy import account_friction, account_laws, set_energy_reference
+from turnout.integrate.follow import follow_path
 from turnout.integrate.scratch import Work
-from turnout.integrate.solve import CONVERGED, Tolerances, evaluate, iterate_contact_set
+from turnout.integrate.solve import (
+    CONVERGED,
+    NOT_CONVERGED,
+    Tolerances,
+    evaluate,
+    iterate_contact_set,
+    restore_contact_set,
+    save_contact_set,
+)
 from turnout.integrate.state import State
 from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled
@@ -31,7 +40,7 @@ def equilibrium_segments(mechanism: Mechanism, *, inputs: Floats, present: Ints)
     Parameters
     ----------
     mechanism : Mechanism
-        Its laws without friction.
+        Its laws are evaluated without friction.
     inputs : ndarray, shape (n_inputs,)
         Marker positions [m].
     present : ndarray of int, shape (n_laws,)
@@ -111,9 +120,49 @@ def anchor_at_rest(system: System, table: LawTable, state: State, work: Work) ->
     state.friction[:] = STICK
     for friction in range(state.anchor.size):
         state.anchor[friction] = state.g[table.friction_row[friction]]
+    start_energy_balance(system, table, state, work)
+
+
+@compiled
+def start_energy_balance(system: System, table: LawTable, state: State, work: Work) -> None:
+    """Start the energy balance from the present solution; anchors of slipping feet follow it."""
     evaluate(table, state, work)
     account_laws(system, table, state, work, state.inputs, 0.0)
     account_friction(system, state, work)
     state.ledger[:] = 0.0
-    work.unsettled[:] = 0
+    work.unconverged[:] = 0
     set_energy_reference(system, table, state, work)
+
+
+@compiled
+def settle(
+    system: System, table: LawTable, state: State, work: Work, tolerances: Tolerances
+) -> int:
+    """Bring a state in motion to rest under friction; return CONVERGED or what prevented it.
+
+    The contact set is iterated from the present one with the anchors as they are. Where that does
+    not converge, the forces of inertia and dampers, without which the present state would not be
+    one of equilibrium, are taken away along a straight path, event by event.
+    """
+    static = state.level_ready.size - 1
+    assemble_level(system, state, static, 0.0, 0.0)
+    rebuild(system, table, state, static, work.row)
+    copy(system.load, work.right_side)
+    copy(state.q, work.q_start)
+    work.changed[0] = 1
+    save_contact_set(state, work)
+    code = iterate_contact_set(system, table, state, work, tolerances)
+    if code == NOT_CONVERGED:
+        copy(work.q_start, state.q)
+        copy(work.g_start, state.g)
+        restore_contact_set(system, table, state, work)
+        rebuild(system, table, state, static, work.row)
+        copy(system.load, work.right_side)
+        copy(state.inputs, work.inputs_start)
+        copy(state.inputs, work.inputs_end)
+        inputs = (work.inputs_start, work.inputs_end)
+        code = follow_path(system, table, state, work, tolerances, inputs, 0.0, 0.0)
+    if code == CONVERGED:
+        measure_residual(system, table, state, work, 0.0, 0.0)
+        refine(system, state, work)
+    return code

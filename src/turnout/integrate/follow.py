@@ -151,7 +151,7 @@ def find_next_event(
 def apply_event(
     system: System, table: LawTable, state: State, work: Work, which: int, to: int
 ) -> None:
-    """Change the law or friction of an event and flag its row as unsettled."""
+    """Change the law or friction of an event and flag its row as unconverged."""
     n_laws = table.row.size
     if which < n_laws:
         set_segment(table, state, which, state.segment[which] + to)
@@ -160,7 +160,7 @@ def apply_event(
         state.friction[which - n_laws] = to
         count = mark_row(work, 0, table.friction_row[which - n_laws])
     for i in range(count):
-        work.unsettled[work.dirty_list[i]] = 1
+        work.unconverged[work.dirty_list[i]] = 1
     update_marked(system, table, state, work, count)
 
 
@@ -203,6 +203,6 @@ def follow_path(
             return CONVERGED
         stalled = stalled + 1 if advance * (1.0 - share) < 1e-12 else 0
         share += advance * (1.0 - share)
-        work.unsettled[:] = 0
+        work.unconverged[:] = 0
         apply_event(system, table, state, work, which, to)
     return NOT_CONVERGED

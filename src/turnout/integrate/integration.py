@@ -1,4 +1,4 @@
-"""Integrate a mechanism from its static equilibrium through a motion of its markers."""
+"""Integrate a mechanism from where it starts through a motion of its markers."""
 
 import math
 import time
@@ -9,16 +9,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.condense.condense import CondensedRails
 from turnout.condense.modal import ModalModel
 from turnout.core.threads import one_blas_thread
 from turnout.errors import SolverError
 from turnout.integrate.accuracy import equilibrium_residual
-from turnout.integrate.arrange import Run, arrange, prepare, start_at_rest, trim_record
+from turnout.integrate.arrange import PreparedRun, arrange, prepare, trim_record
 from turnout.integrate.dense import interpolate_record
 from turnout.integrate.driven import MachineHistory, machine_history, new_rods, start_rods
 from turnout.integrate.energy import energy_balance
-from turnout.integrate.march import Record, march, store_instant
+from turnout.integrate.march import StepRecord, march, store_instant
 from turnout.integrate.outcome import Code, Outcome, is_closed
+from turnout.integrate.start import PriorMotion, find_start
 from turnout.integrate.state import (
     COUNT_FLIPS,
     COUNT_HALVED,
@@ -37,6 +39,8 @@ INTERRUPT_INTERVAL, FIRST_CHUNK = 0.1, 2200
 # Most memory of a history [bytes], and most steps.
 MOST_MEMORY = 2e9
 MOST_STEPS = 2_000_000
+# Outcomes without a single instant.
+WITHOUT_START = (Code.NO_EQUILIBRIUM, Code.NO_LOADED_START)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +64,8 @@ class History:
     law_placed, law_first : ndarray, shape (n_laws,)
         Times at which a law that does not always act (an object) appeared, and first had a force
         [s]; NaN where it did not, as an object that never fits, and for all other laws.
-    model : ModalModel
-        The condensed system, from which shapes are recovered.
+    condensed : CondensedRails
+        The condensed system, from which shapes are recovered; `model` is the whole of it.
     laws : LawTable
         The laws as integrated: those that join rails are not part of the linear system.
     outcome : Outcome
@@ -82,13 +86,18 @@ class History:
     ledger: Floats
     law_placed: Floats
     law_first: Floats
-    model: ModalModel
+    condensed: CondensedRails
     laws: LawTable
     outcome: Outcome
     iterations: int
     flips: int
     halved: int
     machines: MachineHistory | None = None
+
+    @property
+    def model(self) -> ModalModel:
+        """The condensed system in the coordinates of the mechanism."""
+        return self.condensed.model
 
 
 def integrate(
@@ -97,9 +106,10 @@ def integrate(
     *,
     inputs: Callable[[Floats], Floats],
     end: float,
+    prior: PriorMotion | None = None,
     report: Callable[[int, int], None] | None = None,
 ) -> History:
-    """Find the static equilibrium, then step to `end`.
+    """Find where the run starts, then step to `end`.
 
     Parameters
     ----------
@@ -111,6 +121,9 @@ def integrate(
         Marker positions, shape (n_inputs, n), for times of shape (n,) [m].
     end : float
         Duration, rounded to whole output intervals [s].
+    prior : PriorMotion, optional
+        The motion before the start, whose friction the rails take over. Default static equilibrium
+        without friction.
     report : callable, optional
         Called with steps done and steps in all.
 
@@ -120,7 +133,7 @@ def integrate(
         Complete, or up to where `outcome` says that it ended.
     """
     with one_blas_thread():
-        return _integrate(mechanism, scheme, inputs, end, report)
+        return _integrate(mechanism, scheme, inputs, end, prior, report)
 
 
 def _integrate(
@@ -128,6 +141,7 @@ def _integrate(
     scheme: Scheme,
     inputs: Callable[[Floats], Floats],
     end: float,
+    prior: PriorMotion | None,
     report: Callable[[int, int], None] | None,
 ) -> History:
     grid = _choose_grid(mechanism, scheme, end)
@@ -139,12 +153,12 @@ def _integrate(
     run = replace(run, rods=new_rods(run, mechanism, scheme, grid.n_stored))
     _march(run, 0, 0)  # compiles where needed, while Ctrl-C still ends the program at once
     with one_thread() as thread:
-        code, done = start_at_rest(run, mechanism, thread), 0
+        code, done = find_start(run, arrangement, scheme, thread, prior), 0
         if code == Code.COMPLETE:
             start_rods(run)
             store_instant(run.system, run.table, run.state, run.work, run.record, 0)
             code, done = _march_in_chunks(run, report, thread)
-    kept = 0 if code == Code.NO_EQUILIBRIUM else done // stride + 1
+    kept = 0 if code in WITHOUT_START else done // stride + 1
     balance = energy_balance(run.record.stored[:kept], run.record.ledger[:kept])
     machines = machine_history(run, mechanism, kept)
     if machines is not None:
@@ -157,7 +171,7 @@ def _integrate(
         time=done * scheme.step,
         step=done,
         residual=max(float(run.record.residual[0]), float(residual)),
-        contacts=_name_unsettled(mechanism, run),
+        contacts=_name_unconverged(mechanism, run),
         energy_residual=balance[0],
         energy_scale=balance[1],
     )
@@ -172,7 +186,9 @@ def _integrate(
             machines = machines.at(instants, positions)
         given = {"instants": instants, "inputs": positions, "modes": arrangement.model.row_modes}
         record = interpolate_record(record, step=scheme.step, laws=arrangement.laws, **given)
-    return _assemble_history(run, record, arrangement.model, outcome, instants, positions, machines)
+    return _assemble_history(
+        run, record, arrangement.condensed, outcome, instants, positions, machines
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,9 +231,9 @@ def _choose_grid(mechanism: Mechanism, scheme: Scheme, end: float) -> _Grid:
 
 
 def _assemble_history(
-    run: Run,
-    record: Record,
-    model: ModalModel,
+    run: PreparedRun,
+    record: StepRecord,
+    condensed: CondensedRails,
     outcome: Outcome,
     instants: Floats,
     positions: Floats,
@@ -235,7 +251,7 @@ def _assemble_history(
         ledger=record.ledger,
         law_placed=state.law_placed,
         law_first=np.where(np.isinf(state.law_first), np.nan, state.law_first),
-        model=model,
+        condensed=condensed,
         laws=run.laws,
         machines=machines,
         outcome=outcome,
@@ -245,7 +261,7 @@ def _assemble_history(
     )
 
 
-def _march(run: Run, first: int, last: int) -> tuple[int, int]:
+def _march(run: PreparedRun, first: int, last: int) -> tuple[int, int]:
     return march(
         run.system,
         run.table,
@@ -262,7 +278,7 @@ def _march(run: Run, first: int, last: int) -> tuple[int, int]:
 
 
 def _march_in_chunks(
-    run: Run, report: Callable[[int, int], None] | None, thread: Executor
+    run: PreparedRun, report: Callable[[int, int], None] | None, thread: Executor | None
 ) -> tuple[Code, int]:
     """March in chunks of about `INTERRUPT_INTERVAL`, and report the progress after each."""
     n_steps = run.positions.shape[0] - 1
@@ -283,9 +299,9 @@ def _march_in_chunks(
     return Code.COMPLETE, done
 
 
-def _name_unsettled(mechanism: Mechanism, run: Run) -> tuple[str, ...]:
+def _name_unconverged(mechanism: Mechanism, run: PreparedRun) -> tuple[str, ...]:
     """Return the names of the laws on rows that still changed when the last attempt ended."""
-    rows, table = run.work.unsettled.astype(bool), run.table
+    rows, table = run.work.unconverged.astype(bool), run.table
     names = [name for name, row in zip(mechanism.law_names, table.row, strict=True) if rows[row]]
     names += [
         f"friction {name}"

@@ -21,7 +21,7 @@ from turnout.integrate.energy import (
 )
 from turnout.integrate.follow import follow_path
 from turnout.integrate.quasistatic import advance_static
-from turnout.integrate.rods import Rods, accept_rods, move_rods, settle_rods, store_rods
+from turnout.integrate.rods import Rods, accept_rods, iterate_rods, move_rods, store_rods
 from turnout.integrate.scratch import Work
 from turnout.integrate.solve import (
     CONVERGED,
@@ -46,7 +46,7 @@ MEASURE_EVERY = 100
 """Steps after which the residual of a solution is measured in any case."""
 
 
-class Record(NamedTuple):
+class StepRecord(NamedTuple):
     """Stored instants, one row each, and the largest equilibrium residual so far [m].
 
     `q` and `v` are modal coordinates and velocities, `g` the displacements of the rows [m],
@@ -100,7 +100,7 @@ def _try_step(
     code = iterate_contact_set(system, table, state, work, tolerances)
     if rods is not None:  # noqa: SIM102, this alone is left out where there are none
         if code == CONVERGED:
-            code = settle_rods(rods, system, table, state, work, tolerances, (time, h))
+            code = iterate_rods(rods, system, table, state, work, tolerances, (time, h))
     if code == NOT_CONVERGED and last:
         copy(work.q_start, state.q)
         copy(work.g_start, state.g)
@@ -180,7 +180,7 @@ def _advance(
             switch_level(system, table, state, work, stepping, level)
             continue
         if level > 0 or last_attempt:
-            work.unsettled[:] = 0
+            work.unconverged[:] = 0
         if rods is not None:
             accept_rods(rods, state, work, begin, h)
         account_laws(system, table, state, work, begin, time + share * stepping.step)
@@ -203,7 +203,7 @@ def _copy_nontemporal(values: Floats, to: Floats) -> None:
 
 @compiled_part
 def store_instant(
-    system: System, table: LawTable, state: State, work: Work, record: Record, at: int
+    system: System, table: LawTable, state: State, work: Work, record: StepRecord, at: int
 ) -> None:
     """Write the present instant to a row of the record."""
     _copy_nontemporal(state.q, record.q[at])
@@ -228,7 +228,7 @@ def march(
     inputs: Floats,
     first: int,
     last: int,
-    record: Record,
+    record: StepRecord,
     rods: Rods | None = None,
 ) -> tuple[int, int]:
     """Step from instant `first` to instant `last`; return the outcome code and the instant reached.

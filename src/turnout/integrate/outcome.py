@@ -22,12 +22,13 @@ class Code(IntEnum):
     INTERRUPTED = 4
     INACCURATE = 5
     NO_STATIC_CONTINUATION = 6
+    NO_LOADED_START = 7
 
 
 ADVICE = {
     Code.COMPLETE: "",
     Code.NOT_CONVERGED: (
-        "the contact set did not settle even in the smallest step; try a smaller step, "
+        "the contact set did not converge even with the smallest step; try a smaller step, "
         "a softer contact or stick stiffness, or a higher cut-off frequency"
     ),
     Code.NOT_FINITE: (
@@ -38,13 +39,17 @@ ADVICE = {
         "do not press against each other in the stress-free position"
     ),
     Code.INACCURATE: (
-        "the energy balance does not close, so the numbers are not to be trusted; look for a "
+        "the energy balance does not close, so the results are not trustworthy; look for a "
         "stiffness, mass or length that is far out of range (`turnout panel check` names unusual "
         "values), or take a smaller step"
     ),
     Code.NO_STATIC_CONTINUATION: (
-        "without inertia the motion does not go on from here, since a foot can neither stick nor "
+        "no quasi-static equilibrium follows, since a foot can neither stick nor "
         "slip where friction follows its normal force; take a scheme with inertia"
+    ),
+    Code.NO_LOADED_START: (
+        "the movement before the start did not converge, whose friction a loaded start takes over; "
+        "start without it (schedule.loaded = false), or try a smaller friction coefficient"
     ),
     Code.INTERRUPTED: "the run was interrupted; what was computed until then is kept",
 }
@@ -116,7 +121,7 @@ class Outcome:
         if self.contacts:
             shown = ", ".join(self.contacts[:6])
             more = len(self.contacts) - 6
-            text += f"; unsettled: {shown}" + (f" and {more} more" if more > 0 else "")
+            text += f"; unconverged: {shown}" + (f" and {more} more" if more > 0 else "")
         return text
 
 

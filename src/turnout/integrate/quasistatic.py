@@ -79,7 +79,7 @@ def advance_static(
         copy(state.inputs, inputs_start)
         if share > LEAST_SHARE:
             stalled = 0
-            work.unsettled[:] = 0
+            work.unconverged[:] = 0
         else:
             stalled += 1
         if which < 0:

@@ -21,7 +21,7 @@ from turnout.machine.compute.places import (
     ROD_POSITION,
 )
 
-SETTLED = 1e-8
+ROD_TOLERANCE = 1e-8
 """Movement of a rod end or its rail from one correction to the next that is overlooked [m]."""
 CORRECTIONS = 12
 
@@ -138,7 +138,7 @@ def move_rods(rods: Rods, state: State, inputs: Floats, span: tuple[float, float
 
 
 @compiled
-def settle_rods(
+def iterate_rods(
     rods: Rods,
     system: System,
     table: LawTable,
@@ -154,12 +154,12 @@ def settle_rods(
             y = state.g[rods.place[k]] - rods.shift[k]
             off = max(off, abs(y - rods.free[k]))
             rods.free[k] = y
-        if off <= SETTLED:  # a rod end moves by less than its rail
+        if off <= ROD_TOLERANCE:  # a rod end moves by less than its rail
             return CONVERGED
-        code, moved = _try_rods(rods, state, span, SETTLED)
+        code, moved = _try_rods(rods, state, span, ROD_TOLERANCE)
         if code != CONVERGED:
             return code
-        if moved <= SETTLED:
+        if moved <= ROD_TOLERANCE:
             rods.left[0] = max(rods.left[0], moved)
             return CONVERGED
         code = iterate_contact_set(system, table, state, work, tolerances)
@@ -170,7 +170,7 @@ def settle_rods(
 
 @compiled
 def accept_rods(rods: Rods, state: State, work: Work, begin: Floats, step: float) -> None:
-    """Make the end of a step the state of the machines, and book what they gave to the rods.
+    """Accept the end of a step as the machines' state, and add their work on the rods.
 
     Parameters
     ----------

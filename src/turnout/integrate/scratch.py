@@ -80,7 +80,7 @@ class Work(NamedTuple):
       every law;
     - ``argument``, ``force``, ``trial``, ``limit``: laws and frictions at the last solution;
     - ``input_force``: force of the inputs on their rows [N], zero on rows without an input;
-    - ``unsettled``: flags the rows that still changed when a step was given up;
+    - ``unconverged``: flags the rows that still changed when a step was given up;
     - ``changed``: whether a law has changed since the contact set was saved;
     - ``stop``: set by another thread to end the work between two solutions.
     """
@@ -97,7 +97,7 @@ class Work(NamedTuple):
     coupled_end: Ints
     dirty: Ints
     dirty_list: Ints
-    unsettled: Ints
+    unconverged: Ints
     saved_segment: Ints
     saved_friction: Floats
     q_start: Floats
@@ -148,7 +148,7 @@ def new_work(system: System, table: LawTable) -> Work:
             coupled_end=flags(),
             dirty=flags(),
             dirty_list=flags(),
-            unsettled=flags(),
+            unconverged=flags(),
             saved_segment=np.zeros(table.row.size, dtype=np.int64),
             saved_friction=np.zeros(table.friction_row.size),
             q_start=modal(),

@@ -258,7 +258,7 @@ def iterate_contact_set(
             gather_modes(system, state)
             return CONVERGED
         if iteration == tolerances.iterations - 1:
-            copy(work.dirty, work.unsettled)
+            copy(work.dirty, work.unconverged)
         update_marked(system, table, state, work, count)
     return NOT_CONVERGED
 

@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.condense.condense import BlockModel, base_stiffness
+from turnout.condense.condense import BlockModel, folded_stiffness
 from turnout.errors import MechanicsError
 from turnout.integrate.numbering import Places, Terms, as_unsigned, number_places
 from turnout.kernels.lanes import LANES, whole_lines
-from turnout.kernels.shared_record import shared_record
+from turnout.kernels.shared_record import clone_record, shared_record
 from turnout.law.table import LawTable
 
 Floats = NDArray[np.float64]
@@ -101,7 +101,9 @@ class System(NamedTuple):
     timed_law: Ints
 
 
-def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
+def condensed_system(
+    parts: Sequence[BlockModel], laws: LawTable, places: Places | None = None
+) -> System:
     """Assemble modal models and their laws for the kernels.
 
     Parameters
@@ -110,13 +112,15 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
         Of the linear system with the base segments of the laws; every row has one end or two.
     laws : LawTable
         All laws, by rows of the mechanism.
+    places : Places, optional
+        Of the parts.
 
     Returns
     -------
     System
         As a shared record.
     """
-    places = number_places(parts)
+    places = number_places(parts) if places is None else places
     count = places.row_ends.shape[0]
     row_place = places.of_row
     models = [part.model for part in parts]
@@ -151,7 +155,7 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
         row_friction_list=row_friction[1],
         normal_friction_start=normal_friction[0],
         normal_friction_list=normal_friction[1],
-        base_slope=base_stiffness(laws),
+        base_slope=folded_stiffness(laws),
         law_load=of_ends["end_load"][row_place[laws.row]],
         friction_load=of_ends["end_load"][row_place[laws.friction_row]],
         stick_flexibility=1.0 / laws.stick_stiffness,
@@ -166,6 +170,32 @@ def condensed_system(parts: Sequence[BlockModel], laws: LawTable) -> System:
         ),
     )
     return shared_record(system)
+
+
+def refill_system(
+    system: System, parts: Sequence[BlockModel], laws: LawTable, places: Places
+) -> System:
+    """Return a system whose ends have other displacements and flexibilities, and nothing else.
+
+    Parameters
+    ----------
+    system : System
+        From `condensed_system`.
+    parts : sequence of BlockModel
+        With as many modes and ends, of which the same lead, as those that it was assembled from.
+    laws : LawTable
+        All laws; they differ from those of the system in values alone.
+    places : Places
+        Of the parts.
+    """
+    of_ends = _assemble_ends(parts, places)
+    others = ("stiffness", "row_ends", "follower_list", "follower_weight", "joining_ends")
+    matrices = {name: getattr(system, name) for name in others}
+    matrices |= {name: of_ends[name] for name in ("end_modes", "mode_ends", "flexibility")}
+    found = clone_record(system, **matrices)
+    found.end_load[:] = of_ends["end_load"]
+    found.law_load[:] = of_ends["end_load"][places.of_row[laws.row]]
+    return found
 
 
 def _assemble_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Any]:

@@ -24,7 +24,7 @@ def kernel_cache_folder() -> Path:
 
 
 def _prepare_numba() -> Any:
-    """Import Numba with a cache folder that nobody else can write, since it unpickles kernels."""
+    """Import Numba with a cache folder that no other user can write, since it unpickles kernels."""
     chosen = os.environ.pop(CACHE_VARIABLE, None)
     folder = safe_folder(Path(chosen).absolute() if chosen else kernel_cache_folder())
     if folder is not None:

@@ -2,10 +2,14 @@
 
 Python handles Ctrl-C between two calls only, and one step of a hard contact problem may take
 seconds. A kernel therefore runs in a worker thread and polls a flag that the calling thread sets.
+Where Ctrl-C does not reach the caller it runs in its own thread.
 """
 
-from collections.abc import Callable
+import signal
+import threading
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import ParamSpec, TypeVar
 
 import numpy as np
@@ -19,19 +23,29 @@ T = TypeVar("T")
 POLL_INTERVAL = 0.1
 
 
-def one_thread() -> Executor:
-    """Return an executor of one worker thread for kernels; close it after use."""
-    return ThreadPoolExecutor(1, thread_name_prefix="turnout")
+@contextmanager
+def one_thread() -> Iterator[Executor | None]:
+    """Give an executor of one worker thread for kernels; None where Ctrl-C does not come here.
+
+    It comes to the main thread alone, and to no process that ignores it, such as a worker of a
+    sweep; starting a thread takes a twentieth of a quick throw.
+    """
+    main = threading.current_thread() is threading.main_thread()
+    if not main or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        yield None
+        return
+    with ThreadPoolExecutor(1, thread_name_prefix="turnout") as thread:
+        yield thread
 
 
 def call_interruptible(
-    thread: Executor, stop: Ints, kernel: Callable[P, T], *given: P.args, **named: P.kwargs
+    thread: Executor | None, stop: Ints, kernel: Callable[P, T], *given: P.args, **named: P.kwargs
 ) -> T:
     """Call a kernel; on Ctrl-C set the flag, and return what the kernel then returns.
 
     Parameters
     ----------
-    thread : Executor
+    thread : Executor or None
         From `one_thread`.
     stop : ndarray of int, shape (1,)
         The flag that the kernel polls. It stays set.
@@ -47,6 +61,8 @@ def call_interruptible(
     ...     call_interruptible(thread, np.zeros(1, dtype=np.int64), max, 1, 2)
     2
     """
+    if thread is None:
+        return kernel(*given, **named)
     future = thread.submit(kernel, *given, **named)
     while True:
         try:

@@ -303,7 +303,7 @@ def select(where: Bools, yes: Floats, no: Floats) -> Floats:
 
 @_intrinsic(types.boolean, _build_any_true, _flags)
 def any_true(flags: Bools) -> bool:
-    """Tell whether any of eight flags is true."""
+    """Return whether any of eight flags is true."""
     return bool(flags.any())
 
 

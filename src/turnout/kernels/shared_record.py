@@ -67,7 +67,7 @@ class Shared:
 
     Vectors are pieces of one `memory`; `vectors` holds start, size and dtype of each. `words` are
     the address and the lengths of each array, which kernels read. `arrays` caches the arrays that
-    have been asked for.
+    have been requested.
     """
 
     __slots__ = ("address", "arrays", "kind", "memory", "vectors", "words")

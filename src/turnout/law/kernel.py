@@ -81,7 +81,7 @@ def friction_state(trial: float, limit: float, present: float, tolerance: float)
 
 @compiled_loop
 def any_not_finite(values: Floats) -> bool:
-    """Tell whether an array holds NaN or infinity."""
+    """Return whether an array holds NaN or infinity."""
     count = 0
     for i in range(values.size):
         count += not abs(values[i]) < np.inf

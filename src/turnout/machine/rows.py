@@ -6,12 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from turnout.law.table import Floats
-from turnout.machine.compute import places as at
-from turnout.machine.compute.circuit import switch_off
-from turnout.machine.compute.clutch import kinetic_level
-from turnout.machine.compute.rail import bed_force, rod_position
-from turnout.machine.compute.step import WORK_ROWS
-from turnout.machine.records import (
+from turnout.machine.components import (
     COPPER_COEFFICIENT,
     COPPER_REFERENCE,
     Command,
@@ -20,6 +15,11 @@ from turnout.machine.records import (
     OneMassRail,
     Stroke,
 )
+from turnout.machine.compute import places as at
+from turnout.machine.compute.circuit import switch_off
+from turnout.machine.compute.clutch import kinetic_level
+from turnout.machine.compute.machine_step import WORK_ROWS
+from turnout.machine.compute.rail import bed_force, rod_position
 
 
 def copper_factor(motor: Motor) -> float:

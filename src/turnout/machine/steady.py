@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from turnout.machine.records import Machine
+from turnout.machine.components import Machine
 from turnout.machine.rows import (
     copper_factor,
     motor_constant,

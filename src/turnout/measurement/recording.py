@@ -14,7 +14,7 @@ MOST_GROWTH = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Channel:
+class RecordedChannel:
     """One evenly sampled channel as it was recorded.
 
     Attributes
@@ -46,7 +46,7 @@ class Channel:
 
         Examples
         --------
-        >>> Channel("a", "V", np.zeros(3), rate=100.0, start=1.0).time
+        >>> RecordedChannel("a", "V", np.zeros(3), rate=100.0, start=1.0).time
         array([1.  , 1.01, 1.02])
         """
         return self.start + np.arange(self.values.size) / self.rate
@@ -63,22 +63,22 @@ class Recording:
 
     Attributes
     ----------
-    channels : mapping of str to Channel
+    channels : mapping of str to RecordedChannel
         By name, in the order of the file.
     source : str
         File that it was read from.
     start_time : str or None
-        Date and time of the start in ISO 8601, where the file tells it.
+        Date and time of the start in ISO 8601, where the file states it.
     problems : tuple of str
         What could not be read or had to be mended, a sentence each.
     """
 
-    channels: Mapping[str, Channel]
+    channels: Mapping[str, RecordedChannel]
     source: str
     start_time: str | None = None
     problems: tuple[str, ...] = ()
 
-    def channel(self, name: str) -> Channel:
+    def channel(self, name: str) -> RecordedChannel:
         """Return a channel by its name.
 
         Raises
@@ -88,7 +88,7 @@ class Recording:
 
         Examples
         --------
-        >>> strain = Channel("rod 1", "mV/V", np.zeros(3), rate=1000.0)
+        >>> strain = RecordedChannel("rod 1", "mV/V", np.zeros(3), rate=1000.0)
         >>> Recording({"rod 1": strain}, "throw.csv").channel("rod 1").unit
         'mV/V'
         """
@@ -174,7 +174,7 @@ def on_grid(
     *,
     unit: str = "",
     description: str = "",
-) -> tuple[Channel, str]:
+) -> tuple[RecordedChannel, str]:
     """Make an even channel of samples; those that are missing become NaN.
 
     Parameters
@@ -186,12 +186,12 @@ def on_grid(
     values : ndarray, shape (n,)
         Samples, as many as the time column has.
     unit, description : str
-        As in `Channel`.
+        As in `RecordedChannel`.
 
     Returns
     -------
-    channel : Channel
-        Evenly sampled.
+    channel : RecordedChannel
+        Evenly sampled, at `channel.rate` [Hz].
     problem : str
         What was mended; empty where nothing was.
 
@@ -207,12 +207,12 @@ def on_grid(
     rate = float(round(rate)) if abs(rate - round(rate)) < 1e-9 * rate else rate
     lost = count - values.size
     if not lost:
-        return Channel(name, unit, values, rate, grid.start, description), grid.remark
+        return RecordedChannel(name, unit, values, rate, grid.start, description), grid.remark
     filled = np.full(count, np.nan)
     filled[grid.index] = values
     first = int(grid.index[np.argmax(np.diff(grid.index) > 1)]) + 1
     what = "1 sample is missing" if lost == 1 else f"{lost} samples are missing, the first"
-    channel = Channel(name, unit, filled, rate, grid.start, description)
+    channel = RecordedChannel(name, unit, filled, rate, grid.start, description)
     return channel, f"{what} at {grid.start + first * grid.step:.6g} s"
 
 
@@ -264,19 +264,20 @@ class ChannelOverview:
     course: NDArray[np.float64]
 
 
-def overview(channel: Channel, *, steps: int = 40) -> ChannelOverview:
+def overview(channel: RecordedChannel, *, steps: int = 40) -> ChannelOverview:
     """Return the figures of a channel.
 
     Parameters
     ----------
-    channel : Channel
+    channel : RecordedChannel
         Of a recording.
     steps : int
         Parts of its course.
 
     Examples
     --------
-    >>> row = overview(Channel("a", "V", np.array([0.0, 4.0, np.nan, 2.0]), rate=10.0), steps=2)
+    >>> values = np.array([0.0, 4.0, np.nan, 2.0])
+    >>> row = overview(RecordedChannel("a", "V", values, rate=10.0), steps=2)
     >>> row.missing, row.mean, row.course
     (1, 2.0, array([0.5, 0.5]))
     """
@@ -290,7 +291,7 @@ def overview(channel: Channel, *, steps: int = 40) -> ChannelOverview:
 
 
 def _overview(
-    channel: Channel, there: NDArray[np.bool_], least: float, largest: float, steps: int
+    channel: RecordedChannel, there: NDArray[np.bool_], least: float, largest: float, steps: int
 ) -> ChannelOverview:
     """Return the figures; those of values near the largest number there is may be infinite."""
     values, some = channel.values, bool(there.any())

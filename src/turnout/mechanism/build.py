@@ -21,8 +21,8 @@ from scipy.linalg import block_diag
 from turnout.core.lru_cache import LRUCache
 from turnout.core.threads import one_blas_thread
 from turnout.mechanism.build_rails import stock_rail_data, switch_rail_data
-from turnout.mechanism.laws import Layout, Rows, law_table, lay_out, with_stops
-from turnout.mechanism.machines import drive_machines
+from turnout.mechanism.drive_machines import drive_machines
+from turnout.mechanism.laws import Layout, Rows, law_table, lay_out
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailData, ReducedRail
 from turnout.mechanism.offnode_objects import approach_row, is_off_node, local_flexibility
 from turnout.mechanism.reduce import reduce_rail
@@ -30,19 +30,21 @@ from turnout.mechanism.travel import RailRows, Travel, rail_travel
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
-from turnout.panel.records import Chair, Drive, Record
+from turnout.panel.records import Chair, Drive, Rail, Record
 
 _NO_SHAPE = frozenset(
     ("schema_version", "name", "description", "instrumented_rail", "schedule", "movement")
-    + ("object_defaults", "object", "lock", "flangeway", "chair", "drive", "machine")
+    + ("object_defaults", "object", "lock", "flangeway", "chair", "drive", "machine", "rail")
 )
-_LAW_ALONE = {
+_LAW_ALONE: dict[type[Record], frozenset[str]] = {
     Chair: frozenset(("friction_coefficient", "normal_stiffness", "stick_stiffness", "clearance")),
     Drive: frozenset(
         ("stiffness", "saturation_force", "saturated_stiffness", "extension", "force", "machine")
+        + ("over_travel_open", "over_travel_closed", "gap_limit")
     ),
+    Rail: frozenset(("stress_free", "fit_gap", "stock_rail_gap", "running_edge", "head_width")),
 }
-"""Fields that end up in laws, whose rows do not depend on them."""
+"""Fields that end up in laws, markers or gaps, of which neither rows nor matrices depend."""
 
 
 def shape_of(
@@ -50,7 +52,7 @@ def shape_of(
 ) -> tuple[Hashable, tuple[object, ...]]:
     """Return a key of all that shapes rails and rows, and the records that it names.
 
-    Records are named by identity: those that an override leaves alone stay the same. Whoever keeps
+    Records are named by identity: those that an override leaves alone stay the same. Who keeps
     something by the key must keep the records too, so that no other takes their place.
 
     Parameters
@@ -79,7 +81,8 @@ def shape_of(
         names = tuple(value) if isinstance(value, dict) else ()
         key.append((field, names, tuple(map(id, records))))
         named += records
-    for family, record in ((panel.chair, Chair), (panel.drive, Drive)):
+    key += [(name, rail.fit_gap is None) for name, rail in panel.rail.items()]
+    for family, record in ((panel.chair, Chair), (panel.drive, Drive), (panel.rail, Rail)):
         fields = _geometry(record)
         for name, member in family.items():
             key.append((name, *(_plain(getattr(member, field)) for field in fields)))
@@ -103,8 +106,9 @@ def _geometry(record: type[Record]) -> tuple[str, ...]:
 
 Floats = NDArray[np.float64]
 
-MOST_LINEAR = 32
-"""So many linear parts are kept in memory, the latest used."""
+MOST_LINEAR = 64
+"""So many linear parts are kept in memory, the latest used; with objects the rows alone."""
+_MATRICES = ("stiffness", "mass", "damping", "load")
 
 
 def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mechanism:
@@ -143,6 +147,7 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
         rails=linear.rails,
         shapes=linear.travel.shapes,
         machines=drive_machines(panel, layout.index),
+        core=kept.core,
     )
 
 
@@ -163,11 +168,13 @@ class _Linear:
 class _Kept:
     """What panels have in common that differ in values of laws and motion alone.
 
-    The records are those that the key names by identity; see `shape_of`.
+    The records are those that the key names by identity; see `shape_of`. `core` are the rows
+    without those of objects, shared with panels whose objects stand elsewhere if they can be.
     """
 
     layout: Layout
     linear: _Linear
+    core: Floats
     records: object
 
 
@@ -203,14 +210,13 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject]) -> _Kept:
     made = _memory.get(key)
     if made is None:
         made = _made(panel, objects, records=records)
-        linear = made.linear
-        for array in (linear.stiffness, linear.mass, linear.damping, linear.load, linear.rows):
-            array.flags.writeable = False
+        for name in (*_MATRICES, "rows"):
+            getattr(made.linear, name).flags.writeable = False
         _memory.put(key, made)
     return made
 
 
-def forget() -> None:
+def clear_memory() -> None:
     """Empty the memory of layouts and linear parts."""
     _memory.clear()
     _objects.clear()
@@ -262,7 +268,22 @@ def _made_between(
 def _made(panel: Panel, objects: Sequence[PlacedObject], *, records: object) -> _Kept:
     layout = lay_out(panel, objects)
     linear = _made_linear(panel, layout, objects)
-    return _Kept(with_stops(layout, panel, linear.travel), linear, records)
+    core = linear.rows
+    if objects and records is not None:
+        bare = _kept(panel, ()).linear
+        if _differ_in_objects(bare, linear):
+            linear, core = replace(bare, rows=linear.rows), bare.rows
+    return _Kept(layout, linear, core, records)
+
+
+def _differ_in_objects(bare: _Linear, linear: _Linear) -> bool:
+    """Return whether rails with objects are those without, but for the last rows.
+
+    They are where each object stands at a node whose displacements were coordinates before.
+    """
+    pairs = [(getattr(bare, name), getattr(linear, name)) for name in _MATRICES]
+    pairs.append((bare.rows, linear.rows[: bare.rows.shape[0]]))
+    return all(np.array_equal(one, other) for one, other in pairs)
 
 
 def _made_linear(panel: Panel, layout: Layout, objects: Sequence[PlacedObject]) -> _Linear:

@@ -17,6 +17,7 @@ from turnout.mechanism.rail_sections import (
     FOOT_EDGES,
     foot_spans,
     in_panel_axes,
+    scale_sections,
     section_values,
     station_columns,
 )
@@ -38,7 +39,7 @@ def stock_body(panel: Panel, rail: str) -> str | None:
 
 
 def stands_on(rails: Sequence[str] | None, rail: str) -> bool:
-    """Tell whether something that names its rails, or none for all, stands on this one."""
+    """Return whether something that names its rails, or none for all, stands on this one."""
     return rails is None or rail in rails
 
 
@@ -84,7 +85,8 @@ def switch_rail_data(
         forced=stations(panel, name, objects),
     )
     side = SIGN[rail.closes]
-    sections = in_panel_axes(section_values(panel, name, 0.5 * (x[1:] + x[:-1])), side=side)
+    values = section_values(panel, name, 0.5 * (x[1:] + x[:-1]))
+    sections = scale_sections(in_panel_axes(values, side=side), rail)
     axis_height = np.zeros(x.size)
     if rail.axis == "centroid":
         axis_height = section_values(panel, name, x)["centroid_height"]
@@ -155,7 +157,7 @@ def stock_rail_data(panel: Panel, name: str, points: tuple[Point, ...]) -> RailD
         closes=1.0,
         x=x,
         axis_height=np.zeros(x.size),
-        sections=in_panel_axes(value, side=side),
+        sections=scale_sections(in_panel_axes(value, side=side), stock),
         material=_material(panel),
         gravity=panel.gravity,
         clamped=("first", "last") if stock.ends == "clamped" else (),

@@ -20,6 +20,7 @@ from turnout.panel.markers import offset_at
 from turnout.panel.model import Panel
 from turnout.panel.records import Chair, Drive, Link, Linkage, Stop
 
+Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
@@ -44,6 +45,26 @@ class Rows:
         return len(self.rows) - 1
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class RailStops:
+    """Stops and studs of one rail.
+
+    Attributes
+    ----------
+    rail : str
+        The rail.
+    laws : ndarray of int, shape (n_stops,)
+        Their laws.
+    x, clearance : ndarray, shape (n_stops,)
+        Places, and what each leaves between rail and stock rail when both touch [m].
+    """
+
+    rail: str
+    laws: Ints
+    x: Floats
+    clearance: Floats
+
+
 @dataclass(frozen=True, slots=True)
 class Layout:
     """Where every law acts: what stays while values of laws change.
@@ -57,7 +78,9 @@ class Layout:
     law_names, friction_names : tuple of str
         For messages.
     standing : LawTable
-        Laws of chairs, without values, and of stops; the first of all laws.
+        Laws of chairs and of stops, without values; the first of all laws.
+    stops : tuple of RailStops
+        Those with stops.
     contacts, chairs : ndarray of int, shape (n_contacts,)
         Laws of the feet on chairs, and the number of the chair of each; frictions have this order.
     further : tuple of int
@@ -69,6 +92,7 @@ class Layout:
     law_names: tuple[str, ...]
     friction_names: tuple[str, ...]
     standing: LawTable
+    stops: tuple[RailStops, ...]
     contacts: Ints
     chairs: Ints
     further: tuple[int, ...]
@@ -128,6 +152,7 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
         law_names=tuple(names),
         friction_names=tuple(feet_names),
         standing=laws.table(),
+        stops=_stops_by_rail(panel, index),
         contacts=contacts_and_chairs[:, 0],
         chairs=contacts_and_chairs[:, 1],
         further=tuple(further),
@@ -166,25 +191,31 @@ def law_table(
         laws.add_contact(
             next(further),
             stiffness=item.stiffness,
-            clearance=_gap(panel, travel, item.rail, item.x) - item.size,
+            clearance=float(_gap(panel, travel, item.rail, np.array([item.x]))[0]) - item.size,
             appears=item.appears,
             disappears=item.disappears,
             waits=True,
         )
-    return _joined(_standing(layout, panel), laws.table())
+    return _joined(_standing(layout, panel, travel), laws.table())
 
 
-def with_stops(layout: Layout, panel: Panel, travel: Travel) -> Layout:
-    """Return a layout whose stops have the clearances of the rails' stress-free shapes."""
-    offset = layout.standing.offset.copy()
+def _stops_by_rail(panel: Panel, index: LawIndex) -> tuple[RailStops, ...]:
+    """Return places and clearances of the stops of each rail."""
     stops = {name: stop for name, stop, _ in _stops(panel)}
-    for (rail, name), law in layout.index.stop.items():
-        offset[law] = _gap(panel, travel, rail, stops[name].x) + stops[name].clearance
-    return replace(layout, standing=layout.standing._replace(offset=offset))
+    found = []
+    for rail in panel.rail:
+        laws = {name: law for (own, name), law in index.stop.items() if own == rail}
+        if laws:
+            x, clearance = np.array([[stops[name].x, stops[name].clearance] for name in laws]).T
+            found.append(RailStops(rail, np.array(list(laws.values())), x, clearance))
+    return tuple(found)
 
 
-def _standing(layout: Layout, panel: Panel) -> LawTable:
-    """Return the laws of chairs and stops with the values of the chairs."""
+def _standing(layout: Layout, panel: Panel, travel: Travel) -> LawTable:
+    """Return the laws of chairs and stops with their values.
+
+    A stop's clearance counts from the rail's stress-free shape.
+    """
     chairs = panel.chair.values()
 
     def of_feet(name: str) -> NDArray[np.float64]:
@@ -193,6 +224,8 @@ def _standing(layout: Layout, panel: Panel) -> LawTable:
     table = layout.standing
     offset, slope = table.offset.copy(), table.slope.copy()
     offset[layout.contacts] = of_feet("clearance")
+    for stops in layout.stops:
+        offset[stops.laws] = _gap(panel, travel, stops.rail, stops.x) + stops.clearance
     slope[table.segment_start[layout.contacts] + 1] = of_feet("normal_stiffness")
     return table._replace(
         offset=offset,
@@ -244,7 +277,7 @@ def _approach(rows: Rows, panel: Panel, name: str, *, x: float, height: float) -
 
 
 def _add_stop(rows: Rows, laws: LawTableBuilder, panel: Panel, name: str, stop: Stop) -> int:
-    """Add a contact, whose clearance `with_stops` gives it."""
+    """Add a contact, still without its clearance."""
     return laws.add_contact(
         _approach(rows, panel, name, x=stop.x, height=stop.height),
         stiffness=stop.stiffness,
@@ -342,10 +375,10 @@ def free_length(panel: Panel, name: str, travel: Travel) -> float:
     return float(np.dot(signs, [offset_at(panel, rail, ways[rail]) for rail in link.rails]))
 
 
-def _gap(panel: Panel, travel: Travel, name: str, x: float) -> float:
+def _gap(panel: Panel, travel: Travel, name: str, x: Floats) -> Floats:
     """Return the gap of a rail to its stock rail [m], which must be there."""
-    gap = unloaded_gap(panel, travel.shapes.get(name), name, np.array([x]))
+    gap = unloaded_gap(panel, travel.shapes.get(name), name, x)
     if gap is None:
-        msg = f"a foreign object or stop at x = {x:g} m needs a stock rail; give fit_gap"
+        msg = f"a foreign object or stop at x = {x[0]:g} m needs a stock rail; give fit_gap"
         raise MechanicsError(msg)
-    return float(gap[0])
+    return gap

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from turnout.beam.material import Material
 from turnout.law.table import LawTable
-from turnout.machine.records import Machine
+from turnout.machine.components import Machine
 from turnout.panel.profile import Spline
 from turnout.panel.records import RailMatrices
 from turnout.section.properties import SectionProperties
@@ -81,6 +81,9 @@ class Mechanism:
         How far each switch rail moves between closed and open.
     machines : DriveMachines, optional
         What moves the inputs of drives that are no markers.
+    core : ndarray, optional
+        The rows without those of foreign objects, which come last, shared by mechanisms whose
+        objects stand elsewhere; their laws come last too.
     """
 
     stiffness: Floats
@@ -95,6 +98,7 @@ class Mechanism:
     rails: tuple[RailBody, ...] = ()
     shapes: "dict[str, RailShape]" = field(default_factory=dict)
     machines: "DriveMachines | None" = None
+    core: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,7 +121,7 @@ class RailShape:
 
 @dataclass(frozen=True, slots=True)
 class DriveMachines:
-    """The machines of drives as the kernels take them, one row each; see `mechanism.machines`.
+    """Machines of drives, one row each, for the kernels; see `mechanism.drive_machines`.
 
     Attributes
     ----------

@@ -41,7 +41,7 @@ UY, RX, RZ, PER_NODE = 1, 3, 5, 6
 
 
 def is_off_node(panel: Panel, item: PlacedObject) -> bool:
-    """Tell whether an object stands where neither its rail nor the stock rail has a place.
+    """Return whether an object stands where neither its rail nor the stock rail has a place.
 
     Rails that came as matrices have only the nodes that they came with.
     """

@@ -5,6 +5,7 @@ rail, from the rail's reference line. An outline adds the edges of its underside
 carry it. What is computed from outlines is kept by its content.
 """
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,7 @@ from turnout.panel.profile import (
     section_columns,
     section_stations,
 )
+from turnout.panel.records import ScaledSection
 from turnout.panel.section_records import PlanedSection
 from turnout.section.outline import Outline, make_outline
 from turnout.section.properties import SectionProperties
@@ -127,7 +129,7 @@ def section_outlines(panel: Panel, section: str) -> list[tuple[Outline, Outline 
             planing=_planing(panel, planed),
         )
     except MechanicsError as error:
-        msg = f"planed_section.{section}: {error}; look at its outlines and offsets"
+        msg = f"planed_section.{section}: {error}; check its outlines and offsets"
         raise MechanicsError(msg) from None
     return [(cut.outline, cut.stock_rail) for cut in cuts]
 
@@ -177,6 +179,38 @@ def in_panel_axes(values: dict[str, Floats], *, side: float) -> SectionPropertie
         centroid_z=values["centroid_height"],
         shear_centre_y=side * values["shear_centre_offset"],
         shear_centre_z=values["shear_centre_height"],
+    )
+
+
+def scale_sections(sections: SectionProperties, rail: ScaledSection) -> SectionProperties:
+    r"""Apply a rail's factors to its sections.
+
+    With `section_scale` c and `lateral_inertia_scale` s,
+
+    .. math:: A, I_y, J \to c\,(A, I_y, J), \quad I_z \to c\,s\,I_z, \quad
+              I_{yz} \to c \sqrt{s}\, I_{yz}.
+
+    The second factor is that of a section whose area is moved sideways, :math:`y \to \sqrt{s}\,y`
+    about the centroid, so that :math:`I_{yz}^2 < I_y I_z` stays true. Lateral bending frequencies
+    go with :math:`\sqrt{s}`, deflections under a force with :math:`1 / (c\,s)`.
+
+    Parameters
+    ----------
+    sections : SectionProperties
+        Of the section that the rail names.
+    rail : ScaledSection
+        A switch rail or a stock rail.
+    """
+    every, lateral = rail.section_scale, rail.lateral_inertia_scale
+    if every == lateral == 1.0:
+        return sections
+    return replace(
+        sections,
+        area=every * sections.area,
+        second_moment_vertical=every * sections.second_moment_vertical,
+        second_moment_lateral=every * lateral * sections.second_moment_lateral,
+        product_moment=every * np.sqrt(lateral) * sections.product_moment,
+        torsion_constant=every * sections.torsion_constant,
     )
 
 

@@ -56,7 +56,7 @@ def reduce_rail(data: RailData, *, first: int = 0) -> ReducedRail:
     return replace(found, body=replace(found.body, first=first))
 
 
-def forget() -> None:
+def clear_memory() -> None:
     """Empty the memory of reduced rails."""
     _rails.clear()
 

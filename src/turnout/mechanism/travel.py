@@ -195,7 +195,7 @@ def unloaded_gap(panel: Panel, shape: RailShape | None, rail: str, x: Floats) ->
     panel : Panel
         The panel.
     shape : RailShape or None
-        Of the rail; None where only typed shapes are asked for.
+        Of the rail; None where only typed shapes are needed.
     rail : str
         Name of the rail.
     x : ndarray, shape (n,)

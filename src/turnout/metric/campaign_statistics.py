@@ -15,7 +15,7 @@ FALSE_ALARM_RATE = 0.00135
 
 
 @dataclass(frozen=True, slots=True)
-class Scatter:
+class RepeatScatter:
     """End force of a drive in throws without an object: mean and standard deviation [N], count."""
 
     drive: str
@@ -92,7 +92,7 @@ def end_values(channel: xr.DataArray) -> np.ndarray:
     return ends
 
 
-def repeat_scatter(dataset: xr.Dataset, *, direction: str) -> list[Scatter]:
+def repeat_scatter(dataset: xr.Dataset, *, direction: str) -> list[RepeatScatter]:
     """Return how the end force of each drive scatters in throws without an object.
 
     Parameters
@@ -104,7 +104,7 @@ def repeat_scatter(dataset: xr.Dataset, *, direction: str) -> list[Scatter]:
 
     Returns
     -------
-    list of Scatter
+    list of RepeatScatter
         The deviation is NaN for fewer than two throws.
     """
     going = dataset["direction"].values == direction
@@ -115,7 +115,7 @@ def repeat_scatter(dataset: xr.Dataset, *, direction: str) -> list[Scatter]:
         ends = ends[np.isfinite(ends)]
         mean = float(ends.mean()) if ends.size else float("nan")
         deviation = float(ends.std(ddof=1)) if ends.size > 1 else float("nan")
-        found.append(Scatter(str(drive), mean, deviation, int(ends.size)))
+        found.append(RepeatScatter(str(drive), mean, deviation, int(ends.size)))
     return found
 
 

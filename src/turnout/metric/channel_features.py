@@ -80,7 +80,7 @@ def first_time(flag: "xr.DataArray", *, after: float = -np.inf) -> "xr.DataArray
     return when.min("time", skipna=True) if when.sizes["time"] else when.sum("time") * np.nan
 
 
-def at_end(channel: "xr.DataArray") -> "xr.DataArray":
+def final_value(channel: "xr.DataArray") -> "xr.DataArray":
     """Return the last value of a channel."""
     return channel.isel(time=-1)
 

@@ -1,6 +1,6 @@
 """Features of the forces of drives, one number for each drive and movement.
 
-All look at the *effort* of a drive: its force in the direction of the movement. They take what a
+All measure the *effort* of a drive: its force in the direction of the movement. They take what a
 simulation or a measurement has, and are NaN where something they need was not kept or measured.
 """
 
@@ -131,7 +131,7 @@ def run_features(
     force : ndarray, shape (n_drives, n_times)
         Positive closing [N].
     spans : sequence of Span
-        Its movements.
+        Start and end [s] and direction of each movement.
     limits : ndarray, shape (n_drives,)
         Force at which each drive slips [N].
     travel, current : ndarray, shape (n_drives, n_times), optional
@@ -179,11 +179,11 @@ def movement_features(
     travel : ndarray, shape (n,), optional
         Displacement of the marker in that direction [m].
     current : ndarray, shape (n,), optional
-        Of the motor; tells the end of a movement where the marker is not known [A].
+        Of the motor; marks the end of a movement where the marker is not known [A].
     limit : float
         Force at which the drive slips [N].
     length : float
-        Time of the movement, used where neither marker nor current tell it [s].
+        Time of the movement, used where neither marker nor current show it [s].
 
     Returns
     -------

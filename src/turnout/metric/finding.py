@@ -1,4 +1,4 @@
-"""What a run means for whoever answers for the switch, in plain words."""
+"""Plain-language findings of a run."""
 
 import json
 import math
@@ -7,15 +7,15 @@ from typing import Any, Literal
 
 import xarray as xr
 
-from turnout.metric.channel_features import at_end
+from turnout.metric.channel_features import final_value
 from turnout.metric.slip import Slip, margins, slips
-from turnout.metric.summary import is_inaccurate, kilo, milli, numerical_warning
+from turnout.metric.summary import format_force, format_length, is_inaccurate, numerical_warning
 from turnout.metric.verdict import verdict
 
 HEADLINE = "Outcome"
-"""The question that the headline of a run answers; it goes without being asked."""
+"""The question that the headline of a run answers; always given."""
 
-Level = Literal["good", "look", "bad", "told"]
+Level = Literal["good", "look", "bad", "fact"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class Finding:
     Attributes
     ----------
     level : str
-        "good", "look" (should be looked at), "bad", or "told" (a fact without a judgement).
+        "good", "look" (should be checked), "bad", or "fact" (a fact without a judgement).
     question : str
         Such as "Locked?".
     answer : str
@@ -71,12 +71,12 @@ def findings(dataset: xr.Dataset) -> list[Finding]:
 
 def is_locked(dataset: xr.Dataset) -> bool | None:
     """Return whether a run ends locked; None where that is not known."""
-    return bool(at_end(dataset["locked"])) if "locked" in dataset else None
+    return bool(final_value(dataset["locked"])) if "locked" in dataset else None
 
 
 def is_in_control(dataset: xr.Dataset) -> bool | None:
     """Return whether every sensor is in control at the end; None where that is not known."""
-    return bool(at_end(dataset["in_control"]).all()) if "in_control" in dataset else None
+    return bool(final_value(dataset["in_control"]).all()) if "in_control" in dataset else None
 
 
 def _complete(dataset: xr.Dataset) -> list[Finding]:
@@ -89,19 +89,19 @@ def _complete(dataset: xr.Dataset) -> list[Finding]:
 
 
 def _outcome(dataset: xr.Dataset) -> list[Finding]:
-    """Return the one sentence that matters: whether the switch tells what is trapped."""
+    """Return the one sentence that matters: whether the switch detects what is trapped."""
     judged = _by_verdict(dataset)
     if judged is not None:
         return [judged]
     locked, control = is_locked(dataset), is_in_control(dataset)
     if locked is None and control is None:
         return []
-    tells = locked is False or control is False
+    detects = locked is False or control is False
     states = [] if locked is None else ["locked" if locked else "not locked"]
     states += [] if control is None else ["in control" if control else "not in control"]
-    state = " and ".join(states) if not tells else _refusal(locked, control)
+    state = " and ".join(states) if not detects else _refusal(locked, control)
     if not _objects(dataset):
-        if tells:
+        if detects:
             text = "nothing is trapped, yet the switch does not reach its end position"
             return [Finding("bad", HEADLINE, _capital(state), text)]
         text = "nothing is trapped, and the switch reaches its end position"
@@ -111,13 +111,13 @@ def _outcome(dataset: xr.Dataset) -> list[Finding]:
     )
     if "object_touched" in dataset and not dataset["object_touched"]:
         return [Finding("look", HEADLINE, "Object never touched", f"{what}; {state}")]
-    if tells:
+    if detects:
         return [Finding("good", HEADLINE, "Object detected", f"{what}; the switch is {state}")]
     return [Finding("bad", HEADLINE, "Undetected object", f"{what}, yet the switch is {state}")]
 
 
 def _by_verdict(dataset: xr.Dataset) -> Finding | None:
-    """Return the verdict as an answer; None where only the states at the end can be told."""
+    """Return the verdict as an answer; None where only the states at the end are known."""
     found = verdict(dataset)
     detail = found.text.partition(": ")[2].rstrip(".")
     if found.kind == "not judged":
@@ -164,12 +164,16 @@ def _control(dataset: xr.Dataset) -> list[Finding]:
     parts = []
     for name in dataset["sensor"].values:
         sensor = dataset.sel(sensor=name)
-        gap, limit = float(at_end(sensor["sensor_gap"])), float(sensor["sensor_limit"])
+        gap, limit = float(final_value(sensor["sensor_gap"])), float(sensor["sensor_limit"])
         if math.isnan(gap):
             parts.append(f"{name} gap not known")
             continue
-        side = f"{milli(limit - gap)} below" if gap < limit else f"{milli(gap - limit)} above"
-        parts.append(f"{name} gap {milli(gap)}, {side} its limit of {milli(limit)}")
+        side = (
+            f"{format_length(limit - gap)} below"
+            if gap < limit
+            else f"{format_length(gap - limit)} above"
+        )
+        parts.append(f"{name} gap {format_length(gap)}, {side} its limit of {format_length(limit)}")
     level: Level = "good" if control else "bad"
     return [Finding(level, "In control?", "Yes" if control else "No", "; ".join(parts))]
 
@@ -207,8 +211,8 @@ def _nearest(dataset: xr.Dataset) -> list[Finding]:
         return []
     least = min(left, key=lambda margin: margin.share)
     detail = (
-        f"drive {least.drive} {least.direction}: {kilo(least.largest)} of {kilo(least.limit)}, "
-        f"{kilo(least.force)} left"
+        f"drive {least.drive} {least.direction}: {format_force(least.largest)} of "
+        f"{format_force(least.limit)}, {format_force(least.force)} left"
     )
     level: Level = "look" if least.tight else "good"
     return [Finding(level, "Least margin to slip", f"{100 * least.share:.1f} %", detail)]
@@ -219,10 +223,10 @@ def _object(dataset: xr.Dataset) -> list[Finding]:
         return []
     detail = f"first touched at t = {float(dataset['contact_time']):.2f} s"
     if "object_force" not in dataset:
-        return [Finding("told", "Force on the object", "not known", detail)]
+        return [Finding("fact", "Force on the object", "not known", detail)]
     force = dataset["object_force"]
-    detail += f"; {kilo(force.max())} at most"
-    return [Finding("told", "Force on the object", kilo(at_end(force)), detail)]
+    detail += f"; {format_force(force.max())} at most"
+    return [Finding("fact", "Force on the object", format_force(final_value(force)), detail)]
 
 
 def _flangeway(dataset: xr.Dataset) -> list[Finding]:
@@ -238,10 +242,10 @@ def _flangeway(dataset: xr.Dataset) -> list[Finding]:
     )
     if math.isnan(limit):
         detail += "; the panel gives no limit"
-        return [Finding("told", "Least flangeway", milli(least), detail)]
+        return [Finding("fact", "Least flangeway", format_length(least), detail)]
     level: Level = "good" if least >= limit else "look"
     detail += f"; {'above' if least >= limit else 'BELOW'} the limit of {1e3 * limit:g} mm"
-    return [Finding(level, "Least flangeway", milli(least), detail)]
+    return [Finding(level, "Least flangeway", format_length(least), detail)]
 
 
 def _objects(dataset: xr.Dataset) -> list[dict[str, Any]]:

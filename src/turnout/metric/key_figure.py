@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import xarray as xr
 
-from turnout.metric.channel_features import at_end
+from turnout.metric.channel_features import final_value
 from turnout.metric.slip import margins
 
 
@@ -21,7 +21,7 @@ class KeyFigure:
     value : float
         In SI; NaN where there is none.
     unit : str
-        SI unit.
+        SI unit of the value; empty for shares and states.
     """
 
     key: str
@@ -52,7 +52,7 @@ def key_figures(dataset: xr.Dataset) -> list[KeyFigure]:
     found = []
     for name in dataset["drive"].values if "drive" in dataset.coords else []:
         if "drive_force" in dataset:
-            force = float(at_end(dataset["drive_force"].sel(drive=name)))
+            force = float(final_value(dataset["drive_force"].sel(drive=name)))
             found.append(KeyFigure(f"end_force:{name}", f"Drive {name}, end force", force, "N"))
         if "end_gap" in dataset:
             gap = float(dataset["end_gap"].sel(drive=name))
@@ -69,7 +69,7 @@ def key_figures(dataset: xr.Dataset) -> list[KeyFigure]:
         ]
     if "sensor_gap" in dataset:
         for name in dataset["sensor"].values:
-            gap = float(at_end(dataset["sensor_gap"].sel(sensor=name)))
+            gap = float(final_value(dataset["sensor_gap"].sel(sensor=name)))
             found.append(KeyFigure(f"sensor_gap:{name}", f"{name}, end gap", gap, "m"))
     return found + _of_object(dataset) + _of_flangeway(dataset)
 
@@ -79,7 +79,7 @@ def _of_object(dataset: xr.Dataset) -> list[KeyFigure]:
         return []
     force = dataset["object_force"]
     found = [
-        KeyFigure("object_end", "Object, end force", float(at_end(force)), "N"),
+        KeyFigure("object_end", "Object, end force", float(final_value(force)), "N"),
         KeyFigure("object_peak", "Object, largest force", float(force.max()), "N"),
     ]
     if "contact_time" in dataset:

@@ -1,4 +1,4 @@
-"""How much each input decides over an output of many throws, from the throws as they are."""
+"""Sensitivity of an output of many throws to each input, from the throws as they are."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,7 @@ OUTPUTS = ("peak_force", "object_force_peak", "end_gap")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Output:
+class NumericOutput:
     """One number of each throw: its name with drive or sensor, its unit, and its values."""
 
     name: str
@@ -36,11 +36,11 @@ class SobolIndex:
     Attributes
     ----------
     name : str
-        The input.
+        Name of the input, a key of the study.
     first, first_confidence : float
         First-order index, and half the width of its 95 % interval [-].
     total, total_confidence : float
-        With all interactions [-]; NaN where the throws do not tell.
+        With all interactions [-]; NaN where the throws do not identify it.
     """
 
     name: str
@@ -57,7 +57,7 @@ class Effect:
     Attributes
     ----------
     name, units : str
-        The input.
+        Name of the input, a key of the study, and its SI unit.
     levels : tuple of float or str
         Values, or the middles of classes.
     mean, confidence : ndarray, shape (n_levels,)
@@ -73,11 +73,11 @@ class Effect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputEffects:
-    """What decides over one output.
+    """Sensitivity of one output to all inputs.
 
     Attributes
     ----------
-    output : Output
+    output : NumericOutput
         Name, unit and values.
     indices : tuple of Index
         One an input, first and, from a sweep that was made for it, total.
@@ -85,7 +85,7 @@ class OutputEffects:
         One an input.
     """
 
-    output: Output
+    output: NumericOutput
     indices: tuple[SobolIndex, ...]
     effects: tuple[Effect, ...]
 
@@ -108,7 +108,7 @@ def varying_inputs(labels: xr.Dataset) -> list[str]:
 
 def numeric_outputs(
     labels: xr.Dataset, names: tuple[str, ...] = OUTPUTS, *, direction: str = "closing"
-) -> list[Output]:
+) -> list[NumericOutput]:
     """Return outputs one by one, each with its drive or sensor.
 
     Parameters
@@ -118,7 +118,7 @@ def numeric_outputs(
     names : tuple of str
         Labels or features; those that were not kept are refused, but for the default.
     direction : str
-        Movement that is looked at.
+        Movement that is examined.
 
     Raises
     ------
@@ -140,12 +140,14 @@ def numeric_outputs(
         units = str(values.attrs.get("units", ""))
         others = [dim for dim in values.dims if dim != "scenario"]
         if not others:
-            found.append(Output(name=name, units=units, values=_numbers(values)))
+            found.append(NumericOutput(name=name, units=units, values=_numbers(values)))
             continue
         dim = others[0]
         for item in values[dim].values if dim in values.coords else range(values.sizes[dim]):
             one = values.sel({dim: item}) if dim in values.coords else values.isel({dim: item})
-            found.append(Output(name=f"{name}, {dim} {item}", units=units, values=_numbers(one)))
+            found.append(
+                NumericOutput(name=f"{name}, {dim} {item}", units=units, values=_numbers(one))
+            )
     return found
 
 

@@ -63,7 +63,7 @@ def movements(dataset: "xr.Dataset") -> tuple[Span, ...]:
     return tuple(Span(**record) for record in json.loads(dataset.attrs.get("movements", "[]")))
 
 
-def settled(dataset: "xr.Dataset", *, to: str) -> "xr.Dataset":
+def last_instant_at(dataset: "xr.Dataset", *, to: str) -> "xr.Dataset":
     """Return the last instant before the switch leaves a position for the last time.
 
     Parameters
@@ -93,7 +93,7 @@ def slips(dataset: "xr.Dataset") -> list[Slip]:
     """Return where each drive begins to slip first in each movement, in the order of time.
 
     A drive that has slipped and still rests at its saturation force when the next movement begins
-    does not begin anew.
+    does not begin again.
     """
     spans = movements(dataset)
     bounds = [span.start for span in spans[1:]] + [float("inf")]

@@ -11,28 +11,28 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from turnout.metric.channel_features import at_end
+from turnout.metric.channel_features import final_value
 from turnout.metric.slip import Margin, Slip, margins, slips
 
 
-def kilo(force: xr.DataArray | float) -> str:
+def format_force(force: xr.DataArray | float) -> str:
     """Return a force [N] in kilonewtons.
 
     Examples
     --------
-    >>> kilo(4409.0), kilo(-0.4)
+    >>> format_force(4409.0), format_force(-0.4)
     ('4.41 kN', '0.00 kN')
     """
     # Adding zero turns a negative zero into a plain one.
     return f"{round(float(force) / 1e3, 2) + 0.0:.2f} kN"
 
 
-def milli(length: xr.DataArray | float) -> str:
+def format_length(length: xr.DataArray | float) -> str:
     """Return a length [m] in millimetres.
 
     Examples
     --------
-    >>> milli(0.012971)
+    >>> format_length(0.012971)
     '12.97 mm'
     """
     return f"{round(float(length) * 1e3, 2) + 0.0:.2f} mm"
@@ -72,7 +72,7 @@ def is_inaccurate(dataset: xr.Dataset) -> bool:
 
 
 def residual_share(dataset: xr.Dataset) -> float:
-    """Return the largest residual of the books over the run's energy scale, at least 1 mJ [-]."""
+    """Return the largest energy residual over the run's energy scale, at least 1 mJ [-]."""
     return _share(dataset, "energy_residual")
 
 
@@ -82,7 +82,7 @@ def numerical_share(dataset: xr.Dataset) -> float:
 
 
 def numerical_warning(dataset: xr.Dataset) -> str | None:
-    """Return what to say and do where the scheme itself lost or made too much, else None.
+    """Return what to say and do where numerical dissipation is too large, else None.
 
     Where less than `LEAST_SCALE` has moved there is nothing to say.
     """
@@ -158,13 +158,14 @@ def _objects(dataset: xr.Dataset) -> list[str]:
     if "object_touched" not in dataset or not dataset.sizes.get("time", 0):
         return placed
     if "object_placed" in dataset and not dataset["object_placed"]:
-        placed.append("NOT PLACED: the gap never had room for it from the time it appears")
+        placed.append("NOT PLACED: it does not fit into the gap at any time after it appears")
     if not dataset["object_touched"]:
         return [*placed, "never touched"]
     text = f"first touched at t = {float(dataset['contact_time']):.3f} s"
     if "object_force" in dataset:
         peak = float(dataset["object_force"].max())
-        text += f"; force {kilo(at_end(dataset['object_force']))} at the end, {kilo(peak)} at most"
+        end = final_value(dataset["object_force"])
+        text += f"; force {format_force(end)} at the end, {format_force(peak)} at most"
     return [*placed, text]
 
 
@@ -181,14 +182,19 @@ def _state(dataset: xr.Dataset) -> list[tuple[str, str]]:
     lines = []
     if "locked" in dataset:
         rule = dataset.attrs.get("lock_rule", "not stated")
-        answer = "yes" if at_end(dataset["locked"]) else "NO"
+        answer = "yes" if final_value(dataset["locked"]) else "NO"
         lines.append(("locked", f"{answer}, at the end, by the rule '{rule}'"))
     if "in_control" in dataset and "sensor_gap" in dataset:
         for name in dataset["sensor"].values:
             sensor = dataset.sel(sensor=name)
-            answer = "yes" if at_end(sensor["in_control"]) else "NO"
-            gap, limit = at_end(sensor["sensor_gap"]), sensor["sensor_limit"]
-            lines.append(("in control", f"{name} {answer}: gap {milli(gap)}, limit {milli(limit)}"))
+            answer = "yes" if final_value(sensor["in_control"]) else "NO"
+            gap, limit = final_value(sensor["sensor_gap"]), sensor["sensor_limit"]
+            lines.append(
+                (
+                    "in control",
+                    f"{name} {answer}: gap {format_length(gap)}, limit {format_length(limit)}",
+                )
+            )
     return lines
 
 
@@ -197,14 +203,14 @@ def _drives(dataset: xr.Dataset) -> list[tuple[str, str]]:
     if "drive" not in dataset.coords:
         return []
     lines = []
-    told = ("drive_force", "drive_slipping", "end_gap", "force_margin")
+    shown = ("drive_force", "drive_slipping", "end_gap", "force_margin")
     # One drive is cut out of these only: cutting all that a run holds takes ten times as long.
-    own = dataset[["drive", *(name for name in told if name in dataset)]]
+    own = dataset[["drive", *(name for name in shown if name in dataset)]]
     for name in dataset["drive"].values:
         drive = own.sel(drive=name)
         parts = []
         if "drive_force" in drive:
-            parts.append(f"end force {kilo(at_end(drive['drive_force']))}")
+            parts.append(f"end force {format_force(final_value(drive['drive_force']))}")
         if "end_gap" in drive:
             parts.append(_end_gap(drive))
         if "force_margin" in drive:
@@ -242,14 +248,14 @@ def _machines(dataset: xr.Dataset) -> list[tuple[str, str]]:
 def _margin(margin: Margin) -> str:
     if margin.force <= 0:
         return f"none left {margin.direction}"
-    text = f"{kilo(margin.force)} {margin.direction}"
+    text = f"{format_force(margin.force)} {margin.direction}"
     return f"{text} (only {100 * margin.share:.1f} %)" if margin.tight else text
 
 
 def _end_gap(drive: xr.Dataset) -> str:
     if math.isnan(float(drive["end_gap"])):
         return "no gap known, as the rail has no stock rail"
-    return f"raw end gap {milli(drive['end_gap'])}{_stretch(drive)}"
+    return f"raw end gap {format_length(drive['end_gap'])}{_stretch(drive)}"
 
 
 def _stretch(drive: xr.Dataset) -> str:
@@ -258,12 +264,12 @@ def _stretch(drive: xr.Dataset) -> str:
         return ""
     if not drive.attrs.get("complete", True):
         return ""
-    if at_end(drive["drive_slipping"]):
+    if final_value(drive["drive_slipping"]):
         return ""
     if math.isnan(float(drive["drive_stiffness"])):
         return " (bushing stretched as its table says)"
-    stretch = abs(at_end(drive["drive_force"])) / drive["drive_stiffness"]
-    return f" (bushing stretch {milli(stretch)})"
+    stretch = abs(final_value(drive["drive_force"])) / drive["drive_stiffness"]
+    return f" (bushing stretch {format_length(stretch)})"
 
 
 def _slips(dataset: xr.Dataset) -> list[str]:
@@ -286,7 +292,7 @@ def _slip(dataset: xr.Dataset, slip: Slip) -> str:
 
 
 def _touched_before(dataset: xr.Dataset, time: float) -> bool:
-    """Tell whether a rail reached a foreign object before a time; a NaN is never before."""
+    """Return whether a rail reached a foreign object before a time; a NaN is never before."""
     return "contact_time" in dataset and bool(dataset["contact_time"] <= time)
 
 
@@ -294,7 +300,8 @@ def _flangeway(dataset: xr.Dataset) -> list[tuple[str, str]]:
     if "least_flangeway" not in dataset or math.isnan(float(dataset["least_flangeway"])):
         return []
     text = (
-        f"{milli(dataset['least_flangeway'])} at x = {float(dataset['least_flangeway_x']):g} m, "
+        f"{format_length(dataset['least_flangeway'])} at "
+        f"x = {float(dataset['least_flangeway_x']):g} m, "
         f"rail {str(dataset['least_flangeway_rail'].values)}"
     )
     limit = float(dataset.attrs.get("flangeway_limit", math.nan))

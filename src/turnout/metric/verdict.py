@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from turnout.metric.channel_features import at_end
+from turnout.metric.channel_features import final_value
 from turnout.metric.slip import TIME_TOLERANCE, Slip, Span, movements, slips
-from turnout.metric.summary import kilo
+from turnout.metric.summary import format_force
 from turnout.metric.verdict_words import (
     accepted_by,
     narrow_flangeway,
@@ -34,7 +34,7 @@ Kind = Literal[
 KINDS: tuple[str, ...] = get_args(Kind)
 """Every kind of verdict."""
 
-# What is told first where several things report an object.
+# What is named first where several things report an object.
 _ORDER: tuple[Kind, ...] = ("detected by slip", "detected by lock", "detected by TKK")
 
 # Without one of these a run cannot be judged.
@@ -90,7 +90,7 @@ def verdict(dataset: "xr.Dataset") -> Verdict:
     >>> verdict(xr.Dataset(attrs={"kind": "measurement"})).kind
     'not judged'
     """
-    lacking = _lacking(dataset)
+    lacking = _missing_channels(dataset)
     if lacking:
         return Verdict("not judged", f"Not judged: {lacking}.")
     unplaced = _unplaced(dataset)
@@ -99,13 +99,13 @@ def verdict(dataset: "xr.Dataset") -> Verdict:
     return _judged(dataset, _cases(dataset))
 
 
-def _lacking(dataset: "xr.Dataset") -> str:
+def _missing_channels(dataset: "xr.Dataset") -> str:
     """Say why a dataset cannot be judged; empty where it can."""
     if "movement" in dataset.dims:
         return "a campaign of many movements has no single verdict; select one movement"
     if dataset.attrs.get("kind", "simulation") != "simulation":
         return (
-            "a recording has no lock or control contact, and nobody knows whether an object was "
+            "a recording has no lock or control contact, and it is unknown whether an object was "
             "trapped" + _measured_slip(dataset)
         )
     if not dataset.sizes.get("time", 0):
@@ -133,7 +133,7 @@ def _measured_slip(dataset: "xr.Dataset") -> str:
     for name in dataset["drive"].values:
         largest = float(abs(dataset["drive_force"].sel(drive=name)).max())
         if not math.isnan(largest):
-            found.append(f"{kilo(largest)} at Drive {name}")
+            found.append(f"{format_force(largest)} at Drive {name}")
     return f"; the largest forces are {', '.join(found)}" if found else ""
 
 
@@ -173,17 +173,17 @@ def _unplaced(dataset: "xr.Dataset") -> str:
     items = _objects(dataset)
     if not items or "object_placed" not in dataset or bool(dataset["object_placed"]):
         return ""
-    most = [_most_room(dataset, item) for item in items]
+    most = [_largest_opening(dataset, item) for item in items]
     large = [
         f"{_name(item)} (at most {1e3 * room:.1f} mm)"
         for item, room in zip(items, most, strict=True)
         if room < item["size"]
     ]
     named = large or [_name(item) for item in items]
-    return f"{_and(named)} {'does' if len(named) == 1 else 'do'} not fit"
+    return f"{_join_words(named)} {'does' if len(named) == 1 else 'do'} not fit"
 
 
-def _most_room(dataset: "xr.Dataset", item: dict[str, Any]) -> float:
+def _largest_opening(dataset: "xr.Dataset", item: dict[str, Any]) -> float:
     """Return the widest gap at the place of an object while it should be there [m], or NaN."""
     if "gap" not in dataset or item.get("rail") not in dataset["gap"]["rail"].values:
         return math.nan
@@ -231,7 +231,7 @@ def _case(dataset: "xr.Dataset", what: str, contact: float, gone: float, positio
         mine = [slip for slip in slips(dataset) if slip.movement == span and slip.time < gone]
         rest = _at_rest(dataset, span, min(until, gone))
         if any(slip.time < contact - TIME_TOLERANCE for slip in mine):
-            # Whether the object adds to what failed before it was touched, nothing tells.
+            # Whether the object adds to what failed before it was touched is not known.
             refused |= rest is not None and bool(_signs(dataset, rest, [], span))
             continue
         last = math.isinf(until)
@@ -278,11 +278,11 @@ def _signs(
         signs.append(("detected by slip", "; ".join(slip_words(dataset, slip) for slip in slipped)))
     if rest is None:
         return signs
-    if not bool(at_end(rest["locked"])):
+    if not bool(final_value(rest["locked"])):
         wide = wide_gaps(rest)
         if wide or not slipped or after:
-            told = f"the lock is refused{after}{': ' + wide if wide else ''}"
-            signs.append(("detected by lock", told))
+            reason = f"the lock is refused{after}{': ' + wide if wide else ''}"
+            signs.append(("detected by lock", reason))
     out = out_of_control(rest, span)
     if out:
         signs.append(("detected by TKK", f"{out}{after}"))
@@ -293,11 +293,11 @@ def _judged(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
     caught = [case for case in cases if case.signs]
     missed = [case for case in cases if case.trapped and not case.signs and not case.refused]
     if missed:
-        what = _and([case.what for case in missed])
+        what = _join_words([case.what for case in missed])
         stays = "stays" if len(missed) == 1 else "stay"
         text = f"Undetected object: {what} {stays} in the switch, which {missed[0].accepted}"
         for case in caught:
-            text += f"; {case.what} is detected: {'; '.join(told for _, told in case.signs)}"
+            text += f"; {case.what} is detected: {'; '.join(reason for _, reason in case.signs)}"
         faults = [] if caught else _faults(dataset)
         text += f"; apart from the object, {'; '.join(faults)}" if faults else ""
         return Verdict("undetected object", f"{text}.")
@@ -306,38 +306,38 @@ def _judged(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
             {sign: None for case in caught for sign in case.signs},
             key=lambda sign: _ORDER.index(sign[0]),
         )
-        what = _and([f"{case.what}{_taken_out(case)}" for case in caught])
+        what = _join_words([f"{case.what}{_removal_text(case)}" for case in caught])
         before = _faults(dataset, before=min(case.contact for case in caught))
-        reasons = "; ".join(told for _, told in signs)
+        reasons = "; ".join(reason for _, reason in signs)
         reasons += f"; before contact, {'; '.join(before)}" if before else ""
         return Verdict(signs[0][0], f"D{signs[0][0][1:]}: {what}; {reasons}.")
     return _switch_alone(dataset, cases)
 
 
-def _taken_out(case: _Case) -> str:
+def _removal_text(case: _Case) -> str:
     return "" if math.isinf(case.gone) else f", taken out at t = {case.gone:.2f} s"
 
 
-def _and(parts: list[str]) -> str:
+def _join_words(parts: list[str]) -> str:
     return " and ".join(parts)
 
 
 def _switch_alone(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
-    """Judge a switch in which no object is trapped, or none that tells from its own faults."""
-    told = "; ".join(_uninvolved(case) for case in cases) or "no object"
+    """Judge a switch in which no object is trapped, or none distinct from its own faults."""
+    reason = "; ".join(_untouched_text(case) for case in cases) or "no object"
     faults = _faults(dataset)
     narrow = narrow_flangeway(dataset)
     accepted = accepted_by(dataset, _last(dataset))
     if faults:
         text = "; ".join([*faults, *narrow])
-        return Verdict("not locked", f"Not locked: {told}, but {text}.")
+        return Verdict("not locked", f"Not locked: {reason}, but {text}.")
     if narrow:
-        text = f"Not sound: {told}, and the switch {accepted}, but {narrow[0]}."
+        text = f"Not sound: {reason}, and the switch {accepted}, but {narrow[0]}."
         return Verdict("not sound", text)
-    return Verdict("sound", f"Sound: {told}, and the switch {accepted}.")
+    return Verdict("sound", f"Sound: {reason}, and the switch {accepted}.")
 
 
-def _uninvolved(case: _Case) -> str:
+def _untouched_text(case: _Case) -> str:
     """Say why an object is not what a verdict rests on."""
     if not math.isinf(case.gone):
         return f"{case.what} was taken out at t = {case.gone:.2f} s"
@@ -356,7 +356,7 @@ def _faults(dataset: "xr.Dataset", *, before: float = math.inf) -> list[str]:
         if rest is None or not float(rest["time"][-1]) < before:
             continue
         to = "the end" if span is None else f"the movement to {span.to}"
-        if not bool(at_end(rest["locked"])):
+        if not bool(final_value(rest["locked"])):
             wide = wide_gaps(rest)
             faults.append(f"the lock is refused after {to}{': ' + wide if wide else ''}")
         out = out_of_control(rest, span)

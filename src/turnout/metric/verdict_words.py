@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from turnout.metric.channel_features import at_end
+from turnout.metric.channel_features import final_value
 from turnout.metric.slip import TIME_TOLERANCE, Slip, Span
-from turnout.metric.summary import kilo, milli
+from turnout.metric.summary import format_force, format_length
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,21 +24,22 @@ def narrow_flangeway(dataset: "xr.Dataset") -> list[str]:
         rail, x = dataset["least_flangeway_rail"].values, float(dataset["least_flangeway_x"])
         where = f" of rail {rail!s} at x = {x:g} m"
     return [
-        f"the flangeway{where} is {milli(dataset['least_flangeway'])}, limit {1e3 * limit:g} mm"
+        f"the flangeway{where} is {format_length(dataset['least_flangeway'])}, "
+        f"limit {1e3 * limit:g} mm"
     ]
 
 
 def slip_words(dataset: "xr.Dataset", slip: Slip) -> str:
     """Name a drive that slips, its slip level and when."""
-    told = f"Drive {slip.drive} slips"
+    text = f"Drive {slip.drive} slips"
     level = ""
     if "saturation_force" in dataset.coords:
-        level = f"at {kilo(dataset['saturation_force'].sel(drive=slip.drive))}"
+        level = f"at {format_force(dataset['saturation_force'].sel(drive=slip.drive))}"
     if slip.movement is None:
-        return f"{told} {level}".rstrip()
+        return f"{text} {level}".rstrip()
     if slip.time < slip.movement.start - TIME_TOLERANCE:
-        return f"{told} at rest{', ' if level else ''}{level}, before the first movement"
-    return f"{told} {level}".rstrip() + f", {_direction(slip.movement.to)}"
+        return f"{text} at rest{', ' if level else ''}{level}, before the first movement"
+    return f"{text} {level}".rstrip() + f", {_direction(slip.movement.to)}"
 
 
 def _direction(to: str) -> str:
@@ -54,7 +55,7 @@ def _gaps(dataset: "xr.Dataset") -> list[tuple[str, float, float]]:
     """Return drive, gap and limit at the end [m], where the lock rule looks at gaps."""
     if "drive_gap" not in dataset or dataset.attrs.get("lock_rule") == "no slip":
         return []
-    gaps = at_end(dataset["drive_gap"])
+    gaps = final_value(dataset["drive_gap"])
     found = []
     for drive in dataset["drive"].values:
         gap, limit = float(gaps.sel(drive=drive)), _gap_limit(dataset, str(drive))
@@ -66,7 +67,7 @@ def _gaps(dataset: "xr.Dataset") -> list[tuple[str, float, float]]:
 def wide_gaps(dataset: "xr.Dataset") -> str:
     """Name the gaps at drives that are at or above their limits; empty where there are none."""
     return " and ".join(
-        f"{milli(gap)} at Drive {drive}, limit {1e3 * limit:g} mm"
+        f"{format_length(gap)} at Drive {drive}, limit {1e3 * limit:g} mm"
         for drive, gap, limit in _gaps(dataset)
         if gap >= limit
     )
@@ -79,7 +80,7 @@ def out_of_control(dataset: "xr.Dataset", span: Span | None) -> str:
     """
     if "in_control" not in dataset or (span is not None and span.to != "closed"):
         return ""
-    inside = at_end(dataset["in_control"])
+    inside = final_value(dataset["in_control"])
     out = [str(name) for name in dataset["sensor"].values if not bool(inside.sel(sensor=name))]
     if not out:
         return ""
@@ -90,7 +91,7 @@ def _sensor(dataset: "xr.Dataset", name: str) -> str:
     limit = 1e3 * float(dataset["sensor_limit"].sel(sensor=name))
     if "sensor_gap" not in dataset:
         return f"{name}, limit {limit:g} mm"
-    gap = milli(at_end(dataset["sensor_gap"]).sel(sensor=name))
+    gap = format_length(final_value(dataset["sensor_gap"]).sel(sensor=name))
     return f"{name} {gap}, limit {limit:g} mm"
 
 
@@ -101,17 +102,19 @@ def accepted_by(dataset: "xr.Dataset", span: Span | None) -> str:
     if gaps:
         drive, gap, limit = max(gaps, key=lambda row: row[1] / row[2])
         parts.append(f"{1e3 * gap:.2f} of {1e3 * limit:g} mm open at Drive {drive}")
-    forces = abs(at_end(dataset["drive_force"])) if "drive_force" in dataset else None
+    forces = abs(final_value(dataset["drive_force"])) if "drive_force" in dataset else None
     if forces is not None:
         drive = _largest(forces / dataset["saturation_force"], "drive")
         level = dataset["saturation_force"].sel(drive=drive)
-        parts.append(f"Drive {drive} holds {kilo(forces.sel(drive=drive))} of {kilo(level)}")
+        parts.append(
+            f"Drive {drive} holds {format_force(forces.sel(drive=drive))} of {format_force(level)}"
+        )
     words = f"locks ({', '.join(parts)})" if parts else "locks"
     if "in_control" not in dataset or (span is not None and span.to != "closed"):
         return words
     if "sensor_gap" not in dataset:
         return f"{words} and is in control"
-    nearest = _largest(at_end(dataset["sensor_gap"]) / dataset["sensor_limit"], "sensor")
+    nearest = _largest(final_value(dataset["sensor_gap"]) / dataset["sensor_limit"], "sensor")
     return f"{words} and is in control ({_sensor(dataset, nearest)})"
 
 

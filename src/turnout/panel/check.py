@@ -31,11 +31,16 @@ from turnout.panel.check_rails import (
     rising_fault,
     unknown_name,
 )
-from turnout.panel.check_shape import check_back_drive, check_link, check_shape, slips_at_rest
+from turnout.panel.check_shape import (
+    check_adjustment,
+    check_back_drive,
+    check_shape,
+    slips_at_rest,
+)
 from turnout.panel.foreign_object import from_record, object_faults
 from turnout.panel.machines import check_machines
 from turnout.panel.model import Panel
-from turnout.panel.records import Movement
+from turnout.panel.records import Movement, ScaledSection
 from turnout.panel.validate import Draft, Known, Partial, until_unknown
 
 _SAME_TIME = 1e-9
@@ -240,6 +245,7 @@ def _rail(draft: Draft, path: tuple[str, str], rail: Any) -> Iterator[Problem]:
     yield from until_unknown(_rail_section(draft, path, rail))
     yield from until_unknown(_rail_support(draft, path, rail))
     yield from until_unknown(_rail_elements(draft, rail))
+    yield from until_unknown(_rail_factors(path, rail))
     yield from until_unknown(check_shape(draft, path, rail))
     edge = rail.running_edge
     if edge and edge.maximum <= edge.minimum:
@@ -288,6 +294,15 @@ def _rail_elements(draft: Draft, rail: Any) -> Iterator[Problem]:
     if count > _MOST_ELEMENTS:
         text = f" = {length:g} m: makes {count:.6g} elements a rail, at most {_MOST_ELEMENTS}"
         yield Problem(("discretisation", "element_length"), text)
+
+
+def _rail_factors(path: tuple[str, str], rail: Any) -> Iterator[Problem]:
+    if rail.matrices is None:
+        return
+    for key in ScaledSection.model_fields:
+        if getattr(rail, key) != 1.0:
+            text = f" = {getattr(rail, key):g}: the rail has matrices in place of a section; scale"
+            yield Problem((*path, key), f"{text} those, or leave this out")
 
 
 def _section(draft: Draft, path: tuple[str, str], table: Any) -> Iterator[Problem]:
@@ -371,7 +386,8 @@ def _drive_saturated(path: tuple[str, str], drive: Any) -> Iterator[Problem]:
 
 def _link(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
     yield from _standing(draft, path, record)
-    yield from until_unknown(check_link(path, record))
+    remedy = "change the stroke of the drives to move a rail further"
+    yield from until_unknown(check_adjustment(path, record, remedy=remedy))
 
 
 def _back_drive(draft: Draft, path: tuple[str, str], record: Any) -> Iterator[Problem]:
@@ -410,7 +426,7 @@ def _same_place(
 ) -> Iterator[Problem]:
     family, name = path
     if not is_finite(record.x / _SAME_PLACE):
-        return  # far off any rail, which is told
+        return  # far off any rail, which is reported elsewhere
     for rail in rails_of(family, record, draft):
         other = seen.setdefault((rail, round(record.x / _SAME_PLACE)), name)
         if other != name:

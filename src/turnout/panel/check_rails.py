@@ -192,7 +192,7 @@ def _extent(where: tuple[str, ...], points: npt.NDArray[np.float64]) -> Iterator
         if not _LEAST_EXTENT <= span <= _LARGEST_EXTENT:
             text = (
                 f": extends over {1e3 * span:.4g} mm along {axis}, allowed are "
-                f"{1e3 * _LEAST_EXTENT:g} to {1e3 * _LARGEST_EXTENT:g} mm; look at its unit"
+                f"{1e3 * _LEAST_EXTENT:g} to {1e3 * _LARGEST_EXTENT:g} mm; check its unit"
             )
             yield Problem(where, text)
             return

@@ -84,18 +84,20 @@ def check_back_drive(draft: Draft, path: tuple[str, str], record: Any) -> Iterat
     if abs(record.x - at) < SAME_PLACE:
         text = f" = {record.x:g} m: is the place of drive '{record.drive}' itself; move it away"
         yield Problem((*path, "x"), text)
+    remedy = "change its ratio to move its place further"
+    yield from check_adjustment(path, record, remedy=remedy)
 
 
 MOST_ADJUSTMENT = 10e-3
-"""So far a link may be lengthened or shortened [m]: what its adjusters take up in the field."""
+"""So far a linkage may be lengthened or shortened [m]: what its adjusters take up in the field."""
 
 
-def check_link(path: tuple[str, str], link: Any) -> Iterator[Problem]:
-    """Check that a link is not adjusted by so much that neither rail can close."""
-    if abs(link.adjustment) > MOST_ADJUSTMENT:
+def check_adjustment(path: tuple[str, str], linkage: Any, *, remedy: str) -> Iterator[Problem]:
+    """Check that a linkage is not adjusted by so much that a rail cannot close."""
+    if abs(linkage.adjustment) > MOST_ADJUSTMENT:
         text = (
-            f" = {1e3 * link.adjustment:g} mm: at most {1e3 * MOST_ADJUSTMENT:g} mm either way, "
-            "or the rails cannot close; change the stroke of the drives to move a rail further"
+            f" = {1e3 * linkage.adjustment:g} mm: at most {1e3 * MOST_ADJUSTMENT:g} mm either way, "
+            f"or the rails cannot close; {remedy}"
         )
         yield Problem((*path, "adjustment"), text)
 

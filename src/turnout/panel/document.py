@@ -71,7 +71,7 @@ FAMILIES: dict[str, type[BaseModel]] = _family_records()
 
 
 def is_generated(family: str) -> bool:
-    """Tell whether the family's members can be made by a generator of positions."""
+    """Return whether the family's members can be made by a generator of positions."""
     return issubclass(FAMILIES[family], Placed)
 
 

@@ -27,7 +27,7 @@ class CheckedDocument:
     records : mapping of str to object
         Value by field name of `Panel`; valid where there are no problems.
     asked : mapping of str to frozenset of str
-        Fields of `Panel` that each check asked for, by the name of the check.
+        Fields of `Panel` that each check read, by the name of the check.
     problems : tuple of Problem
         In the order of the panel's keys, unknown keys first; empty for a valid panel.
     """

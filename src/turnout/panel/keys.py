@@ -71,14 +71,14 @@ def field_at(path: Path) -> FieldInfo | None:
 
 
 def takes_text(path: Path) -> bool:
-    """Tell whether a key takes plain text, such as a name."""
+    """Return whether a key takes plain text, such as a name."""
     record = _record_at(path[:-1])
     info = record.model_fields.get(path[-1]) if record else None
     return info is not None and (info.annotation is str or str in typing.get_args(info.annotation))
 
 
 def is_field(record: type[BaseModel], path: Path) -> bool:
-    """Tell whether a key path leads from a record to one of its fields, or an entry of a table."""
+    """Return whether a key path leads to a field of a record, or an entry of a table."""
     if not path:
         return False
     info = record.model_fields.get(path[0])

@@ -267,7 +267,7 @@ def rail_line(panel: Panel, rail: str, x: npt.ArrayLike) -> RailLine:
 
 
 def stands_at(item: OnRails, rail: str) -> bool:
-    """Tell whether a chair, fastening, stop or stud belongs to a rail."""
+    """Return whether a chair, fastening, stop or stud belongs to a rail."""
     return item.rails is None or rail in item.rails
 
 

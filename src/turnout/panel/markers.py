@@ -72,6 +72,47 @@ def start_level(panel: Panel, drive: Drive) -> float:
     return marker_level(drive, starts, starts=starts) if panel.schedule.loaded else 0.0
 
 
+def prior_movement(panel: Panel) -> Movement | None:
+    """Give the movement that a loaded start follows; None where the start is not loaded.
+
+    It is the schedule's last movement to where it starts; where it has none, its first movement
+    turned around. A schedule without movements has no movement before it either.
+    """
+    if not panel.schedule.loaded or not panel.movement:
+        return None
+    movements = [movement for _, movement in ordered_movements(panel)]
+    returns = [movement for movement in movements if movement.to == panel.schedule.starts]
+    return (returns or [movements[0].model_copy(update={"to": panel.schedule.starts})])[-1]
+
+
+def prior_positions(panel: Panel, movement: Movement, time: npt.ArrayLike) -> FloatArray:
+    """Give the position of every drive's marker in the movement that a loaded start follows.
+
+    Parameters
+    ----------
+    panel : Panel
+        Drives and schedule.
+    movement : Movement
+        From `prior_movement`.
+    time : array_like, shape (n_times,)
+        Since its onset [s].
+
+    Returns
+    -------
+    ndarray, shape (n_drives, n_times)
+        [m], as `marker_positions` does; the last are those with which the schedule starts.
+    """
+    instants = np.atleast_1d(np.asarray(time, dtype=np.float64))
+    starts = panel.schedule.starts
+    begins = "open" if starts == "closed" else "closed"
+    positions = np.zeros((len(panel.drive), instants.size))
+    for row, (name, drive) in enumerate(panel.drive.items()):
+        level, target = marker_level(drive, begins, starts=starts), start_level(panel, drive)
+        share = movement_fraction(movement, instants, drive=name)
+        positions[row] = np.where(share < 1.0, level + share * (target - level), target)
+    return positions
+
+
 def marker_positions(panel: Panel, time: npt.ArrayLike) -> FloatArray:
     """Give the position of every drive's marker.
 

@@ -110,7 +110,7 @@ def read_rail_matrices(path: Path) -> tuple[RailMatrices | None, list[str]]:
 
 
 def _fits_unpacked(content: bytes) -> bool:
-    """Tell whether the compressed variables of a file of version 5 come to no more than allowed."""
+    """Return whether the variables of a file of version 5 unpack to no more than allowed."""
     order, position, total = "<" if content[126:128] == b"IM" else ">", 128, 0
     while position + 8 <= len(content):
         kind, size = struct.unpack_from(f"{order}II", content, position)
@@ -124,7 +124,7 @@ def _fits_unpacked(content: bytes) -> bool:
 def _unpacked_size(packed: memoryview, before: int) -> int:
     """Return how many bytes a compressed variable holds, counted until that is too many."""
     machine, size = zlib.decompressobj(), 0
-    with suppress(zlib.error):  # what is damaged is told by the reader
+    with suppress(zlib.error):  # the reader reports what is damaged
         piece = machine.decompress(packed, _CHUNK)
         while piece and before + size <= LARGEST_UNPACKED:
             size += len(piece)
@@ -155,9 +155,9 @@ class _Reader:
         if damping is not None and size is not None and damping.shape[0] != size:
             self.problems.append(f"damping is {_shape(damping)}, must be {size} x {size}")
         if mass is not None and np.any(mass.diagonal() < 0):
-            self.problems.append("mass has a negative number on its diagonal; look at its sign")
+            self.problems.append("mass has a negative number on its diagonal; check its sign")
         if damping is not None and np.any(damping.diagonal() < 0):
-            self.problems.append("damping has a negative number on its diagonal; look at its sign")
+            self.problems.append("damping has a negative number on its diagonal; check its sign")
         weight = self._vector("unit_weight", size) if "unit_weight" in self.found else None
         x = self._vector("table_x", None)
         count = None if x is None else x.size

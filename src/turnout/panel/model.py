@@ -16,7 +16,7 @@ from turnout.core.quantity import (
     Length,
     Pressure,
 )
-from turnout.machine.records import Machine
+from turnout.machine.components import Machine
 from turnout.panel.records import (
     BackDrive,
     Chair,

@@ -106,6 +106,7 @@ def apply_overrides(
         return document, [Problem((), text)], {}
     leaves.sort(key=lambda leaf: leaf[0])
     applied: dict[str, object] = {}
+    above: set[str] = set()  # of what is given
     for _, key, value in leaves:
         targets = _targets(tree, key, value)
         if not targets:
@@ -114,13 +115,15 @@ def apply_overrides(
             problems.append(Problem((key,), text))
             continue
         applied[key] = value
-        many, before = _breadth(tuple(key.split("."))) == 0 and len(targets) > 1, list(given)
+        many = _breadth(tuple(key.split("."))) == 0 and len(targets) > 1
         for target in targets:
             _set(tree, target)
             place = ".".join(target.place)
-            for below in [name for name in before if name.startswith(f"{place}.")]:
-                given.pop(below, None)
+            if place in above:
+                for below in [name for name in given if name.startswith(f"{place}.")]:
+                    del given[below]
             given[place] = value
+            above.update(".".join(target.place[:depth]) for depth in range(1, len(target.place)))
             if many:
                 shared.add(target.place[:3])
             else:
@@ -205,7 +208,7 @@ def restated(document: Document) -> dict[str, Origin]:
 
 
 def _given(name: str, given: Mapping[str, object]) -> bool:
-    """Tell whether a key or one above it is among those given."""
+    """Return whether a key or one above it is among those given."""
     while name:
         if name in given:
             return True

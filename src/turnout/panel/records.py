@@ -87,6 +87,29 @@ class RailMatrices:
     digest: str
 
 
+class ScaledSection(Record):
+    """Factors by which a rail's section differs from the one that it names, as sections vary.
+
+    Rolling tolerances and wear change a section by a few per cent, an unknown planing by more. What
+    differs by more than a factor of two is another section, to be drawn or tabulated as such.
+    """
+
+    section_scale: float = Field(
+        1.0,
+        ge=0.5,
+        le=2.0,
+        description="factor of area, second moments, product moment and torsion constant: mass "
+        "and all stiffness alike [-]",
+    )
+    lateral_inertia_scale: float = Field(
+        1.0,
+        ge=0.5,
+        le=2.0,
+        description="further factor of the second moment for lateral bending, of the product "
+        "moment by its square root; the area stays [-]",
+    )
+
+
 class RunningEdge(Record):
     """Running edge on a tangent circle: w(x) = (x + lead)^2 / (2 radius), held within bounds."""
 
@@ -107,7 +130,7 @@ class Profile(Record):
 
 
 def _gap_form(value: object) -> str:
-    """Tell a tabulated gap from a constant one, so that an error speaks of one form only."""
+    """Distinguish a tabulated gap from a constant one, so that an error speaks of one form only."""
     tabulated = isinstance(value, Profile) or (isinstance(value, dict) and "unit" not in value)
     return "profile" if tabulated else "length"
 
@@ -132,7 +155,7 @@ def _stress_free(value: object) -> object:
 StressFree = Annotated[Literal["closed", "open"] | float, BeforeValidator(_stress_free)]
 
 
-class Rail(Record):
+class Rail(ScaledSection):
     """A switch rail in its stress-free position, straight or curved in plan.
 
     With `fit_gap` its shapes are computed: closed, the rail is held by its drives and leaves that
@@ -199,7 +222,7 @@ class Rail(Record):
         return given if isinstance(given, float) else {"closed": 0.0, "open": 1.0}[given]
 
 
-class StockRail(Record):
+class StockRail(ScaledSection):
     """A flexible, prismatic stock rail that a switch rail closes against."""
 
     faces: str = Field(description="the switch rail that closes against it")
@@ -380,8 +403,9 @@ class Schedule(Record):
     starts: Literal["open", "closed"] = Field(description="position of the instrumented rail")
     loaded: bool = Field(
         False,
-        description="whether the drives start at their over-travel, where the movement before the "
-        "first left them: the closed rail is then pressed against its stock rail",
+        description="whether the start is what the schedule's last movement to it leaves: drives "
+        "at their over-travel, the closed rail pressed home, friction in the chairs; default at "
+        "the strokes, without friction",
     )
     end: Time = Field(gt=0, description="end of the simulation [s]")
 

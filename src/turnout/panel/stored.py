@@ -90,7 +90,7 @@ def _table(value: Any) -> dict[str, Any]:
 
 
 def _marked(value: Any) -> Any:
-    """Return values as plain data in which an SI number is told from one of a file."""
+    """Return values as plain data in which SI numbers are distinguished from those of a file."""
     if isinstance(value, Mapping):
         return {str(key): _marked(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

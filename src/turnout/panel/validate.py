@@ -15,13 +15,13 @@ from turnout.panel.keys import fields_at, records_in
 from turnout.panel.model import Panel
 
 MOST_PROBLEMS = 50
-"""Problems that are told of one table; what they are near to takes long to find."""
+"""Problems that are reported of one table; finding the nearest names takes long."""
 
 _VARIANT_TAGS = ("length", "profile")
 
 
 class Unknown(Exception):
-    """A check asked for a value that is wrong itself; there is nothing more to say about it."""
+    """A check needed a value that is wrong itself; there is nothing more to say about it."""
 
 
 class Partial:
@@ -50,7 +50,7 @@ def until_unknown(problems: Iterator[Problem]) -> Iterator[Problem]:
 
 
 class AccessTracker(dict[str, Any]):
-    """Values by field name of `Panel` that note which of them were asked for."""
+    """Values by field name of `Panel` that record which of them were read."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -69,9 +69,9 @@ class AccessTracker(dict[str, Any]):
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """Tables of a valid panel, the records that were made of them, and what its checks asked for.
+    """Tables of a valid panel, the records that were made of them, and what its checks read.
 
-    A check that found nothing finds nothing again where all that it asked for is the same.
+    A check that found nothing finds nothing again where all that it read is the same.
     """
 
     tree: dict[str, Any]
@@ -103,7 +103,7 @@ class Draft:
     changed : set of str
         Fields of `Panel` that are not those of the known panel.
     asked : dict of str to frozenset
-        Fields that each check asked for, by its name.
+        Fields that each check read, by its name.
     """
 
     records: AccessTracker = field(default_factory=AccessTracker)
@@ -117,7 +117,7 @@ class Draft:
     def checked(
         self, name: str, check: Callable[["Draft"], Iterable[Problem]], known: Known | None
     ) -> list[Problem]:
-        """Return what a check finds; it is spared where a known panel tells that it is nothing."""
+        """Return what a check finds; skip it where a known panel shows that it finds nothing."""
         if known is not None and not known.asked[name] & self.changed:
             self.asked[name] = known.asked[name]
             return []
@@ -234,20 +234,18 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
     for member, values in members.items():
         changed = _changed(before.get(member), values)
         same = same and changed is not None and changed <= UNASKED.get(name, frozenset())
-        again = _taken_over(made.get(member), changed, values, read)
-        if again is not None:
-            records[member] = again
-            continue
         try:
-            records[member] = valid = record.model_validate(values)
-            if member in made:
-                read |= {(key, id(value)): getattr(valid, key) for key, value in values.items()}
+            again = _taken_over(made.get(member), changed, values, read)
+            if again is not None:
+                records[member] = again
+                continue
+            records[member] = record.model_validate(values)
         except ValidationError as error:
             errors, same = _errors(error), False
             records[member] = _partial(record, values, errors)
-            told = MOST_PROBLEMS if len(found) < 10 * MOST_PROBLEMS else 1
-            draft.problems += _rest((name, member), len(errors), told)
-            for item in errors[:told]:
+            shown = MOST_PROBLEMS if len(found) < 10 * MOST_PROBLEMS else 1
+            draft.problems += _rest((name, member), len(errors), shown)
+            for item in errors[:shown]:
                 place = (name, member, *_path(item))
                 shared = place[:3] in document.shared or item["type"] == "missing"
                 problem = _problem((name, *place[2:]) if shared else place, item, strip=True)
@@ -275,18 +273,33 @@ def _changed(before: object, values: object) -> set[str] | None:
 def _taken_over(
     made: BaseModel | None, changed: set[str] | None, values: Any, read: dict[tuple[str, int], Any]
 ) -> BaseModel | None:
-    """Return a known record, or a copy of it whose changed values were read for another member.
+    """Return a known record, or a copy of it with changed values, read once for all members.
 
-    The fields of a record are valid each by itself.
+    Each field of a record is valid on its own. None where one is wrong.
     """
     if made is None or not changed:
         return made if changed is not None else None
-    places = {key: (key, id(values[key])) for key in changed}
-    if not all(place in read for place in places.values()):
-        return None
+    if type(made).__pydantic_decorators__.model_validators:
+        return None  # which read several fields
+    for key in changed:
+        place = (key, id(values[key]))
+        if place not in read:
+            if key not in type(made).model_fields:
+                return None
+            try:
+                read[place] = _field_adapter(type(made), key).validate_python(values[key])
+            except ValidationError:
+                return None  # the whole record says where it is wrong
     again = copy(made)  # half of what `model_copy` takes, which looks at more than values
-    again.__dict__.update({key: read[place] for key, place in places.items()})
+    again.__dict__.update({key: read[key, id(values[key])] for key in changed})
     return again
+
+
+@cache
+def _field_adapter(record: type[BaseModel], name: str) -> TypeAdapter[Any]:
+    """Give the validator of one field of a record, with the record's strictness."""
+    config: Any = record.model_config
+    return TypeAdapter(record.model_fields[name].rebuild_annotation(), config=config)
 
 
 def _merged(family: str, found: dict[Problem, list[str]], document: Document) -> list[Problem]:
@@ -315,9 +328,9 @@ def _check_count(name: str, metadata: list[Any], count: int, broken: bool, draft
         draft.problems.append(Problem((name,), f": at most {most} are allowed, has {count}"))
 
 
-def _rest(path: Path, count: int, told: int = MOST_PROBLEMS) -> list[Problem]:
-    """Say how many problems of a table are not told."""
-    return [Problem(path, f": and {count - told} more problems")] if count > told else []
+def _rest(path: Path, count: int, shown: int = MOST_PROBLEMS) -> list[Problem]:
+    """Say how many problems of a table are left out."""
+    return [Problem(path, f": and {count - shown} more problems")] if count > shown else []
 
 
 def _errors(error: ValidationError) -> list[Any]:

@@ -72,7 +72,7 @@ def draw_row(sheet: Sheet, row: Row, *, ax: "Axes | None" = None) -> "Axes":
     Parameters
     ----------
     sheet : Sheet
-        The sheet of the row.
+        Sheet that holds the row; gives time axis and title.
     row : Row
         One of its rows.
     ax : matplotlib.axes.Axes, optional

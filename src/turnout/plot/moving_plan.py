@@ -21,7 +21,7 @@ def plan_record(panel: Panel) -> dict[str, Any]:
     Parameters
     ----------
     panel : Panel
-        The panel.
+        Checked panel; positions and lengths [m].
 
     Returns
     -------

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from turnout.metric.slip import settled
+from turnout.metric.slip import last_instant_at
 from turnout.panel.layout import RailLine, extent, rail_line, resting_gap, stands_at
 from turnout.panel.model import Panel
 from turnout.panel.records import Placed
@@ -31,7 +31,7 @@ def plot_closed_gap(panel: Panel, *, dataset: xr.Dataset | None = None, ax: "Axe
     Parameters
     ----------
     panel : Panel
-        The panel.
+        Checked panel; its layout is drawn in metres.
     dataset : xarray.Dataset, optional
         A throw of it; without one, or one without an instant, gaps are estimated from the strokes.
     ax : matplotlib.axes.Axes
@@ -50,7 +50,7 @@ def plot_closed_gap(panel: Panel, *, dataset: xr.Dataset | None = None, ax: "Axe
             x = np.linspace(rail.start, rail.end, POINTS)
             gap = resting_gap(panel, name, x, closed=True)
         else:
-            closed = settled(dataset, to="closed" if rail.closes == "+y" else "open")
+            closed = last_instant_at(dataset, to="closed" if rail.closes == "+y" else "open")
             x, gap = dataset["x"].values, closed["gap"].sel(rail=name).values
         if gap is None:
             continue
@@ -110,7 +110,7 @@ def plot_plan(panel: Panel, *, dataset: xr.Dataset | None = None) -> "Figure":
     Parameters
     ----------
     panel : Panel
-        The panel.
+        Checked panel; its layout is drawn in metres.
     dataset : xarray.Dataset, optional
         A throw of it without an object: the closed gaps are taken from it. Otherwise they are
         estimated from the strokes.

@@ -163,7 +163,7 @@ def sheet_record(sheet: Sheet, *, most: int = MOST_POINTS) -> dict[str, Any]:
     Parameters
     ----------
     sheet : Sheet
-        The figure.
+        Rows of lines over one axis.
     most : int
         Points of a line at most.
 

@@ -95,7 +95,7 @@ def rendered(figure: "Figure", suffix: str) -> bytes:
     Parameters
     ----------
     figure : matplotlib.figure.Figure
-        The figure.
+        Any figure; stays open.
     suffix : str
         ".png", ".pdf" or ".svg".
 

@@ -242,8 +242,8 @@ def strongest(item: OutputEffects, count: int) -> list[Effect]:
 
     Examples
     --------
-    >>> from turnout.metric.sensitivity import Output
-    >>> output = Output(name="y", units="N", values=np.zeros(2))
+    >>> from turnout.metric.sensitivity import NumericOutput
+    >>> output = NumericOutput(name="y", units="N", values=np.zeros(2))
     >>> strongest(OutputEffects(output=output, indices=(), effects=()), 3)
     []
     """

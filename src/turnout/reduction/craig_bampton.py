@@ -54,7 +54,7 @@ class Superelement:
     frequency_first_omitted : float
         Lowest frequency left out [Hz]; NaN if none was.
     cutoff_frequency : float
-        Modes up to here were asked for [Hz].
+        Modes up to here were requested [Hz].
     """
 
     stiffness: FloatArray

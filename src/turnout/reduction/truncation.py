@@ -26,7 +26,7 @@ class ReductionReport:
     n_full, n_reduced, n_interface : int
         Numbers of DOFs.
     cutoff_frequency : float
-        Asked for [Hz].
+        Requested [Hz].
     frequencies_kept : ndarray, shape (n_reduced - n_interface,)
         Fixed-interface frequencies [Hz].
     frequency_first_omitted : float

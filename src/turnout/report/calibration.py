@@ -80,7 +80,7 @@ def calibration_findings(calibration: Calibration) -> list[Finding]:
         value = _shown(item, item.value, key)
         if item.state == FITTED:
             low, high = (_shown(item, bound, key) for bound in item.interval)
-            found.append(Finding("told", item.name, value, f"between {low} and {high} (95 %)"))
+            found.append(Finding("fact", item.name, value, f"between {low} and {high} (95 %)"))
         elif item.state != FIXED:
             found.append(Finding("look", item.name, value, item.state))
     return found

@@ -14,7 +14,7 @@ from turnout.metric.campaign_statistics import (
     repeat_scatter,
 )
 from turnout.metric.finding import Finding
-from turnout.metric.summary import kilo
+from turnout.metric.summary import format_force
 from turnout.plot.campaign import channel_rows, plot_overview, plot_stacked, stacked_sheet
 from turnout.plot.style import rendered
 from turnout.report.inputs import origin_section
@@ -102,7 +102,7 @@ def campaign_findings(
                 spread = "unknown" if math.isnan(drive.deviation) else f"{drive.deviation:.0f} N"
                 detail = f"{spread} standard deviation in {drive.count} throws without an object"
                 question = f"End force of drive {drive.drive}, {way}"
-                found.append(Finding("told", question, kilo(drive.mean), detail))
+                found.append(Finding("fact", question, format_force(drive.mean), detail))
     count = dataset.sizes["movement"]
     if excluded or remarks:
         out = "some excluded" if excluded else "none excluded"
@@ -153,13 +153,13 @@ def _slips(dataset: xr.Dataset, direction: str) -> Finding:
     ]
     question = f"Smallest size that makes a drive slip, {direction}"
     if not results:
-        return Finding("told", question, "None", "no drive slipped with any object")
+        return Finding("fact", question, "None", "no drive slipped with any object")
     least = min(results, key=lambda item: item.slipped)
     most = max(results, key=lambda item: item.slipped)
     detail = f"first at {least.place}"
     if most.slipped > least.slipped:
         detail += f", {MILLI * most.slipped:g} mm at {most.place}"
-    return Finding("told", question, f"{MILLI * least.slipped:g} mm", detail)
+    return Finding("fact", question, f"{MILLI * least.slipped:g} mm", detail)
 
 
 def _sizes_table(results: Sequence[PlaceSizes]) -> Table:

@@ -23,7 +23,7 @@ def study_lines(study: Study) -> Iterator[str]:
     Parameters
     ----------
     study : Study
-        A study.
+        Loaded study; no throw of it is made.
 
     Examples
     --------

@@ -116,7 +116,7 @@ def sweep_findings(labels: xr.Dataset) -> list[Finding]:
         if not count:
             continue
         whole = int(ended.sum()) if number < FAILED else state.size
-        level: Level = "look" if number in (FAILED, NOT_THROWN) else "told"
+        level: Level = "look" if number in (FAILED, NOT_THROWN) else "fact"
         detail = f"{count} of {whole} throws"
         share = f"{100 * count / whole:.3g} %"
         found.append(Finding(level, name.capitalize(), share, detail))

@@ -15,7 +15,7 @@ from turnout.report.page import Heat, Page, Picture, Section, Table
 from turnout.validation.acceptance import (
     LEAST_COVER,
     MOST_SPREADS,
-    Verdict,
+    Acceptance,
     judge,
     notes,
     scatter_text,
@@ -80,7 +80,7 @@ def validation_page(validation: xr.Dataset, *, suffixes: Sequence[str] = (".pdf"
     )
 
 
-def validation_findings(validation: xr.Dataset, verdict: Verdict) -> list[Finding]:
+def validation_findings(validation: xr.Dataset, verdict: Acceptance) -> list[Finding]:
     """Return whether a calibration holds, then the error of each channel."""
     level: Level = "good" if verdict.accepted else "bad" if verdict.reasons else "look"
     answer = "Valid" if verdict.accepted else "Not valid" if verdict.reasons else "Not validated"
@@ -113,7 +113,7 @@ def validation_figures(validation: xr.Dataset, *, suffixes: Sequence[str]) -> di
     return {f"errors{suffix}": rendered(figure, suffix) for suffix in suffixes}
 
 
-def _channels(verdict: Verdict) -> Table:
+def _channels(verdict: Acceptance) -> Table:
     rows = [
         (item.channel, str(item.movements), f"{item.rms:.0f} N", f"{PERCENT * item.nrmse:.1f} %",
          f"{item.spread:.0f} N", f"{item.spreads:.1f}", f"{PERCENT * item.cover:.0f} %")
@@ -124,7 +124,7 @@ def _channels(verdict: Verdict) -> Table:
     return Table("NRMSE is over the largest force of the channel", columns, rows, marked)
 
 
-def _features(verdict: Verdict) -> Table:
+def _features(verdict: Acceptance) -> Table:
     def cell(error: tuple[float, float], factor: float, unit: str) -> str:
         if not math.isfinite(error[0]):
             return "-"
@@ -172,7 +172,7 @@ def _picture(validation: xr.Dataset, place: str, suffixes: Sequence[str]) -> Pic
     return Picture(comparison_sheet(validation, place=place), files, MOST_POINTS)
 
 
-def _remarks(validation: xr.Dataset, verdict: Verdict) -> list[Table]:
+def _remarks(validation: xr.Dataset, verdict: Acceptance) -> list[Table]:
     remarks = (("Largest errors", verdict.worst), ("Check", tuple(notes(validation))))
     return [
         Table(heading, ("Remark",), [(text,) for text in rows]) for heading, rows in remarks if rows

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.mechanism.machines import slip_force
+from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel
 from turnout.panel.records import Drive

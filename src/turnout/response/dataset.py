@@ -121,7 +121,7 @@ def response_channels(
         By the names of the schema, in SI.
     """
     channels = drive_signals(panel, mechanism, history)
-    machine_slips(panel, history, np.asarray(channels["drive_slipping"][1]))
+    machine_slips(history, np.asarray(channels["drive_slipping"][1]))
     channels |= machine_signals(panel, history)
     moved = moved_throws(panel, history)
     for names, signals in _FORCES.items():
@@ -248,7 +248,7 @@ def describe_run(
         "overrides": json.dumps(dict(panel.overrides), default=_plain),
         "foreign_objects": json.dumps([_object_record(panel, item) for item in objects]),
         "movements": movement_records(moved_throws(panel, history)),
-        **({"machine_throws": duty_records(made)} if (made := duties(panel, history)) else {}),
+        **({"machine_throws": duty_records(made)} if (made := duties(history)) else {}),
         "lock_rule": panel.lock.rule,
         "lock_gap_limit": panel.lock.gap_limit,
         "lock_gap_limits": json.dumps(panel.gap_limits()),

@@ -5,17 +5,17 @@ Rows of drives that are markers are NaN, and none of these channels is made wher
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.integrate.driven import MachineHistory
+from turnout.integrate.duty import Duty
 from turnout.integrate.integration import History
 from turnout.machine.compute import places as at
 from turnout.machine.rows import supply_voltage
 from turnout.machine.steady import shaft_travel
-from turnout.mechanism.machines import command_times
 from turnout.panel.markers import movement_time
 from turnout.panel.model import Panel
 from turnout.response.route import Throw, throws
@@ -28,10 +28,12 @@ OFF, ON, SLIPS, HELD = range(4)
 LEAST_SLIP = 1e-4
 """Slip of a clutch on one command, as travel of the rod, that is overlooked: a lock that opens
 under load lets the rod throw the gear back by less than its backlash [m]."""
+INRUSH = 0.3
+"""After the contactor, when the inrush is over [s]."""
+LAST = 0.1
+"""Before the cut-off, over which the last current is averaged [s]."""
 SLIP_ROUNDING = 1e-6
 """From one stored instant to the next [rad]."""
-LEAST_MOVE = 1e-4
-"""A rod that moved by less while its motor was on never moved [m]."""
 _ENERGIES = {
     "energy_copper": ("copper", "field"),
     "energy_line": ("line",),
@@ -41,69 +43,14 @@ _ENERGIES = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Duty:
-    """What a machine did on one command.
-
-    Attributes
-    ----------
-    drive : str
-    to : str
-        "open" or "closed".
-    command, on, off, rest : float
-        Command, contactor closed, motor off, gear at rest [s]; NaN where it did not come to that.
-    outcome : str
-        "limit", "time-out", "overload"; "reversed" by the next command; "moving" where the motor
-        was still on at the end; "stalled" where the rod never moved and no limit contact opened.
-    """
-
-    drive: str
-    to: str
-    command: float
-    on: float
-    off: float
-    rest: float
-    outcome: str
-
-
-def duties(panel: Panel, history: History) -> tuple[Duty, ...]:
+def duties(history: History) -> tuple[Duty, ...]:
     """Return what every machine did on every command that it was given."""
-    machines = history.machines
-    if machines is None:
-        return ()
-    return tuple(
-        duty for number in range(len(machines.names)) for duty in _duties(panel, machines, number)
-    )
-
-
-def _duties(panel: Panel, machines: MachineHistory, number: int) -> list[Duty]:
-    name, events = machines.names[number], machines.events[number]
-    state, time = machines.states[:, number], machines.time
-    ons = [place for place, (_, text) in enumerate(events) if text == "on"]
-    found = []
-    for (command, direction), first, last in zip(
-        command_times(panel, name), ons, [*ons[1:], None], strict=False
-    ):
-        after = events[first:last]
-        on = after[0][0]
-        offs = [(t, text) for t, text in after if text.startswith("off ")]
-        unended = (events[last][0], "off reversed") if last else (np.nan, "off moving")
-        off, how = offs[0] if offs else unended
-        held = [t for t, text in after if text == "locked" and t >= off]
-        stands = (time >= off) & (state[:, at.GEAR_SPEED] == 0.0)
-        rest = held[0] if held else next(iter(time[stands]), np.nan)
-        inside = state[(time >= on) & ~(time > off), at.ROD_POSITION]
-        moved = float(np.ptp(inside)) if inside.size else 0.0
-        stays = moved < LEAST_MOVE and how != "off limit"
-        outcome = "stalled" if stays else how.removeprefix("off ")
-        to = "closed" if direction > 0 else "open"
-        found.append(Duty(name, to, float(command), on, float(off), float(rest), outcome))
-    return found
+    return history.machines.duties if history.machines is not None else ()
 
 
 def moved_throws(panel: Panel, history: History) -> tuple[Throw, ...]:
     """Return the movements with the times at which their last drive came to rest."""
-    made = duties(panel, history)
+    made = duties(history)
     if history.machines is None:
         return throws(panel)
     found = []
@@ -146,7 +93,7 @@ def machine_signals(panel: Panel, history: History) -> dict[str, Variable]:
     machines = history.machines
     if machines is None:
         return {}
-    state, made = machines.states, duties(panel, history)
+    state, made = machines.states, duties(history)
 
     def of_drives(values: Floats) -> Variable:
         found = np.full((len(panel.drive), values.shape[0]), np.nan)
@@ -167,7 +114,7 @@ def machine_signals(panel: Panel, history: History) -> dict[str, Variable]:
         "clutch_slip": of_drives(state[:, :, at.SLIP]),
         "clutch_heat": of_drives(machines.sums(at.CLUTCH)),
         "drive_state": _states(panel, machines),
-        "throw_time": _throw_times(panel, made),
+        **_duty_labels(panel, made, machines, np.abs(current)),
     }
 
 
@@ -185,7 +132,7 @@ def _clutch_slips(machines: MachineHistory) -> NDArray[np.bool_]:
     return found
 
 
-def machine_slips(panel: Panel, history: History, flags: NDArray[np.bool_]) -> None:
+def machine_slips(history: History, flags: NDArray[np.bool_]) -> None:
     """Put the clutches in the place of saturation forces, where drives are machines.
 
     A machine that was switched off before its limit contact stays marked until its next throw: its
@@ -201,7 +148,7 @@ def machine_slips(panel: Panel, history: History, flags: NDArray[np.bool_]) -> N
         return
     flags[machines.inputs] = _clutch_slips(machines)
     rows = dict(zip(machines.names, machines.inputs, strict=True))
-    made = duties(panel, history)
+    made = duties(history)
     for duty in made:
         if duty.outcome == "limit" or np.isnan(duty.off):
             continue
@@ -220,17 +167,31 @@ def _states(panel: Panel, machines: MachineHistory) -> Variable:
     return ("drive", "time"), found
 
 
-def _throw_times(panel: Panel, made: Sequence[Duty]) -> Variable:
-    """Return from contactor to cut-off of the last throw in each direction, opening first."""
-    names = list(panel.drive)
-    found = np.full((len(names), 2), np.nan)
+def _duty_labels(
+    panel: Panel, made: Sequence[Duty], machines: MachineHistory, current: Floats
+) -> dict[str, Variable]:
+    """Return throw time and currents of the last throw in each direction, opening first."""
+    names, time = list(panel.drive), machines.time
+    found = np.full((3, len(names), 2), np.nan)
     for duty in made:
-        found[names.index(duty.drive), int(duty.to == "closed")] = duty.off - duty.on
-    return ("drive", "direction"), found
+        row = current[:, machines.names.index(duty.drive)]
+        off = duty.off if np.isfinite(duty.off) else np.inf
+        means = [
+            row[begin:end].mean() if end > begin else np.nan
+            for begin, end in (
+                np.searchsorted(time, [duty.on + INRUSH, off]),
+                np.searchsorted(time, [max(off - LAST, duty.on), off]),
+            )
+        ]
+        place = names.index(duty.drive), int(duty.to == "closed")
+        found[(slice(None), *place)] = duty.off - duty.on, *means
+    dims = ("drive", "direction")
+    labels = zip(("throw_time", "mean_current", "end_current"), found, strict=True)
+    return {name: (dims, values) for name, values in labels}
 
 
 def machine_energies(history: History, channels: dict[str, Variable]) -> dict[str, Variable]:
-    """Return the energies of all machines together, and the books of rails and machines as one.
+    """Return the energies of all machines, and the energy balance of rails and machines together.
 
     Parameters
     ----------

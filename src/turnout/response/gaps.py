@@ -31,7 +31,7 @@ MOST_ROWS = 64
 
 # Rails are shared by many throws. What rows depend on is named by identity, and kept beside them so
 # that nothing else takes its place.
-_rows = LRUCache[tuple[Floats, list[Floats], list[object]]](MOST_ROWS)
+_rows = LRUCache[tuple[list[Floats], list[object]]](MOST_ROWS)
 _nodes = LRUCache[tuple[Floats, Floats, list[object]]](MOST_ROWS)
 
 
@@ -85,10 +85,8 @@ def gap_rows(panel: Panel, motion: Motion, rail: str, x: Floats, z: Floats) -> t
     record, bodies = panel.rail[rail], motion.rails
     faced = [(name, stock) for name, stock in panel.stock_rail.items() if stock.faces == rail]
     involved = [bodies[rail], *(bodies[f"stock rail {name}"] for name, _ in faced)]
-    named = [record, *(stock for _, stock in faced), *(body.recovery for body in involved)]
-    if record.fit_gap is not None:
-        named.append(motion.shapes.get(rail))
-    key = (*map(id, named), x.tobytes(), z.tobytes())
+    named = [*(stock for _, stock in faced), *(body.recovery for body in involved)]
+    key = (record.closes, *map(id, named), x.tobytes(), z.tobytes())
     found = _rows.get(key)
     if found is None:
         side = SIDE[record.closes]
@@ -96,12 +94,10 @@ def gap_rows(panel: Panel, motion: Motion, rail: str, x: Floats, z: Floats) -> t
         for (_, stock), body in zip(faced, involved[1:], strict=True):
             inside = np.clip(x, stock.start, stock.end)  # beyond its ends it is held
             rows.append(-side * lateral_rows(body, inside, z - stock.foot_height))
-        start = stock_gap(panel, motion, rail, x)
-        for array in (start, *rows):
+        for array in rows:
             array.flags.writeable = False
-        found = _rows.put(key, (start, rows, named))
-    start, rows, _ = found
-    return start, list(zip(involved, rows, strict=True))
+        found = _rows.put(key, (rows, named))
+    return stock_gap(panel, motion, rail, x), list(zip(involved, found[0], strict=True))
 
 
 def drive_and_sensor_gaps(panel: Panel, motion: Motion, time: Floats) -> tuple[Floats, Floats]:

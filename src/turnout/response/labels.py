@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.integrate.integration import History
-from turnout.mechanism.machines import slip_force
+from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel
 from turnout.response.gaps import least_flangeway
@@ -86,7 +86,7 @@ def control_states(
 
     Nothing is locked while a movement is under way, from its onset until the last marker rests.
     "slip or gap" refuses where a drive slips or a gap at a drive is at its limit or above, "no
-    slip" and "raw gap" look at one of the two. A single rail that should be open has no gap to be
+    slip" and "raw gap" use one of the two. A single rail that should be open has no gap to be
     judged: its drives hold it by not slipping.
 
     Parameters

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.core.provenance import provenance
-from turnout.machine.throw import ENERGY_NAMES, UNITS, MachineThrow
+from turnout.machine.one_mass_throw import ENERGY_NAMES, UNITS, MachineThrow
 
 SCHEMA_VERSION = 1
 LONG_NAMES = {
@@ -35,7 +35,7 @@ def machine_dataset(throw: MachineThrow) -> xr.Dataset:
     Parameters
     ----------
     throw : MachineThrow
-        From `turnout.machine.throw.throw_one_mass`.
+        From `turnout.machine.one_mass_throw.throw_one_mass`.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def machine_dataset(throw: MachineThrow) -> xr.Dataset:
 
     Examples
     --------
-    >>> from turnout.machine.throw import throw_one_mass
+    >>> from turnout.machine.one_mass_throw import throw_one_mass
     >>> dataset = machine_dataset(throw_one_mass("sb3", overrides={"throw.duration": 0.2}))
     >>> dataset["current"].attrs["units"], dataset.attrs["outcome"]
     ('A', 'moving')

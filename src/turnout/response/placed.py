@@ -24,7 +24,7 @@ def check_placed(dataset: xr.Dataset) -> None:
     """
     if dataset.attrs["complete"] and not dataset.get("object_placed", True):
         message = (
-            "object: the gap never had room for it from the time it appears, so it was not placed; "
+            "object: does not fit: the gap is smaller at all times from its onset on; "
             "take a smaller size, another place or another time"
         )
         raise FileError(message)

@@ -16,7 +16,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.condense.condense import base_stiffness
+from turnout.condense.condense import BlockModel, folded_stiffness, sum_at_rows
+from turnout.core.lru_cache import LRUCache
 from turnout.integrate.integration import History
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailShape
 
@@ -28,6 +29,8 @@ Parts = Sequence[tuple[RailBody, Floats]]
 
 UY, RX, PER_NODE = 1, 3, 6
 PLACE_TOLERANCE = 1e-6
+MOST_PRODUCTS = 256
+"""Products of rows with blocks in memory, the latest used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +48,7 @@ class Motion:
     shapes : dict of str to RailShape
         Way of each switch rail from closed to open.
     seen : dict
-        Rows that were looked at before, of this run at these or at other instants.
+        Rows that were recovered before, of this run at these or at other instants.
     """
 
     rails: dict[str, RailBody]
@@ -58,9 +61,9 @@ class Motion:
 def recover_motion(mechanism: Mechanism, history: History) -> Motion:
     """Collect what the recovery of shapes needs from a run."""
     laws = history.laws
-    slope = np.bincount(laws.row, base_stiffness(laws), mechanism.rows.shape[0])
+    slope = sum_at_rows(laws, folded_stiffness(laws), mechanism.rows.shape[0])
     rails = {body.name: body for body in mechanism.rails}
-    return Motion(rails, history, slope.astype(np.float64), mechanism.shapes)
+    return Motion(rails, history, slope, mechanism.shapes)
 
 
 def force_motion(motion: Motion, shapes: Floats, *, at: Ints | None = None) -> Floats:
@@ -186,19 +189,55 @@ class Seen:
 
 def seen_by(motion: Motion, parts: Parts) -> Seen:
     """Return rows of some rails in terms of what a run has kept."""
-    model = motion.history.model
-    found = []
+    blocks = motion.history.condensed.parts
+    ends = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
+    count = parts[0][1].shape[0]
+    modes, load = np.zeros((count, ends[-1])), np.zeros(count)
+    shapes = np.zeros((count, motion.slope.size))
     for body, rows in parts:
-        own = slice(body.first, body.first + body.count)
-        found.append(
-            (
-                rows @ model.modes[own],
-                rows @ model.residual_shapes[own],
-                rows @ model.residual_load[own],
-            )
-        )
-    modes, shapes, load = (sum(part[1:], start=part[0]) for part in zip(*found, strict=True))
+        number, first = _block_of(blocks, body)
+        part = blocks[number]
+        own = slice(first, first + body.count)
+        of_modes, of_shapes, of_load = _in_block(part.before or part, rows, own)
+        modes[:, ends[number] : ends[number + 1]] += of_modes
+        known = of_shapes.shape[1]
+        shapes[:, part.block.rows[:known]] += of_shapes
+        if known < part.block.rows.size:
+            further = part.model.residual_shapes[own, known:]
+            shapes[:, part.block.rows[known:]] += rows @ further
+        load += of_load
     return Seen(modes, shapes, load)
+
+
+def _block_of(blocks: Sequence[BlockModel], body: RailBody) -> tuple[int, int]:
+    """Return the number of the block of a rail, and where in it its coordinates begin."""
+    for number, part in enumerate(blocks):
+        first = int(np.searchsorted(part.block.coordinates, body.first))
+        if first < part.block.coordinates.size and part.block.coordinates[first] == body.first:
+            return number, first
+    message = f"rail {body.name} is in no block"
+    raise KeyError(message)
+
+
+# Blocks and rows are shared by many throws; both are named by identity and kept beside.
+_products = LRUCache[tuple[tuple[Floats, Floats, Floats], object]](MOST_PRODUCTS)
+
+
+def _in_block(part: BlockModel, rows: Floats, own: slice) -> tuple[Floats, Floats, Floats]:
+    """Return what rows of a rail come to for the modes, row forces and load of its block."""
+    key = (id(part), id(rows), own.start)
+    found = _products.get(key)
+    if found is not None:
+        return found[0]
+    model = part.model
+    made = (
+        rows @ model.modes[own],
+        rows @ model.residual_shapes[own],
+        rows @ model.residual_load[own],
+    )
+    if not rows.flags.writeable:
+        _products.put(key, (made, (part, rows)))
+    return made
 
 
 def seen_motion(motion: Motion, seen: Seen, *, at: Ints | None = None) -> Floats:
@@ -211,17 +250,19 @@ def seen_motion(motion: Motion, seen: Seen, *, at: Ints | None = None) -> Floats
 
 def _motion_at(motion: Motion, parts: Parts, at: Ints) -> Floats:
     """Return what many rows come to at a few instants, by the coordinates of the rails there."""
-    history = motion.history
-    model, laws = history.model, history.laws
+    history, laws = motion.history, motion.history.laws
     force = history.g[at].T * motion.slope[:, np.newaxis]
     np.subtract.at(force, laws.row, history.law_force[at].T)
     np.subtract.at(force, laws.friction_row, history.friction_force[at].T)
-    modal = history.q[at].T
+    modal, blocks = history.q[at].T, history.condensed.parts
+    ends = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
     moved = np.zeros((parts[0][1].shape[0], at.size))
     for body, rows in parts:
-        own = slice(body.first, body.first + body.count)
-        coordinates = model.modes[own] @ modal + model.residual_shapes[own] @ force
-        moved += rows @ (coordinates + model.residual_load[own, np.newaxis])
+        number, first = _block_of(blocks, body)
+        part, own = blocks[number], slice(first, first + body.count)
+        coordinates = part.model.modes[own] @ modal[ends[number] : ends[number + 1]]
+        coordinates += part.model.residual_shapes[own] @ force[part.block.rows]
+        moved += rows @ (coordinates + part.model.residual_load[own, np.newaxis])
     return moved
 
 

@@ -6,7 +6,7 @@ A law with force F resists its own argument; the force on the structure along it
 drives point to +y, rows of stops and objects towards the stock rail, rows of chairs down, and
 those of links are their lengthening.
 
-The books of energy of a run in the terms of the schema. Forces of the fastenings on the switch
+The energy balance of a run in the terms of the schema. Forces of the fastenings on the switch
 rails, from the motion of the rails at their places.
 
 Forces are those of the springs; the share of the dampers, which is small while a switch is thrown,
@@ -31,7 +31,7 @@ from turnout.integrate.energy import (
 )
 from turnout.integrate.integration import History
 from turnout.mechanism.build_rails import fastening_offset
-from turnout.mechanism.machines import slip_force
+from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import Mechanism, RailBody
 from turnout.panel.markers import marker_offsets
 from turnout.panel.model import Panel
@@ -171,7 +171,7 @@ NAMES = ("fastening_force", "fastening_moment")
 
 
 def fastening_signals(panel: Panel, motion: Motion, save: Save) -> dict[str, Variable]:
-    """Return force and moment of every fastening on the switch rails, where they are asked for.
+    """Return force and moment of every fastening on the switch rails, where they are requested.
 
     NaN where a fastening does not hold a rail, or is part of matrices of another program.
     """

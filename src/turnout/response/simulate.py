@@ -12,11 +12,18 @@ from turnout.errors import ResponseError
 from turnout.integrate.integration import Floats, History, integrate
 from turnout.integrate.outcome import NotConverged
 from turnout.integrate.rods import store_rods
+from turnout.integrate.start import PriorMotion
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel, load_panel
-from turnout.panel.markers import marker_offsets, marker_positions
+from turnout.panel.markers import (
+    marker_offsets,
+    marker_positions,
+    movement_time,
+    prior_movement,
+    prior_positions,
+)
 from turnout.response.compilation import must_compile
 from turnout.response.dataset import describe_run, response_dataset
 from turnout.response.save import Save
@@ -36,7 +43,7 @@ def simulate(
     throw: bool = True,
     report: Callable[[int, int], None] | None = None,
 ) -> "xr.Dataset":
-    """Throw a switch from its static equilibrium through its whole schedule.
+    """Throw a switch from where it starts through its whole schedule.
 
     Parameters
     ----------
@@ -45,7 +52,7 @@ def simulate(
     foreign_object : ForeignObject or sequence of them, optional
         What is trapped, in addition to the objects of the panel itself.
     mode : {"waveform", "quick", "quasi-static"}, optional
-        How the throw is looked at: impacts and single chairs; drives, gaps and labels, several
+        What of the throw is resolved: impacts and single chairs; drives, gaps and labels, several
         times as fast; or without inertia. Default "waveform".
     scheme : Scheme, optional
         Numerical choices of your own in place of a mode, such as
@@ -242,6 +249,7 @@ def solve_placed(
         scheme,
         inputs=lambda instants: _markers(panel, instants),
         end=panel.schedule.end,
+        prior=_prior_motion(panel),
         report=report,
     )
     return Solved(
@@ -266,6 +274,7 @@ def compile_kernels(*, machines: bool = False) -> None:
     moments = {"throw.start": 0.0, "throw.duration": 0.01, "return.start": 0.02}
     changes: dict[str, object] = {f"movement.{key}": value for key, value in moments.items()}
     changes |= {"movement.return.duration": 0.01, "movement.return.extra_time": {"2": 0.0}}
+    changes["schedule.loaded"] = True
     if machines:
         changes["drive.1.machine"] = "sb3"
     panel = load_panel("sb1").with_overrides({**changes, "schedule.end": 0.03})
@@ -274,12 +283,25 @@ def compile_kernels(*, machines: bool = False) -> None:
         Scheme(),
         inputs=lambda instants: _markers(panel, instants),
         end=panel.schedule.end,
+        prior=_prior_motion(panel),
     )
 
 
 def _markers(panel: LoadedPanel, instants: Floats) -> Floats:
     """Return marker positions from the stress-free position of the rails [m]."""
     return marker_positions(panel, instants) + marker_offsets(panel)[:, np.newaxis]
+
+
+def _prior_motion(panel: LoadedPanel) -> PriorMotion | None:
+    """Return the movement that a loaded start follows; None for any other start."""
+    movement = prior_movement(panel)
+    if movement is None:
+        return None
+    offsets = marker_offsets(panel)[:, np.newaxis]
+    return PriorMotion(
+        max(movement_time(movement, drive) for drive in panel.drive),
+        lambda instants: prior_positions(panel, movement, instants) + offsets,
+    )
 
 
 def _as_objects(

@@ -175,14 +175,16 @@ CHANNELS: Mapping[str, Channel] = _table(
         "change of potential in contacts, bushings, links and sticking feet",
         "stored",
     ),
-    Channel("energy_gravity", ("time",), "J", "change of potential of the weight", "stored"),
+    Channel(
+        "energy_gravity", ("time",), "J", "change of the potential energy of the weight", "stored"
+    ),
     Channel("energy_friction", ("time",), "J", "dissipated by sliding", "taken out"),
     Channel("energy_damping", ("time",), "J", "dissipated by dampers", "taken out"),
     Channel(
         "energy_object_switched",
         ("time",),
         "J",
-        "brought in where an object is placed or removed",
+        "added where an object is placed or removed",
         "put in",
     ),
     Channel("energy_supply", ("time",), "J", "from the supply of the machines", "put in"),
@@ -196,8 +198,8 @@ CHANNELS: Mapping[str, Channel] = _table(
     Channel("energy_machine", ("time",), "J", "change in coils, inertias and clutches", "stored"),
     Channel("work_rods", ("time",), "J", "work of the machines on their rods", "put in"),
     Channel("energy_numerical", ("time",), "J", "lost by the time stepping", "taken out"),
-    Channel("energy_residual", ("time",), "J", "left over when the books are closed"),
-    Channel("object_placed", (), "1", "whether there was room for every object", kind="logical"),
+    Channel("energy_residual", ("time",), "J", "residual of the energy balance"),
+    Channel("object_placed", (), "1", "whether every object fits into the gap", kind="logical"),
     Channel("object_touched", (), "1", "whether a rail reached a foreign object", kind="logical"),
     Channel("contact_time", (), "s", "first contact with a foreign object", "forward"),
     Channel("object_contact_time", ("object",), "s", "first contact with each object", "forward"),
@@ -212,6 +214,8 @@ CHANNELS: Mapping[str, Channel] = _table(
     Channel(
         "throw_time", ("drive", "direction"), "s", "from the contactor to the cut-off", "forward"
     ),
+    Channel("mean_current", ("drive", "direction"), "A", "mean of the motor current after inrush"),
+    Channel("end_current", ("drive", "direction"), "A", "motor current before the cut-off"),
     Channel("least_flangeway", (), "m", "least flangeway at the end of a movement", "open"),
     Channel("least_flangeway_x", (), "m", "place of the least flangeway", "towards the heel"),
     Channel("least_flangeway_rail", (), "1", "rail of the least flangeway", kind="text"),
@@ -245,11 +249,19 @@ MEASURED = frozenset(
 OF_MACHINES = frozenset(
     {
         *("drive_voltage", "drive_power", "motor_speed", "clutch_slip", "clutch_heat"),
-        *("drive_state", "throw_time", "energy_supply", "energy_copper", "energy_line"),
+        *(
+            "drive_state",
+            "throw_time",
+            "mean_current",
+            "end_current",
+            "energy_supply",
+            "energy_copper",
+            "energy_line",
+        ),
         *("energy_brush", "energy_motor_friction", "energy_gear", "energy_machine", "work_rods"),
     }
 )
-# Made only where a run is asked for them.
+# Made on request only.
 ON_REQUEST = frozenset({"fastening_force", "fastening_moment"})
 OPTIONAL = MEASURED | OF_MACHINES | ON_REQUEST | {"single_object_force", "object_contact_time"}
 

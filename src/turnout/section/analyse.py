@@ -125,7 +125,7 @@ def analyse_outlines(
         msg = f"Poisson's ratio lies above -1 and is at most 0.5, not {poisson_ratio:g}"
         raise MechanicsError(msg)
     if refinements < 1:
-        msg = f"refinements must be at least 1 to tell the error, not {refinements}"
+        msg = f"refinements must be at least 1 to estimate the error, not {refinements}"
         raise MechanicsError(msg)
     rows = []
     for outline in outlines:

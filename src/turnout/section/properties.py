@@ -101,7 +101,7 @@ def interpolate_sections(
     properties : SectionProperties
         n entries, one a station.
     x : array_like, shape (m,)
-        Positions asked for [m].
+        Positions, anywhere along the rail [m].
 
     Returns
     -------

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from turnout.errors import MechanicsError
 from turnout.section.outline import Outline, make_outline
-from turnout.section.taper import PlanedSection, Planing, planed_sections
+from turnout.section.taper import PlanedOutline, Planing, planed_sections
 
 _METRES = {"mm": 1e-3, "m": 1.0}
 _FOLDER = "outlines"
@@ -104,7 +104,7 @@ def load_rail_outline(name: str) -> RailOutline:
 
 def planed_rail(
     name: str, *, running_edge_offsets: npt.ArrayLike, least_thickness: float | None = None
-) -> list[PlanedSection]:
+) -> list[PlanedOutline]:
     """Cut a switch rail of the library beside the stock rail that its file names.
 
     Parameters
@@ -118,7 +118,7 @@ def planed_rail(
 
     Returns
     -------
-    list of PlanedSection, length n
+    list of PlanedOutline, length n
 
     Raises
     ------

@@ -2,7 +2,7 @@ r"""Torsion and shear of a section by quadratic finite elements.
 
 Torsion and shear of a section are both Neumann problems of the Laplacian, so one factorisation
 serves all of them. The triangles are those of a constrained Delaunay triangulation of the densified
-outline, each divided into four as often as asked for; even the thinnest web then has elements
+outline, each divided into four as often as requested; even the thinnest web then has elements
 across it.
 
 **Torsion** (Saint-Venant) gives the torsion constant, the shear centre and the warping constant. A
@@ -85,7 +85,7 @@ class SectionMesh:
     Parameters
     ----------
     basis : skfem.Basis
-        Quadratic triangles.
+        Quadratic triangles with quadrature of order 4.
     y, z : ndarray, shape (n_elements, n_points)
         Quadrature points, from the section's centroid [m].
     weight : ndarray, shape (n_elements, n_points)

@@ -69,7 +69,7 @@ class Planing:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PlanedSection:
+class PlanedOutline:
     """One cut through a planed rail.
 
     Parameters
@@ -95,7 +95,7 @@ class PlanedSection:
 
 def planed_section(
     switch_rail: Outline, stock_rail: Outline, *, running_edge_offset: float, planing: Planing
-) -> PlanedSection:
+) -> PlanedOutline:
     """Cut a switch rail at one place along it.
 
     Parameters
@@ -109,7 +109,7 @@ def planed_section(
 
     Returns
     -------
-    PlanedSection
+    PlanedOutline
         The largest piece that is left, and the areas of the others.
 
     Raises
@@ -144,7 +144,7 @@ def planed_section(
     whole = pieces[0]
     thick = _remove_thin(whole, thickness=planing.least_thickness)
     tidy = shapely.set_precision(thick.simplify(_SMALLEST_EDGE), _SMALLEST_EDGE)
-    return PlanedSection(
+    return PlanedOutline(
         running_edge_offset=offset,
         outline=outline_of(_split_pieces(tidy, smallest=0.0)[0]),
         stock_rail=beside,
@@ -159,7 +159,7 @@ def planed_sections(
     *,
     running_edge_offsets: npt.ArrayLike,
     planing: Planing,
-) -> list[PlanedSection]:
+) -> list[PlanedOutline]:
     """Cut a switch rail at several places; see `planed_section`.
 
     Parameters
@@ -173,7 +173,7 @@ def planed_sections(
 
     Returns
     -------
-    list of PlanedSection, length n
+    list of PlanedOutline, length n
     """
     return [
         planed_section(switch_rail, stock_rail, running_edge_offset=float(offset), planing=planing)

@@ -20,7 +20,7 @@ class Axis:
     Attributes
     ----------
     names : tuple of str
-        Variables.
+        Variables that change together along this axis.
     rows : tuple of tuple
         A value for each of them, in SI.
     """

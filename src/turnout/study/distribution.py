@@ -87,7 +87,7 @@ class Choice:
     Attributes
     ----------
     values : tuple of float, str or bool
-        In SI.
+        At least one, numbers in SI.
     weights : tuple of float
         One a value, more than 0 [-].
     """
@@ -161,7 +161,7 @@ def parameter_faults(kind: str, parameters: Parameters) -> list[tuple[str, str]]
         return faults
     share = np.diff(_truncation_shares(kind, parameters))[0]
     if not share > 1e-6:
-        faults.append(("minimum", " and `maximum`: next to nothing of the distribution is between"))
+        faults.append(("minimum", " and `maximum`: almost no probability lies between them"))
     return faults
 
 

@@ -219,7 +219,7 @@ def read_fields(parsed: ParsedStudy, record: StudyRecord) -> list[RandomField]:
             continue
         variable, law = read
         if variable.name in {*parsed.variables, *(known.name for known in fields_read)}:
-            text = f': something named "{variable.name}" is there already; give it another `name`'
+            text = f': the name "{variable.name}" is already used; give it another `name`'
             parsed.add_problem(where, text)
             continue
         family, _, below = item.key.partition(".")
@@ -262,7 +262,7 @@ def read_law_of_temperature(parsed: ParsedStudy, record: StudyRecord) -> Tempera
         parsed.add_problem(where, ': needs a variable with key = "temperature"')
     try:
         if not values_at(parsed.panel, given.key) or value_kind(parsed.panel, given.key) is str:
-            parsed.add_problem(where, f'.key = "{given.key}": has nothing that could be multiplied')
+            parsed.add_problem(where, f'.key = "{given.key}": has no number that can be multiplied')
     except (ValueError, KeyError, AttributeError, TypeError):
         parsed.add_problem(where, f'.key = "{given.key}": matches nothing in this panel')
     linear = given.reference is not None and given.coefficient is not None
@@ -307,7 +307,7 @@ def sampling_faults(method: str, count: int, drawn: int, with_fields: bool) -> l
         faults.append(f"{where}: at most {MOST_SCENARIOS}")
     if method == "saltelli" and with_fields:
         faults.append(
-            'sampling.method = "saltelli": fields are chance of their own; leave them out'
+            'sampling.method = "saltelli": it cannot sample random fields; leave them out'
         )
     if method != "random" and not drawn:
         faults.append(f"sampling.method = \"{method}\": no variable is drawn; use 'random'")
@@ -323,7 +323,7 @@ def read_pairs(
         where = f"correlation {number}.between"
         unknown = [name for name in item.between if name not in names]
         for name in unknown:
-            text = f": is no drawn variable{nearest(name, names)}; there are {choices(names)}"
+            text = f": is not a drawn variable{nearest(name, names)}; there are {choices(names)}"
             parsed.add_problem(where, f' = "{name}"{text}')
         first, second = item.between
         if first == second:

@@ -70,7 +70,7 @@ class StudyParts:
 
 
 def read_record(file: TomlFile) -> tuple[StudyRecord, list[str]]:
-    """Make the record of a study file, without the keys that are unknown, which it tells.
+    """Make the record of a study file, without the keys that are unknown, which it lists.
 
     Raises
     ------
@@ -178,7 +178,7 @@ def scheme_for(scheme: Scheme, output: Output) -> Scheme:
     Parameters
     ----------
     scheme : Scheme
-        Numerical choices.
+        Scheme of the study, with or without an output interval.
     output : Output
         With the rate that is wanted.
 
@@ -242,7 +242,7 @@ def _read_rule(parsed: ParsedStudy, record: StudyRecord) -> Rule | None:
     own = [axis for axis in parsed.axes if axis.names == (given.increase,)]
     if not own:
         names = [axis.names[0] for axis in parsed.axes if len(axis.names) == 1]
-        text = f": is no variable with values{nearest(given.increase, names)}"
+        text = f": is not a variable with values{nearest(given.increase, names)}"
         parsed.add_problem(
             "rule.increase", f' = "{given.increase}"{text}; there are {choices(names)}'
         )

@@ -1,6 +1,6 @@
 """Points of the unit cube: one a state of the switch, one coordinate a variable.
 
-Every method gives the same points for the same seed whatever was asked for before. Points of
+Every method gives the same points for the same seed whatever was requested before. Points of
 "random" are drawn one by one, so that more of them leave the earlier ones as they were; the others
 fill the cube evenly and are known only together.
 """
@@ -52,7 +52,7 @@ def sample_point(method: str, *, count: int, dimensions: int, seed: int, state: 
     count, dimensions, seed : int
         Of the design.
     state : int
-        From 0.
+        Number of the state, from 0 to count - 1.
 
     Returns
     -------

@@ -10,7 +10,7 @@ Value = float | str | bool
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """One throw of a study, the same whatever was asked for before it.
+    """One throw of a study, the same whatever was requested before it.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Rule:
     at_least: float = 0.0
 
     def stops(self, labels: Mapping[str, object]) -> bool:
-        """Tell whether the rest of a chain is left out after a throw.
+        """Return whether the rest of a chain is left out after a throw.
 
         Parameters
         ----------

@@ -33,11 +33,11 @@ class Study:
     Attributes
     ----------
     name, description : str
-        For people.
+        Free texts that results are labelled with.
     panel : LoadedPanel
         With what the study sets in every throw.
     scheme : Scheme
-        Numerical choices.
+        Step [s], cut-off [Hz] and tolerances of every throw.
     output : Output
         What is kept.
     seed : int
@@ -47,7 +47,7 @@ class Study:
     variables : mapping of str to Variable
         By name, in the order of the design.
     fields : tuple of RandomField
-        Values that scatter along the switch, anew in each state.
+        Values that scatter along the switch, drawn again in each state.
     law : TemperatureLaw, optional
         What temperature does.
     rule : Rule, optional
@@ -56,7 +56,7 @@ class Study:
         Variables whose equal values stay together when data are split; without any it is the
         drawn state.
     remarks : tuple of str
-        What its author should look at, such as a calibration of another panel.
+        What its author should check, such as a calibration of another panel.
     """
 
     name: str
@@ -100,12 +100,12 @@ class Study:
         return found
 
     def scenario(self, index: int) -> Scenario:
-        """Return a scenario by its number, the same whatever was asked for before.
+        """Return a scenario by its number, the same whatever was requested before.
 
         Parameters
         ----------
         index : int
-            From 0.
+            Number of the scenario, from 0 to `count` - 1.
 
         Raises
         ------

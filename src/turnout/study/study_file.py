@@ -86,7 +86,7 @@ class RuleRecord(Record):
 
     increase: str = Field(description="the variable that grows along a chain")
     until: Literal["a drive slips"] = Field("a drive slips", description="what ends a chain")
-    at_least: Number | None = Field(None, description="values up to here are thrown in any case")
+    at_least: Number | None = Field(None, description="values up to here are simulated in any case")
 
 
 class OutputRecord(Record):
@@ -110,7 +110,7 @@ class StudyRecord(Record):
     calibration: str | None = Field(
         None, description="path of a calibration from this file; its values are put in the panel"
     )
-    seed: int = Field(0, ge=0, lt=2**63, description="of all that is left to chance")
+    seed: int = Field(0, ge=0, lt=2**63, description="seed of all random numbers")
     set: dict[str, Any] = Field({}, description="values of the panel that differ in every throw")
     variable: list[VariableRecord] = []
     together: list[TogetherRecord] = []

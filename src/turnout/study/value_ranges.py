@@ -67,13 +67,13 @@ def limit_faults(
     ranges : mapping
         From `value_ranges`.
     variables : mapping of str to Variable
-        By name.
+        What varies, by its name in the study.
     fields : iterable of RandomField
         Tried at both ends of their distribution.
     law : TemperatureLaw or None
         Tried at the least and the largest temperature.
     whole : bool
-        Whether nothing is missing, so that what an object lacks may be told.
+        Whether nothing is missing, so that what an object lacks may be named.
     """
     problems = []
     for name, values in ranges.items():

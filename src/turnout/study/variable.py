@@ -88,7 +88,7 @@ def _read_number(value: object) -> float:
 
 
 def value_kind(panel: LoadedPanel, key: str, *, factor: bool = False) -> Dimension | type:
-    """Tell what the values of a key are; ValueError where nothing of that name can vary.
+    """Return what the values of a key are; ValueError where nothing of that name can vary.
 
     A list, such as the gaps of `rail.fit_gap.value`, can be multiplied as a whole by a factor, but
     not be set.
@@ -114,7 +114,7 @@ def value_kind(panel: LoadedPanel, key: str, *, factor: bool = False) -> Dimensi
 
 
 def _kind_of_field(info: Any, *, factor: bool) -> Dimension | type | None:
-    """Tell what a field takes; None where that is no single value, nor a list to be multiplied."""
+    """Return what a field takes; None where it is no single value, nor a list to be multiplied."""
     forms = {typing.get_origin(form) or form for form in _alternatives(info.annotation)}
     dimension = dimension_of(info)
     if forms & {list, tuple}:
@@ -208,7 +208,7 @@ def apply_factors(
         for full, own in values_at(panel, key).items():
             family, _, *below = full.split(".")
             broad = result.get(".".join((family, *below)), own)
-            changed[full] = _times(result.get(full, broad), factor)
+            changed[full] = _scaled(result.get(full, broad), factor)
         # One value for a whole family is written as one, unless a member has an own one already.
         alike = key not in changed and len(set(changed.values())) == 1
         if alike and not any(full in result for full in changed):
@@ -217,7 +217,7 @@ def apply_factors(
     return result
 
 
-def _times(value: Any, factor: float) -> Any:
+def _scaled(value: Any, factor: float) -> Any:
     """Multiply a number, or each of a list."""
     if isinstance(value, tuple):
         return tuple(float(item) * factor for item in value)

@@ -36,7 +36,7 @@ class ParsedStudy:
     panel : LoadedPanel
         Whose keys and limits the variables must keep to.
     variables : dict
-        By name.
+        Variables read so far, by name.
     axes, drawn : list
         Of the design.
     problems : list of str
@@ -112,12 +112,12 @@ def _add_variable(parsed: ParsedStudy, record: VariableRecord, *, where: str) ->
         and kind is not float
         and (not isinstance(kind, Dimension) or "object." in record.key)
     ):
-        parsed.add_problem(where, f'.factor: "{record.key}" has nothing that could be multiplied')
+        parsed.add_problem(where, f'.factor: "{record.key}" has no number that can be multiplied')
         return None
     name = record.name or (f"{record.key}.factor" if record.factor else record.key)
     if name in parsed.variables:
         parsed.add_problem(
-            where, f': a variable named "{name}" is there already; give one another `name`'
+            where, f': the name "{name}" is already used; give one of them another `name`'
         )
         return None
     variable = Variable(name=name, key=record.key, kind=kind, factor=record.factor)
@@ -228,7 +228,7 @@ def _read_parameters(
         if value is None:
             if name in needed:
                 parsed.add_problem(
-                    where, f".{name}: is missing for distribution {record.distribution!r}"
+                    where, f".{name}: is required for distribution {record.distribution!r}"
                 )
             continue
         if name not in (*needed, *optional):

@@ -357,7 +357,8 @@ def _stack(
             shape = [max(n, m) for n, m in zip(shape, variable[1].shape, strict=True)]
     kind = like[1].dtype
     logical = kind.kind == "b"
-    dtype, empty = (np.dtype(np.int8), UNKNOWN_LOGICAL) if logical else (kind, np.nan)
+    whole = kind.kind in "bi"  # states of machines are -1 without a machine too
+    dtype, empty = (np.dtype(np.int8), UNKNOWN_LOGICAL) if whole else (kind, np.nan)
     values = np.full((len(found), *shape), empty, dtype=dtype)
     for number, variable in enumerate(found):
         if variable is not None:

@@ -15,7 +15,7 @@ import xarray as xr
 
 from turnout.errors import FileError, ResponseError
 from turnout.metric.sensitivity import (
-    Output,
+    NumericOutput,
     OutputEffects,
     SobolIndex,
     first_order_index,
@@ -127,7 +127,7 @@ def sweep_effects(
     return [_output_effects(labels, output, inputs) for output in outputs]
 
 
-def _output_effects(labels: xr.Dataset, output: Output, inputs: list[str]) -> OutputEffects:
+def _output_effects(labels: xr.Dataset, output: NumericOutput, inputs: list[str]) -> OutputEffects:
     design = json.loads(labels.attrs["design"])
     effects = tuple(main_effect(labels[name], output.values) for name in inputs)
     if design["method"] != "saltelli":

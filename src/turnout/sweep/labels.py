@@ -9,12 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import Mechanism
 from turnout.metric.features import FEATURES, run_features
 from turnout.metric.slip import Span
 from turnout.panel.load import LoadedPanel
 from turnout.response.labels import control_states, force_margins
-from turnout.response.route import throws
+from turnout.response.route import Throw
 from turnout.response.signals import Variable
 
 Floats = NDArray[np.float64]
@@ -49,6 +50,8 @@ class ThrowSignals:
         Histories at the rate of the study.
     end_gaps : tuple of ndarray
         At drives and sensors at the end, shapes (n_drives, 1) and (n_sensors, 1) [m].
+    moved : tuple of Throw
+        The movements as they were made.
     """
 
     panel: LoadedPanel
@@ -57,6 +60,7 @@ class ThrowSignals:
     signals: Variables
     kept: Variables
     end_gaps: tuple[Floats, Floats]
+    moved: tuple[Throw, ...]
 
 
 def compute_labels(runs: Sequence[ThrowSignals]) -> list[Variables]:
@@ -75,7 +79,7 @@ def compute_labels(runs: Sequence[ThrowSignals]) -> list[Variables]:
     list of dict
         In the same order.
     """
-    spans = [_movement_spans(item.panel) for item in runs]
+    spans = [_movement_spans(item.moved) for item in runs]
     alike: dict[tuple[object, ...], list[int]] = {}
     for number, item in enumerate(runs):
         key = (spans[number], item.time.size, float(item.time[-1]), len(item.panel.drive))
@@ -90,8 +94,8 @@ def compute_labels(runs: Sequence[ThrowSignals]) -> list[Variables]:
     return found
 
 
-def _movement_spans(panel: LoadedPanel) -> tuple[Span, ...]:
-    return tuple(Span(item.name, item.to, item.start, item.end) for item in throws(panel))
+def _movement_spans(moved: Sequence[Throw]) -> tuple[Span, ...]:
+    return tuple(Span(item.name, item.to, item.start, item.end) for item in moved)
 
 
 def _drive_features(runs: Sequence[ThrowSignals], spans: tuple[Span, ...]) -> list[Variables]:
@@ -101,7 +105,7 @@ def _drive_features(runs: Sequence[ThrowSignals], spans: tuple[Span, ...]) -> li
         np.concatenate([item.signals["drive_force"][1] for item in runs]).astype(np.float64),
         spans=spans,
         limits=np.array(
-            [drive.saturation_force for item in runs for drive in item.panel.drive.values()]
+            [slip_force(item.panel, name) for item in runs for name in item.panel.drive]
         ),
         travel=np.concatenate([item.signals["drive_displacement"][1] for item in runs]).astype(
             np.float64
@@ -124,6 +128,7 @@ def _state_labels(item: ThrowSignals) -> Variables:
         slipping=item.signals["drive_slipping"][1][:, -1:].astype(np.bool_),
         drive_gap=drive_gap,
         sensor_gap=sensor_gap if sensor_gap.size else None,
+        moved=item.moved,
     )
     found: Variables = {
         "force_margin": (("drive", "direction"), margins),

@@ -20,6 +20,7 @@ from turnout.integrate.outcome import Code
 from turnout.panel.foreign_object import PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.response.dataset import coordinates_of, response_channels
+from turnout.response.drives import machine_signals, machine_slips, moved_throws
 from turnout.response.gaps import drive_and_sensor_gaps
 from turnout.response.labels import contact_labels, flangeway_labels
 from turnout.response.recovery import Motion, recover_motion
@@ -53,6 +54,9 @@ UNCHANGED_LABELS = (
     "least_flangeway_x",
 )
 """Stored of each throw as they are."""
+
+MACHINE_LABELS = ("throw_time", "mean_current", "end_current")
+"""Stored likewise where drives are machines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,6 +235,9 @@ def extract_signals(study: Study, panel: LoadedPanel, solved: Solved) -> ThrowSi
     given, every, stride = (panel, solved.mechanism), solved.history, output_stride(study)
     signals = drive_signals(*given, every) | object_signals(solved.mechanism, every)
     signals |= contact_labels(solved.mechanism, every)
+    machine_slips(every, np.asarray(signals["drive_slipping"][1]))
+    signals |= machine_signals(panel, every)
+    moved = moved_throws(panel, every)
     wanted = study.output.channels
     sparse = select_instants(every, slice(None, None, stride))
     kept = {
@@ -239,7 +246,7 @@ def extract_signals(study: Study, panel: LoadedPanel, solved: Solved) -> ThrowSi
         if name in wanted and "time" in dims
     }
     motion = recover_motion(solved.mechanism, every)
-    signals |= flangeway_labels(panel, motion, every.time)
+    signals |= flangeway_labels(panel, motion, every.time, moved)
     gaps = [name for name in ("drive_gap", "sensor_gap") if name in wanted]
     found = _gap_signals(panel, replace(motion, history=sparse)) if gaps else None
     if found is not None:
@@ -252,7 +259,7 @@ def extract_signals(study: Study, panel: LoadedPanel, solved: Solved) -> ThrowSi
         found = _gap_signals(panel, replace(motion, history=last))
     ends = float_values(found["drive_gap"])[:, -1:], float_values(found["sensor_gap"])[:, -1:]
     small = {name: (dims, _to_single_precision(values)) for name, (dims, values) in kept.items()}
-    return ThrowSignals(panel, solved.mechanism, every.time, signals, small, ends)
+    return ThrowSignals(panel, solved.mechanism, every.time, signals, small, ends, moved)
 
 
 def _gap_signals(panel: LoadedPanel, motion: Motion) -> Variables:
@@ -280,6 +287,7 @@ def make_rows(throws: Sequence[ThrowResult]) -> list[Row]:
         variables = {
             **extracted.kept,
             **{name: extracted.signals[name] for name in UNCHANGED_LABELS},
+            **{name: v for name in MACHINE_LABELS if (v := extracted.signals.get(name))},
             **next(made),
         }
         coordinates = coordinates_of(
@@ -312,7 +320,9 @@ def select_instants(history: History, index: NDArray[np.int64] | slice) -> Histo
     A slice copies nothing.
     """
     names = ("time", "inputs", "q", "g", "law_force", "friction_force", "stored", "ledger")
-    return replace(history, **{name: getattr(history, name)[index] for name in names})
+    machines = history.machines.select(index) if history.machines is not None else None
+    found = {name: getattr(history, name)[index] for name in names}
+    return replace(history, **found, machines=machines)
 
 
 def output_stride(study: Study) -> int:

@@ -63,7 +63,7 @@ class ChannelResult:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class Acceptance:
     """What a validation came to.
 
     Attributes
@@ -102,7 +102,7 @@ class Verdict:
             return "NOT VALID: " + "; ".join(self.reasons)
         if not self.held_back:
             return (
-                "NOT VALIDATED: the fit has seen every movement, so this only tells that it fits; "
+                "NOT VALIDATED: the fit has seen every movement, so this only shows that it fits; "
                 "leave some out with `turnout calibrate --exclude MOVEMENT`"
             )
         return (
@@ -112,7 +112,7 @@ class Verdict:
         )
 
 
-def judge(validation: xr.Dataset) -> Verdict:
+def judge(validation: xr.Dataset) -> Acceptance:
     """Judge predictions of movements that the fit has not seen.
 
     Parameters
@@ -122,7 +122,7 @@ def judge(validation: xr.Dataset) -> Verdict:
 
     Returns
     -------
-    Verdict
+    Acceptance
         Accepted where the band of 95 % covers at least 80 % of the measurement, and each channel
         is off by at most three times its spread of repeats. Where the fit has seen every movement
         all are judged, and nothing is accepted.
@@ -143,7 +143,7 @@ def judge(validation: xr.Dataset) -> Verdict:
             f"the band of 95 % covers {100 * cover:.0f} % of the measurement, less than "
             f"{100 * LEAST_COVER:.0f} %"
         )
-    return Verdict(
+    return Acceptance(
         channels=results,
         judged=int(chosen.size),
         used=int(used.sum()),
@@ -204,12 +204,12 @@ def _worst(part: xr.Dataset) -> tuple[str, ...]:
     return tuple(found)
 
 
-def verdict_lines(verdict: Verdict) -> list[str]:
+def acceptance_lines(verdict: Acceptance) -> list[str]:
     """Return a table for the screen: a line a channel, then what is furthest off.
 
     Parameters
     ----------
-    verdict : Verdict
+    verdict : Acceptance
         From `judge`.
     """
     lines = [
@@ -246,14 +246,14 @@ def _pair(error: tuple[float, float], factor: float, unit: str) -> str:
 _UNITS = {"contact": "s", "slope": "N/s", "peak": "N", "plateau": "N"}
 
 
-def page_text(validation: xr.Dataset, verdict: Verdict, *, figures: list[str]) -> str:
+def page_text(validation: xr.Dataset, verdict: Acceptance, *, figures: list[str]) -> str:
     """Return a page in Markdown.
 
     Parameters
     ----------
     validation : xarray.Dataset
         From `validate`.
-    verdict : Verdict
+    verdict : Acceptance
         From `judge`.
     figures : list of str
         File names beside the page.

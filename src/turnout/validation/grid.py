@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.evaluate import Response
-from turnout.calibration.measured_movements import BIN, Movement, Signal
+from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
 from turnout.calibration.predict import predicted
 
 Floats = NDArray[np.float64]
@@ -33,7 +33,7 @@ class Grid:
     bins: NDArray[np.intp]
 
     @classmethod
-    def of(cls, movements: Sequence[Movement]) -> "Grid":
+    def of(cls, movements: Sequence[MeasuredMovement]) -> "Grid":
         """Return the grid from the onset to the end of the longest movement."""
         names = dict.fromkeys(channel_of(s) for item in movements for s in item.signals)
         time = movements[0].signals[0].time
@@ -42,7 +42,7 @@ class Grid:
         ordered = sorted(names, key=lambda name: (name == OBJECT, name))
         return cls(tuple(ordered), time[bins], bins)
 
-    def measured(self, movements: Sequence[Movement]) -> Floats:
+    def measured(self, movements: Sequence[MeasuredMovement]) -> Floats:
         """Return means over bins, shape (n_channels, n_movements, n); NaN where there are none."""
         found = self._empty(movements)
         for number, item in enumerate(movements):
@@ -53,7 +53,11 @@ class Grid:
         return found
 
     def predicted(
-        self, movements: Sequence[Movement], responses: Sequence[Response], *, shifts: Floats
+        self,
+        movements: Sequence[MeasuredMovement],
+        responses: Sequence[Response],
+        *,
+        shifts: Floats,
     ) -> Floats:
         """Return the same of simulations, also where nothing was measured.
 
@@ -75,10 +79,10 @@ class Grid:
                 found[row, number] = np.where(inside, values, np.nan)
         return found
 
-    def _empty(self, movements: Sequence[Movement]) -> Floats:
+    def _empty(self, movements: Sequence[MeasuredMovement]) -> Floats:
         return np.full((len(self.channels), len(movements), self.time.size), np.nan)
 
-    def _inside(self, item: Movement) -> NDArray[np.bool_]:
+    def _inside(self, item: MeasuredMovement) -> NDArray[np.bool_]:
         return np.asarray(self.time + 0.5 * BIN <= item.length)
 
 

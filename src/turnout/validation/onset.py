@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.evaluate import Response
-from turnout.calibration.measured_movements import Movement
+from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.predict import predicted
 
 Floats = NDArray[np.float64]
@@ -25,13 +25,13 @@ BEFORE, CLEARANCE, LEAST = 0.3, 0.1, 0.3
 MISSED = 0.01
 
 
-def onset_shifts(movements: Sequence[Movement], responses: Sequence[Response]) -> Floats:
+def onset_shifts(movements: Sequence[MeasuredMovement], responses: Sequence[Response]) -> Floats:
     """Return how much later than marked each movement began.
 
     Parameters
     ----------
-    movements : sequence of Movement
-        As observed.
+    movements : sequence of MeasuredMovement
+        From `observe`; onsets without motor current are searched.
     responses : sequence of Response
         Of the model, one each.
 
@@ -54,7 +54,7 @@ def onset_shifts(movements: Sequence[Movement], responses: Sequence[Response]) -
     return found
 
 
-def _shift(item: Movement, response: Response) -> float:
+def _shift(item: MeasuredMovement, response: Response) -> float:
     """Return the shift that makes the free part of one movement fit best; NaN where there is none.
 
     The free part ends where the model touches the object, on a clock that may be off itself.

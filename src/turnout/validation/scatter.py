@@ -1,4 +1,4 @@
-"""What differs from throw to throw although nobody changed anything, found from repeats."""
+"""What differs from throw to throw although nothing was changed, found from repeats."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class Direction:
     Attributes
     ----------
     name : str
-        For texts.
+        Name in texts and tables, such as "chair.friction_coefficient".
     slope : ndarray, shape (n_channels, n_movements, n_times)
         Of the forces with it [N/its unit].
     expected : float
@@ -31,7 +31,7 @@ class Direction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Scatter:
+class ThrowScatter:
     """Standard deviations from throw to throw, and what they make of forces.
 
     Attributes
@@ -58,7 +58,7 @@ def scatter_of(
     *,
     groups: Sequence[Sequence[int]],
     noise: Floats,
-) -> Scatter:
+) -> ThrowScatter:
     """Find from repeats how much each direction differs from throw to throw.
 
     The difference of each repeat from the mean of its like is written as a sum of the directions;
@@ -78,7 +78,7 @@ def scatter_of(
 
     Returns
     -------
-    Scatter
+    ThrowScatter
 
     Examples
     --------
@@ -115,7 +115,7 @@ def scatter_of(
     ).copy()
     for size, item in zip(sizes, directions, strict=True):
         variance += (size * item.slope) ** 2
-    return Scatter(
+    return ThrowScatter(
         sizes={item.name: float(size) for item, size in zip(directions, sizes, strict=True)},
         rest=np.maximum(rest, noise),
         variance=variance,

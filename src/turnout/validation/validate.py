@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.calibration.evaluate import Evaluator, Throw
+from turnout.calibration.evaluate import Evaluator, ThrowInputs
 from turnout.calibration.linearisation import stepped_value
-from turnout.calibration.measured_movements import BIN, Movement, observe
+from turnout.calibration.measured_movements import BIN, MeasuredMovement, observe
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.requirements import exclude_oversized_objects
@@ -31,7 +31,7 @@ from turnout.panel.load import LoadedPanel
 from turnout.schema.channels import SCHEMA_VERSION
 from turnout.validation.grid import DRIVE, OBJECT, Grid
 from turnout.validation.onset import onset_shifts
-from turnout.validation.scatter import Direction, Scatter, scatter_of
+from turnout.validation.scatter import Direction, ThrowScatter, scatter_of
 
 Floats = NDArray[np.float64]
 # 95 % of a normal distribution lie within so many standard deviations.
@@ -71,7 +71,7 @@ def validate(
     Parameters
     ----------
     dataset : xarray.Dataset
-        A built campaign.
+        From `build_campaign`, with dimensions movement and time.
     panel : LoadedPanel
         As it was before the calibration.
     calibration : Calibration
@@ -144,9 +144,12 @@ def _used(calibration: Calibration) -> list[str]:
 
 
 def _model(
-    movements: Sequence[Movement], grid: Grid, calibration: Calibration, evaluator: Evaluator
+    movements: Sequence[MeasuredMovement],
+    grid: Grid,
+    calibration: Calibration,
+    evaluator: Evaluator,
 ) -> _Model:
-    """Throw all movements at the calibrated values and a step aside for each parameter."""
+    """Simulate all movements at the calibrated values and one step away for each parameter."""
     values = calibration.overrides
     steps: dict[str, float] = {}
     settings: list[dict[str, float]] = [values]
@@ -155,7 +158,7 @@ def _model(
         steps[item.name] = aside - item.value
         settings.append({**values, **dict.fromkeys(item.keys, aside)})
     throws = [
-        Throw(overrides=overrides, place=item.place, size=item.size)
+        ThrowInputs(overrides=overrides, place=item.place, size=item.size)
         for overrides in settings
         for item in movements
     ]
@@ -214,7 +217,7 @@ def _of_parameters(model: _Model, calibration: Calibration) -> Floats:
     return np.asarray(found, dtype=np.float64)
 
 
-def _noise(movements: Sequence[Movement], grid: Grid) -> Floats:
+def _noise(movements: Sequence[MeasuredMovement], grid: Grid) -> Floats:
     known = {
         f"{DRIVE}{drive}" if drive else OBJECT: noise.total
         for (_, drive), noise in measured_noise(movements).items()
@@ -222,7 +225,7 @@ def _noise(movements: Sequence[Movement], grid: Grid) -> Floats:
     return np.array([known[name] for name in grid.channels])
 
 
-def _spread(measured: xr.DataArray, groups: list[list[int]], scatter: Scatter) -> xr.DataArray:
+def _spread(measured: xr.DataArray, groups: list[list[int]], scatter: ThrowScatter) -> xr.DataArray:
     """Return the spread of repeats; where none were made, what scatter found elsewhere implies.
 
     Load cells are seldom mounted twice for one size and place, so that friction's share of their

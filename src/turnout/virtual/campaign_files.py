@@ -12,7 +12,7 @@ import xarray as xr
 
 from turnout.core.files import write_atomic
 from turnout.core.provenance import version
-from turnout.measurement.campaign.run_sheet import Run
+from turnout.measurement.campaign.run_sheet import SheetRow
 from turnout.measurement.chain.apply import raw_from_physical
 from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.formats.file_format import WRITERS
@@ -28,7 +28,7 @@ def synthetic_note(panel: str, *, machines: int = 0, drives: int = 1) -> str:
     Parameters
     ----------
     panel : str
-        Its name.
+        Name of the simulated panel.
     machines, drives : int
         How many drives are machines, whose currents are simulated, and how many there are.
 
@@ -97,11 +97,11 @@ def write_throw(
     dataset : xarray.Dataset
         Forces and currents as a converter gave them out.
     path : Path
-        The suffix tells the format.
+        File to write; its suffix selects the format.
     channel_map : ChannelMap
-        The measuring chain.
+        Measuring chain that turns quantities into raw units.
     number : int
-        Number of the throw, which tells its time of day.
+        Number of the throw, which sets its time of day.
     note : str
         What the file says of its origin.
     """
@@ -122,7 +122,7 @@ def write_throw(
 
 
 @dataclass(frozen=True, slots=True)
-class Thrown:
+class WrittenThrow:
     """What became of a case: its file, and whether a drive slipped."""
 
     case: Case
@@ -130,13 +130,13 @@ class Thrown:
     slipped: bool
 
 
-def sheet_text(thrown: Sequence[Thrown], *, note: str, title: str) -> str:
+def sheet_text(thrown: Sequence[WrittenThrow], *, note: str, title: str) -> str:
     """Return a run sheet.
 
     Examples
     --------
     >>> case = Case(name="a", direction="closing", size=0.013, place="sleeper 6")
-    >>> print(sheet_text([Thrown(case, "a.csv", False)], note="synthetic: x", title="y"))
+    >>> print(sheet_text([WrittenThrow(case, "a.csv", False)], note="synthetic: x", title="y"))
     # title: y
     # synthetic: x
     file,direction,size [mm],place,repeat,slip,remark
@@ -156,8 +156,8 @@ def sheet_text(thrown: Sequence[Thrown], *, note: str, title: str) -> str:
 
 
 def mistype(
-    thrown: Sequence[Thrown], *, count: int, rng: np.random.Generator
-) -> tuple[list[Thrown], list[str]]:
+    thrown: Sequence[WrittenThrow], *, count: int, rng: np.random.Generator
+) -> tuple[list[WrittenThrow], list[str]]:
     """Return a sheet's lines with mistakes as people make them, and what they are.
 
     Sizes of two neighbours are exchanged, a direction is turned, a slip is ticked wrongly, a file
@@ -165,8 +165,8 @@ def mistype(
 
     Parameters
     ----------
-    thrown : sequence of Thrown
-        The true lines.
+    thrown : sequence of WrittenThrow
+        Throws with the run-sheet line that is true of each.
     count : int
         How many mistakes.
     rng : numpy.random.Generator
@@ -174,7 +174,7 @@ def mistype(
 
     Returns
     -------
-    lines : list of Thrown
+    lines : list of WrittenThrow
     mistakes : list of str
     """
     lines = list(thrown)
@@ -220,17 +220,17 @@ def mistype(
     return lines, mistakes
 
 
-def true_run(item: Thrown) -> Run:
+def true_sheet_row(item: WrittenThrow) -> SheetRow:
     """Return the line of a sheet without mistakes.
 
     Examples
     --------
     >>> case = Case(name="a", direction="closing", size=0.013, place="sleeper 6")
-    >>> true_run(Thrown(case, "a.csv", True)).load_cell
+    >>> true_sheet_row(WrittenThrow(case, "a.csv", True)).load_cell
     True
     """
     case = item.case
-    return Run(
+    return SheetRow(
         where=case.name,
         file=item.file,
         movement=1,

@@ -29,7 +29,7 @@ class Defects:
     Attributes
     ----------
     drive : str
-        Which one.
+        Name of the drive with the defects.
     slip_excess, slip_scatter : float
         A worn clutch: how much the drive slips above its level, and how much that scatters from
         throw to throw, as shares of the level.
@@ -44,7 +44,7 @@ class Defects:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class CampaignPlan:
     """A virtual campaign before it is thrown.
 
     Attributes
@@ -139,7 +139,7 @@ def virtual_plan(
     mistyped: int = 0,
     seed: int = 0,
     scheme: Scheme | None = None,
-) -> Plan:
+) -> CampaignPlan:
     """Return a plan from what a user types.
 
     Parameters
@@ -155,7 +155,7 @@ def virtual_plan(
     soft_build_up : bool
         Drive 2 follows with 0.25 s after contact.
     object_free, mistyped, seed : int
-        As in `Plan`.
+        As in `CampaignPlan`.
     scheme : Scheme, optional
         With which the truth is integrated.
 
@@ -188,7 +188,7 @@ def virtual_plan(
         slip_scatter=0.05 if worn_clutch else 0.0,
         build_up_lag=0.25 if soft_build_up else 0.0,
     )
-    return Plan(
+    return CampaignPlan(
         places=tuple(named) or default_places(panel),
         sizes=tuple(sorted(metres)) or SIZES,
         formats=tuple(f".{name.lower().removeprefix('.')}" for name in formats),
@@ -200,7 +200,7 @@ def virtual_plan(
     )
 
 
-def check_plan(plan: Plan, panel: LoadedPanel) -> None:
+def check_plan(plan: CampaignPlan, panel: LoadedPanel) -> None:
     """Refuse a plan that does not fit a panel: drives, places, sizes that it has no room for.
 
     Raises
@@ -224,12 +224,12 @@ def check_plan(plan: Plan, panel: LoadedPanel) -> None:
         raise PanelError(list(dict.fromkeys(problems)), source="virtual campaign")
 
 
-def series_of(plan: Plan, directions: tuple[str, ...]) -> list[list[Case]]:
+def series_of(plan: CampaignPlan, directions: tuple[str, ...]) -> list[list[Case]]:
     """Return the throws of a plan in series that do not depend on each other.
 
     Parameters
     ----------
-    plan : Plan
+    plan : CampaignPlan
         What to throw.
     directions : tuple of str
         Those that the schedule has.
@@ -241,7 +241,7 @@ def series_of(plan: Plan, directions: tuple[str, ...]) -> list[list[Case]]:
 
     Examples
     --------
-    >>> plan = Plan(places=("sleeper 6",), sizes=(0.013,), object_free=1)
+    >>> plan = CampaignPlan(places=("sleeper 6",), sizes=(0.013,), object_free=1)
     >>> [case.name for series in series_of(plan, ("closing",)) for case in series]
     ['none_closing_1', 'sleeper-6_13mm_1']
     """
@@ -270,17 +270,19 @@ def series_of(plan: Plan, directions: tuple[str, ...]) -> list[list[Case]]:
     return series
 
 
-def chance_for(plan: Plan, case: Case) -> np.random.Generator:
+def throw_generator(plan: CampaignPlan, case: Case) -> np.random.Generator:
     """Return the chance of one throw: the same whatever order the throws are made in."""
     return np.random.default_rng([plan.seed, zlib.crc32(case.name.encode())])
 
 
-def overrides_for(plan: Plan, panel: LoadedPanel, rng: np.random.Generator) -> Mapping[str, float]:
+def overrides_for(
+    plan: CampaignPlan, panel: LoadedPanel, rng: np.random.Generator
+) -> Mapping[str, float]:
     """Draw what differs in one throw: friction of all chairs, slip level of a worn clutch.
 
     Parameters
     ----------
-    plan : Plan
+    plan : CampaignPlan
         How much each scatters.
     panel : LoadedPanel
         Whose values are scaled.

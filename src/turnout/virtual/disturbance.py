@@ -69,7 +69,7 @@ QUIET = Disturbance(
 )
 
 
-def disturbed(
+def add_disturbance(
     dataset: xr.Dataset, *, rng: np.random.Generator, disturbance: Disturbance | None = None
 ) -> xr.Dataset:
     """Return a recording with all that a measuring chain adds.
@@ -92,20 +92,20 @@ def disturbed(
     --------
     >>> time = np.arange(3) / 1000.0
     >>> true = xr.Dataset({"object_force": ("time", np.ones(3))}, {"time": time})
-    >>> seen = disturbed(true, rng=np.random.default_rng(0), disturbance=QUIET)
+    >>> seen = add_disturbance(true, rng=np.random.default_rng(0), disturbance=QUIET)
     >>> seen["object_force"].values
     array([1., 1., 1.])
     """
     chosen = disturbance or Disturbance()
     time = dataset["time"].values
     seen = dataset.copy()
-    mixed = _crossed(dataset, chosen.cross_talk)
+    mixed = _add_cross_talk(dataset, chosen.cross_talk)
     for name in CHANNELS:
         if name not in dataset:
             continue
         kind: Transducer = getattr(chosen, name)
         rows = [
-            _seen(row, time, kind=kind, mains=chosen.mains, rng=rng)
+            _disturb_channel(row, time, kind=kind, mains=chosen.mains, rng=rng)
             for row in np.atleast_2d(mixed[name].values)
         ]
         values = np.array(rows).reshape(dataset[name].shape)
@@ -113,7 +113,7 @@ def disturbed(
     return seen
 
 
-def _crossed(dataset: xr.Dataset, share: float) -> xr.Dataset:
+def _add_cross_talk(dataset: xr.Dataset, share: float) -> xr.Dataset:
     """Let each rod's bridge see a share of the other rods', and the load cell of all of them."""
     if "drive_force" not in dataset or share == 0.0:
         return dataset
@@ -125,7 +125,7 @@ def _crossed(dataset: xr.Dataset, share: float) -> xr.Dataset:
     return mixed.assign(drive_force=mixed["drive_force"].transpose(*forces.dims))
 
 
-def _seen(
+def _disturb_channel(
     row: np.ndarray,
     time: np.ndarray,
     *,

@@ -13,7 +13,7 @@ from turnout.core.provenance import content_hash, provenance, version
 from turnout.core.toml import parse_toml
 from turnout.errors import FileError
 from turnout.measurement.campaign.build_campaign import stacked
-from turnout.measurement.campaign.recorded_throw import Piece
+from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.measurement.chain.apply import parse_channel_map
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import ordered_movements
@@ -22,21 +22,21 @@ from turnout.schema.channels import SCHEMA_VERSION
 from turnout.virtual.campaign_files import (
     CHANNELS,
     SHEET,
-    Thrown,
+    WrittenThrow,
     channel_map_text,
     mistype,
     sheet_text,
     synthetic_note,
-    true_run,
+    true_sheet_row,
 )
-from turnout.virtual.campaign_plan import Case, Plan, check_plan, series_of
+from turnout.virtual.campaign_plan import CampaignPlan, Case, check_plan, series_of
 from turnout.virtual.record_throw import DIRECTIONS
 from turnout.virtual.series import (
     STATE,
     Job,
-    ends_series,
     read_part,
     run_jobs,
+    stops_series,
 )
 
 TRUTH = "truth.nc"
@@ -44,12 +44,12 @@ _PLAN_FILE = "plan.json"
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
+class VirtualCampaign:
     """What a virtual campaign came to.
 
     Attributes
     ----------
-    thrown : tuple of Thrown
+    thrown : tuple of WrittenThrow
         Every movement, as it truly was.
     mistakes : tuple of str
         Made in the run sheet on purpose.
@@ -57,7 +57,7 @@ class Made:
         Throws that the solver did not finish; their series end there.
     """
 
-    thrown: tuple[Thrown, ...]
+    thrown: tuple[WrittenThrow, ...]
     mistakes: tuple[str, ...]
     failures: tuple[str, ...]
 
@@ -66,10 +66,10 @@ def make_virtual_campaign(
     panel: LoadedPanel,
     folder: Path | str,
     *,
-    plan: Plan,
+    plan: CampaignPlan,
     workers: int = 1,
     report: Callable[[int, int], None] | None = None,
-) -> Made:
+) -> VirtualCampaign:
     """Throw a whole campaign and write what a data acquisition system would have left.
 
     Each throw is kept as soon as it is made. The same call on a folder that was left early, by
@@ -81,16 +81,16 @@ def make_virtual_campaign(
         What is thrown.
     folder : path-like
         Made if it is not there; must be empty, or hold the beginning of this campaign.
-    plan : Plan
+    plan : CampaignPlan
         Places, sizes, chance and defects.
     workers : int
-        Processes.
+        Processes that simulate at the same time, at least 1.
     report : callable, optional
         Called now and then with throws done and throws at most.
 
     Returns
     -------
-    Made
+    VirtualCampaign
         The folder holds recordings, `channels.toml`, `runs.csv` and `truth.nc`: the movements as
         simulated, in the form that the campaign takes when it is built.
 
@@ -118,7 +118,7 @@ def make_virtual_campaign(
     return _finish(panel, plan, series, folder, note=note)
 
 
-def _claim(folder: Path, panel: LoadedPanel, plan: Plan) -> None:
+def _claim(folder: Path, panel: LoadedPanel, plan: CampaignPlan) -> None:
     """Make the folder ours, or refuse one that holds something else."""
     identity = content_hash(
         {"panel": panel.hash, "plan": _plain(asdict(plan)), "version": version()}
@@ -155,7 +155,7 @@ def _plain(value: Any) -> Any:
 
 def _jobs(
     panel: LoadedPanel,
-    plan: Plan,
+    plan: CampaignPlan,
     series: Sequence[Sequence[Case]],
     folder: Path,
     *,
@@ -183,11 +183,16 @@ def _jobs(
 
 
 def _finish(
-    panel: LoadedPanel, plan: Plan, series: Sequence[Sequence[Case]], folder: Path, *, note: str
-) -> Made:
+    panel: LoadedPanel,
+    plan: CampaignPlan,
+    series: Sequence[Sequence[Case]],
+    folder: Path,
+    *,
+    note: str,
+) -> VirtualCampaign:
     """Write the run sheet and the truth of all that was thrown."""
-    thrown: list[Thrown] = []
-    pieces: list[Piece] = []
+    thrown: list[WrittenThrow] = []
+    pieces: list[RecordedThrow] = []
     details: list[dict[str, Any]] = []
     failures: list[str] = []
     for place, cases in enumerate(series):
@@ -199,10 +204,10 @@ def _finish(
             if part.failure:
                 failures.append(f"{case.name}: {part.failure}")
                 break
-            thrown.append(Thrown(case, case.name + suffix, part.slipped))
+            thrown.append(WrittenThrow(case, case.name + suffix, part.slipped))
             pieces.append(part.piece)
             details.append({"movement": case.name, "overrides": part.overrides})
-            if case.size > 0 and ends_series(part, case, plan):
+            if case.size > 0 and stops_series(part, case, plan):
                 break
     if not thrown:
         message = f"{folder}: no throw came to an end: {'; '.join(failures)}"
@@ -210,7 +215,7 @@ def _finish(
     rng = np.random.default_rng([plan.seed, 1])
     lines, mistakes = mistype(thrown, count=plan.mistyped, rng=rng)
     truth = stacked(
-        [(true_run(item), piece) for item, piece in zip(thrown, pieces, strict=True)],
+        [(true_sheet_row(item), piece) for item, piece in zip(thrown, pieces, strict=True)],
         [item.slipped for item in thrown],
     )
     attributes: dict[str, Any] = {
@@ -230,4 +235,4 @@ def _finish(
     save_response(truth.assign_attrs(attributes), folder / TRUTH)
     title = f"virtual campaign of {panel.name}"
     write_atomic(folder / SHEET, sheet_text(lines, note=note, title=title))
-    return Made(tuple(thrown), tuple(mistakes), tuple(failures))
+    return VirtualCampaign(tuple(thrown), tuple(mistakes), tuple(failures))

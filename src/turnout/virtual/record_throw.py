@@ -120,15 +120,15 @@ class Window:
         return np.arange(round(self.length * self.rate)) / self.rate
 
 
-def with_time_to_stop(panel: LoadedPanel) -> LoadedPanel:
+def extend_schedule(panel: LoadedPanel) -> LoadedPanel:
     """Return a panel whose schedule lasts until the time-outs of its machines have passed.
 
     Examples
     --------
     >>> from turnout.panel.load import load_panel
-    >>> with_time_to_stop(load_panel("sb1")).schedule.end
+    >>> extend_schedule(load_panel("sb1")).schedule.end
     9.0
-    >>> long = with_time_to_stop(load_panel("sb1", overrides={"drive.1.machine": "sb3"}))
+    >>> long = extend_schedule(load_panel("sb1", overrides={"drive.1.machine": "sb3"}))
     >>> round(long.schedule.end, 2)
     14.26
     """
@@ -258,7 +258,7 @@ def assumed_current(
     limit : float
         Force at which the drive slips [N].
     law : CurrentLaw
-        The figures.
+        Idle and inrush current [A], slope [A/N] and times [s].
 
     Returns
     -------

@@ -13,8 +13,8 @@ import xarray as xr
 
 from turnout.core.files import write_atomic
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
-from turnout.measurement.campaign.find_throws import Throw
-from turnout.measurement.campaign.recorded_throw import Piece
+from turnout.measurement.campaign.find_throws import FoundThrow
+from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.measurement.campaign.run_sheet import LOAD_CELL_FROM
 from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.panel.foreign_object import ForeignObject
@@ -22,9 +22,9 @@ from turnout.panel.load import LoadedPanel
 from turnout.response.save import Save
 from turnout.response.simulate import simulate
 from turnout.virtual.campaign_files import write_throw
-from turnout.virtual.campaign_plan import Case, Plan, chance_for, overrides_for
-from turnout.virtual.disturbance import disturbed
-from turnout.virtual.record_throw import record_throw, with_time_to_stop
+from turnout.virtual.campaign_plan import CampaignPlan, Case, overrides_for, throw_generator
+from turnout.virtual.disturbance import add_disturbance
+from turnout.virtual.record_throw import extend_schedule, record_throw
 
 STATE = ".virtual"
 FIELDS = (
@@ -41,7 +41,7 @@ class Job:
     """One series of throws and all that is needed to make it in another process."""
 
     panel: LoadedPanel
-    plan: Plan
+    plan: CampaignPlan
     cases: tuple[Case, ...]
     folder: Path
     suffix: str
@@ -54,7 +54,7 @@ class Job:
 class Part:
     """What is kept of a throw: its truth, or why there is none."""
 
-    piece: Piece
+    piece: RecordedThrow
     slipped: bool
     overrides: Mapping[str, float]
     failure: str
@@ -87,44 +87,44 @@ def run_jobs(
     """
     total = sum(len(job.cases) for job in jobs)
 
-    def tell() -> None:
+    def report_one() -> None:
         if report is not None:
             report(len(list((folder / STATE).glob("*.npz"))), total)
 
     if workers <= 1:
         for job in jobs:
-            make_series(job, tell=tell)
+            make_series(job, report=report_one)
         return
     context = multiprocessing.get_context("spawn")
-    with context.Pool(min(workers, len(jobs)), initializer=_deaf_to_ctrl_c) as pool:
+    with context.Pool(min(workers, len(jobs)), initializer=_ignore_ctrl_c) as pool:
         results = [pool.apply_async(make_series, (job,)) for job in jobs]
         for result in results:
             while not result.ready():
                 result.wait(POLL)
-                tell()
+                report_one()
             result.get()
 
 
-def _deaf_to_ctrl_c() -> None:
+def _ignore_ctrl_c() -> None:
     """Leave Ctrl-C to the process that shows the progress; it ends the others."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def make_series(job: Job, *, tell: Callable[[], None] | None = None) -> None:
+def make_series(job: Job, *, report: Callable[[], None] | None = None) -> None:
     """Throw one series until a drive slips with an object, or the solver gives up."""
     for number, case in enumerate(job.cases):
         part = read_part(job.folder, case)
         if part is None:
             part = make_throw(job, case, number=job.first_number + number)
             write_atomic(_part_path(job.folder, case), _packed(part, case.name))
-        if tell is not None:
-            tell()
-        if part.failure or ends_series(part, case, job.plan):
+        if report is not None:
+            report()
+        if part.failure or stops_series(part, case, job.plan):
             return
 
 
-def ends_series(part: Part, case: Case, plan: Plan) -> bool:
-    """Tell whether no larger object is tried after this throw."""
+def stops_series(part: Part, case: Case, plan: CampaignPlan) -> bool:
+    """Return whether no larger object is tried after this throw."""
     return part.slipped and case.size >= plan.at_least - 1e-9
 
 
@@ -144,12 +144,12 @@ def make_throw(job: Job, case: Case, *, number: int) -> Part:
     -------
     Part
     """
-    plan, rng = job.plan, chance_for(job.plan, case)
+    plan, rng = job.plan, throw_generator(job.plan, case)
     overrides = overrides_for(plan, job.panel, rng)
     panel = job.panel.with_overrides(dict(overrides)) if overrides else job.panel
     foreign = ForeignObject(case.size, case.place) if case.size > 0 else None
     run = simulate(
-        with_time_to_stop(panel),
+        extend_schedule(panel),
         foreign_object=foreign,
         scheme=plan.scheme,
         save=Save(fields=FIELDS),
@@ -158,7 +158,7 @@ def make_throw(job: Job, case: Case, *, number: int) -> Part:
     if not run.attrs["complete"]:
         if run.attrs["outcome"] == "interrupted":
             raise KeyboardInterrupt
-        return Part(_nothing(), False, overrides, str(run.attrs["outcome_message"]))
+        return Part(_empty_part(), False, overrides, str(run.attrs["outcome_message"]))
     lag = plan.defects.build_up_lag
     true = record_throw(
         run,
@@ -167,7 +167,7 @@ def make_throw(job: Job, case: Case, *, number: int) -> Part:
         law=plan.law,
         build_up_lag={plan.defects.drive: lag} if lag else None,
     )
-    seen = disturbed(_without_idle_cell(true, case), rng=rng, disturbance=plan.disturbance)
+    seen = add_disturbance(_without_idle_cell(true, case), rng=rng, disturbance=plan.disturbance)
     write_throw(
         seen,
         job.folder / f"{case.name}{job.suffix}",
@@ -199,7 +199,7 @@ def read_part(folder: Path, case: Case) -> Part | None:
         direction=case.direction,
         count=dataset.sizes["time"],
     )
-    piece = Piece(dataset, throw, "", ())
+    piece = RecordedThrow(dataset, throw, "", ())
     return Part(piece, known["slipped"], known["overrides"], known["failure"])
 
 
@@ -210,21 +210,21 @@ def _without_idle_cell(true: xr.Dataset, case: Case) -> xr.Dataset:
     return true.assign(object_force=0.0 * true["object_force"])
 
 
-def _true_piece(true: xr.Dataset, case: Case) -> Piece:
+def _true_piece(true: xr.Dataset, case: Case) -> RecordedThrow:
     """Cut the truth as a build cuts a recording."""
     time = true["time"].values
     running = (true["drive_current"].values > 0).any(axis=0)
     onset, end = float(true.attrs["onset"]), float(time[np.flatnonzero(running)[-1]])
     kept = true.sel(time=slice(onset - AROUND, end + AROUND)).drop_attrs()
     throw = _throw(onset=onset, end=end, direction=case.direction, count=kept.sizes["time"])
-    return Piece(kept, throw, "", ())
+    return RecordedThrow(kept, throw, "", ())
 
 
-def _throw(*, onset: float, end: float, direction: str, count: int) -> Throw:
-    return Throw(0, count, onset, end, (), "simulation", direction)
+def _throw(*, onset: float, end: float, direction: str, count: int) -> FoundThrow:
+    return FoundThrow(0, count, onset, end, (), "simulation", direction)
 
 
-def _nothing() -> Piece:
+def _empty_part() -> RecordedThrow:
     empty = np.zeros((0, 2))
     dataset = xr.Dataset(
         {
@@ -234,7 +234,7 @@ def _nothing() -> Piece:
         },
         {"time": [0.0, 1.0], "drive": np.array([], dtype=np.str_)},
     )
-    return Piece(dataset, _throw(onset=0.0, end=0.0, direction="unknown", count=2), "", ())
+    return RecordedThrow(dataset, _throw(onset=0.0, end=0.0, direction="unknown", count=2), "", ())
 
 
 def _packed(part: Part, name: str) -> bytes:

@@ -124,7 +124,7 @@ def described(panel: LoadedPanel, mark: str) -> dict[str, Any]:
     Parameters
     ----------
     panel : LoadedPanel
-        The panel.
+        Panel that the page shows; need not have been thrown.
     mark : str
         What the page is to call it.
     """

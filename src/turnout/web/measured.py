@@ -10,7 +10,7 @@ import xarray as xr
 
 from turnout.core.toml import parse_toml
 from turnout.errors import FileError
-from turnout.measurement.campaign.build_campaign import CHANNEL_FILE, Campaign
+from turnout.measurement.campaign.build_campaign import CHANNEL_FILE, BuiltCampaign
 from turnout.measurement.campaign.find_throws import find_throws
 from turnout.measurement.chain.apply import (
     apply_chain,
@@ -54,7 +54,7 @@ class Measured:
     dataset: xr.Dataset
 
 
-def campaign_movements(campaign: Campaign) -> Iterator[Measured]:
+def campaign_movements(campaign: BuiltCampaign) -> Iterator[Measured]:
     """Yield the usable movements of a campaign."""
     dataset = campaign.dataset
     if dataset is None:

@@ -86,7 +86,7 @@ class Reply:
     media_type : str
         Of the content.
     status : int
-        Of HTTP.
+        Status code of HTTP: 200, or 4xx and 5xx for refusals.
     kept : tuple of (str, bytes)
         Marks with their content, for other processes.
     needs : str

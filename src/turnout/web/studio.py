@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from turnout.core.provenance import version
-from turnout.measurement.campaign.build_campaign import Campaign
+from turnout.measurement.campaign.build_campaign import BuiltCampaign
 from turnout.panel.load import LoadedPanel, library_names
 from turnout.response.compilation import must_compile
 from turnout.web.controls import described, measured_record
@@ -18,7 +18,7 @@ class Opened:
     """A campaign and the folder that it is read from."""
 
     folder: Path
-    campaign: Campaign
+    campaign: BuiltCampaign
 
 
 class Studio:

@@ -196,7 +196,7 @@ def made_file(kind: str, dataset: xr.Dataset, *, behind: xr.Dataset | None = Non
     kind : str
         One of `FILES`: the dataset (nc), its channels as a table (csv), or a figure.
     dataset : xarray.Dataset
-        The throw.
+        Throw that the page shows, a complete run.
     behind : xarray.Dataset, optional
         Drawn grey behind it in a figure.
     """

@@ -42,7 +42,7 @@ class DriveLaw:
     Attributes
     ----------
     name, text : str
-        What it is called, and what it means for whoever maintains the drive.
+        What it is called, and what it means for maintenance of the drive.
     extra : tuple of Parameter
         Beyond stiffness and slip level.
     least : mapping of str to float
@@ -83,7 +83,7 @@ def drive_laws(panel: LoadedPanel, drive: str) -> tuple[DriveLaw, ...]:
     panel : LoadedPanel
         Has the drive.
     drive : str
-        Its name.
+        Name of the drive in the panel, such as "2".
 
     Raises
     ------
@@ -156,7 +156,7 @@ def drive_laws(panel: LoadedPanel, drive: str) -> tuple[DriveLaw, ...]:
 
 
 def is_slight(law: DriveLaw, values: Mapping[str, float]) -> bool:
-    """Tell whether a law has something beyond the plain one, and all of it is too little to matter.
+    """Return whether all that a law adds to the plain one is too little to matter.
 
     Examples
     --------
@@ -188,7 +188,7 @@ def table(
     panel : LoadedPanel
         Gives what is not among the values.
     drive : str
-        Which one.
+        Name of the drive in the panel, such as "2".
     values : mapping of str to float
         By key of the panel, in SI.
     backlash : float

@@ -28,7 +28,7 @@ from turnout.calibration.drive_law.fit_law import (
     floored,
 )
 from turnout.calibration.evaluate import Evaluator
-from turnout.calibration.measured_movements import Movement, observe, selected
+from turnout.calibration.measured_movements import MeasuredMovement, observe, selected
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import Noise, measured_noise
 from turnout.calibration.parameter import Parameter
@@ -84,7 +84,7 @@ class LawComparison:
     Attributes
     ----------
     drive : str
-        Whose law.
+        Name of the drive whose laws are compared, such as "2".
     nominal : float
         Slip level that the panel states [N].
     movements : tuple of str
@@ -92,7 +92,7 @@ class LawComparison:
     samples : float
         Independent ones among them.
     results : tuple of LawResult
-        The plain law first.
+        One a law, the plain one first.
     """
 
     drive: str
@@ -131,19 +131,19 @@ def compare_laws(
     """Fit friction, stiffness and slip level of a drive with each law, and compare the fits.
 
     Noise, what a law misses and how long that hangs together are estimated with each law; each law
-    is judged with whichever of these estimates makes it likeliest, so that none is judged by what
-    another one misses.
+    is judged with the likeliest of these estimates, so that none is judged by what another one
+    misses.
 
     Parameters
     ----------
     dataset : xarray.Dataset
-        A built campaign.
+        From `build_campaign`, with dimensions movement and time.
     panel : LoadedPanel
         As it was before the calibration.
     calibration : Calibration
         Where the fits start; what they do not change keeps its value.
     drive : str
-        Whose law is asked for.
+        Drive whose law is compared.
     evaluator : Evaluator
         Open; throws the same panel.
     report : callable, optional
@@ -157,11 +157,13 @@ def compare_laws(
         When the campaign has no closing movement with an object.
     """
     drive_laws(panel, drive)
-    movements = _chosen(observe(dataset, panel), panel, source=str(dataset.attrs.get("title", "")))
+    movements = _select_movements(
+        observe(dataset, panel), panel, source=str(dataset.attrs.get("title", ""))
+    )
     fits = fitted_laws(
         movements, panel, calibration, drive=drive, evaluator=evaluator, report=report
     )
-    results, samples = judged(fits)
+    results, samples = law_results(fits)
     return LawComparison(
         drive=drive,
         nominal=panel.drive[drive].saturation_force,
@@ -172,7 +174,7 @@ def compare_laws(
 
 
 def fitted_laws(
-    movements: tuple[Movement, ...],
+    movements: tuple[MeasuredMovement, ...],
     panel: LoadedPanel,
     calibration: Calibration,
     *,
@@ -182,7 +184,7 @@ def fitted_laws(
 ) -> list[LawFit]:
     """Fit each law to the same movements and to the same end, the plain one first.
 
-    All that the calibration fitted is fitted again, drives that are not asked for included: what
+    All that the calibration fitted is fitted again, other drives included: what
     another value there would explain is no sign of another law.
 
     Raises
@@ -207,7 +209,7 @@ def fitted_laws(
             fits.append(fitted_variant(law, misfit, vary, plain=fits[0].found, drive=drive))
         else:
             scores = [score for score, _ in _scores(fits)]
-            fits[0], scores[0] = _again(fits, scores, misfits[0])
+            fits[0], scores[0] = _refit_plain(fits, scores, misfits[0])
             # Two defects are looked for where one of them shows.
             gains = {
                 item.law.name: scores[0] - score for item, score in zip(fits, scores, strict=True)
@@ -226,7 +228,9 @@ def _scores(fits: Sequence[LawFit]) -> list[tuple[float, int]]:
     ]
 
 
-def _again(fits: Sequence[LawFit], scores: Sequence[float], misfit: Misfit) -> tuple[LawFit, float]:
+def _refit_plain(
+    fits: Sequence[LawFit], scores: Sequence[float], misfit: Misfit
+) -> tuple[LawFit, float]:
     """Return the plain law fitted from where a likelier law ended, if that is better.
 
     Else a law that happened to end nearer would win by what the plain one could as well.
@@ -239,7 +243,7 @@ def _again(fits: Sequence[LawFit], scores: Sequence[float], misfit: Misfit) -> t
     return (again, after) if after < before else (fits[0], scores[0])
 
 
-def judged(fits: Sequence[LawFit]) -> tuple[tuple[LawResult, ...], float]:
+def law_results(fits: Sequence[LawFit]) -> tuple[tuple[LawResult, ...], float]:
     """Return the laws as they are judged, and how many independent samples judge them."""
     scores = _scores(fits)
     best = min(range(len(fits)), key=lambda number: scores[number][0])
@@ -273,9 +277,9 @@ def judged(fits: Sequence[LawFit]) -> tuple[tuple[LawResult, ...], float]:
     return tuple(results), samples
 
 
-def _chosen(
-    movements: Sequence[Movement], panel: LoadedPanel, *, source: str
-) -> tuple[Movement, ...]:
+def _select_movements(
+    movements: Sequence[MeasuredMovement], panel: LoadedPanel, *, source: str
+) -> tuple[MeasuredMovement, ...]:
     """Return closing movements: a few without an object, more with one."""
     free = selected(movements, Selection(objects="none", direction="closing", most=FREE), panel)
     trapped = selected(
@@ -290,7 +294,7 @@ def _chosen(
 def _misfit(
     law: DriveLaw,
     known: Sequence[Parameter],
-    movements: tuple[Movement, ...],
+    movements: tuple[MeasuredMovement, ...],
     noise: Mapping[Key, Noise],
     evaluator: Evaluator,
     drive: str,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from turnout.calibration.comparison import Key
 from turnout.calibration.drive_law.candidates import DriveLaw, level_key
 from turnout.calibration.fit import JOINT_SHARES, Fit, fit
-from turnout.calibration.measured_movements import Movement, largest_force
+from turnout.calibration.measured_movements import MeasuredMovement, largest_force
 from turnout.calibration.misfit import Misfit, framed
 from turnout.calibration.noise import Noise, peaks_of
 from turnout.calibration.parameter import Parameter
@@ -38,7 +38,7 @@ class LawFit:
     Attributes
     ----------
     law : DriveLaw
-        Which one.
+        Law of the drive, with its start values.
     names : tuple of str
         Parameters that were fitted.
     found : Fit
@@ -127,7 +127,7 @@ def fitted_from(before: LawFit, misfit: Misfit, other: Fit) -> LawFit:
         other,
         misfit=replace(misfit, effects=effects),
         values=values,
-        local=replace(other.local, moved={}),
+        local=replace(other.local, stepped={}),
     )
     found = fit(replace(misfit, base=values), vary, values, near=near, **END)
     return replace(before, found=found)
@@ -183,7 +183,7 @@ def _movement_levels(law: DriveLaw, misfit: Misfit, plain: Fit, drive: str) -> t
 AGREEMENT, AGREEMENT_TIME = 3e-3, 0.1
 
 
-def floored(noise: Mapping[Key, Noise], movements: Sequence[Movement]) -> dict[Key, Noise]:
+def floored(noise: Mapping[Key, Noise], movements: Sequence[MeasuredMovement]) -> dict[Key, Noise]:
     """Return noise that holds what solvers of the same mechanics may differ by."""
     peaks = peaks_of(movements)
     return {
@@ -202,7 +202,7 @@ def deviance(found: Fit, noise: Mapping[Key, Noise]) -> float:
     comparison = replace(found.misfit.comparison, noise=noise)
     misfit = replace(found.misfit, comparison=comparison)
     frame = framed(found.local, misfit)
-    residuals = misfit.residuals_of(found.local.here, frame)
+    residuals = misfit.residuals_of(found.local.simulated, frame)
     total = float(residuals @ residuals)
     for alignment in frame.alignments:
         for factor in alignment.factors:

@@ -1,8 +1,8 @@
 """The circuit of a machine over a span of time: contactor, cut-off, time-out, relay, lock.
 
-`advance` covers a span with steps that end at every switching instant: those known beforehand are
-met by the length of the steps, the limit contact and the standstill of the lock are located inside
-a step, which is then taken again up to there. A step that does not converge is taken in halves.
+`advance` covers a span with steps that end at every switching instant. The length of a step is cut
+at known instants; the limit contact and the standstill of the lock are located inside a step, which
+is then taken again up to there. A step that does not converge is taken in halves.
 """
 
 import math
@@ -10,6 +10,7 @@ import math
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute.clutch import update_clutch
+from turnout.machine.compute.machine_step import SECOND, accept_step, span_of, take_step
 from turnout.machine.compute.places import (
     ARMATURE_OPEN,
     BRAKE_TORQUE,
@@ -76,7 +77,6 @@ from turnout.machine.compute.places import (
     VOLTAGE,
 )
 from turnout.machine.compute.rail import rail_side
-from turnout.machine.compute.step import SECOND, accept_step, span_of, take_step
 
 HALVINGS = 20
 """A step is halved at most so often before the run ends."""
@@ -133,7 +133,7 @@ def switch_off(constants: Floats, state: Floats) -> None:
 
 @compiled_part
 def next_instant(constants: Floats, state: Floats, commands: Floats, time: float) -> float:
-    """Return the next switching instant known beforehand, inf if there is none [s]."""
+    """Return the next known switching instant, inf if there is none [s]."""
     instant = math.inf
     at = int(state[NEXT_COMMAND])
     if at < commands.shape[0]:
@@ -152,7 +152,7 @@ def next_instant(constants: Floats, state: Floats, commands: Floats, time: float
 def switch_due(
     constants: Floats, state: Floats, commands: Floats, time: float, log: Floats
 ) -> None:
-    """Do what is due at an instant; a command that comes while energised waits for the cut-off."""
+    """Switch what is due at an instant; a command while energised reverses the motor at once."""
     now = time + INSTANT
     if state[ENERGISED] > 0.0:
         if now >= state[CUTOFF_TIME]:
@@ -250,7 +250,7 @@ def _locate_turn(
 
 @compiled_part
 def rail_is_home(constants: Floats, rail: Floats, state: Floats) -> bool:
-    """Tell whether the rail is near enough for the lock, where the rail is known here."""
+    """Return whether the rail is near enough for the lock; true where the rail is not here."""
     if rail[ONE_MASS] == 0.0 or state[DIRECTION] < 0.0:
         return True
     return bool(state[RAIL_POSITION] >= -constants[LOCK_GAP])
@@ -265,7 +265,7 @@ def _after_step(
     times: tuple[float, float],
     x_before: float,
 ) -> None:
-    """Let contacts and relay follow from where the machine is now."""
+    """Update contacts and relay from the state at the end of a step."""
     before, time = times
     x = state[ROD_POSITION]
     opened = x_before >= constants[DETECTION_CLOSED] > x
@@ -331,7 +331,7 @@ def _piece(
 
 @compiled_part
 def rests(constants: Floats, rail: Floats, state: Floats) -> bool:
-    """Tell whether nothing in the machine moves until the next switching, whatever the rod does."""
+    """Return whether nothing in the machine can move until the next switching instant."""
     off = state[ENERGISED] == 0.0 and state[CURRENT] == 0.0 and state[SPEED] == 0.0
     held = abs(constants[CLUTCH_STIFFNESS] * state[TWIST]) <= state[STILL_TORQUE]
     return bool(off and held and state[LOCKED] > 0.0 and rail[ONE_MASS] == 0.0)

@@ -17,7 +17,7 @@ from turnout.machine.compute.places import (
     CLUTCH_TEMPERATURE,
     CLUTCH_TORQUE,
     ENERGIES,
-    HEAT_BOOKED,
+    HEAT_COUNTED,
     INTO_STORES,
     LEVEL,
     LEVEL_PER_JOULE,
@@ -57,8 +57,8 @@ def update_clutch(constants: Floats, state: Floats, step: float) -> None:
             state[TWIST], state[SLIPPING] = twist, math.copysign(1.0, twist)
         elif state[SLIPPING] != 0.0 and torque < state[LEVEL] * (1.0 - REACHED):
             state[SLIPPING] = 0.0
-    heat = state[ENERGIES + CLUTCH] - state[HEAT_BOOKED]
-    state[HEAT_BOOKED] = state[ENERGIES + CLUTCH]
+    heat = state[ENERGIES + CLUTCH] - state[HEAT_COUNTED]
+    state[HEAT_COUNTED] = state[ENERGIES + CLUTCH]
     state[CLUTCH_TEMPERATURE] += heat / constants[CLUTCH_HEAT_CAPACITY]
     state[LEVEL] = kinetic * (1.0 if state[SLIPPING] != 0.0 else constants[STATIC_RATIO])
     state[CLUTCH_TEMPERATURE] *= math.exp(-constants[CLUTCH_COOLING] * step)

@@ -160,7 +160,7 @@ def try_machines(
 def _agree(
     machines: Machines, trial: Floats, free: Floats, compliance: Floats, rails: Floats
 ) -> bool:
-    """Tell whether each machine was solved with what the others came to."""
+    """Return whether each machine was solved with the final values of the others."""
     for number in range(trial.shape[0]):
         moved = free[number] + _others_move(compliance, trial, number) - rails[number, RAIL_FREE]
         error = machines.constants[number, ROD_STIFFNESS] * abs(moved)

@@ -95,7 +95,7 @@ the closing direction. Flags are 0.0 or 1.0.
     ROD_POSITION,  # x [m]
     ROD_FORCE,  # [N]
     CLUTCH_TEMPERATURE,  # above ambient [K]
-    HEAT_BOOKED,  # heat of the clutch that the temperature knows [J]
+    HEAT_COUNTED,  # heat of the clutch that is in its temperature already [J]
     SLIPPING,  # sign of the slip while the clutch is at its kinetic level, else 0
     LEVEL,  # torque at which the clutch slips now [N m]
     ENERGISED,

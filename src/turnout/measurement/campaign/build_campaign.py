@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from turnout.core.moving_average import moving_average
 from turnout.core.provenance import provenance
 from turnout.errors import ListedError, MeasurementError, TurnoutError
-from turnout.measurement.campaign.campaign_folder import STORE, refuse_links_out, refuse_outside
+from turnout.measurement.campaign.campaign_folder import STORE, refuse_links_outside, refuse_outside
 from turnout.measurement.campaign.find_throws import Detection
 from turnout.measurement.campaign.motion_signals import force_changes
-from turnout.measurement.campaign.recorded_throw import Piece, kept_pieces
-from turnout.measurement.campaign.run_sheet import Run, RunSheet, find_sheet, read_sheet
+from turnout.measurement.campaign.recorded_throw import RecordedThrow, stored_throws
+from turnout.measurement.campaign.run_sheet import RunSheet, SheetRow, find_sheet, read_sheet
 from turnout.measurement.campaign.sheet_checks import (
     check_files,
     extra_files,
@@ -32,9 +32,9 @@ from turnout.measurement.campaign.sheet_checks import (
 from turnout.measurement.chain.apply import load_channel_map, map_hash
 from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.quality.channel_faults import MEASURED, Limits
-from turnout.measurement.quality.judge import Expected, Verdict, judge
+from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
 from turnout.measurement.quality.throw_faults import (
-    Profile,
+    ForceProfile,
     early_profile,
     open_level,
     typical_profile,
@@ -42,13 +42,15 @@ from turnout.measurement.quality.throw_faults import (
 from turnout.schema.channels import SCHEMA_VERSION, label
 
 
-def stacked(members: Sequence[tuple[Run, Piece]], slipped: Sequence[bool | None]) -> xr.Dataset:
+def stacked(
+    members: Sequence[tuple[SheetRow, RecordedThrow]], slipped: Sequence[bool | None]
+) -> xr.Dataset:
     """Stack movements of one sampling rate.
 
     Parameters
     ----------
-    members : sequence of (Run, Piece)
-        Usable movements.
+    members : sequence of (SheetRow, RecordedThrow)
+        Usable movements, all of the same sampling rate.
     slipped : sequence of bool or None
         Whether a drive slipped, as measured; the sheet's word counts where that is None.
 
@@ -94,7 +96,7 @@ def stacked(members: Sequence[tuple[Run, Piece]], slipped: Sequence[bool | None]
 
 
 def _coordinates(
-    members: Sequence[tuple[Run, Piece]], slipped: Sequence[bool | None]
+    members: Sequence[tuple[SheetRow, RecordedThrow]], slipped: Sequence[bool | None]
 ) -> dict[str, Any]:
     """Return what the sheet and the recordings say of each movement."""
     runs, pieces = zip(*members, strict=True)
@@ -119,7 +121,7 @@ def _coordinates(
     return {"movement": np.array([run.name for run in runs]), **named}
 
 
-def _onset_sample(piece: Piece) -> int:
+def _onset_sample(piece: RecordedThrow) -> int:
     """Return the number of the sample at the onset of a movement."""
     return round((piece.throw.onset - float(piece.dataset["time"][0])) * piece.rate)
 
@@ -140,12 +142,12 @@ OVERRUN = 1.0
 class Excluded:
     """A movement that is not in the dataset, and every reason."""
 
-    run: Run
+    run: SheetRow
     reasons: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Campaign:
+class BuiltCampaign:
     """What came of a campaign.
 
     Attributes
@@ -157,7 +159,7 @@ class Campaign:
     excluded : tuple of Excluded
         What is not in the dataset.
     remarks : tuple of str
-        What does not exclude a movement but should be looked at.
+        What does not exclude a movement but should be checked.
     reused : int
         Movements that had been cut before.
     """
@@ -178,7 +180,7 @@ def build_campaign(
     detection: Detection | None = None,
     limits: Limits | None = None,
     report: Callable[[int, int], None] | None = None,
-) -> Campaign:
+) -> BuiltCampaign:
     """Read a campaign: cut, judge and filter each movement, and stack the usable ones.
 
     Each movement is stored in the folder as soon as it is cut. A later build takes up what it
@@ -203,7 +205,7 @@ def build_campaign(
 
     Returns
     -------
-    Campaign
+    BuiltCampaign
 
     Raises
     ------
@@ -218,7 +220,7 @@ def build_campaign(
     if not allow_outside:
         for path in (sheet_file, *([folder / CHANNEL_FILE] if channels is None else [])):
             refuse_outside(path, folder)
-    refuse_links_out(folder / STORE, folder)
+    refuse_links_outside(folder / STORE, folder)
     sheet = read_sheet(sheet_file)
     check_files(sheet, folder, allow_outside=allow_outside)
     channel_map = load_channel_map(channels if channels is not None else folder / CHANNEL_FILE)
@@ -244,34 +246,34 @@ def build_campaign(
     usable = [
         (run, piece, found)
         for run, piece, found in zip(sheet.runs, pieces, verdicts, strict=True)
-        if isinstance(piece, Piece) and isinstance(found, Verdict) and found.usable
+        if isinstance(piece, RecordedThrow) and isinstance(found, ThrowQuality) and found.usable
     ]
     slipped = _slipped([piece for _, piece, _ in usable])
     remarks = [*extra_files(sheet, folder), *_remarks(usable, slipped)]
     dataset = _dataset(usable, slipped, sheet, channel_map, excluded) if usable else None
-    return Campaign(dataset, sheet, excluded, tuple(remarks), reused)
+    return BuiltCampaign(dataset, sheet, excluded, tuple(remarks), reused)
 
 
 def _pieces(
     folder: Path,
-    runs: Sequence[Run],
+    runs: Sequence[SheetRow],
     channel_map: ChannelMap,
     *,
     allow_outside: bool,
     detection: Detection | None,
     report: Callable[[int, int], None] | None,
-) -> tuple[list[Piece | TurnoutError], int]:
+) -> tuple[list[RecordedThrow | TurnoutError], int]:
     """Return the movement of each run, and how many had been cut before; a file is read once."""
     members: dict[str, list[int]] = {}
     for number, run in enumerate(runs):
         members.setdefault(run.file, []).append(number)
-    pieces: dict[int, Piece | TurnoutError] = {}
+    pieces: dict[int, RecordedThrow | TurnoutError] = {}
     reused = 0
     if report is not None:
         report(0, len(runs))
     for numbers in members.values():
         members_of_file = [runs[number] for number in numbers]
-        found = kept_pieces(
+        found = stored_throws(
             folder, members_of_file, channel_map, allow_outside=allow_outside, detection=detection
         )
         for number, (piece, known) in zip(numbers, found, strict=True):
@@ -283,19 +285,21 @@ def _pieces(
 
 
 def _verdicts(
-    runs: Sequence[Run],
-    pieces: Sequence[Piece | TurnoutError],
+    runs: Sequence[SheetRow],
+    pieces: Sequence[RecordedThrow | TurnoutError],
     channel_map: ChannelMap,
     *,
     limits: Limits | None,
-) -> list[Verdict | TurnoutError]:
+) -> list[ThrowQuality | TurnoutError]:
     """Judge each movement against the rest of the campaign."""
     good = [
-        (run, piece) for run, piece in zip(runs, pieces, strict=True) if isinstance(piece, Piece)
+        (run, piece)
+        for run, piece in zip(runs, pieces, strict=True)
+        if isinstance(piece, RecordedThrow)
     ]
     rates = [round(piece.rate, 3) for _, piece in good]
     usual = max(set(rates), key=rates.count) if rates else None
-    profiles: dict[str, list[Profile]] = {}
+    profiles: dict[str, list[ForceProfile]] = {}
     levels: dict[tuple[str, int], list[NDArray[np.float64]]] = {}
     for run, piece in good:
         profile = early_profile(piece.dataset, piece.throw)
@@ -305,13 +309,13 @@ def _verdicts(
         if level is not None:
             levels.setdefault((run.direction, level.size), []).append(level)
     typical = {direction: typical_profile(found) for direction, found in profiles.items()}
-    # Two that differ do not tell which of them is off.
+    # Two that differ do not show which of them is off.
     usual_levels = {
         key: np.median(found, axis=0) for key, found in levels.items() if len(found) >= 3
     }
-    verdicts: list[Verdict | TurnoutError] = []
+    verdicts: list[ThrowQuality | TurnoutError] = []
     for run, found in zip(runs, pieces, strict=True):
-        if not isinstance(found, Piece):
+        if not isinstance(found, RecordedThrow):
             verdicts.append(found)
             continue
         expected = Expected(
@@ -325,15 +329,15 @@ def _verdicts(
     return verdicts
 
 
-def _reasons(found: Verdict | TurnoutError) -> tuple[str, ...]:
+def _reasons(found: ThrowQuality | TurnoutError) -> tuple[str, ...]:
     """Return every reason to leave a movement out."""
     if isinstance(found, ListedError):
         return found.problems
     return (str(found),) if isinstance(found, TurnoutError) else found.reasons
 
 
-def _slipped(pieces: Sequence[Piece]) -> list[bool | None]:
-    """Tell from the currents whether a motor ran until it was switched off; None without them."""
+def _slipped(pieces: Sequence[RecordedThrow]) -> list[bool | None]:
+    """Return from the currents whether a motor ran until it was switched off; None without them."""
     runs = [np.array(piece.throw.drive_ends) - piece.throw.onset for piece in pieces]
     known = [times[np.isfinite(times)] for times in runs]
     if not any(times.size for times in known):
@@ -344,14 +348,14 @@ def _slipped(pieces: Sequence[Piece]) -> list[bool | None]:
 
 
 def _remarks(
-    usable: Sequence[tuple[Run, Piece, Verdict]], slipped: Sequence[bool | None]
+    usable: Sequence[tuple[SheetRow, RecordedThrow, ThrowQuality]], slipped: Sequence[bool | None]
 ) -> list[str]:
     runs = [run for run, _, _ in usable]
     forces = [
         force_changes(piece.dataset["drive_force"].values, rate=piece.rate)
         for _, piece, _ in usable
     ]
-    said: dict[str, list[Run]] = {}
+    said: dict[str, list[SheetRow]] = {}
     for run, piece, verdict in usable:
         for text in (*piece.notes, *verdict.remarks):
             said.setdefault(text, []).append(run)
@@ -365,14 +369,14 @@ def _remarks(
     ]
 
 
-def _first_of(runs: Sequence[Run]) -> str:
+def _first_of(runs: Sequence[SheetRow]) -> str:
     """Name the first of some movements and how many more there are."""
     more = f" and {len(runs) - 1} more" if len(runs) > 1 else ""
     return f"{runs[0].where}: {runs[0].name}{more}"
 
 
 def _dataset(
-    usable: Sequence[tuple[Run, Piece, Verdict]],
+    usable: Sequence[tuple[SheetRow, RecordedThrow, ThrowQuality]],
     slipped: Sequence[bool | None],
     sheet: RunSheet,
     channel_map: ChannelMap,

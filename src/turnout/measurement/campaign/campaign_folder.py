@@ -25,19 +25,19 @@ def campaign_folder(source: Path) -> Path:
     return source if source.is_dir() else source.parent
 
 
-def kept_throws(source: Path) -> Path:
+def throw_store(source: Path) -> Path:
     """Return the folder in which throws for a campaign are kept, from its folder or dataset."""
     return campaign_folder(source) / STORE / "throws"
 
 
-def leads_outside(path: Path, folder: Path) -> bool:
-    """Tell whether a path, with every link in it followed, is not within a folder.
+def is_outside(path: Path, folder: Path) -> bool:
+    """Return whether a path, with every link in it followed, is not within a folder.
 
     Examples
     --------
-    >>> leads_outside(Path("campaign/../x.csv"), Path("campaign"))
+    >>> is_outside(Path("campaign/../x.csv"), Path("campaign"))
     True
-    >>> leads_outside(Path("campaign/x.csv"), Path("campaign"))
+    >>> is_outside(Path("campaign/x.csv"), Path("campaign"))
     False
     """
     return not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
@@ -51,12 +51,12 @@ def refuse_outside(path: Path, folder: Path) -> None:
     FileError
         Naming the file and where it leads.
     """
-    if leads_outside(path, folder):
-        message = f"{path}: {where_to(path, folder)}; move it there, or {PERMIT}"
+    if is_outside(path, folder):
+        message = f"{path}: {describe_target(path, folder)}; move it there, or {PERMIT}"
         raise FileError(message)
 
 
-def refuse_to_leave(path: Path, folder: Path) -> None:
+def refuse_to_write_outside(path: Path, folder: Path) -> None:
     """Refuse to write through a link of a folder to what lies outside.
 
     A path that is not in the folder by its own name is the user's to choose, and passes.
@@ -68,7 +68,7 @@ def refuse_to_leave(path: Path, folder: Path) -> None:
     """
     named = Path(os.path.abspath(path)).is_relative_to(os.path.abspath(folder))
     stands = Path(os.path.realpath(path.parent)).is_relative_to(os.path.realpath(folder))
-    if (named or stands) and leads_outside(path, folder):
+    if (named or stands) and is_outside(path, folder):
         message = (
             f"{path}: a link leads to {os.path.realpath(path)}, outside {folder}, and is not "
             "written through; remove the link, or name another file"
@@ -76,7 +76,7 @@ def refuse_to_leave(path: Path, folder: Path) -> None:
         raise FileError(message)
 
 
-def refuse_links_out(store: Path, folder: Path) -> None:
+def refuse_links_outside(store: Path, folder: Path) -> None:
     """Refuse a store in a folder that a link, itself or within it, takes outside.
 
     Raises
@@ -84,13 +84,13 @@ def refuse_links_out(store: Path, folder: Path) -> None:
     FileError
         Naming the link.
     """
-    refuse_to_leave(store, folder)
+    refuse_to_write_outside(store, folder)
     for path in store.rglob("*"):
         if path.is_symlink():
-            refuse_to_leave(path, folder)
+            refuse_to_write_outside(path, folder)
 
 
-def where_to(path: Path, folder: Path) -> str:
+def describe_target(path: Path, folder: Path) -> str:
     """Say that a path is not within a folder, and what it leads to."""
     target = os.path.realpath(path)
     shown = "" if target == os.path.abspath(path) else f" (it leads to {target})"

@@ -1,7 +1,7 @@
 """Throws within a recording: where each begins and ends, and in which direction it goes.
 
-Work is done on unfiltered channels in physical units, all at one rate. A motor current tells to the
-millisecond when a throw begins; rod forces alone, which grow slowly at first, tell it less sharply.
+Work is done on unfiltered channels in physical units, all at one rate. A motor current shows to the
+millisecond when a throw begins; rod forces alone, which grow slowly at first, less sharply.
 """
 
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ import xarray as xr
 from turnout.measurement.campaign.motion_signals import (
     Flags,
     Floats,
+    bridge_gaps,
     drift,
     found_direction,
     mean_over,
-    without_holes,
     without_spikes,
 )
 
@@ -54,7 +54,7 @@ class Detection:
 
 
 @dataclass(frozen=True, slots=True)
-class Throw:
+class FoundThrow:
     """One throw within a recording.
 
     Attributes
@@ -64,7 +64,7 @@ class Throw:
     onset, end : float
         Onset of motion, and when the last drive stops, on the time of the recording [s].
     drive_ends : tuple of float
-        When each drive stops [s]; NaN where its current does not tell.
+        When each drive stops [s]; NaN where its current does not show it.
     source : str
         "current" or "force": what the onset was taken from.
     direction : str
@@ -89,7 +89,9 @@ class Throw:
         return self.end - self.onset
 
 
-def find_throws(dataset: xr.Dataset, *, detection: Detection | None = None) -> tuple[Throw, ...]:
+def find_throws(
+    dataset: xr.Dataset, *, detection: Detection | None = None
+) -> tuple[FoundThrow, ...]:
     """Find every throw of a recording.
 
     Parameters
@@ -102,7 +104,7 @@ def find_throws(dataset: xr.Dataset, *, detection: Detection | None = None) -> t
 
     Returns
     -------
-    tuple of Throw
+    tuple of FoundThrow
         In the order of time; empty where nothing moves.
 
     Examples
@@ -150,7 +152,7 @@ def find_throws(dataset: xr.Dataset, *, detection: Detection | None = None) -> t
             for row, known in zip(running, switched, strict=True)
         ]
         throws.append(
-            Throw(
+            FoundThrow(
                 first=bound[0],
                 stop=bound[1],
                 onset=float(np.interp(at, np.arange(time.size), time)),
@@ -166,7 +168,7 @@ def find_throws(dataset: xr.Dataset, *, detection: Detection | None = None) -> t
 
 
 def is_running(current: Floats, *, rate: float, detection: Detection) -> Flags:
-    """Tell where a motor runs, whichever way round its clamp is.
+    """Flag the samples at which a motor runs, whichever way round its clamp is.
 
     Parameters
     ----------
@@ -196,7 +198,7 @@ def _rows(dataset: xr.Dataset, name: str, *, rate: float, spike: float) -> Float
 
 
 def _is_moving(forces: Floats, *, rate: float, detection: Detection) -> Flags:
-    """Tell where rod forces change; what a change is not is noise."""
+    """Flag the samples at which rod forces change by more than noise."""
     size = forces.shape[1]
     moving = np.zeros(size, dtype=bool)
     half = max(1, round(0.5 * detection.force_span * rate))
@@ -204,7 +206,7 @@ def _is_moving(forces: Floats, *, rate: float, detection: Detection) -> Flags:
         smooth = mean_over(row, width=round(0.02 * rate))
         index = np.arange(size)
         change = smooth[np.minimum(index + half, size - 1)] - smooth[np.maximum(index - half, 0)]
-        steps = np.abs(np.diff(without_holes(row)))
+        steps = np.abs(np.diff(bridge_gaps(row)))
         noise = float(np.median(steps)) / 0.95 / np.sqrt(max(1.0, 0.02 * rate))
         moving |= np.abs(change) > max(detection.moving_force, 8.0 * noise)
     return moving
@@ -246,7 +248,7 @@ def _onset(
         return 0.0
     found = [_first_pull(row, span, rate=rate) for row in rows]
     pulls = [pull for pull, _ in found]
-    # Drives that begin together tell the same moment: their mean scatters less than the first.
+    # Drives that begin together show the same moment: their mean scatters less than the first.
     onset = float(np.mean([pull for pull in pulls if pull <= min(pulls) + 0.02 * rate]))
     # A force that grows slowly is followed back too far; some drive shows within 0.1 s.
     return max(onset, min(seen for _, seen in found) - 0.1 * rate)
@@ -258,7 +260,7 @@ def _first_inrush(
     """Return the first of two samples in a row above the running current, near the span's start."""
     reach = round(0.05 * rate)
     first = max(0, span[0] - reach)
-    high = np.abs(without_holes(row)[first : span[0] + 4 * reach]) > detection.running_current
+    high = np.abs(bridge_gaps(row)[first : span[0] + 4 * reach]) > detection.running_current
     pairs = np.flatnonzero(high[:-1] & high[1:])
     return float(first + pairs[0]) if pairs.size else float(span[1])
 

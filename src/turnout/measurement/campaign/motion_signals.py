@@ -1,4 +1,4 @@
-"""Signals that tell motion: their rest, their mean over a while, and where they go."""
+"""Signals that show motion: their rest, their mean over a while, and where they go."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,14 +61,14 @@ def force_changes(forces: Floats, *, rate: float) -> Floats:
     array([2.])
     """
     count = max(1, min(round(0.3 * rate), forces.shape[1] // 3))
-    filled = np.array([without_holes(row) for row in forces])
+    filled = np.array([bridge_gaps(row) for row in forces])
     change = np.median(filled[:, -count:], axis=1) - np.median(filled[:, :count], axis=1)
     return np.asarray(change, dtype=np.float64)
 
 
 def mean_over(values: Floats, *, width: int) -> Floats:
     """Return the centred mean over `width` samples, holes filled; the ends over what there is."""
-    filled = without_holes(values)
+    filled = bridge_gaps(values)
     half = max(0, width // 2)
     total = np.concatenate(([0.0], np.cumsum(filled)))
     index = np.arange(filled.size)
@@ -76,7 +76,7 @@ def mean_over(values: Floats, *, width: int) -> Floats:
     return np.asarray((total[last] - total[first]) / (last - first))
 
 
-def without_holes(values: Floats) -> Floats:
+def bridge_gaps(values: Floats) -> Floats:
     """Return samples with a straight line across what is not finite; zeros where nothing is."""
     known = np.isfinite(values)
     if known.all():
@@ -88,7 +88,7 @@ def without_holes(values: Floats) -> Floats:
 
 
 def spikes(values: Floats, *, rate: float, least: float) -> Flags:
-    """Tell which samples stand alone: a tooth of one or two samples that is gone again at once.
+    """Flag the samples that stand alone: a spike of one or two samples that is gone again at once.
 
     Motion and impacts last longer than 4 ms; below 500 samples a second a sample may hold a whole
     inrush, and no sample is called a spike.
@@ -119,7 +119,7 @@ def spikes(values: Floats, *, rate: float, least: float) -> Flags:
 
 def without_spikes(values: Floats, *, rate: float, least: float) -> Floats:
     """Return samples with the median of five in place of each spike."""
-    filled = without_holes(values)
+    filled = bridge_gaps(values)
     found = spikes(filled, rate=rate, least=least)
     return np.where(found, _median_of_five(filled), values) if found.any() else values
 
@@ -149,7 +149,7 @@ def drift(values: Floats, *, rate: float) -> float:
     count = round(END * rate)
     if count < 10 or values.size < 4 * count:
         return 0.0
-    filled, time = without_holes(values), np.arange(count) / rate
+    filled, time = bridge_gaps(values), np.arange(count) / rate
     slopes = []
     for part in (filled[:count], filled[-count:]):
         slope, level = np.polyfit(time, part, 1)

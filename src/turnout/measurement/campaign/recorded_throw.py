@@ -16,35 +16,35 @@ from turnout.core.provenance import content_hash, version
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.errors import FileError, MeasurementError, TurnoutError
 from turnout.measurement.campaign.campaign_folder import STORE
-from turnout.measurement.campaign.find_throws import Detection, Throw, find_throws
-from turnout.measurement.campaign.run_sheet import Run
+from turnout.measurement.campaign.find_throws import Detection, FoundThrow, find_throws
+from turnout.measurement.campaign.run_sheet import SheetRow
 from turnout.measurement.chain.apply import apply_chain, map_hash
 from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.formats.file_format import read_recording
 from turnout.measurement.quality.channel_faults import MEASURED
 
 # Raised when what a piece holds, or how it is cut, changes.
-PIECE_VERSION = 3
+STORED_VERSION = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Piece:
+class RecordedThrow:
     """The part of a recording that holds one movement.
 
     Attributes
     ----------
     dataset : xarray.Dataset
         Unfiltered channels in SI on the time of the recording.
-    throw : Throw
+    throw : FoundThrow
         Where the movement lies in `dataset`.
     start_time : str
-        Date and time of the recording; empty where it tells none.
+        Date and time of the recording; empty where it holds none.
     notes : tuple of str
         What had to be mended while reading.
     """
 
     dataset: xr.Dataset
-    throw: Throw
+    throw: FoundThrow
     start_time: str
     notes: tuple[str, ...]
 
@@ -55,14 +55,14 @@ class Piece:
         return float((time.size - 1) / (time[-1] - time[0]))
 
 
-def kept_pieces(
+def stored_throws(
     folder: Path,
-    runs: Sequence[Run],
+    runs: Sequence[SheetRow],
     channel_map: ChannelMap,
     *,
     allow_outside: bool = False,
     detection: Detection | None = None,
-) -> Iterator[tuple[Piece | TurnoutError, bool]]:
+) -> Iterator[tuple[RecordedThrow | TurnoutError, bool]]:
     """Yield the movements of one recording, from the store of the campaign or cut and stored.
 
     The file is read once, and only when one of its movements is not in the store. A bad recording
@@ -73,7 +73,7 @@ def kept_pieces(
     ----------
     folder : Path
         Folder of the campaign.
-    runs : sequence of Run
+    runs : sequence of SheetRow
         Lines of the sheet, all of the same file.
     channel_map : ChannelMap
         From columns to forces and currents.
@@ -84,7 +84,7 @@ def kept_pieces(
 
     Yields
     ------
-    piece : Piece or TurnoutError
+    piece : RecordedThrow or TurnoutError
         For each run, in their order.
     reused : bool
         Whether it had been cut before, from the same file and map.
@@ -103,7 +103,7 @@ def kept_pieces(
         "file": digest,
         "map": map_hash(channel_map),
         "detection": asdict(detection or Detection()),
-        "version": f"{version()} {PIECE_VERSION}",
+        "version": f"{version()} {STORED_VERSION}",
     }
     found: _Found | TurnoutError | None = None
     for run in runs:
@@ -118,7 +118,7 @@ def kept_pieces(
         cut = found if isinstance(found, TurnoutError) else _cut(found, run.movement, path)
         # A folder that may not be written to is read each time.
         with suppress(FileError, OSError):
-            if isinstance(cut, Piece):
+            if isinstance(cut, RecordedThrow):
                 stored.parent.mkdir(exist_ok=True)
                 write_atomic(stored, _packed(cut, key))
         yield cut, False
@@ -129,7 +129,7 @@ class _Found:
     """A recording in SI and every throw in it."""
 
     dataset: xr.Dataset
-    throws: tuple[Throw, ...]
+    throws: tuple[FoundThrow, ...]
 
 
 def _found(
@@ -145,7 +145,7 @@ def _found(
     return _Found(dataset, find_throws(dataset, detection=detection))
 
 
-def _cut(found: _Found, movement: int, path: Path) -> Piece | TurnoutError:
+def _cut(found: _Found, movement: int, path: Path) -> RecordedThrow | TurnoutError:
     """Return a movement by its number in the recording, from 1."""
     count = len(found.throws)
     if count < movement:
@@ -158,7 +158,7 @@ def _cut(found: _Found, movement: int, path: Path) -> Piece | TurnoutError:
     names = [name for name in MEASURED if name in dataset]
     kept = dataset[names].isel(time=slice(throw.first, throw.stop)).reset_coords(drop=True)
     notes = tuple(note for note in str(dataset.attrs.get("problems", "")).splitlines() if note)
-    return Piece(
+    return RecordedThrow(
         dataset=kept.drop_attrs(),
         throw=_moved(throw),
         start_time=str(dataset.attrs.get("start_time", "")),
@@ -166,14 +166,14 @@ def _cut(found: _Found, movement: int, path: Path) -> Piece | TurnoutError:
     )
 
 
-def _moved(throw: Throw) -> Throw:
+def _moved(throw: FoundThrow) -> FoundThrow:
     """Count the samples of a throw from its own first one."""
     values: dict[str, Any] = asdict(throw)
     values |= {"first": 0, "stop": throw.stop - throw.first}
-    return Throw(**values)
+    return FoundThrow(**values)
 
 
-def _packed(piece: Piece, key: str) -> bytes:
+def _packed(piece: RecordedThrow, key: str) -> bytes:
     described = {
         "throw": asdict(piece.throw),
         "start_time": piece.start_time,
@@ -187,7 +187,7 @@ def _packed(piece: Piece, key: str) -> bytes:
     return arrays_to_bytes(arrays, key)
 
 
-def _stored(path: Path, key: str) -> Piece | None:
+def _stored(path: Path, key: str) -> RecordedThrow | None:
     """Return a piece from its file; None where there is none, it is damaged or not one of ours."""
     try:
         require_regular_file(path)
@@ -199,6 +199,6 @@ def _stored(path: Path, key: str) -> Piece | None:
         )
         throw = {**described["throw"], "drive_ends": tuple(described["throw"]["drive_ends"])}
         notes = tuple(str(note) for note in described["notes"])
-        return Piece(dataset, Throw(**throw), str(described["start_time"]), notes)
+        return RecordedThrow(dataset, FoundThrow(**throw), str(described["start_time"]), notes)
     except (OSError, ValueError, LookupError, TypeError, FileError):
         return None

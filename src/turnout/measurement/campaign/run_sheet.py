@@ -20,7 +20,7 @@ from turnout.measurement.campaign.motion_signals import CLOSING, OPENING
 LARGEST = 0.2
 FAMILIES = ("sleeper", "drive", "sensor", "chair", "stud", "stop", "link", "fastening")
 _NAMED = re.compile(rf"({'|'.join(FAMILIES)})\s*[-_ ]?\s*(\S.*)\Z", re.IGNORECASE)
-_TRUTH = {"yes": True, "no": False, "true": True, "false": False, "1": True, "0": False}
+_YES_NO = {"yes": True, "no": False, "true": True, "false": False, "1": True, "0": False}
 _DIRECTIONS = {CLOSING: CLOSING, OPENING: OPENING, "close": CLOSING, "open": OPENING}
 
 
@@ -65,7 +65,8 @@ def object_size(value: Any) -> float:
         message = "must be at least 0"
         raise ValueError(message)
     if size > LARGEST:
-        message = f"{size:g} m is no object in a switch, at most {LARGEST:g} m; check the unit"
+        limit = f"at most {LARGEST:g} m"
+        message = f"{size:g} m is too large for an object in a switch, {limit}; check the unit"
         raise ValueError(message)
     return size
 
@@ -99,15 +100,15 @@ def direction_name(value: Any) -> str:
     return known
 
 
-def truth(value: Any) -> bool:
+def parse_yes_no(value: Any) -> bool:
     """Return what yes or no says; ValueError for anything else.
 
     Examples
     --------
-    >>> truth("Yes")
+    >>> parse_yes_no("Yes")
     True
     """
-    known = _TRUTH.get(str(value).strip().lower())
+    known = _YES_NO.get(str(value).strip().lower())
     if known is None:
         message = "must be yes or no"
         raise ValueError(message)
@@ -122,7 +123,7 @@ HEADINGS = ("title", "synthetic", "load_cell_from")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Run:
+class SheetRow:
     """One movement as the sheet has it.
 
     Attributes
@@ -173,7 +174,7 @@ class RunSheet:
 
     Attributes
     ----------
-    runs : tuple of Run
+    runs : tuple of SheetRow
         In the order of the sheet.
     title : str
         Of the campaign.
@@ -183,7 +184,7 @@ class RunSheet:
         Path of the sheet.
     """
 
-    runs: tuple[Run, ...]
+    runs: tuple[SheetRow, ...]
     title: str
     synthetic: str
     source: str
@@ -222,7 +223,7 @@ def read_sheet(path: Path | str) -> RunSheet:
     Parameters
     ----------
     path : path-like
-        A CSV or TOML file.
+        CSV or TOML file with a row for each movement.
 
     Returns
     -------
@@ -270,7 +271,7 @@ def read_sheet(path: Path | str) -> RunSheet:
             runs.append(run)
     if not rows:
         problems.append("names no movement; give a line for each")
-    problems += _doubles(runs)
+    problems += _duplicates(runs)
     if problems:
         raise MeasurementError(problems, source=str(path))
     title = str(headings.get("title", path.resolve().parent.name))
@@ -344,7 +345,7 @@ def _column(cell: str) -> tuple[str, str]:
 
 def _run(
     where: str, row: Mapping[str, Any], *, mounted_from: float, problems: list[str]
-) -> Run | None:
+) -> SheetRow | None:
     """Make a run of a row, or add what is wrong with it."""
     allowed = (*NEEDED, *OPTIONAL)
     wrong = [f"{name}: unknown{nearest(name, allowed)}" for name in row if name not in allowed]
@@ -367,21 +368,21 @@ def _run(
         "movement": read("movement", whole_number, 1),
         "direction": read("direction", direction_name, CLOSING),
         "repeat": read("repeat", whole_number, 1),
-        "slip": read("slip", truth, None),
-        "load_cell": read("load_cell", truth, size >= mounted_from - 1e-9),
+        "slip": read("slip", parse_yes_no, None),
+        "load_cell": read("load_cell", parse_yes_no, size >= mounted_from - 1e-9),
         "remark": str(row.get("remark", "")),
     }
     if wrong:
         problems += [f"{where}: {text}" for text in wrong]
         return None
-    return Run(where=where, file=str(row["file"]).strip(), size=size, place=place, **values)
+    return SheetRow(where=where, file=str(row["file"]).strip(), size=size, place=place, **values)
 
 
-def _doubles(runs: list[Run]) -> list[str]:
+def _duplicates(runs: list[SheetRow]) -> list[str]:
     """Name movements that the sheet has twice."""
     problems = []
-    recorded: dict[tuple[object, ...], Run] = {}
-    meant: dict[tuple[object, ...], Run] = {}
+    recorded: dict[tuple[object, ...], SheetRow] = {}
+    meant: dict[tuple[object, ...], SheetRow] = {}
     for run in runs:
         where = (run.file, run.movement)
         what = (run.direction, run.size, run.place, run.repeat)

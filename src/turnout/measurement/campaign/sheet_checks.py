@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from turnout.core.problems import nearest
 from turnout.errors import MeasurementError
-from turnout.measurement.campaign.campaign_folder import PERMIT, leads_outside, where_to
-from turnout.measurement.campaign.run_sheet import SHEETS, Run, RunSheet
+from turnout.measurement.campaign.campaign_folder import PERMIT, describe_target, is_outside
+from turnout.measurement.campaign.run_sheet import SHEETS, RunSheet, SheetRow
 from turnout.measurement.formats.file_format import FORMATS
 
 # A rod force saturates where it grew by the first share of its largest value over a series of
@@ -46,8 +46,10 @@ def check_files(sheet: RunSheet, folder: Path, *, allow_outside: bool = False) -
     for run in sheet.runs:
         path = folder / run.file
         # Whether a file exists outside is not revealed.
-        if not allow_outside and leads_outside(path, folder):
-            text = f"{run.file} {where_to(path, folder)}; copy it into the folder, or {PERMIT}"
+        if not allow_outside and is_outside(path, folder):
+            text = (
+                f"{run.file} {describe_target(path, folder)}; copy it into the folder, or {PERMIT}"
+            )
             problems.append(f"{run.where}: {text}")
         elif not path.is_file():
             problems.append(
@@ -68,7 +70,7 @@ def extra_files(sheet: RunSheet, folder: Path) -> list[str]:
     ]
 
 
-def order_remarks(runs: Sequence[Run], start_times: Iterable[str]) -> list[str]:
+def order_remarks(runs: Sequence[SheetRow], start_times: Iterable[str]) -> list[str]:
     """Return a remark on each movement that was recorded before the one above it in the sheet.
 
     Examples
@@ -99,13 +101,13 @@ def _moment(text: str) -> datetime | None:
 
 
 def series_remarks(
-    runs: Sequence[Run], slipped: Sequence[bool | None], forces: Sequence[NDArray[np.float64]]
+    runs: Sequence[SheetRow], slipped: Sequence[bool | None], forces: Sequence[NDArray[np.float64]]
 ) -> list[str]:
     """Return remarks on series of growing objects: sizes out of order, slip reached or not.
 
     Parameters
     ----------
-    runs : sequence of Run
+    runs : sequence of SheetRow
         In the order of the sheet.
     slipped : sequence of bool or None
         Whether a drive slipped, as measured; None where that is not known.
@@ -116,7 +118,7 @@ def series_remarks(
     -------
     list of str
     """
-    series: dict[tuple[str, str, int], list[tuple[Run, bool | None]]] = {}
+    series: dict[tuple[str, str, int], list[tuple[SheetRow, bool | None]]] = {}
     changes: dict[tuple[str, str, int], list[tuple[float, NDArray[np.float64]]]] = {}
     for run, measured, force in zip(runs, slipped, forces, strict=True):
         if run.size > 0:
@@ -128,7 +130,7 @@ def series_remarks(
     for key, members in series.items():
         place = key[0]
         remarks += [
-            f"{run.where}: {_milli(run)} at {place} comes after {_milli(before)}"
+            f"{run.where}: {_size(run)} at {place} comes after {_size(before)}"
             "; objects usually grow"
             for (before, _), (run, _) in pairwise(members)
             if run.size < before.size
@@ -138,22 +140,22 @@ def series_remarks(
             largest = max(members, key=lambda member: member[0].size)[0]
             if _saturates(changes[key]):
                 remarks.append(
-                    f"{place}: a rod force no longer grows up to {_milli(largest)}, yet no drive "
+                    f"{place}: a rod force no longer grows up to {_size(largest)}, yet no drive "
                     "is said to slip; check clamps and the column slip"
                 )
             else:
-                remarks.append(f"{place}: no drive slipped up to {_milli(largest)}")
+                remarks.append(f"{place}: no drive slipped up to {_size(largest)}")
         elif first is not None and first < len(members) - 1:
             run = members[first][0]
             remarks.append(
-                f"{run.where}: a drive slipped at {place} with {_milli(run)}, "
+                f"{run.where}: a drive slipped at {place} with {_size(run)}, "
                 f"yet {len(members) - 1 - first} movements of that series follow"
             )
     return remarks
 
 
 def _saturates(series: Sequence[tuple[float, NDArray[np.float64]]]) -> bool:
-    """Tell whether a rod force that grew with the object is the same for the two largest.
+    """Return whether a rod force that grew with the object is the same for the two largest.
 
     Examples
     --------
@@ -168,22 +170,22 @@ def _saturates(series: Sequence[tuple[float, NDArray[np.float64]]]) -> bool:
     return bool((grown & (rows[-1] - rows[-2] < LEVEL * rows[-1])).any())
 
 
-def slip_remarks(runs: Sequence[Run], slipped: Sequence[bool | None]) -> list[str]:
+def slip_remarks(runs: Sequence[SheetRow], slipped: Sequence[bool | None]) -> list[str]:
     """Return a remark on each movement whose sheet and current disagree on a slip."""
     return [
-        f"{run.where}: the sheet says {'a' if run.slip else 'no'} drive slipped with {_milli(run)} "
+        f"{run.where}: the sheet says {'a' if run.slip else 'no'} drive slipped with {_size(run)} "
         f"at {run.place}, the currents say {'one' if measured else 'none'} did"
         for run, measured in zip(runs, slipped, strict=True)
         if run.slip is not None and measured is not None and run.slip != measured
     ]
 
 
-def force_remarks(runs: Sequence[Run], forces: Sequence[float]) -> list[str]:
+def force_remarks(runs: Sequence[SheetRow], forces: Sequence[float]) -> list[str]:
     """Return a remark where a larger object at the same place meets much less force.
 
     Parameters
     ----------
-    runs : sequence of Run
+    runs : sequence of SheetRow
         In the order of the sheet.
     forces : sequence of float
         Rod forces at the end of each movement, summed [N].
@@ -193,7 +195,7 @@ def force_remarks(runs: Sequence[Run], forces: Sequence[float]) -> list[str]:
     list of str
     """
     remarks = []
-    groups: dict[tuple[str, str, int], list[tuple[float, float, Run]]] = {}
+    groups: dict[tuple[str, str, int], list[tuple[float, float, SheetRow]]] = {}
     for run, force in zip(runs, forces, strict=True):
         if run.size > 0 and run.direction == "closing":
             key = (run.place, run.direction, run.repeat)
@@ -202,11 +204,11 @@ def force_remarks(runs: Sequence[Run], forces: Sequence[float]) -> list[str]:
         for (_, less, before), (_, more, run) in pairwise(sorted(members, key=lambda m: m[0])):
             if more < less - max(250.0, 0.025 * abs(less)):
                 remarks.append(
-                    f"{run.where}: {_milli(run)} at {place} ends with {more:.0f} N in the rods, "
-                    f"{_milli(before)} ({before.where}) with {less:.0f} N; are sizes mixed up?"
+                    f"{run.where}: {_size(run)} at {place} ends with {more:.0f} N in the rods, "
+                    f"{_size(before)} ({before.where}) with {less:.0f} N; are sizes mixed up?"
                 )
     return remarks
 
 
-def _milli(run: Run) -> str:
+def _size(run: SheetRow) -> str:
     return f"{run.size * 1e3:g} mm"

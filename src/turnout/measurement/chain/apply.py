@@ -29,8 +29,8 @@ from turnout.measurement.chain.channel_map import (
     raw_unit,
 )
 from turnout.measurement.chain.condition import common_time, resample, tare
-from turnout.measurement.chain.sensor import Line, describe_sensor, line_of
-from turnout.measurement.recording import Channel, Recording
+from turnout.measurement.chain.sensor import SensorLine, describe_sensor, line_of
+from turnout.measurement.recording import RecordedChannel, Recording
 from turnout.schema.channels import SCHEMA_VERSION, label
 
 
@@ -58,7 +58,7 @@ def load_channel_map(name_or_path: Path | str) -> ChannelMap:
 
 
 def parse_channel_map(file: TomlFile) -> ChannelMap:
-    """Make a channel map of a TOML document; MeasurementError tells all that is wrong."""
+    """Make a channel map of a TOML document; MeasurementError lists all that is wrong."""
     try:
         channel_map = ChannelMap.model_validate(file.data)
     except ValidationError as error:
@@ -117,7 +117,7 @@ def apply_chain(recording: Recording, channel_map: ChannelMap) -> xr.Dataset:
 
     Examples
     --------
-    >>> clamp = Channel("Clamp 1", "V", np.array([0.0, 0.2]), rate=1000.0)
+    >>> clamp = RecordedChannel("Clamp 1", "V", np.array([0.0, 0.2]), rate=1000.0)
     >>> text = '[drive_current.1]\ncolumn = "Clamp 1"\nkind = "clamp"\nsensitivity = "100 mV/A"'
     >>> channel_map = parse_channel_map(parse_toml(text, source="example"))
     >>> dataset = apply_chain(Recording({"Clamp 1": clamp}, "example"), channel_map)
@@ -176,7 +176,7 @@ def raw_from_physical(dataset: xr.Dataset, channel_map: ChannelMap) -> Recording
         When the dataset lacks a quantity or a drive.
     """
     time = dataset["time"].values
-    channels: dict[str, Channel] = {}
+    channels: dict[str, RecordedChannel] = {}
     problems = []
     # Summed over the whole run, so that rounding of single times does not matter.
     rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
@@ -191,7 +191,7 @@ def raw_from_physical(dataset: xr.Dataset, channel_map: ChannelMap) -> Recording
             continue
         if sensor.optional and np.isnan(physical).all():
             continue
-        channels[sensor.column] = Channel(
+        channels[sensor.column] = RecordedChannel(
             sensor.column, line.unit.text, line.raw(physical), rate, float(time[0]), key
         )
     if problems:
@@ -242,9 +242,9 @@ class _MappedColumn:
     """A raw column with its sensor, and the key of the quantity that it becomes."""
 
     key: str
-    column: Channel
+    column: RecordedChannel
     sensor: AnySensor
-    line: Line
+    line: SensorLine
 
 
 def _mapped_columns(recording: Recording, channel_map: ChannelMap) -> list[_MappedColumn]:
@@ -300,7 +300,7 @@ def _conditioned(
     return physical, notes
 
 
-def _column(recording: Recording, name: str) -> Channel | None:
+def _column(recording: Recording, name: str) -> RecordedChannel | None:
     """Return a column by its name, or by what MATLAB makes of it: "Rod 1" is a variable Rod_1."""
     return recording.channels.get(name) or recording.channels.get(re.sub(r"\W", "_", name))
 
@@ -359,7 +359,7 @@ def _plain(value: Any) -> Any:
 
 
 @dataclass(frozen=True, slots=True)
-class ChannelRow:
+class MappedChannel:
     """A quantity: its key, column, range [unit], and its sensor in words."""
 
     key: str
@@ -370,7 +370,7 @@ class ChannelRow:
     sensor: str
 
 
-def channel_rows(dataset: xr.Dataset, channel_map: ChannelMap) -> Iterator[ChannelRow]:
+def channel_rows(dataset: xr.Dataset, channel_map: ChannelMap) -> Iterator[MappedChannel]:
     """Yield a row for each channel of the map that the recording had.
 
     Parameters
@@ -391,7 +391,7 @@ def channel_rows(dataset: xr.Dataset, channel_map: ChannelMap) -> Iterator[Chann
         values = dataset[quantity].sel(drive=drive) if drive else dataset[quantity]
         factor = 1.0 if dimension is CURRENT else 1e-3
         there = values.values[np.isfinite(values.values)] * factor
-        yield ChannelRow(
+        yield MappedChannel(
             key=key,
             column=sensor.column,
             least=float(there.min()) if there.size else np.nan,

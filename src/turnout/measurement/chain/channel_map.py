@@ -33,7 +33,7 @@ from turnout.core.units import (
     parse_quantity,
     unit_factor,
 )
-from turnout.measurement.chain.known_loads import Calibration, fit_calibration
+from turnout.measurement.chain.known_loads import LoadCalibration, fit_load_calibration
 from turnout.measurement.formats.assemble import tidy_unit
 
 RAW = (VOLTAGE, VOLTAGE_RATIO, STRAIN, CURRENT, FORCE)
@@ -139,12 +139,12 @@ class Rest(Record):
         return self
 
 
-class Sensor(Record):
+class SensorRecord(Record):
     """What every sensor has: a column, its unit, and where its zero and direction are."""
 
     column: str = Field(min_length=1, description="name of the column in the recording")
     unit: UnitText | None = Field(
-        None, description="unit of the column; needed where the file does not tell it"
+        None, description="unit of the column; needed where the file does not state it"
     )
     sign: Literal[1, -1] = Field(1, description="-1 turns the direction round")
     offset: RawValue | None = Field(None, description="reading at no load, in a unit of the column")
@@ -152,7 +152,7 @@ class Sensor(Record):
     optional: bool = Field(False, description="whether recordings may lack the column: NaN then")
 
 
-class Amplified(Sensor):
+class Amplified(SensorRecord):
     """A bridge; its column is a voltage ratio, or a voltage behind excitation and amplifier."""
 
     excitation: Voltage | None = Field(None, gt=0, description="bridge excitation [V]")
@@ -179,7 +179,7 @@ class StrainBridge(Amplified):
         return self
 
 
-class Clamp(Sensor):
+class Clamp(SensorRecord):
     """A current clamp."""
 
     kind: Literal["clamp"]
@@ -194,13 +194,13 @@ class LoadCell(Amplified):
     capacity: Force = Field(gt=0, description="load at which it has that output [N]")
 
 
-class Scaled(Sensor):
+class Scaled(SensorRecord):
     """A column that the data acquisition system scaled already."""
 
     kind: Literal["scaled"]
 
 
-class Calibrated(Sensor):
+class Calibrated(SensorRecord):
     """A column calibrated by known loads, whatever the sensor."""
 
     kind: Literal["calibrated"]
@@ -212,15 +212,15 @@ class Calibrated(Sensor):
         self.calibration()
         return self
 
-    def calibration(self) -> Calibration:
+    def calibration(self) -> LoadCalibration:
         """Fit the line: SI load for each SI unit of the readings."""
-        return fit_calibration(self.readings.values, self.loads.values)
+        return fit_load_calibration(self.readings.values, self.loads.values)
 
 
 AnySensor = Annotated[
     StrainBridge | Clamp | LoadCell | Scaled | Calibrated, Field(discriminator="kind")
 ]
-KINDS: dict[str, type[Sensor]] = {
+KINDS: dict[str, type[SensorRecord]] = {
     "strain bridge": StrainBridge,
     "clamp": Clamp,
     "load cell": LoadCell,

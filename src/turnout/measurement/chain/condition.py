@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from turnout.core.moving_average import moving_average, window_samples
-from turnout.measurement.recording import Channel
+from turnout.measurement.recording import RecordedChannel
 from turnout.schema.channels import label
 
 ORDER = 4
@@ -112,7 +112,7 @@ def remove_drift(
     Parameters
     ----------
     values : ndarray, shape (..., n)
-        Samples.
+        Samples along the last axis, in any unit.
     rate : float
         Samples a second [1/s].
     before, after : tuple of float
@@ -184,7 +184,7 @@ def condition(
     return label(conditioned)
 
 
-def common_time(channels: list[Channel], *, rate: float | None = None) -> Values:
+def common_time(channels: list[RecordedChannel], *, rate: float | None = None) -> Values:
     """Return the even times that all channels cover, at the highest rate unless one is given [s].
 
     Raises
@@ -194,8 +194,8 @@ def common_time(channels: list[Channel], *, rate: float | None = None) -> Values
 
     Examples
     --------
-    >>> a = Channel("a", "V", np.zeros(5), rate=10.0)
-    >>> b = Channel("b", "V", np.zeros(2), rate=5.0, start=0.1)
+    >>> a = RecordedChannel("a", "V", np.zeros(5), rate=10.0)
+    >>> b = RecordedChannel("b", "V", np.zeros(2), rate=5.0, start=0.1)
     >>> common_time([a, b])
     array([0.1, 0.2, 0.3])
     """
@@ -213,7 +213,7 @@ def common_time(channels: list[Channel], *, rate: float | None = None) -> Values
     return start + np.arange(count) / rate
 
 
-def resample(channel: Channel, values: Values, *, time: Values) -> Values:
+def resample(channel: RecordedChannel, values: Values, *, time: Values) -> Values:
     """Return values of a channel at other even times; at its own they are untouched.
 
     Between samples they are interpolated linearly; where the channel is faster, each is first
@@ -221,16 +221,16 @@ def resample(channel: Channel, values: Values, *, time: Values) -> Values:
 
     Parameters
     ----------
-    channel : Channel
+    channel : RecordedChannel
         Whose times the values have.
     values : ndarray, shape (n,)
-        Samples.
+        Samples of the channel, in any unit; NaN for holes.
     time : ndarray, shape (m,)
         Even times within those of the channel [s].
 
     Examples
     --------
-    >>> slow = Channel("a", "V", np.array([0.0, 1.0, 4.0]), rate=10.0)
+    >>> slow = RecordedChannel("a", "V", np.array([0.0, 1.0, 4.0]), rate=10.0)
     >>> resample(slow, slow.values, time=np.array([0.0, 0.05, 0.1]))
     array([0. , 0.5, 1. ])
     """

@@ -7,7 +7,7 @@ import numpy as np
 
 
 @dataclass(frozen=True, slots=True)
-class Calibration:
+class LoadCalibration:
     """A straight line through known loads: load = scale (raw - offset).
 
     Attributes
@@ -32,7 +32,7 @@ class Calibration:
     count: int
 
 
-def fit_calibration(raw: Sequence[float], load: Sequence[float]) -> Calibration:
+def fit_load_calibration(raw: Sequence[float], load: Sequence[float]) -> LoadCalibration:
     r"""Fit a straight line to known loads by least squares.
 
     .. math:: F = a + s\,r, \quad u(s)^2 = \frac{\sum e_i^2}{(n - 2) \sum (r_i - \bar r)^2}
@@ -43,13 +43,13 @@ def fit_calibration(raw: Sequence[float], load: Sequence[float]) -> Calibration:
     Parameters
     ----------
     raw : sequence of float, length n
-        Readings.
+        Readings of the sensor, n >= 2.
     load : sequence of float, length n
-        Known loads.
+        Loads at these readings.
 
     Returns
     -------
-    Calibration
+    LoadCalibration
         In the units of the two.
 
     Raises
@@ -59,7 +59,7 @@ def fit_calibration(raw: Sequence[float], load: Sequence[float]) -> Calibration:
 
     Examples
     --------
-    >>> line = fit_calibration([1.0, 3.0, 5.0], [0.0, 10.0, 20.0])
+    >>> line = fit_load_calibration([1.0, 3.0, 5.0], [0.0, 10.0, 20.0])
     >>> line.scale, line.offset, round(line.nonlinearity, 12)
     (5.0, 1.0, 0.0)
     """
@@ -86,7 +86,7 @@ def fit_calibration(raw: Sequence[float], load: Sequence[float]) -> Calibration:
     # The mean load and the slope are not correlated; the offset is r_mean - f_mean / scale.
     lever = float(f.mean()) / scale
     offset_error = float(np.sqrt(variance / len(r) + (lever * scale_error) ** 2)) / abs(scale)
-    return Calibration(
+    return LoadCalibration(
         scale=scale,
         offset=offset,
         scale_error=scale_error,

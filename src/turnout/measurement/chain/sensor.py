@@ -23,7 +23,7 @@ FULL_BENDING, HALF_BENDING, QUARTER = 4.0, 2.0, 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class SensorLine:
     """A straight line: physical = scale (raw - offset), all in SI.
 
     Attributes
@@ -103,7 +103,7 @@ def strain_per_ratio(sensor: StrainBridge) -> float:
     return 4.0 / (sensor.gauge_factor * bridge_arms(sensor.bridge, sensor.poisson_ratio))
 
 
-def line_of(sensor: AnySensor, *, quantity: Dimension, recorded_unit: str = "") -> Line:
+def line_of(sensor: AnySensor, *, quantity: Dimension, recorded_unit: str = "") -> SensorLine:
     """Return the straight line from a column to its quantity.
 
     Parameters
@@ -113,7 +113,7 @@ def line_of(sensor: AnySensor, *, quantity: Dimension, recorded_unit: str = "") 
     quantity : Dimension
         FORCE or CURRENT, what the column stands for.
     recorded_unit : str
-        Unit that the file tells; the sensor's own goes before it.
+        Unit that the file states; the sensor's own goes before it.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def line_of(sensor: AnySensor, *, quantity: Dimension, recorded_unit: str = "") 
     """
     text = sensor.unit or recorded_unit
     if not text:
-        message = "neither the file nor the map tells the unit of the column; add unit = ..."
+        message = "neither the file nor the map states the unit of the column; add unit = ..."
         raise ValueError(message)
     unit = raw_unit(text)
     scale = _scale(sensor, unit, quantity)
@@ -144,7 +144,7 @@ def line_of(sensor: AnySensor, *, quantity: Dimension, recorded_unit: str = "") 
             )
             raise ValueError(message)
         offset += sensor.offset.values[0]
-    return Line(sensor.sign * scale, offset, unit)
+    return SensorLine(sensor.sign * scale, offset, unit)
 
 
 def describe_sensor(sensor: AnySensor, quantity: Dimension, unit: RawUnit) -> str:
@@ -162,7 +162,7 @@ def describe_sensor(sensor: AnySensor, quantity: Dimension, unit: RawUnit) -> st
     if isinstance(sensor, Calibrated):
         fit = sensor.calibration()
         if fit.count == 2:
-            return f"{text}; two points tell no error"
+            return f"{text}; two points give no error"
         text += (
             f" +- {100 * fit.scale_error / abs(fit.scale):.2g} %, zero at "
             f"{fit.offset / unit.factor:.4g} +- {fit.offset_error / unit.factor:.2g} {unit.text}, "
@@ -173,23 +173,23 @@ def describe_sensor(sensor: AnySensor, quantity: Dimension, unit: RawUnit) -> st
 
 def _scale(sensor: AnySensor, unit: RawUnit, quantity: Dimension) -> float:
     if isinstance(sensor, Clamp):
-        _must(quantity is CURRENT, "a clamp measures a current, not a force")
+        _require(quantity is CURRENT, "a clamp measures a current, not a force")
         _fits(unit, VOLTAGE)
         return 1.0 / sensor.sensitivity
     if isinstance(sensor, StrainBridge):
-        _must(quantity is FORCE, "a strain bridge measures a force, not a current")
+        _require(quantity is FORCE, "a strain bridge measures a force, not a current")
         _fits(unit, VOLTAGE_RATIO, VOLTAGE, STRAIN)
         per_strain = force_per_strain(sensor)
         if unit.dimension is STRAIN:
             return per_strain
         return per_strain * strain_per_ratio(sensor) * _ratio(sensor, unit)
     if isinstance(sensor, LoadCell):
-        _must(quantity is FORCE, "a load cell measures a force, not a current")
+        _require(quantity is FORCE, "a load cell measures a force, not a current")
         _fits(unit, VOLTAGE_RATIO, VOLTAGE)
         return sensor.capacity / sensor.sensitivity * _ratio(sensor, unit)
     if isinstance(sensor, Calibrated):
         _fits(unit, sensor.readings.dimension)
-        _must(
+        _require(
             sensor.loads.dimension is quantity,
             f"the loads are a {sensor.loads.dimension.name}, must be a {quantity.name}",
         )
@@ -210,12 +210,12 @@ def _ratio(sensor: Amplified, unit: RawUnit) -> float:
 
 def _fits(unit: RawUnit, *dimensions: Dimension) -> None:
     names = " or ".join(f"{item.name} ({item.unit})" for item in dimensions)
-    _must(
+    _require(
         unit.dimension in dimensions,
         f"the column is a {unit.dimension.name} in {unit.text}, must be a {names}",
     )
 
 
-def _must(holds: bool, message: str) -> None:
+def _require(holds: bool, message: str) -> None:
     if not holds:
         raise ValueError(message)

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator
 
 from turnout.measurement.chain.channel_map import raw_unit
-from turnout.measurement.recording import Channel, Recording
+from turnout.measurement.recording import RecordedChannel, Recording
 
 _CLAMP = re.compile(r"clamp|current|strom|stromzange|amp\b|\bi ?\d\b", re.IGNORECASE)
 _CELL = re.compile(r"cell|object|dose|kraftaufnehmer", re.IGNORECASE)
@@ -55,7 +55,7 @@ def skeleton(recording: Recording) -> str:
     Examples
     --------
     >>> import numpy as np
-    >>> rod = Channel("Rod 2", "mV/V", np.zeros(3), rate=1000.0)
+    >>> rod = RecordedChannel("Rod 2", "mV/V", np.zeros(3), rate=1000.0)
     >>> print(skeleton(Recording({"Rod 2": rod}, "throw.csv")).splitlines()[8])
     [drive_force.2]
     """
@@ -91,7 +91,7 @@ def _blocks(recording: Recording, taken: set[str]) -> Iterator[str]:
         yield f"# not used: column {shown}{unit}"
 
 
-def _guess(channel: Channel) -> tuple[str, str]:
+def _guess(channel: RecordedChannel) -> tuple[str, str]:
     """Return quantity and sensor keys of a column, empty where it is none of ours."""
     try:
         kind = raw_unit(channel.unit).dimension.name if channel.unit else ""
@@ -102,7 +102,7 @@ def _guess(channel: Channel) -> tuple[str, str]:
     if kind == "force":
         return ("object_force" if _CELL.search(channel.name) else "drive_force"), _SCALED_KEYS
     amplified = _AMPLIFIED_KEYS if kind == "voltage" else ""
-    missing = "" if kind else 'unit = "mV/V"  # assumption: the file does not tell it\n'
+    missing = "" if kind else 'unit = "mV/V"  # assumption: the file does not state it\n'
     if _CELL.search(channel.name) and kind != "strain":
         return "object_force", missing + _CELL_KEYS + amplified
     if _CLAMP.search(channel.name) and kind in ("voltage", ""):

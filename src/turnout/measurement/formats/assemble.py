@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from turnout.core.problems import choices
 from turnout.errors import FileError
 from turnout.measurement.formats.extent import MOST_CHANNELS
-from turnout.measurement.recording import Channel, Recording, TimeGrid, on_grid, time_grid
+from turnout.measurement.recording import RecordedChannel, Recording, TimeGrid, on_grid, time_grid
 
 # Taken for a unit in round brackets; square brackets always hold one.
 _ELECTRIC = ("V", "mV", "µV", "uV", "V/V", "mV/V", "µV/V", "uV/V", "A", "mA", "Ohm", "Ω", "W", "kW")
@@ -68,7 +68,7 @@ RATE_NAME = re.compile(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Column:
+class FileColumn:
     """Samples as a file holds them, before their times are understood.
 
     Attributes
@@ -76,7 +76,7 @@ class Column:
     name, unit, description : str
         What the file says.
     values : ndarray, shape (n,)
-        Samples.
+        Samples in `unit`; NaN where one is missing.
     time : ndarray or None, shape (n,)
         Time of each sample [s], where the file gives it.
     rate : float or None
@@ -125,7 +125,7 @@ def tidy_unit(unit: str) -> str:
 
 
 def is_time_name(name: str) -> bool:
-    """Tell whether a column of this name holds the time.
+    """Return whether a column of this name holds the time.
 
     Examples
     --------
@@ -145,7 +145,7 @@ def seconds_of(unit: str) -> float:
 
 
 def assemble(
-    columns: Sequence[Column],
+    columns: Sequence[FileColumn],
     *,
     source: str,
     start_time: str | None = None,
@@ -156,7 +156,7 @@ def assemble(
 
     Parameters
     ----------
-    columns : sequence of Column
+    columns : sequence of FileColumn
         In the order of the file.
     source : str
         The file, for messages.
@@ -172,7 +172,7 @@ def assemble(
     FileError
         When not one channel is left; the text says why for each.
     """
-    channels: dict[str, Channel] = {}
+    channels: dict[str, RecordedChannel] = {}
     mended, left_out = dict[str, list[str]](), dict[str, list[str]]()
     grids: dict[int, TimeGrid | ValueError] = {}
     if len(columns) > MOST_CHANNELS:
@@ -202,8 +202,8 @@ def assemble(
 
 
 def _evened(
-    column: Column, name: str, grids: dict[int, TimeGrid | ValueError], remedy: str
-) -> tuple[Channel, str]:
+    column: FileColumn, name: str, grids: dict[int, TimeGrid | ValueError], remedy: str
+) -> tuple[RecordedChannel, str]:
     values = np.ascontiguousarray(column.values, dtype=np.float64)
     if not values.size:
         message = "it is empty: no sample was recorded"
@@ -215,7 +215,9 @@ def _evened(
         if not np.isfinite(column.start):
             message = "the time of its first sample is no number"
             raise ValueError(message)
-        channel = Channel(name, column.unit, values, column.rate, column.start, column.description)
+        channel = RecordedChannel(
+            name, column.unit, values, column.rate, column.start, column.description
+        )
         return channel, ""
     if column.time.size != values.size:
         message = f"has {values.size} samples and {column.time.size} times"
@@ -241,7 +243,7 @@ def _named(names: Sequence[str]) -> str:
     return f"channel{'s' if len(names) > 1 else ''} {choices(names)}"
 
 
-def _free(name: str, channels: dict[str, Channel], taken: dict[str, int]) -> str:
+def _free(name: str, channels: dict[str, RecordedChannel], taken: dict[str, int]) -> str:
     """Return a name that no channel has yet; `taken` is the last number of each name."""
     free, number = name, taken.get(name, 1)
     while free in channels:

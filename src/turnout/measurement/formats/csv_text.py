@@ -11,9 +11,9 @@ from pandas.errors import ParserError, ParserWarning
 
 from turnout.core.problems import choices
 from turnout.errors import FileError, MeasurementError
-from turnout.measurement.formats.assemble import Column, assemble, is_time_name, seconds_of
+from turnout.measurement.formats.assemble import FileColumn, assemble, is_time_name, seconds_of
 from turnout.measurement.formats.extent import MOST_CHANNELS
-from turnout.measurement.formats.text_layout import EMPTY, SAMPLE_SIZE, Layout, layout_of
+from turnout.measurement.formats.text_layout import EMPTY, SAMPLE_SIZE, TextLayout, layout_of
 from turnout.measurement.recording import Recording
 
 NO_TIME = "give a column 'Time (s)' or a line 'Sample rate: 1000 Hz' above the numbers"
@@ -41,7 +41,7 @@ def read_text(path: Path) -> Recording:
     if time is None and rate is None and _may_be_time(table[0], layout):
         time, columns = table[0], columns[1:]
     made = [
-        Column(
+        FileColumn(
             layout.names[number],
             values,
             unit=layout.units[number],
@@ -68,7 +68,7 @@ Numbered = list[tuple[int, NDArray[np.float64]]]
 
 
 def _timed(
-    table: list[NDArray[np.float64]], layout: Layout, path: Path
+    table: list[NDArray[np.float64]], layout: TextLayout, path: Path
 ) -> tuple[NDArray[np.float64] | None, Numbered]:
     """Return the time column [s] and the others, each with its number."""
     numbered = list(enumerate(table))
@@ -87,15 +87,15 @@ def _timed(
     return None, numbered
 
 
-def _may_be_time(values: NDArray[np.float64], layout: Layout) -> bool:
-    """Tell whether the first of several columns rises evenly; only asked where none is named."""
+def _may_be_time(values: NDArray[np.float64], layout: TextLayout) -> bool:
+    """Return whether the first of several columns rises evenly; only asked where none is named."""
     if layout.named or len(layout.names) < 2 or values.size < 3:
         return False
     steps = np.diff(values)
     return bool(np.all(steps > 0) and np.ptp(steps) <= 0.5 * float(np.mean(steps)))
 
 
-def _table(path: Path, layout: Layout) -> tuple[list[NDArray[np.float64]], list[str]]:
+def _table(path: Path, layout: TextLayout) -> tuple[list[NDArray[np.float64]], list[str]]:
     """Return the columns of numbers, and what had to be mended."""
     try:
         frame = _frame(path, layout, dtype=None if layout.clock else np.float64)
@@ -113,7 +113,7 @@ def _table(path: Path, layout: Layout) -> tuple[list[NDArray[np.float64]], list[
     return [frame[name].to_numpy(dtype=np.float64) for name in frame.columns], problems
 
 
-def _frame(path: Path, layout: Layout, *, dtype: object, **options: object) -> Any:
+def _frame(path: Path, layout: TextLayout, *, dtype: object, **options: object) -> Any:
     separator = r"\s+" if layout.separator == " " else layout.separator
     given: dict[str, object] = {
         "sep": separator,
@@ -138,8 +138,8 @@ def _frame(path: Path, layout: Layout, *, dtype: object, **options: object) -> A
         return pd.read_csv(path, **given)  # type: ignore[call-overload]
 
 
-def _is_cut_off(path: Path, layout: Layout) -> bool:
-    """Tell whether the file ends without a line end."""
+def _is_cut_off(path: Path, layout: TextLayout) -> bool:
+    """Return whether the file ends without a line end."""
     size = 2 if layout.encoding.startswith("utf-16") else 1
     with path.open("rb") as file:
         file.seek(0, 2)
@@ -163,7 +163,7 @@ def _clock_seconds(cells: "pd.Series[str]", path: Path) -> NDArray[np.float64]:
     return seconds.astype(np.float64)
 
 
-def _fault(path: Path, layout: Layout, error: Exception) -> str:
+def _fault(path: Path, layout: TextLayout, error: Exception) -> str:
     """Say where a table departs from rows of numbers: read again, a block at a time, as text."""
     text = str(error)
     if "Expected" in text and "saw" in text:
@@ -182,7 +182,7 @@ def _fault(path: Path, layout: Layout, error: Exception) -> str:
     return f"{path}: {found or f'cannot be read as numbers ({text})'}"
 
 
-def _first_text(path: Path, layout: Layout) -> str:
+def _first_text(path: Path, layout: TextLayout) -> str:
     """Return line and column of the first cell that is no number; empty where there is none."""
     row = layout.first_row
     # A point is no number's where the decimal mark is a comma.
@@ -218,7 +218,7 @@ def _first_text(path: Path, layout: Layout) -> str:
 def csv_bytes(recording: Recording) -> bytes:
     """Return a recording as the content of a CSV file, laid out as DewesoftX exports them.
 
-    Lines on top tell the start and the sample rate; a heading names each column with its unit.
+    Lines on top hold the start and the sample rate; a heading names each column with its unit.
 
     Raises
     ------

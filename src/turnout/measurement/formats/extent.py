@@ -48,7 +48,7 @@ class Declared:
     Parameters
     ----------
     path : Path
-        The file.
+        File whose size limits what it may declare.
 
     Examples
     --------

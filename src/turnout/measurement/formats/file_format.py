@@ -28,7 +28,7 @@ class FileFormat:
     name : str
         What it is called.
     suffixes : tuple of str
-        What its files end in; asked only where the content tells nothing.
+        What its files end in; used only where the content is ambiguous.
     recognise : callable
         Whether the first bytes are of this format.
     reader : str
@@ -97,7 +97,7 @@ FORMATS = (
 
 
 def read_recording(path: Path | str, *, allow_outside: bool = False) -> Recording:
-    r"""Read the channels of a file; its content tells the format, then its name.
+    r"""Read the channels of a file; the format follows from its content, then its name.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def _read(path: Path, kind: FileFormat, *, allow_outside: bool) -> Recording:
 
 
 def format_of(path: Path) -> FileFormat:
-    """Tell the format of a file; FileError when it cannot be read at all."""
+    """Return the format of a file; FileError when it cannot be read at all."""
     head = _head(path)
     if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
         message = f"{path}: is an Excel workbook or another archive; save the sheet as CSV"
@@ -180,7 +180,7 @@ def _head(path: Path) -> bytes:
         message = f"{path}: no such file; check the path (the current folder is {Path.cwd()})"
         raise FileError(message) from None
     except PermissionError:
-        message = f"{path}: may not be read; check its permissions"
+        message = f"{path}: is not readable; check its permissions"
         raise FileError(message) from None
     except (OSError, ValueError) as error:
         message = f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})"
@@ -199,7 +199,7 @@ WRITERS: dict[str, Callable[[Recording], bytes]] = {
 
 
 def write_recording(recording: Recording, path: Path | str) -> None:
-    """Write a recording; the suffix tells the format.
+    """Write a recording; the suffix selects the format.
 
     Parameters
     ----------
@@ -220,9 +220,9 @@ def write_recording(recording: Recording, path: Path | str) -> None:
     >>> import tempfile
     >>> import numpy as np
     >>> from turnout.measurement.formats.file_format import read_recording
-    >>> from turnout.measurement.recording import Channel
+    >>> from turnout.measurement.recording import RecordedChannel
     >>> file = Path(tempfile.mkdtemp()) / "throw.mat"
-    >>> rod = Channel("Rod 1", "mV/V", np.array([0.1, 0.2]), rate=1000.0)
+    >>> rod = RecordedChannel("Rod 1", "mV/V", np.array([0.1, 0.2]), rate=1000.0)
     >>> write_recording(Recording({"Rod 1": rod}, "a test"), file)
     >>> read_recording(file).channel("Rod 1").unit
     'mV/V'

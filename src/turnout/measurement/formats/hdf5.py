@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from turnout.core.problems import choices
 from turnout.errors import FileError
-from turnout.measurement.formats.assemble import RATE_NAME, Column, assemble, tidy_unit
+from turnout.measurement.formats.assemble import RATE_NAME, FileColumn, assemble, tidy_unit
 from turnout.measurement.formats.extent import MOST_CHANNELS, Declared
 from turnout.measurement.formats.named_arrays import NAME_LISTS, NO_TIME, columns_of_arrays
 from turnout.measurement.recording import Recording
@@ -31,9 +31,9 @@ class Content:
     Parameters
     ----------
     path : Path
-        The file.
+        HDF5 file; used for messages and to recognise links out of its folder.
     file : h5py.File
-        Opened.
+        That file, opened for reading.
     allow_outside : bool
         Whether it may refer to other files.
 
@@ -125,7 +125,7 @@ def read_hdf5(path: Path, *, allow_outside: bool = False) -> Recording:
     Parameters
     ----------
     path : Path
-        The file.
+        HDF5 file; used for messages and to recognise links out of its folder.
     allow_outside : bool
         Whether it may take samples from other files.
 
@@ -137,7 +137,7 @@ def read_hdf5(path: Path, *, allow_outside: bool = False) -> Recording:
     arrays: dict[str, NDArray[Any]] = {}
     units: dict[str, str] = {}
     texts: dict[str, list[str]] = {}
-    own: list[Column] = []
+    own: list[FileColumn] = []
     empty: list[str] = []
 
     def visit(name: str, item: h5py.Dataset) -> None:
@@ -155,7 +155,7 @@ def read_hdf5(path: Path, *, allow_outside: bool = False) -> Recording:
             return
         start = _first(attributes, STARTS)
         own.append(
-            Column(
+            FileColumn(
                 _first(attributes, ("name",)) or name,
                 content.read(item),
                 tidy_unit(_first(attributes, UNITS)),
@@ -226,7 +226,7 @@ def _text(value: Any) -> str:
 
 
 def _rate(attributes: dict[str, Any]) -> float | None:
-    """Return a sample rate from attributes that tell it or its inverse."""
+    """Return a sample rate from attributes that hold it or its inverse."""
     try:
         for key, value in attributes.items():
             if RATE_NAME.fullmatch(key):

@@ -21,7 +21,7 @@ import numpy as np
 from turnout.errors import FileError
 from turnout.measurement.formats.extent import most_memory, most_seconds
 from turnout.measurement.formats.reader_process import ARRAYS, FAULT
-from turnout.measurement.recording import Channel, Recording
+from turnout.measurement.recording import RecordedChannel, Recording
 
 # To load the packages of a reader: their own time, whatever the file [s].
 LOADING_SECONDS = 120.0
@@ -103,7 +103,7 @@ def read_isolated(
     Parameters
     ----------
     path : Path
-        The file.
+        File of a binary format; may be damaged or hostile.
     reader : str
         Module and function: "turnout.measurement.formats.hdf5:read_hdf5".
     kind : str
@@ -171,7 +171,7 @@ def _end() -> None:
 def _recording(path: Path, reply: dict[str, Any], folder: Path) -> Recording:
     with np.load(folder / ARRAYS, allow_pickle=False) as arrays:
         channels = {
-            item["name"]: Channel(values=arrays[str(number)], **item)
+            item["name"]: RecordedChannel(values=arrays[str(number)], **item)
             for number, item in enumerate(reply["channels"])
         }
     return Recording(channels, str(path), reply["start_time"], tuple(reply["problems"]))

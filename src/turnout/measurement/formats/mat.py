@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat, savemat
 
-from turnout.measurement.formats.assemble import Column, assemble
+from turnout.measurement.formats.assemble import FileColumn, assemble
 from turnout.measurement.formats.hdf5 import Content
 from turnout.measurement.formats.mat_check import check_mat5
 from turnout.measurement.formats.named_arrays import NO_TIME, columns_of_arrays
@@ -44,7 +44,7 @@ def read_mat73(path: Path, *, allow_outside: bool = False) -> Recording:
     Parameters
     ----------
     path : Path
-        The file.
+        MATLAB file of version 7.3, which is HDF5.
     allow_outside : bool
         Whether it may take samples from other files.
 
@@ -98,7 +98,7 @@ def _recording(content: Mapping[str, Any], path: Path) -> Recording:
             arrays[name] = np.asarray(value)
     start_time = next((v[0] for k, v in texts.items() if k.lower().endswith("start_time")), None)
     if f"{_PREFIX}variables" in texts and f"{_PREFIX}rates" in arrays:
-        columns, problems = _own(arrays, texts), list[str]()
+        columns, problems = _own_variable(arrays, texts), list[str]()
     else:
         columns, problems = columns_of_arrays(arrays, texts)
     return assemble(
@@ -110,7 +110,9 @@ def _recording(content: Mapping[str, Any], path: Path) -> Recording:
     )
 
 
-def _own(arrays: Mapping[str, NDArray[Any]], texts: Mapping[str, list[str]]) -> list[Column]:
+def _own_variable(
+    arrays: Mapping[str, NDArray[Any]], texts: Mapping[str, list[str]]
+) -> list[FileColumn]:
     """Read what `mat_bytes` made."""
     variables = texts[f"{_PREFIX}variables"]
     names, units, descriptions = (
@@ -119,7 +121,7 @@ def _own(arrays: Mapping[str, NDArray[Any]], texts: Mapping[str, list[str]]) -> 
     rates = np.ravel(arrays[f"{_PREFIX}rates"])
     starts = np.ravel(arrays.get(f"{_PREFIX}starts", np.zeros(len(variables))))
     return [
-        Column(
+        FileColumn(
             names[number] or variable,
             np.ravel(arrays[variable]),
             units[number],

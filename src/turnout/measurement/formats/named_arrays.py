@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from turnout.measurement.formats.assemble import (
     RATE_NAME,
-    Column,
+    FileColumn,
     is_time_name,
     seconds_of,
     split_unit,
@@ -28,7 +28,7 @@ def columns_of_arrays(
     arrays: Mapping[str, NDArray[Any]],
     texts: Mapping[str, Sequence[str]],
     units: Mapping[str, str] | None = None,
-) -> tuple[list[Column], list[str]]:
+) -> tuple[list[FileColumn], list[str]]:
     """Find the channels among named arrays.
 
     A vector is a channel; a matrix is one a column (or a row, where it is wider than long), named
@@ -42,11 +42,11 @@ def columns_of_arrays(
     texts : mapping of str to sequence of str
         Lists of texts, by name.
     units : mapping of str to str, optional
-        Unit by name of the array, where the file tells it.
+        Unit by name of the array, where the file states it.
 
     Returns
     -------
-    columns : list of Column
+    columns : list of FileColumn
         In the order of the file.
     problems : list of str
         Arrays that are none.
@@ -72,7 +72,7 @@ def columns_of_arrays(
                 times[name] = vector.astype(np.float64) * seconds_of(unit)
             except ValueError as error:
                 problems.append(f"array '{name}': {error}; it is left out")
-    columns: list[Column] = []
+    columns: list[FileColumn] = []
     for name, array in arrays.items():
         vector = flat[name]
         if name in times or (vector is not None and vector.size == 1):
@@ -83,7 +83,7 @@ def columns_of_arrays(
         if vector is not None:
             shown, time = _named(name), _time_of(name, vector.size, times)
             unit = units.get(name, "") or split_unit(name)[1]
-            columns.append(Column(shown, vector, tidy_unit(unit), time=time, rate=rate))
+            columns.append(FileColumn(shown, vector, tidy_unit(unit), time=time, rate=rate))
         elif array.ndim == 2 and min(array.shape) <= MOST_COLUMNS:
             columns += _of_matrix(name, array, texts, times, rate)
         else:
@@ -129,7 +129,7 @@ def _of_matrix(
     texts: Mapping[str, Sequence[str]],
     times: Mapping[str, NDArray[np.float64]],
     rate: float | None,
-) -> list[Column]:
+) -> list[FileColumn]:
     table = array if array.shape[0] >= array.shape[1] else array.T
     count = table.shape[1]
     names = _list(texts, NAME_LISTS, count) or [f"{name} {i}" for i in range(1, count + 1)]
@@ -143,7 +143,7 @@ def _of_matrix(
         shown, unit = split_unit(names[number])
         values = np.ascontiguousarray(table[:, number], dtype=np.float64)
         columns.append(
-            Column(shown, values, tidy_unit(units[number] or unit), time=time, rate=rate)
+            FileColumn(shown, values, tidy_unit(units[number] or unit), time=time, rate=rate)
         )
     return columns
 

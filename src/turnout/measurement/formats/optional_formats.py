@@ -11,7 +11,7 @@ import numpy as np
 from turnout.errors import FileError
 from turnout.measurement.formats.assemble import (
     RATE_NAME,
-    Column,
+    FileColumn,
     assemble,
     is_time_name,
     seconds_of,
@@ -37,7 +37,7 @@ def read_dewesoft(path: Path) -> Recording:
     """
     import dwdatareader
 
-    columns: list[Column] = []
+    columns: list[FileColumn] = []
     problems: list[str] = []
     declared = Declared(path)
     with dwdatareader.DWFile(str(path)) as opened:
@@ -52,15 +52,15 @@ def read_dewesoft(path: Path) -> Recording:
     return assemble(columns, source=str(path), start_time=start_time, problems=problems)
 
 
-def _dewesoft_column(name: str, channel: Any) -> Column:
+def _dewesoft_column(name: str, channel: Any) -> FileColumn:
     time, values = channel.scaled()
     if np.iscomplexobj(values) or channel.array_size > 1:
         message = "it has several values a sample"
         raise ValueError(message)
     described = (name, values, tidy_unit(channel.unit), channel.description)
     if channel.channel_type == SYNCHRONOUS and channel.sample_rate > 0 and len(time):
-        return Column(*described, rate=float(channel.sample_rate), start=float(time[0]))
-    return Column(*described, time=time)
+        return FileColumn(*described, rate=float(channel.sample_rate), start=float(time[0]))
+    return FileColumn(*described, time=time)
 
 
 def _start_time(info: Any) -> str | None:
@@ -80,7 +80,7 @@ def read_mdf(path: Path) -> Recording:
     """
     import asammdf
 
-    columns: list[Column] = []
+    columns: list[FileColumn] = []
     problems: list[str] = []
     with asammdf.MDF(path) as opened:
         groups: Any = opened.groups
@@ -104,7 +104,7 @@ def read_mdf(path: Path) -> Recording:
     return assemble(columns, source=str(path), start_time=start_time, problems=problems)
 
 
-def _mdf_column(opened: Any, name: str, place: tuple[int, int], time: Any) -> Column:
+def _mdf_column(opened: Any, name: str, place: tuple[int, int], time: Any) -> FileColumn:
     at = {"group": place[0], "index": place[1]}
     # Without the times, which the group shares and each channel would bring again.
     samples, invalid = opened.get(**at, samples_only=True)
@@ -116,7 +116,7 @@ def _mdf_column(opened: Any, name: str, place: tuple[int, int], time: Any) -> Co
     if invalid is not None:
         values = np.where(np.asarray(invalid, dtype=bool), np.nan, values)
     unit = tidy_unit(str(opened.get_channel_unit(**at) or ""))
-    return Column(name, values, unit, str(opened.get_channel_comment(**at) or ""), time=time)
+    return FileColumn(name, values, unit, str(opened.get_channel_comment(**at) or ""), time=time)
 
 
 NO_TDMS_TIME = "a channel needs wf_increment, or a channel called time in its group"
@@ -133,7 +133,7 @@ def read_tdms(path: Path) -> Recording:
     import nptdms
     from nptdms import log
 
-    columns: list[Column] = []
+    columns: list[FileColumn] = []
     problems: list[str] = []
     start_time = None
     with _log_as_problems(log, problems), nptdms.TdmsFile.open(path) as file:
@@ -178,11 +178,11 @@ def _log_as_problems(log: Any, problems: list[str]) -> Iterator[None]:
         handler.removeFilter(keep)
 
 
-def _tdms_column(name: str, properties: Any, values: Any, times: list[Any]) -> Column:
+def _tdms_column(name: str, properties: Any, values: Any, times: list[Any]) -> FileColumn:
     step = properties.get("wf_increment")
     own = float(step) if step else 0.0
     time = next((item for item in times if len(item) == len(values)), None)
-    return Column(
+    return FileColumn(
         name,
         values,
         tidy_unit(str(properties.get("unit_string", properties.get("NI_UnitDescription", "")))),
@@ -228,7 +228,7 @@ def read_parquet(path: Path) -> Recording:
     for field, values in numbers:
         name, unit = split_unit(field.name)
         columns.append(
-            Column(
+            FileColumn(
                 name,
                 values,
                 tidy_unit(_text_of(field.metadata, "unit") or unit),
@@ -243,7 +243,7 @@ def read_parquet(path: Path) -> Recording:
 
 
 def _seconds(path: Path, field: Any, values: Any) -> tuple[Any, str | None]:
-    """Return a time column in seconds, and the moment of its first row where it tells one."""
+    """Return a time column in seconds, and the moment of its first row where it holds one."""
     if values.dtype.kind == "M":
         return (values - values[0]) / np.timedelta64(1, "s"), str(values[0])
     if values.dtype.kind == "m":

@@ -1,7 +1,7 @@
 """The process in which recordings are read, started with ``python -P -m`` and its own name.
 
 Readers of binary formats crash on damaged files, and small files can declare huge contents; here
-that harms nobody. Each line on stdin is a request (JSON): reader, file, folder for the samples and
+that does no harm. Each line on stdin is a request (JSON): reader, file, folder for the samples and
 limits. Two lines answer it: one when the reader is loaded, one when it has read the file or says
 why it could not.
 """
@@ -35,7 +35,7 @@ def answer(request: dict[str, Any]) -> dict[str, Any]:
     limit_memory(int(request["memory"]))
     try:
         recording = read(path, **request["options"])
-        return handed_over(recording, Path(request["folder"]))
+        return write_reply(recording, Path(request["folder"]))
     except FileError as error:
         return {FAULT: str(error)}
     except MemoryError:
@@ -50,7 +50,7 @@ def answer(request: dict[str, Any]) -> dict[str, Any]:
         return {FAULT: message}
 
 
-def handed_over(recording: Recording, folder: Path) -> dict[str, Any]:
+def write_reply(recording: Recording, folder: Path) -> dict[str, Any]:
     """Leave the samples of a recording in a folder; return all else."""
     channels = list(recording.channels.values())
     arrays: dict[str, Any] = {f"{i}": item.values for i, item in enumerate(channels)}
@@ -74,7 +74,7 @@ def handed_over(recording: Recording, folder: Path) -> dict[str, Any]:
 def limit_memory(more: int) -> None:
     """Let this process take so much more memory than it has now, where the system can say [byte].
 
-    Linux counts what a process can write to; others do not tell what it has.
+    Linux counts what a process can write to; others do not report what it has.
     """
     status = Path("/proc/self/status")
     if sys.platform == "win32" or not status.exists():

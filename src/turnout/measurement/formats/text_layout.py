@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from turnout.errors import FileError
 from turnout.measurement.formats.assemble import RATE_NAME, UNIT_TEXTS, split_unit, tidy_unit
 
-# So much of a file is looked at to understand it [bytes].
+# So much of a file is read to recognise its layout [bytes].
 SAMPLE_SIZE = 200_000
 # Separator and decimal mark, in the order in which they are preferred where several would do.
 CANDIDATES = (
@@ -31,7 +31,7 @@ _LEADING_NUMBER = re.compile(r"\s*(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*([a-zA-Z/
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class TextLayout:
     """Everything needed to read the numbers of a text file.
 
     Attributes
@@ -41,7 +41,7 @@ class Layout:
     first_row : int
         Number of lines before the first row of numbers.
     names, units : tuple of str
-        A text a column.
+        One text a column; empty where the file has none.
     named : bool
         Whether the file names its columns.
     clock : bool
@@ -65,7 +65,7 @@ class Layout:
 
 
 def encoding_of(sample: bytes) -> str:
-    """Tell the encoding of a text from its first bytes: a mark, UTF-16, UTF-8, or else Latin-1.
+    """Return the encoding of a text from its first bytes: a mark, UTF-16, UTF-8, or else Latin-1.
 
     Examples
     --------
@@ -87,7 +87,7 @@ def encoding_of(sample: bytes) -> str:
     return "utf-8"
 
 
-def layout_of(sample: bytes, *, source: str) -> Layout:
+def layout_of(sample: bytes, *, source: str) -> TextLayout:
     r"""Understand a text file from its first bytes.
 
     Parameters
@@ -132,7 +132,7 @@ def layout_of(sample: bytes, *, source: str) -> Layout:
     heading = [_cells(line, separator) for line in lines[:first_row]]
     names, units = _heading(heading, len(row))
     rate, start_time = _preamble(lines[:first_row])
-    return Layout(
+    return TextLayout(
         encoding=encoding,
         separator=separator,
         decimal=decimal,

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from turnout.measurement.campaign.find_throws import Throw
+from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.motion_signals import (
     Floats,
+    bridge_gaps,
     mean_over,
     spikes,
-    without_holes,
     without_spikes,
 )
 
@@ -151,15 +151,15 @@ MOST_FORCE = 2e5
 LEAST_REST = 10
 
 
-def channel_faults(dataset: xr.Dataset, throw: Throw, *, limits: Limits) -> list[Fault]:
-    """Find the faults of each channel by itself.
+def channel_faults(dataset: xr.Dataset, throw: FoundThrow, *, limits: Limits) -> list[Fault]:
+    """Find the faults of each channel on its own.
 
     Parameters
     ----------
     dataset : xarray.Dataset
         One throw, unfiltered.
-    throw : Throw
-        Its onset and end.
+    throw : FoundThrow
+        Onset and end of the movement within the dataset [s].
     limits : Limits
         From what size on something is a fault.
 
@@ -175,7 +175,7 @@ def channel_faults(dataset: xr.Dataset, throw: Throw, *, limits: Limits) -> list
     for name, values, key in measured_channels(dataset):
         holes = hole_fault(name, values, rate=rate, limits=limits)
         faults += holes
-        filled = without_holes(values)
+        filled = bridge_gaps(values)
         faults += quantisation_fault(name, filled, key=key, limits=limits)
         teeth = spike_fault(name, filled, key=key, rate=rate, limits=limits)
         faults += teeth
@@ -310,11 +310,11 @@ def run_faults(
 ) -> list[Fault]:
     """Find samples held at one value: at the edge of the range it is clipping, else a drop-out.
 
-    A channel whose samples repeat at rest and after the throw has no noise to tell by, nor has one
+    A channel whose samples repeat at rest and after the throw has no noise to judge by, nor has one
     that is exactly constant from the first sample until the motion begins: held by chance, it
     would not wake with the motion.
     """
-    if silent(values[: max(0, begin - 5)], span=float(np.ptp(values))):
+    if is_noise_free(values[: max(0, begin - 5)], span=float(np.ptp(values))):
         return []
     repeats = repeated_share(values, begin, finish)
     if repeats > 0.7:
@@ -346,12 +346,12 @@ def run_faults(
     return faults
 
 
-def silent(rest: Floats, *, span: float) -> bool:
-    """Tell whether a rest has no noise at all, as in a recording that a program wrote.
+def is_noise_free(rest: Floats, *, span: float) -> bool:
+    """Return whether a rest has no noise at all, as in a recording that a program wrote.
 
     Examples
     --------
-    >>> silent(np.zeros(20), span=1e3), silent(np.r_[np.zeros(19), 0.1], span=1e3)
+    >>> is_noise_free(np.zeros(20), span=1e3), is_noise_free(np.r_[np.zeros(19), 0.1], span=1e3)
     (True, False)
     """
     return rest.size >= LEAST_REST and bool(np.ptp(rest) <= 1e-7 * span)

@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 
 import xarray as xr
 
-from turnout.measurement.campaign.find_throws import Throw
+from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.motion_signals import Floats
 from turnout.measurement.quality.channel_faults import Fault, Limits, channel_faults
 from turnout.measurement.quality.throw_faults import (
-    Profile,
+    ForceProfile,
     direction_faults,
     drift_faults,
     offset_faults,
@@ -22,7 +22,7 @@ LOAD_CELL = "object_force"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expected:
-    """What is known of a throw before its samples are looked at.
+    """What is known of a throw before its samples are examined.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Expected:
         Whether a load cell was mounted.
     rate : float or None
         Samples a second that all recordings of the campaign should have [1/s].
-    profile : Profile or None
+    profile : ForceProfile or None
         How most throws of the campaign in this direction begin.
     open_level : ndarray or None, shape (n_drives,)
         What the rods carry in most of them while the rail is open [N].
@@ -41,12 +41,12 @@ class Expected:
     direction: str | None = None
     load_cell: bool = True
     rate: float | None = None
-    profile: Profile | None = None
+    profile: ForceProfile | None = None
     open_level: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class ThrowQuality:
     """The faults of a throw: those that exclude it, and those that are worth a remark."""
 
     faults: tuple[Fault, ...] = field(default=())
@@ -69,11 +69,11 @@ class Verdict:
 
 def judge(
     dataset: xr.Dataset,
-    throw: Throw,
+    throw: FoundThrow,
     *,
     expected: Expected | None = None,
     limits: Limits | None = None,
-) -> Verdict:
+) -> ThrowQuality:
     """Look for every known fault of a throw.
 
     Parameters
@@ -81,7 +81,7 @@ def judge(
     dataset : xarray.Dataset
         The recording that the throw was found in: `drive_force` [N], and where measured
         `drive_current` [A] and `object_force` [N], unfiltered.
-    throw : Throw
+    throw : FoundThrow
         From `find_throws` on this dataset.
     expected : Expected, optional
         What is known beforehand; without it fewer faults can be seen.
@@ -90,7 +90,7 @@ def judge(
 
     Returns
     -------
-    Verdict
+    ThrowQuality
         All faults, in a fixed order.
 
     Examples
@@ -127,4 +127,4 @@ def judge(
         ),
         *swap_faults(kept, throw, profile=known.profile, limits=chosen),
     ]
-    return Verdict(faults=tuple(faults))
+    return ThrowQuality(faults=tuple(faults))

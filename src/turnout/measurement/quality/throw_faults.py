@@ -6,21 +6,21 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from turnout.measurement.campaign.find_throws import Throw
+from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.motion_signals import (
     CLOSING,
     OPENING,
     Floats,
+    bridge_gaps,
     drift,
     force_changes,
     mean_over,
-    without_holes,
 )
 from turnout.measurement.quality.channel_faults import Fault, Limits, measured_channels
 
 # The part of a throw that no object has a say in yet, and its samples [s].
 EARLY, EARLY_STEP = 1.5, 0.02
-# Of the rest before a closing and after an opening movement, where the zero is looked at [s].
+# Of the rest before a closing and after an opening movement, where the zero is checked [s].
 REST = 0.3
 # Heights of a profile that another friction can explain.
 GAINS = (0.75, 1.33)
@@ -28,7 +28,7 @@ PACES = np.exp(np.linspace(np.log(0.4), np.log(2.5), 93))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Profile:
+class ForceProfile:
     """How throws of one direction begin: channels over time since the onset, less their rest.
 
     Attributes
@@ -41,25 +41,27 @@ class Profile:
     currents: Floats
 
 
-def early_profile(dataset: xr.Dataset, throw: Throw) -> Profile | None:
+def early_profile(dataset: xr.Dataset, throw: FoundThrow) -> ForceProfile | None:
     """Return how a throw begins.
 
     Parameters
     ----------
     dataset : xarray.Dataset
         The recording, or the part of it that holds the throw; unfiltered.
-    throw : Throw
-        Its onset.
+    throw : FoundThrow
+        Onset of the movement within the dataset [s].
 
     Returns
     -------
-    Profile or None
+    ForceProfile or None
         None where the recording does not reach from the onset over its 1.5 s.
     """
     return next(iter(_at_paces(dataset, throw, [1.0])), None)
 
 
-def _at_paces(dataset: xr.Dataset, throw: Throw, paces: Iterable[float]) -> list[Profile | None]:
+def _at_paces(
+    dataset: xr.Dataset, throw: FoundThrow, paces: Iterable[float]
+) -> list[ForceProfile | None]:
     """Return how a throw begins if its recording runs at each of several paces."""
     time = dataset["time"].values
     if throw.cut_start or throw.onset - 0.1 < time[0]:
@@ -72,7 +74,7 @@ def _at_paces(dataset: xr.Dataset, throw: Throw, paces: Iterable[float]) -> list
         values = [row for key in present for row in dataset[key].transpose("drive", "time").values]
         means = [mean_over(row, width=round(0.04 * rate)) for row in values]
         smooth[name] = [row - np.median(row[rest]) for row in means]
-    found: list[Profile | None] = []
+    found: list[ForceProfile | None] = []
     for pace in paces:
         wanted = throw.onset + pace * np.arange(0.0, EARLY, EARLY_STEP)
         if wanted[-1] > time[-1]:
@@ -83,18 +85,18 @@ def _at_paces(dataset: xr.Dataset, throw: Throw, paces: Iterable[float]) -> list
             np.array([row[at] for row in smooth[name]]).reshape(-1, at.size)
             for name in ("drive_force", "drive_current")
         )
-        found.append(Profile(forces, currents))
+        found.append(ForceProfile(forces, currents))
     return found
 
 
-def typical_profile(profiles: Sequence[Profile]) -> Profile | None:
+def typical_profile(profiles: Sequence[ForceProfile]) -> ForceProfile | None:
     """Return the median of profiles: what most throws of a direction do.
 
-    Three are needed, as two that differ do not tell which of them is wrong.
+    Three are needed, as two that differ do not show which of them is wrong.
 
     Examples
     --------
-    >>> some = [Profile(np.full((1, 3), level), np.empty((0, 3))) for level in (1.0, 2.0, 9.0)]
+    >>> some = [ForceProfile(np.full((1, 3), level), np.empty((0, 3))) for level in (1.0, 2.0, 9.0)]
     >>> typical_profile(some).forces
     array([[2., 2., 2.]])
     """
@@ -103,10 +105,10 @@ def typical_profile(profiles: Sequence[Profile]) -> Profile | None:
     shape = max({p.currents.shape for p in profiles}, key=lambda s: s[0])
     currents = [p.currents for p in profiles if p.currents.shape == shape]
     forces = np.median([p.forces for p in profiles], axis=0)
-    return Profile(forces, np.median(currents, axis=0))
+    return ForceProfile(forces, np.median(currents, axis=0))
 
 
-def truncation_faults(throw: Throw, dataset: xr.Dataset, *, least_rest: float) -> list[Fault]:
+def truncation_faults(throw: FoundThrow, dataset: xr.Dataset, *, least_rest: float) -> list[Fault]:
     """Find a throw whose start or end is not in the recording."""
     time = dataset["time"].values
     faults = []
@@ -132,7 +134,7 @@ def drift_faults(dataset: xr.Dataset, *, limits: Limits) -> list[Fault]:
     return faults
 
 
-def open_level(dataset: xr.Dataset, throw: Throw, *, direction: str | None) -> Floats | None:
+def open_level(dataset: xr.Dataset, throw: FoundThrow, *, direction: str | None) -> Floats | None:
     """Return what the rods carry while the rail is open, where no object acts, shape (n_drives,).
 
     Before a closing movement, after an opening one; None where that was not recorded [N].
@@ -153,7 +155,7 @@ def open_level(dataset: xr.Dataset, throw: Throw, *, direction: str | None) -> F
 
 def offset_faults(
     dataset: xr.Dataset,
-    throw: Throw,
+    throw: FoundThrow,
     *,
     direction: str | None,
     typical: Floats | None,
@@ -190,10 +192,10 @@ def offset_faults(
 
 def rate_faults(
     dataset: xr.Dataset,
-    throw: Throw,
+    throw: FoundThrow,
     *,
     rate: float | None,
-    profile: Profile | None,
+    profile: ForceProfile | None,
     limits: Limits,
 ) -> list[Fault]:
     """Find a sampling rate that is stated otherwise than agreed, or stated wrongly.
@@ -222,7 +224,7 @@ def rate_faults(
 
 
 def direction_faults(
-    dataset: xr.Dataset, throw: Throw, *, direction: str | None, limits: Limits
+    dataset: xr.Dataset, throw: FoundThrow, *, direction: str | None, limits: Limits
 ) -> list[Fault]:
     """Find reversed channels, and a throw that goes the other way than its sheet says."""
     time = dataset["time"].values
@@ -247,7 +249,7 @@ def direction_faults(
         faults += [Fault("reversed polarity", f"drive_force {name}", text) for name in wrong]
     inside = (time > throw.onset + 0.2) & (time < throw.end)
     for name in names if "drive_current" in dataset else []:
-        level = np.median(without_holes(dataset["drive_current"].sel(drive=name).values)[inside])
+        level = np.median(bridge_gaps(dataset["drive_current"].sel(drive=name).values)[inside])
         if level < -0.2:
             text = f"{level:.2g} A while the motor runs"
             faults.append(Fault("reversed polarity", f"drive_current {name}", text))
@@ -261,7 +263,7 @@ def direction_faults(
 
 
 def swap_faults(
-    dataset: xr.Dataset, throw: Throw, *, profile: Profile | None, limits: Limits
+    dataset: xr.Dataset, throw: FoundThrow, *, profile: ForceProfile | None, limits: Limits
 ) -> list[Fault]:
     """Find channels of two drives that have changed places.
 
@@ -284,7 +286,7 @@ def swap_faults(
                 swapped[[one, two]] = rows[[two, one]]
                 straight = _distance(_loaded(rows), _loaded(typical))
                 crossed = _distance(_loaded(swapped), _loaded(typical))
-                # Inrush is common to all motors and tells nothing.
+                # Inrush is common to all motors and identifies none.
                 if straight > limits.swap_gain * crossed and np.isfinite(straight):
                     text = f"they fit the campaign {straight / crossed:.1f} times better swapped"
                     channel = f"{key} {names[one]} and {names[two]}"
@@ -292,7 +294,7 @@ def swap_faults(
     return faults
 
 
-def _misfits(own: Profile | None, typical: Profile) -> Floats:
+def _misfits(own: ForceProfile | None, typical: ForceProfile) -> Floats:
     """Return the distance of each force of two profiles, whatever friction makes of its height."""
     count = len(typical.forces)
     if own is None or own.forces.shape != typical.forces.shape:

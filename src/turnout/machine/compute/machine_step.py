@@ -182,9 +182,9 @@ def accept_step(
         slid = stage[SPEED] - stage[GEAR_SPEED] - (stage[TWIST] - before[TWIST]) / g
         slip += weight * slid
         state[ENERGIES + CLUTCH] += weight * constants[CLUTCH_STIFFNESS] * stage[TWIST] * slid
-        _book_motor(constants, state, stage, hand, weight)
-        _book_gear(constants, table, state, stage, weight)
-        _book_stores(constants, rail, state, stage, before, (g, weight))
+        _add_motor_energy(constants, state, stage, hand, weight)
+        _add_gear_energy(constants, table, state, stage, weight)
+        _add_stored_energy(constants, rail, state, stage, before, (g, weight))
     state[SLIP] += slip
     for k in range(INTEGRATED):
         state[k] = second[k]
@@ -193,7 +193,7 @@ def accept_step(
 
 
 @compiled_part
-def _book_motor(
+def _add_motor_energy(
     constants: Floats, state: Floats, stage: Floats, hand: float, weight: float
 ) -> None:
     i, w1 = stage[CURRENT], stage[SPEED]
@@ -214,7 +214,7 @@ def _book_motor(
 
 
 @compiled_part
-def _book_gear(
+def _add_gear_energy(
     constants: Floats, table: Floats, state: Floats, stage: Floats, weight: float
 ) -> None:
     w2 = stage[GEAR_SPEED]
@@ -228,7 +228,7 @@ def _book_gear(
 
 
 @compiled_part
-def _book_stores(
+def _add_stored_energy(
     constants: Floats,
     rail: Floats,
     state: Floats,

@@ -20,7 +20,7 @@ from turnout.core.quantity import unit_of
 from turnout.core.toml import Origin, TomlFile, parse_toml, read_toml
 from turnout.core.units import SI
 from turnout.errors import MachineError
-from turnout.machine.records import Machine, MachineFile
+from turnout.machine.components import Machine, MachineFile
 
 PACKAGE = "turnout.machine"
 

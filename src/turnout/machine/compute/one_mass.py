@@ -3,8 +3,8 @@
 from turnout.kernels.compiled import compiled
 from turnout.law.table import Floats
 from turnout.machine.compute.circuit import advance
+from turnout.machine.compute.machine_step import stored_energy
 from turnout.machine.compute.places import CONVERGED
-from turnout.machine.compute.step import stored_energy
 
 
 @compiled

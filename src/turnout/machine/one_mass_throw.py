@@ -9,10 +9,10 @@ import numpy as np
 
 from turnout.errors import MachineError, SolverError
 from turnout.law.table import Floats
+from turnout.machine.components import Machine, OneMassRail, Throw
 from turnout.machine.compute import places as at
-from turnout.machine.compute.throw import throw as throw_kernel
-from turnout.machine.load import LoadedMachines, load_machines
-from turnout.machine.records import Machine, OneMassRail, Throw
+from turnout.machine.compute.one_mass import throw as throw_kernel
+from turnout.machine.machine_file import LoadedMachines, load_machines
 from turnout.machine.rows import (
     command_rows,
     machine_row,

@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.machine.records import Machine
+from turnout.machine.components import Machine
 from turnout.machine.rows import machine_row, start_state, stroke_table
 from turnout.machine.steady import shaft_travel
 from turnout.mechanism.mechanism import DriveMachines, LawIndex

@@ -1,0 +1,344 @@
+"""What the currents of a campaign say of its machines: idle current, amperes per kN, slip current.
+
+Per drive and direction, with intervals; in newtons only by an anchor. A permanent magnet, a
+series motor and a gear leave the same traces in a current in many combinations, so what cannot be
+separated is named instead of fitted.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.calibration.comparison import Uncertainty
+from turnout.calibration.running_spans import (
+    OVERRUN,
+    RUNNING,
+    Ran,
+    ran_spans,
+    steady_and_slipping,
+)
+from turnout.errors import MeasurementError
+from turnout.machine.clutch_fit import ClutchTrend, SlipLevel, clutch_trend, slip_estimate
+from turnout.machine.current_fit import (
+    Estimate,
+    LoadLine,
+    MotorKind,
+    NotIdentified,
+    RunningSpan,
+    fit_load_line,
+)
+from turnout.machine.force_anchor import ForceAnchor, gauge_anchor, sister_anchor
+
+Floats = NDArray[np.float64]
+
+ALIKE = 1.6
+"""Drives of a switch take at most so much longer than the fastest of them [-]."""
+NOT_SEPARATED = (
+    "supply voltage, resistance, motor constant and gear ratio: idle and slip current depend on "
+    "T_0/k and T_s/k, the rise with the force on N eta k, so each may be exchanged for the others",
+    "dry friction of motor and gear from their viscous drag: both are in the idle current",
+    "scale errors of clamp and force transducer: they are common to all movements and are not in "
+    "the intervals, which allow for noise, drift and cross-talk between the force channels",
+)
+WITHOUT_FORCES = (
+    "idle current, rise with the force and force: without forces a current is only amperes; give "
+    "an anchor (forces at the drive, a clutch-force gauge or a sister machine)"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gauge:
+    """Force at which a clutch slips, from a gauge, and its standard deviation [N]."""
+
+    force: float
+    deviation: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sister:
+    """Rise of the current of a sister machine, and its spread from machine to machine [A/N]."""
+
+    slope: float
+    spread: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Usage:
+    """Current of one drive in one movement, and the force by the anchor.
+
+    Attributes
+    ----------
+    movement : str
+    mean, most : float
+        Of the current while it runs, inrush and slipping left out [A].
+    force_mean, force_most : Estimate or None
+        None without an anchor [N].
+    """
+
+    movement: str
+    mean: float
+    most: float
+    force_mean: Estimate | None
+    force_most: Estimate | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveFit:
+    """What the currents say of one drive in one direction.
+
+    Attributes
+    ----------
+    drive, direction : str
+    movements : int
+        In which its motor ran.
+    line : LoadLine or NotIdentified
+        Idle current and rise with the force.
+    slip : Estimate or None
+        Slip current [A]; None where the clutch did not slip.
+    held : float
+        Mean force that the standing gear held meanwhile, NaN where not known [N].
+    levels : tuple of SlipLevel
+        Slip current of each movement in which the clutch slipped.
+    trend : ClutchTrend or None
+        Of the slip current over the movements; None from fewer than five.
+    energised : Estimate or None
+        Time from contactor to cut-off where the clutch did not slip [s].
+    anchor : ForceAnchor or None
+        What an ampere means in newtons.
+    usage : tuple of Usage
+        Movement by movement.
+    """
+
+    drive: str
+    direction: str
+    movements: int
+    line: LoadLine | NotIdentified
+    slip: Estimate | None
+    held: float
+    levels: tuple[SlipLevel, ...]
+    trend: ClutchTrend | None
+    energised: Estimate | None
+    anchor: ForceAnchor | None
+    usage: tuple[Usage, ...]
+
+    def force(self, current: float, *, deviation: float = 0.0) -> Estimate:
+        """Return the force at a current by the anchor [N].
+
+        Raises
+        ------
+        MeasurementError
+            Without an anchor.
+        """
+        if self.anchor is None:
+            text = (
+                f"drive {self.drive}, {self.direction}: no anchor says what an ampere is in "
+                "newtons; measure forces at the drive, or give a clutch-force gauge or a sister "
+                "machine"
+            )
+            raise MeasurementError([text], source="force from current")
+        return self.anchor.force(current, deviation=deviation)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineFit:
+    """What the currents of a campaign say of its machines.
+
+    Attributes
+    ----------
+    drives : tuple of DriveFit
+        By drive and direction.
+    not_separated : tuple of str
+        What the currents cannot separate.
+    """
+
+    drives: tuple[DriveFit, ...]
+    not_separated: tuple[str, ...]
+
+    def of(self, drive: str, direction: str) -> DriveFit:
+        """Return what is known of a drive in a direction.
+
+        Raises
+        ------
+        MeasurementError
+            When the campaign has no such movement.
+        """
+        found = [d for d in self.drives if (d.drive, d.direction) == (drive, direction)]
+        if not found:
+            known = ", ".join(f"{d.drive} {d.direction}" for d in self.drives)
+            text = f"no current of drive {drive}, {direction}; there are: {known}"
+            raise MeasurementError([text], source="machine fit")
+        return found[0]
+
+
+def fit_machines(
+    campaign: xr.Dataset,
+    *,
+    kind: MotorKind = "linear",
+    saturation_current: float = math.inf,
+    idle: Mapping[str, float] | None = None,
+    gauges: Mapping[str, Gauge] | None = None,
+    sisters: Mapping[str, Sister] | None = None,
+) -> MachineFit:
+    """Fit idle current, rise with the force and slip current of every drive and direction.
+
+    Parameters
+    ----------
+    campaign : xarray.Dataset
+        `drive_current` (movement, drive, time), `drive_force` likewise where measured, both
+        filtered alike; coordinate `direction`; time zero at the onset.
+    kind : {"linear", "series"}
+        "linear" for a permanent magnet or a separate field.
+    saturation_current : float
+        Of a series motor [A].
+    idle : mapping of drive to float, optional
+        Current with the rod taken off [A], for anchors of drives whose forces are not measured.
+    gauges, sisters : mapping of drive to Gauge or Sister, optional
+        Anchors of drives whose forces are not measured.
+
+    Returns
+    -------
+    MachineFit
+
+    Raises
+    ------
+    MeasurementError
+        When the campaign has no currents, or an anchor names an unknown drive.
+    """
+    _check(campaign, {"idle": idle, "clutch force": gauges, "sister": sisters})
+    ran = {
+        (drive, direction): ran_spans(campaign, drive, direction)
+        for drive in (str(name) for name in campaign["drive"].values)
+        for direction in ("closing", "opening")
+    }
+    lengths = [item.off - item.on for items in ran.values() for item in items]
+    if not lengths:
+        text = f"no motor runs: no drive_current is above {RUNNING} A for long"
+        raise MeasurementError([text], source="machine fit")
+    usual = {name: _usual_length(ran, name, lengths) for name, _ in ran}
+    cut = {key: steady_and_slipping(items, usual[key[0]]) for key, items in ran.items() if items}
+    found = []
+    for (drive, direction), (spans, levels) in cut.items():
+        items, slip = ran[drive, direction], slip_estimate(levels)
+        free = [i.off - i.on for i in items if i.off - i.on <= usual[drive] + OVERRUN]
+        both = [level.current for key, (_, own) in cut.items() if key[0] == drive for level in own]
+        lowest = min(both, default=math.inf)
+        line = _line(spans, items, (kind, saturation_current, lowest))
+        anchor = _anchor(drive, line, slip, idle or {}, gauges or {}, sisters or {})
+        known = line.idle.value if isinstance(line, LoadLine) else (idle or {}).get(drive)
+        held = [level.held for level in levels if math.isfinite(level.held)]
+        found.append(
+            DriveFit(
+                drive=drive,
+                direction=direction,
+                movements=len(items),
+                line=line,
+                slip=slip,
+                held=float(np.mean(held)) if held else math.nan,
+                levels=tuple(levels),
+                trend=clutch_trend(levels, idle=known),
+                energised=_mean(free),
+                anchor=anchor,
+                usage=tuple(_usage(span, anchor) for span in spans if span.usable.any()),
+            )
+        )
+    unanchored = any(d.anchor is None for d in found)
+    more = (WITHOUT_FORCES,) if unanchored and "drive_force" not in campaign else ()
+    return MachineFit(drives=tuple(found), not_separated=(*NOT_SEPARATED, *more))
+
+
+def _usual_length(
+    ran: Mapping[tuple[str, str], Sequence[Ran]], drive: str, lengths: Sequence[float]
+) -> float:
+    """Return how long a drive's motor usually runs when its clutch does not slip [s].
+
+    From its own shortest tenth, since drives differ; but one that slips in all of its movements
+    is seen by the others.
+    """
+    own = [i.off - i.on for key, items in ran.items() if key[0] == drive for i in items]
+    longest = ALIKE * float(np.quantile(lengths, 0.1))
+    return min(float(np.quantile(own, 0.1)), longest) if own else longest
+
+
+def _check(campaign: xr.Dataset, given: Mapping[str, Mapping[str, object] | None]) -> None:
+    problems = []
+    if "drive_current" not in campaign or "movement" not in campaign.dims:
+        problems.append("drive_current: is missing; a fit needs the currents of movements")
+    drives = [str(name) for name in campaign["drive"].values] if "drive" in campaign else []
+    for what, by_drive in given.items():
+        for name in by_drive or {}:
+            if name not in drives:
+                problems.append(f"{what} of drive '{name}': there are {', '.join(drives)}")
+    if problems:
+        raise MeasurementError(problems, source="machine fit")
+
+
+def _line(
+    spans: Sequence[RunningSpan], items: Sequence[Ran], motor: tuple[MotorKind, float, float]
+) -> LoadLine | NotIdentified:
+    if all(item.load is None for item in items):
+        return NotIdentified(reason="no force was measured at this drive")
+    with_force = [s for s, item in zip(spans, items, strict=True) if item.load is not None]
+    kind, saturation, slip = motor
+    return fit_load_line(
+        with_force,
+        kind=kind,
+        saturation_current=saturation,
+        slip_current=slip,
+        cross_talk=Uncertainty().cross_talk,
+    )
+
+
+def _anchor(
+    drive: str,
+    line: LoadLine | NotIdentified,
+    slip: Estimate | None,
+    idle: Mapping[str, float],
+    gauges: Mapping[str, Gauge],
+    sisters: Mapping[str, Sister],
+) -> ForceAnchor | None:
+    """Return the best anchor there is: forces, then a gauge, then a sister machine."""
+    if isinstance(line, LoadLine):
+        return ForceAnchor(
+            kind="force at the drive",
+            slope=line.slope.value,
+            slope_deviation=line.slope.deviation,
+            idle=line.idle.value,
+            idle_deviation=line.idle.deviation,
+        )
+    if drive not in idle:
+        return None
+    if drive in gauges and slip is not None:
+        return gauge_anchor(
+            slip_current=slip.value,
+            slip_deviation=slip.deviation,
+            idle=idle[drive],
+            force=gauges[drive].force,
+            force_deviation=gauges[drive].deviation,
+        )
+    if drive in sisters:
+        sister = sisters[drive]
+        return sister_anchor(slope=sister.slope, spread=sister.spread, idle=idle[drive])
+    return None
+
+
+def _usage(span: RunningSpan, anchor: ForceAnchor | None) -> Usage:
+    running = span.current[span.usable]
+    mean, most = float(running.mean()), float(running.max())
+    return Usage(
+        movement=span.name,
+        mean=mean,
+        most=most,
+        force_mean=anchor.force(mean) if anchor else None,
+        force_most=anchor.force(most) if anchor else None,
+    )
+
+
+def _mean(values: Sequence[float]) -> Estimate | None:
+    if len(values) < 2:
+        return None
+    deviation = float(np.std(values, ddof=1) / math.sqrt(len(values)))
+    return Estimate.of(float(np.mean(values)), deviation, len(values))

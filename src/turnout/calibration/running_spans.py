@@ -1,0 +1,141 @@
+"""When the motors of a campaign ran, ran steadily and slipped: cut from currents."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.machine.clutch_fit import SlipLevel, slip_level
+from turnout.machine.current_fit import STEP, RunningSpan
+
+Floats = NDArray[np.float64]
+
+SHARP = "drive_current_unfiltered"
+RUNNING = 0.35
+"""Current above which a motor runs [A]."""
+SETTLED = 0.4
+"""After the contactor, when the inrush is over [s]."""
+MARGIN = 0.15
+"""Before the cut-off, which the moving average spreads [s]."""
+OVERRUN = 1.0
+"""A motor that ran longer than the shortest tenth by this slipped until its time-out [s]."""
+SLIP_BAND, LEAST_SLIP = 0.02, 0.5
+"""A slipping span stays within this share of its last value, for so long at least [-, s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ran:
+    """A motor that ran: samples of one drive in one movement at every `STEP`."""
+
+    name: str
+    number: int
+    time: Floats
+    current: Floats
+    load: Floats | None
+    others: Floats | None
+    on: float
+    off: float
+
+
+def ran_spans(campaign: xr.Dataset, drive: str, direction: str) -> list[Ran]:
+    """Return the movements of a drive in which its motor ran."""
+    time = campaign["time"].values
+    rows = np.flatnonzero(campaign["direction"].values == direction)
+    sign = 1.0 if direction == "closing" else -1.0
+    found = []
+    for number in rows:
+        one = campaign.isel(movement=int(number))
+        current = one["drive_current"].sel(drive=drive).values
+        kept = np.isfinite(current)
+        raw = one[SHARP].sel(drive=drive).values[kept] if SHARP in one else current[kept]
+        ran = _switched(time[kept], current[kept], raw)
+        if ran is None:
+            continue
+        freed, on, off = ran
+        load = others = None
+        if "drive_force" in campaign:
+            forces = sign * one["drive_force"].transpose("drive", "time").values[:, kept]
+            row = list(map(str, campaign["drive"].values)).index(drive)
+            if np.isfinite(forces[row]).all():
+                load = forces[row]
+                others = np.nansum(np.delete(forces, row, axis=0), axis=0)
+        every = slice(None, None, max(1, round(STEP / float(time[1] - time[0]))))
+        found.append(
+            Ran(
+                name=str(one["movement"].values),
+                number=int(number),
+                time=time[kept][every],
+                current=freed[every],
+                load=load[every] if load is not None else None,
+                others=others[every] if others is not None else None,
+                on=on,
+                off=off,
+            )
+        )
+    return found
+
+
+def _switched(time: Floats, current: Floats, raw: Floats) -> tuple[Floats, float, float] | None:
+    """Return the current freed of sign and zero of its clamp, and when the motor was on [s].
+
+    That is read from the unfiltered current; the moving average adds half of its window to either
+    end. None where the motor did not run.
+    """
+    high = np.abs(current) > RUNNING
+    if time.size < 2 or high.sum() * (time[1] - time[0]) < SETTLED + MARGIN:
+        return None
+    sign = 1.0 if np.median(current[high]) > 0.0 else -1.0
+    current = sign * current
+    on, off = _running(time, sign * np.where(np.isfinite(raw), raw, 0.0))
+    before, after = current[time < on - 0.1], current[time > off + 0.6]
+    if before.size:
+        zero = np.full(time.size, np.median(before))
+        if after.size:  # a clamp that drifts
+            last = float(np.median(after))
+            zero += (last - zero) * np.clip((time - on) / (off + 0.6 - on), 0.0, 1.0)
+        current = current - zero
+    return current, on, off
+
+
+def _running(time: Floats, current: Floats) -> tuple[float, float]:
+    """Return start and end of the longest time in which the motor runs [s]."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], current > RUNNING, [0]])))
+    starts, ends = edges[::2], edges[1::2]
+    longest = int(np.argmax(ends - starts))
+    return float(time[starts[longest]]), float(time[ends[longest] - 1])
+
+
+def steady_and_slipping(
+    items: Sequence[Ran], usual: float
+) -> tuple[list[RunningSpan], list[SlipLevel]]:
+    """Cut the movements into steady running and slipping."""
+    spans, levels = [], []
+    for item in items:
+        usable = (item.time >= item.on + SETTLED) & (item.time <= item.off - MARGIN)
+        if item.off - item.on > usual + OVERRUN:
+            until = np.flatnonzero(item.time <= item.off - MARGIN)
+            last = float(np.median(item.current[until[-round(0.4 / STEP) :]]))
+            off = np.flatnonzero(np.abs(item.current[until] - last) > SLIP_BAND * last)
+            first = until[off[-1]] + round(0.2 / STEP) if off.size else until[0]
+            slips = slice(first, until[-1] + 1)
+            if (slips.stop - slips.start) * STEP >= LEAST_SLIP:
+                held = item.load[slips] if item.load is not None else None
+                levels.append(
+                    slip_level(
+                        item.name, number=item.number, current=item.current[slips], held=held
+                    )
+                )
+                usable &= item.time < item.time[first] - 0.4
+        unknown = np.full(item.time.size, np.nan)
+        spans.append(
+            RunningSpan(
+                name=item.name,
+                current=item.current,
+                load=item.load if item.load is not None else unknown,
+                others=item.others if item.others is not None else unknown,
+                usable=usable,
+            )
+        )
+    return spans, levels

@@ -1,0 +1,257 @@
+"""Where a run starts: static equilibrium without friction, or the state that a motion leaves.
+
+Friction at rest is history: any force between the limits of its foot holds. Without a prior motion
+the feet are free of it. A prior motion is integrated with the laws, modes and dissipation of the
+run, from an equilibrium without friction, in steps of its own; nothing of it is stored. Contact
+set, friction branches and anchors are kept, and the run starts from the static equilibrium that
+they allow, with an energy balance of its own.
+"""
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.lru_cache import LRUCache
+from turnout.integrate.arrange import Arrangement, PreparedRun, prepare
+from turnout.integrate.columns import rebuild
+from turnout.integrate.equilibrium import (
+    anchor_at_rest,
+    equilibrium,
+    equilibrium_segments,
+    settle,
+    start_energy_balance,
+)
+from turnout.integrate.march import march
+from turnout.integrate.numbering import place_laws
+from turnout.integrate.outcome import Code
+from turnout.integrate.state import LEVEL, set_segments
+from turnout.integrate.system import System
+from turnout.kernels.interrupt import call_interruptible
+from turnout.kernels.shared_record import shared_record
+from turnout.law.kernel import SLIP_FORWARD
+from turnout.law.table import LawTable
+from turnout.mechanism.mechanism import Mechanism
+from turnout.scheme import Scheme
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+PRIOR_STEP = 6e-3
+"""Step of a prior motion, or that of the run where it is longer or without inertia [s]."""
+PRIOR_REST = 0.25
+"""Time at rest after a prior motion, a period of the rails' lowest mode [s]."""
+MOST_KEPT = 64
+"""States left by prior motions in the cache, the latest used."""
+
+
+@dataclass(frozen=True, slots=True)
+class PriorMotion:
+    """The motion of the markers that ends where a run starts.
+
+    Attributes
+    ----------
+    duration : float
+        [s].
+    inputs : callable
+        Marker positions, shape (n_inputs, n), for times of shape (n,) from 0 to `duration` [m]. The
+        last are those with which the run starts.
+    """
+
+    duration: float
+    inputs: Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True, slots=True)
+class _StateLeft:
+    """What a prior motion leaves; `system` is held so that its identity stays its own."""
+
+    system: System
+    segment: Ints
+    friction: Floats
+    anchor: Floats
+    friction_force: Floats
+    q: Floats
+    g: Floats
+
+
+_cache = LRUCache[_StateLeft](MOST_KEPT)
+
+
+def find_start(
+    run: PreparedRun,
+    arrangement: Arrangement,
+    scheme: Scheme,
+    thread: Executor | None,
+    prior: PriorMotion | None,
+) -> Code:
+    """Put the state of a run where it starts.
+
+    Parameters
+    ----------
+    run : PreparedRun
+        From `prepare`; nothing has moved yet.
+    arrangement : Arrangement
+        What it was prepared from.
+    scheme : Scheme
+        Numerical choices of the run.
+    thread : Executor or None
+        For the kernels.
+    prior : PriorMotion, optional
+        The motion before the start.
+
+    Returns
+    -------
+    Code
+        `COMPLETE`, or why there is no start.
+    """
+    if prior is None:
+        return start_at_rest(run, arrangement.mechanism, thread)
+    scheme = _prior_scheme(scheme, prior)
+    count = round(scheme.output_interval / scheme.step)
+    times = np.minimum(scheme.step * np.arange(count + 1), prior.duration)
+    positions = np.ascontiguousarray(prior.inputs(times).T)
+    laws = _freeze_timed_laws(arrangement.laws)
+    key = (id(run.system), scheme, positions.tobytes(), *(part.tobytes() for part in laws))
+    left = _cache.get(key)
+    if left is None:
+        table = shared_record(place_laws(laws, run.system.row_place))
+        given = replace(arrangement, laws=laws, table=table)
+        motion = prepare(given, scheme, positions, 2, filled_in=False)
+        code = _move(motion, arrangement.mechanism, thread)
+        if code != Code.COMPLETE:
+            run.work.unconverged[:] = motion.work.unconverged
+            return code
+        left = _cache.put(key, _state_left(motion))
+    return _start_from(run, left, thread)
+
+
+def clear_starts() -> None:
+    """Clear the cache of the states that prior motions left."""
+    _cache.clear()
+
+
+def _prior_scheme(scheme: Scheme, prior: PriorMotion) -> Scheme:
+    """Return the scheme of a prior motion, which stores its last instant alone."""
+    step = max(scheme.step, PRIOR_STEP) if scheme.inertia else scheme.step
+    rest = PRIOR_REST if scheme.inertia else 0.0
+    count = max(1, int(np.ceil((prior.duration + rest) / step - 1e-9)))
+    return replace(scheme, step=step, output_interval=count * step)
+
+
+def _freeze_timed_laws(laws: LawTable) -> LawTable:
+    """Return laws of which those that are absent at the start never appear; they have no values."""
+    present = _present_at_start(laws)
+    absent = ~present
+    of_absent = np.repeat(absent, np.diff(laws.segment_start))
+    never, always = np.inf, -np.inf
+    return laws._replace(
+        appears=np.where(present, always, never),
+        disappears=np.full(laws.row.size, never),
+        offset=np.where(absent, 0.0, laws.offset),
+        slope=np.where(of_absent, 0.0, laws.slope),
+        intercept=np.where(of_absent, 0.0, laws.intercept),
+        potential=np.where(of_absent, 0.0, laws.potential),
+    )
+
+
+def _present_at_start(laws: LawTable) -> NDArray[np.bool_]:
+    present: NDArray[np.bool_] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9)
+    return np.asarray(present & (laws.waits == 0))
+
+
+def _move(motion: PreparedRun, mechanism: Mechanism, thread: Executor | None) -> Code:
+    """Move the rails as before a start, from equilibrium without friction."""
+    _call_march(motion, 0)  # compiles where needed, while Ctrl-C still ends the program at once
+    if start_at_rest(motion, mechanism, thread) != Code.COMPLETE:
+        return Code.NO_EQUILIBRIUM
+    last = motion.positions.shape[0] - 1
+    code, _ = call_interruptible(thread, motion.work.stop, _call_march, motion, last)
+    if code == Code.INTERRUPTED:
+        raise KeyboardInterrupt
+    return Code.COMPLETE if code == Code.COMPLETE else Code.NO_LOADED_START
+
+
+def _call_march(motion: PreparedRun, last: int) -> tuple[int, int]:
+    return march(
+        motion.system,
+        motion.table,
+        motion.state,
+        motion.work,
+        motion.tolerances,
+        motion.stepping,
+        motion.positions,
+        0,
+        last,
+        motion.record,
+    )
+
+
+def _state_left(motion: PreparedRun) -> _StateLeft:
+    state = motion.state
+    return _StateLeft(
+        motion.system,
+        state.segment.copy(),
+        state.friction.copy(),
+        state.anchor.copy(),
+        state.friction_force.copy(),
+        state.q.copy(),
+        state.g.copy(),
+    )
+
+
+def _start_from(run: PreparedRun, left: _StateLeft, thread: Executor | None) -> Code:
+    """Bring the rails to rest with the contact set and the anchors that a motion left."""
+    system, table, state, work = run.system, run.table, run.state, run.work
+    _set_present(run)
+    set_segments(table, state, left.segment)
+    for name in ("friction", "anchor", "friction_force", "q", "g"):
+        getattr(state, name)[:] = getattr(left, name)
+    patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 100))
+    code = call_interruptible(thread, work.stop, settle, system, table, state, work, patient)
+    if code == Code.INTERRUPTED:
+        raise KeyboardInterrupt
+    if code != Code.COMPLETE:
+        return Code.NO_LOADED_START
+    start_energy_balance(system, table, state, work)
+    if not run.stepping.inertia:
+        rebuild(system, table, state, state.counters[LEVEL], work.row)
+    return Code.COMPLETE
+
+
+def start_at_rest(run: PreparedRun, mechanism: Mechanism, thread: Executor | None) -> Code:
+    """Find the static equilibrium without friction, then anchor the feet at their places."""
+    system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
+    _set_present(run)
+    set_segments(table, state, state.segment)
+    state.friction[:] = SLIP_FORWARD
+    table.friction_coefficient[:] = 0.0
+    try:
+        if not _find_equilibrium(run, thread):
+            segments = equilibrium_segments(mechanism, inputs=state.inputs, present=state.present)
+            set_segments(table, state, segments)
+            if not _find_equilibrium(run, thread):
+                return Code.NO_EQUILIBRIUM
+    finally:
+        table.friction_coefficient[:] = laws.friction_coefficient
+    anchor_at_rest(system, table, state, work)
+    if not run.stepping.inertia:
+        rebuild(system, table, state, state.counters[LEVEL], work.row)
+    return Code.COMPLETE
+
+
+def _set_present(run: PreparedRun) -> None:
+    run.state.present[:] = _present_at_start(run.laws)
+    run.state.law_placed[run.state.present == 1] = 0.0
+
+
+def _find_equilibrium(run: PreparedRun, thread: Executor | None) -> bool:
+    """Iterate the contact set to static equilibrium from the present one; False if it fails."""
+    patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
+    given = (run.system, run.table, run.state, run.work, patient)
+    code = call_interruptible(thread, run.work.stop, equilibrium, *given)
+    if code == Code.INTERRUPTED:
+        raise KeyboardInterrupt
+    return code == Code.COMPLETE

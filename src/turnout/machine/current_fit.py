@@ -1,0 +1,355 @@
+r"""Current of a point machine against the force on its rod, from movements where both are measured.
+
+A DC motor that turns steadily takes
+
+.. math:: g(i) = A + B \max(F, 0) + C \min(F, 0)
+
+with the force F against the drive. For a permanent magnet or a separate field g(i) = i, exactly:
+with k i = T_0 + c w + F/(N eta) and w = (V - V_b - R i)/k the current is linear in F. For a series
+motor g(i) = i^2/(1 + i/i_s), the torque per K; its drag makes the line slightly curved. B belongs
+to a load that is driven, 1/(N eta k), and C to one that drives the machine back, eta_b/(N k).
+
+When the force changes, the current follows as i + a i' + a b i'' with a = J R/k^2, b = L/R.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+MotorKind = Literal["linear", "series"]
+
+STEP = 0.01
+"""Movements are read so often [s]; the measuring chain averages over 0.1 s."""
+LAGS = np.array(
+    [(0.0, 0.0)]
+    + [
+        (a, b)
+        for a in (*np.arange(0.01, 0.0601, 0.005), *np.arange(0.07, 0.151, 0.02))
+        for b in (0.0, 0.005, 0.01, 0.015, 0.02, 0.03)
+    ]
+)
+"""Lags a and b that are tried, shape (n, 2) [s]."""
+FASTEST = 5e3
+"""Samples where the force changes faster are left out [N/s]."""
+BELOW_SLIP = 0.97
+"""Samples above this share of the slip current are left out: the clutch may slip already [-]."""
+LEAST_SPAN = 300.0
+"""Range of forces without which no slope is identified [N]."""
+LEAST_DRIVEN = 100.0
+"""Force that drives the machine back, from which it gets a slope of its own [N]."""
+LEAST_BACK = 20
+"""Samples with such forces that this needs."""
+LEAST_SHARE = 0.3
+"""A slope whose deviation is a larger share of it is not identified [-]."""
+BLOCK = 50
+"""Samples in a block, where the blocks of too few movements stand for movements."""
+NORMAL_REACH = 1.96
+"""Half of a 95 % interval of a normal distribution, in standard deviations."""
+ENOUGH = 3
+"""So many movements give intervals from one to the next."""
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A value with its standard deviation and 95 % interval, from `count` independent parts.
+
+    The deviation holds what is common to all parts too, such as cross-talk.
+    """
+
+    value: float
+    deviation: float
+    low: float
+    high: float
+    count: int
+
+    @classmethod
+    def of(cls, value: float, deviation: float, count: int, *, common: float = 0.0) -> "Estimate":
+        """Return an estimate whose interval follows Student's t with `count` - 1 degrees.
+
+        The deviation of what is common to all parts is known and widens it.
+        """
+        from scipy.special import stdtrit
+
+        reach = math.hypot(
+            float(stdtrit(max(count - 1, 1), 0.975)) * deviation, NORMAL_REACH * common
+        )
+        return cls(value, math.hypot(deviation, common), value - reach, value + reach, count)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunningSpan:
+    """One drive in one movement while its motor runs steadily, at every `STEP`.
+
+    Attributes
+    ----------
+    name : str
+        Of the movement.
+    current : ndarray, shape (n,)
+        Positive while it drives, freed of the clamp's zero [A].
+    load : ndarray, shape (n,)
+        Force on the rod against the drive [N].
+    others : ndarray, shape (n,)
+        Sum of the forces on the other rods, of which its gauge may take up a share [N].
+    usable : ndarray of bool, shape (n,)
+        Where the motor turns the gear and the inrush is over.
+    """
+
+    name: str
+    current: Floats
+    load: Floats
+    others: Floats
+    usable: Flags
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadLine:
+    """Current as a function of the force of one drive in one direction.
+
+    Attributes
+    ----------
+    idle : Estimate
+        Current without force [A].
+    slope : Estimate
+        Rise of the current with a force that is driven; of a series motor from no force to
+        `reference` [A/N].
+    slope_driven_back : Estimate or None
+        With a force that drives the machine back [A/N]; None where there was too little of it.
+    lag, lag_coil : float
+        Of the current behind the force: J R/k^2 and L/R, to the nearest that was tried [s].
+    rms : float
+        Of what the line leaves [A].
+    reference : float
+        Largest force that was used [N].
+    movements : int
+    """
+
+    idle: Estimate
+    slope: Estimate
+    slope_driven_back: Estimate | None
+    lag: float
+    lag_coil: float
+    rms: float
+    reference: float
+    movements: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotIdentified:
+    """Why a line cannot be fitted."""
+
+    reason: str
+
+
+def fit_load_line(
+    spans: Sequence[RunningSpan],
+    *,
+    kind: MotorKind = "linear",
+    saturation_current: float = math.inf,
+    slip_current: float = math.inf,
+    cross_talk: float = 0.0,
+) -> LoadLine | NotIdentified:
+    """Fit the current of a drive to its force over several movements in one direction.
+
+    Parameters
+    ----------
+    spans : sequence of RunningSpan
+    kind : {"linear", "series"}
+        "linear" for a permanent magnet or a separate field.
+    saturation_current : float
+        Of a series motor [A].
+    slip_current : float
+        Of the drive's clutch, where it is known [A].
+    cross_talk : float
+        Standard deviation of the share of the other rods' forces that each gauge takes up; one
+        share in all movements, so their scatter does not show it [-].
+
+    Returns
+    -------
+    LoadLine or NotIdentified
+        Deviations are those of a jackknife: each movement is left out in turn, since the errors
+        of one (drift of the clamp, temperature, friction) are common to all of its samples. One or
+        two movements are cut into blocks of half a second; the interval then holds for them only.
+
+    Notes
+    -----
+    The deviations do not contain errors of scale of the clamp or the force transducer, which all
+    movements share.
+
+    Examples
+    --------
+    >>> load = np.linspace(0.0, 2000.0, 200)
+    >>> usable = np.ones(200, dtype=bool)
+    >>> spans = [RunningSpan(name=n, current=0.8 + 2e-4 * load, load=load, others=0.0 * load,
+    ...                      usable=usable) for n in "abc"]
+    >>> line = fit_load_line(spans)
+    >>> round(line.idle.value, 6), round(1e3 * line.slope.value, 6)
+    (0.8, 0.2)
+    """
+    shape, inverse = _shape_of(kind, saturation_current)
+    used = [(span, _steady(span, BELOW_SLIP * slip_current)) for span in spans]
+    if not _drives_back(used):
+        used = [(span, rows & (span.load > 0.0)) for span, rows in used]
+    used = [(span, rows) for span, rows in used if rows.any()]
+    if not used:
+        return NotIdentified(reason="no movement in which the motor runs steadily")
+    loads = np.concatenate([span.load[rows] for span, rows in used])
+    least, most = (float(v) for v in np.quantile(loads, [0.01, 0.99]))
+    span_of_forces = most - max(least, 0.0)
+    if span_of_forces < LEAST_SPAN:
+        reason = f"the force spans only {span_of_forces:.0f} N, {LEAST_SPAN:.0f} N are needed"
+        return NotIdentified(reason=reason)
+    if sum(int(rows.sum()) for _, rows in used) < ENOUGH * BLOCK:
+        return NotIdentified(reason="the motor runs steadily for less than 1.5 s in all")
+    back = _drives_back(used)
+
+    def sums(share: float) -> list[_Sums]:
+        return _parts(
+            [
+                _normal(shape(s.current), s.load - share * s.others, rows, back=back)
+                for s, rows in used
+            ]
+        )
+
+    def solved(chosen: _Sums) -> tuple[Floats, Floats, float]:
+        lag, coefficients, rss = _best(chosen)
+        idle = inverse(coefficients[0])
+        slope = (inverse(coefficients[0] + coefficients[1] * most) - idle) / most
+        return np.array([idle, slope, *coefficients[2:]]), lag, rss
+
+    parts = sums(0.0)
+    whole, count = _summed(parts), len(parts)
+    values, lag, rss = solved(whole)
+    without = np.array([solved(_less(whole, part))[0] for part in parts])
+    spread = np.sqrt((count - 1) / count * ((without - without.mean(axis=0)) ** 2).sum(axis=0))
+    shifted = solved(_summed(sums(cross_talk)))[0] if cross_talk else values
+    found = [
+        Estimate.of(float(v), float(s), count, common=abs(float(c - v)))
+        for v, s, c in zip(values, spread, shifted, strict=True)
+    ]
+    if not found[1].deviation <= LEAST_SHARE * abs(found[1].value):
+        reason = f"the slope is {1e3 * found[1].value:.3f} A/kN with a deviation as large"
+        return NotIdentified(reason=reason)
+    return LoadLine(
+        idle=found[0],
+        slope=found[1],
+        slope_driven_back=found[2] if back and kind == "linear" else None,
+        lag=float(lag[0]),
+        lag_coil=float(lag[1]),
+        rms=math.sqrt(max(rss, 0.0) / max(whole.count, 1.0)),
+        reference=most,
+        movements=len(used),
+    )
+
+
+def _shape_of(
+    kind: MotorKind, saturation_current: float
+) -> tuple[Callable[[Floats], Floats], Callable[[float], float]]:
+    """Return torque per constant as a function of the current, and the inverse."""
+    if kind == "linear":
+        return lambda i: i, lambda t: t
+
+    def current_of(torque: float) -> float:
+        half = 0.5 * max(torque, 0.0) / saturation_current
+        return half + math.sqrt(half**2 + max(torque, 0.0))
+
+    return lambda i: i * np.abs(i) / (1.0 + np.abs(i) / saturation_current), current_of
+
+
+def _drives_back(used: Sequence[tuple[RunningSpan, Flags]]) -> bool:
+    """Return whether there is enough force that drives the machine back for a slope of its own."""
+    return sum(int((s.load[rows] < -LEAST_DRIVEN).sum()) for s, rows in used) >= LEAST_BACK
+
+
+def _steady(span: RunningSpan, most: float) -> Flags:
+    """Return the usable samples at which the force has not just changed fast."""
+    if span.load.size < 3:
+        return np.zeros(span.load.size, dtype=np.bool_)
+    fast = np.abs(np.gradient(span.load, STEP)) > FASTEST
+    reach = round(0.16 / STEP)
+    near = np.convolve(fast, np.ones(2 * reach + 1), mode="same") > 0.5
+    return np.asarray(
+        span.usable & ~near & (span.current < most) & np.isfinite(span.current + span.load)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Sums:
+    """Normal equations for each lag: X'X, X'y, y'y, and the number of samples."""
+
+    xx: Floats
+    xy: Floats
+    yy: float
+    count: float
+
+
+def _normal(y: Floats, load: Floats, rows: Flags, *, back: bool) -> list[_Sums]:
+    """Return the normal equations of one movement, in blocks."""
+    columns = [np.maximum(load, 0.0), np.minimum(load, 0.0)] if back else [load]
+    lagged = np.stack([_follow(column) for column in columns], axis=1)
+    places = np.flatnonzero(rows)
+    found = []
+    for first in range(0, places.size, BLOCK):
+        at = places[first : first + BLOCK]
+        x = np.concatenate([np.ones((len(LAGS), 1, at.size)), lagged[:, :, at]], axis=1)
+        product = x @ x.transpose(0, 2, 1)
+        found.append(_Sums(product, x @ y[at], float(y[at] @ y[at]), float(at.size)))
+    return found
+
+
+def _follow(values: Floats) -> Floats:
+    """Return what follows values by each pair of `LAGS` from rest, shape (n_lags, n).
+
+    The bilinear transform of 1/(1 + a s + a b s^2).
+    """
+    a, b = LAGS.T
+    first, second = 2.0 * a / STEP, 4.0 * a * b / STEP**2
+    scale = 1.0 + first + second
+    last = (2.0 - 2.0 * second) / scale
+    before_last = (1.0 - first + second) / scale
+    followed = np.empty((len(LAGS), values.size))
+    given = np.concatenate([values[:1], values[:1], values])
+    y1 = y2 = np.full(len(LAGS), values[0])
+    for k in range(values.size):
+        taken = given[k] + 2.0 * given[k + 1] + given[k + 2]
+        y1, y2 = taken / scale - last * y1 - before_last * y2, y1
+        followed[:, k] = y1
+    followed[0] = values  # without lag the transform would ring
+    return followed
+
+
+def _parts(movements: list[list[_Sums]]) -> list[_Sums]:
+    """Return what is left out in turn: movements, or blocks where there are too few."""
+    if len(movements) >= ENOUGH:
+        return [_summed(blocks) for blocks in movements]
+    return [block for movement in movements for block in movement]
+
+
+def _summed(sums: Sequence[_Sums]) -> _Sums:
+    return _Sums(
+        np.sum([s.xx for s in sums], axis=0),
+        np.sum([s.xy for s in sums], axis=0),
+        sum(s.yy for s in sums),
+        sum(s.count for s in sums),
+    )
+
+
+def _less(whole: _Sums, part: _Sums) -> _Sums:
+    return _Sums(
+        whole.xx - part.xx, whole.xy - part.xy, whole.yy - part.yy, whole.count - part.count
+    )
+
+
+def _best(sums: _Sums) -> tuple[Floats, Floats, float]:
+    """Return the lags with the least squares, its coefficients and their sum of squares."""
+    coefficients = np.array(
+        [np.linalg.lstsq(xx, xy, rcond=1e-12)[0] for xx, xy in zip(sums.xx, sums.xy, strict=True)]
+    )
+    rss = sums.yy - (coefficients * sums.xy).sum(axis=1)
+    at = int(rss.argmin())
+    return LAGS[at], coefficients[at], float(rss[at])

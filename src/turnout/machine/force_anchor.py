@@ -1,0 +1,137 @@
+"""Force from the current of a point machine: never without an anchor that says what an ampere is.
+
+A current alone gives amperes. Newtons need a slope that something else has measured: forces at the
+same drive (load cell, gauged rod), the force at which its clutch slips (a gauge in the lock
+opening), or a sister machine, whose slope is known with a spread from machine to machine.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from turnout.errors import MachineError
+from turnout.machine.current_fit import Estimate
+
+AnchorKind = Literal["force at the drive", "clutch-force gauge", "sister machine"]
+REACH = 1.96
+"""Half of a 95 % interval in standard deviations."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForceAnchor:
+    """What an ampere means in newtons, and from where that is known.
+
+    Attributes
+    ----------
+    kind : {"force at the drive", "clutch-force gauge", "sister machine"}
+    slope, slope_deviation : float
+        Rise of the current with the force, and its standard deviation [A/N].
+    idle, idle_deviation : float
+        Current without force [A].
+    """
+
+    kind: AnchorKind
+    slope: float
+    slope_deviation: float
+    idle: float
+    idle_deviation: float
+
+    def force(self, current: float, *, deviation: float = 0.0) -> Estimate:
+        """Return the force at a current, with its standard deviation and 95 % interval [N].
+
+        Parameters
+        ----------
+        current, deviation : float
+            [A].
+
+        Examples
+        --------
+        >>> anchor = gauge_anchor(slip_current=2.0, idle=0.8, force=6000.0, force_deviation=120.0)
+        >>> force = anchor.force(1.4)
+        >>> round(force.value), round(force.deviation)
+        (3000, 60)
+        """
+        force = (current - self.idle) / self.slope
+        spread = math.hypot(
+            deviation / self.slope,
+            self.idle_deviation / self.slope,
+            force * self.slope_deviation / self.slope,
+        )
+        return Estimate(force, spread, force - REACH * spread, force + REACH * spread, 1)
+
+
+def gauge_anchor(
+    *,
+    slip_current: float,
+    idle: float,
+    force: float,
+    force_deviation: float,
+    slip_deviation: float = 0.0,
+    idle_deviation: float = 0.0,
+) -> ForceAnchor:
+    """Return the anchor that a gauge of the clutch's force gives: slope = (i_s - i_0)/F.
+
+    Parameters
+    ----------
+    slip_current, slip_deviation : float
+        While the clutch slips [A].
+    idle, idle_deviation : float
+        Without force on the rod, such as with the rod taken off [A].
+    force, force_deviation : float
+        What the gauge shows while the clutch slips [N].
+
+    Raises
+    ------
+    MachineError
+        When force or currents cannot be.
+    """
+    if not (force > 0.0 and force_deviation >= 0.0 and slip_current > idle > 0.0):
+        text = (
+            f"clutch force {force:g} N +- {force_deviation:g} N at {slip_current:.4g} A, idle "
+            f"{idle:.4g} A: needs a force above 0 and a slip current above the idle current"
+        )
+        raise MachineError([text], source="clutch-force gauge")
+    slope = (slip_current - idle) / force
+    relative = math.hypot(
+        math.hypot(slip_deviation, idle_deviation) / (slip_current - idle), force_deviation / force
+    )
+    return ForceAnchor(
+        kind="clutch-force gauge",
+        slope=slope,
+        slope_deviation=slope * relative,
+        idle=idle,
+        idle_deviation=idle_deviation,
+    )
+
+
+def sister_anchor(
+    *, slope: float, spread: float, idle: float, idle_deviation: float = 0.0
+) -> ForceAnchor:
+    """Return the anchor that a machine of the same type gives.
+
+    Parameters
+    ----------
+    slope, spread : float
+        Its rise of the current with the force, and the standard deviation of that from machine to
+        machine [A/N].
+    idle, idle_deviation : float
+        Current of this machine without force [A].
+
+    Raises
+    ------
+    MachineError
+        When the slope is not positive, or no spread is given: sister machines are never equal.
+    """
+    if not (slope > 0.0 and spread > 0.0 and idle > 0.0):
+        text = (
+            f"sister machine {1e3 * slope:g} A/kN +- {1e3 * spread:g} A/kN, idle {idle:g} A: all "
+            "three must be above 0; the spread is that from machine to machine"
+        )
+        raise MachineError([text], source="sister machine")
+    return ForceAnchor(
+        kind="sister machine",
+        slope=slope,
+        slope_deviation=spread,
+        idle=idle,
+        idle_deviation=idle_deviation,
+    )

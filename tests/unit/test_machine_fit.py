@@ -1,0 +1,274 @@
+"""Machines from currents: lines, lags, slip, worn clutches, anchors, and what is not identified.
+
+The campaigns are written down here: a permanent magnet, i = 0.8 A + 0.2 A/kN F behind a lag of
+30 ms (and 10 ms of the coil), a clutch that slips at 2 A.
+"""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from numpy.typing import NDArray
+from tests.unit.test_cli_json import COMMON, printed
+from tests.unit.test_cli_json import documented as documented  # noqa: PLC0414 - a fixture
+
+from turnout.api.machine import fit_machines
+from turnout.core.moving_average import moving_average
+from turnout.errors import MachineError, MeasurementError
+from turnout.machine.current_fit import (
+    STEP,
+    LoadLine,
+    NotIdentified,
+    RunningSpan,
+    fit_load_line,
+)
+from turnout.machine.force_anchor import gauge_anchor, sister_anchor
+
+Floats = NDArray[np.float64]
+IDLE, SLOPE, SLIP, LAG, COIL = 0.8, 2e-4, 2.0, 0.030, 0.010
+
+
+def lagged(load: Floats, step: float, *, lag: float = LAG, coil: float = COIL) -> Floats:
+    """Solve y + lag y' + lag coil y'' = load by small Euler steps, from rest."""
+    parts = 200
+    y, rate, found = load[0], 0.0, np.empty_like(load)
+    for number, value in enumerate(load):
+        before = load[max(number - 1, 0)]
+        for part in range(parts if number else 0):
+            now = before + (value - before) * (part + 1) / parts
+            rate += step / parts * (now - y - lag * rate) / (lag * coil)
+            y += step / parts * rate
+        found[number] = y
+    return found
+
+
+def span(name: str, load: Floats, current: Floats) -> RunningSpan:
+    usable = np.arange(load.size) > 20
+    others = np.full(load.size, 1e3)
+    return RunningSpan(name=name, current=current, load=load, others=others, usable=usable)
+
+
+def waving(seed: int) -> Floats:
+    """Return a force that rises, with the oscillations of a rail at 4 Hz."""
+    time = np.arange(0.0, 3.0, STEP)
+    phase = np.random.default_rng(seed).uniform(0.0, 6.0)
+    return 800.0 + 300.0 * time + 80.0 * np.sin(2 * np.pi * 4.0 * time + phase)
+
+
+def line_of(spans: list[RunningSpan], **options: float) -> LoadLine:
+    found = fit_load_line(spans, **options)  # type: ignore[arg-type]
+    assert isinstance(found, LoadLine), found
+    return found
+
+
+def test_line_and_both_lags() -> None:
+    spans = []
+    for seed in range(3):
+        load = waving(seed)
+        spans.append(span(str(seed), load, IDLE + SLOPE * lagged(load, STEP)))
+    found = line_of(spans)
+    assert found.idle.value == pytest.approx(IDLE, rel=1e-3)
+    assert found.slope.value == pytest.approx(SLOPE, rel=2e-3)
+    assert (found.lag, found.lag_coil) == (LAG, COIL)
+    assert found.rms < 5e-4
+
+
+def test_intervals_widen_by_cross_talk() -> None:
+    rng = np.random.default_rng(0)
+    spans = []
+    for seed in range(4):
+        load = waving(seed)
+        noise = 1e-3 * rng.standard_normal(load.size) + 2e-3 * rng.standard_normal()
+        spans.append(span(str(seed), load, IDLE + SLOPE * load + noise))
+    bare, wide = line_of(spans), line_of(spans, cross_talk=5e-3)
+    assert bare.idle.low < IDLE < bare.idle.high
+    # 0.5 % of 1 kN is 5 N, 1 mA
+    assert wide.idle.deviation == pytest.approx(math.hypot(bare.idle.deviation, 1e-3), rel=1e-3)
+    assert wide.slope.deviation == pytest.approx(bare.slope.deviation, rel=1e-3)
+
+
+def test_a_load_that_drives_the_machine_back_has_its_own_slope() -> None:
+    time = np.arange(0.0, 3.0, STEP)
+    load = -600.0 + 600.0 * time
+    current = IDLE + SLOPE * np.maximum(load, 0.0) + 0.81 * SLOPE * np.minimum(load, 0.0)
+    found = line_of([span(name, load, current) for name in "abc"])
+    assert found.slope.value == pytest.approx(SLOPE, rel=1e-6)
+    assert found.slope_driven_back is not None
+    assert found.slope_driven_back.value == pytest.approx(0.81 * SLOPE, rel=1e-6)
+
+
+def test_a_series_motor_by_its_torque() -> None:
+    """k(i) i = K i^2/(1 + i/i_s) is linear in the force: the current is not."""
+    load, saturation = waving(1), 3.0
+    torque = 0.3 + 4e-4 * load
+    half = 0.5 * torque / saturation
+    current = half + np.sqrt(half**2 + torque)
+    spans = [span(name, load, current) for name in "abc"]
+    found = fit_load_line(spans, kind="series", saturation_current=saturation)
+    assert isinstance(found, LoadLine)
+    idle = 0.5 * 0.3 / saturation + math.sqrt((0.5 * 0.3 / saturation) ** 2 + 0.3)
+    assert found.idle.value == pytest.approx(idle, rel=1e-4)
+    straight = line_of(spans)
+    assert abs(straight.idle.value / idle - 1) > 0.02
+
+
+@pytest.mark.parametrize(
+    ("load", "reason"),
+    [
+        (np.full(300, 900.0), "the force spans only 0 N"),
+        (np.linspace(0.0, 2e3, 60), "less than 1.5 s"),
+    ],
+)
+def test_what_cannot_be_identified_is_said(load: Floats, reason: str) -> None:
+    found = fit_load_line([span("a", load, IDLE + SLOPE * load)])
+    assert isinstance(found, NotIdentified)
+    assert reason in found.reason
+
+
+def campaign(
+    *,
+    wear: float = 0.0,
+    slips: int = 6,
+    free: int = 4,
+    forces: bool = True,
+    sign: float = 1.0,
+    until: float = 3.2,
+) -> xr.Dataset:
+    """Return a campaign of one drive: free throws, then throws on an object until the time-out."""
+    rate, time = 200.0, np.arange(-1.0, 11.0, 0.005)
+    rng = np.random.default_rng(7)
+    currents, loads = [], []
+    for number in range(free + slips):
+        slipping = number >= free
+        rise = 2.5e3 if slipping else 0.0
+        load = np.interp(time, [0.0, 0.3, 2.5, 3.2], [-500.0, 900.0, 1600.0, 1600.0 + rise])
+        load = load + np.where(time > 3.2, 1.2e3 * (time - 3.2) if slipping else 0.0, 0.0)
+        level = SLIP * (1.0 - wear * (number - free))
+        current = np.minimum(IDLE + SLOPE * load, level)
+        current = current + 9.0 * np.exp(-np.clip(time, 0.0, None) / 0.03)
+        current[(time < 0.0) | (time > (8.0 if slipping else until))] = 0.0
+        noise = 0.01 * rng.standard_normal(time.size) + 0.003  # the clamp's zero is off
+        currents.append(sign * moving_average(current + noise, rate=rate))
+        loads.append(moving_average(np.minimum(load, 6e3), rate=rate))
+    names = [f"throw {number}" for number in range(free + slips)]
+    variables = {"drive_current": (("movement", "drive", "time"), np.array(currents)[:, None])}
+    if forces:
+        variables["drive_force"] = (("movement", "drive", "time"), np.array(loads)[:, None])
+    coords = {"time": time, "drive": ["1"], "movement": names}
+    dataset = xr.Dataset(variables, coords)
+    return dataset.assign_coords(direction=("movement", ["closing"] * len(names)))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_campaign(sign: float) -> None:
+    found = fit_machines(campaign(sign=sign)).of("1", "closing")
+    assert isinstance(found.line, LoadLine)
+    assert found.line.idle.value == pytest.approx(IDLE, rel=0.01)
+    assert found.line.slope.value == pytest.approx(SLOPE, rel=0.01)
+    assert found.slip is not None
+    assert found.slip.low < SLIP < found.slip.high
+    assert found.slip.value == pytest.approx(SLIP, rel=1e-3)
+    assert found.held == pytest.approx(6e3, rel=0.1)
+    assert found.trend is not None
+    assert not found.trend.changes
+    assert found.energised is not None
+    # the moving average adds up to half of its 0.1 s at either end
+    assert 3.2 <= found.energised.value <= 3.3
+    force = found.force(1.4)
+    assert force.low < 3000.0 < force.high
+    assert found.anchor is not None
+    assert found.anchor.kind == "force at the drive"
+
+
+def test_a_drive_that_takes_longer_than_the_others_does_not_slip() -> None:
+    slow = campaign(slips=2, until=4.6).assign_coords(drive=["2"])
+    found = fit_machines(xr.concat([campaign(slips=2), slow], "drive", join="override"))
+    for drive, length in (("1", 3.2), ("2", 4.6)):
+        one = found.of(drive, "closing")
+        assert len(one.levels) == 2
+        assert one.energised is not None
+        assert length <= one.energised.value <= length + 0.1
+
+
+def test_a_worn_clutch_is_tracked() -> None:
+    """Half a per cent of 2 A a throw is 0.83 % of the 1.2 A that the clutch itself takes."""
+    trend = fit_machines(campaign(wear=0.005)).of("1", "closing").trend
+    assert trend is not None
+    assert trend.changes
+    assert trend.per_throw.value == pytest.approx(-0.01, rel=0.02)
+    assert trend.share is not None
+    assert trend.share.low < -0.01 / 1.2 < trend.share.high
+
+
+def test_without_forces_a_current_stays_amperes() -> None:
+    fit = fit_machines(campaign(forces=False))
+    found = fit.of("1", "closing")
+    assert found.line == NotIdentified(reason="no force was measured at this drive")
+    assert found.slip is not None
+    assert found.anchor is None
+    assert all(one.force_most is None for one in found.usage)
+    assert any("without forces a current is only amperes" in text for text in fit.not_separated)
+    with pytest.raises(MeasurementError, match="no anchor says what an ampere is"):
+        found.force(1.4)
+
+
+def test_anchors_give_newtons() -> None:
+    bare = campaign(forces=False)
+    gauged = fit_machines(bare, idle={"1": 0.8}, clutch_force={"1": (6e3, 150.0)})
+    force = gauged.of("1", "closing").force(1.4)
+    assert force.value == pytest.approx(3e3, rel=5e-3)
+    assert force.deviation == pytest.approx(75.0, rel=0.05)
+    sister = fit_machines(bare, idle={"1": 0.8}, sister={"1": (2e-4, 2e-5)})
+    force = sister.of("1", "closing").force(1.4)
+    assert force.value == pytest.approx(3e3)
+    assert force.deviation == pytest.approx(300.0)
+    assert sister.of("1", "closing").usage[0].force_most is not None
+
+
+def test_anchors_that_cannot_be() -> None:
+    with pytest.raises(MachineError, match="needs a force above 0"):
+        gauge_anchor(slip_current=0.7, idle=0.8, force=6e3, force_deviation=1e2)
+    with pytest.raises(MachineError, match="spread is that from machine to machine"):
+        sister_anchor(slope=2e-4, spread=0.0, idle=0.8)
+    with pytest.raises(MeasurementError, match="idle of drive '3': there are 1"):
+        fit_machines(campaign(), idle={"3": 0.8})
+    with pytest.raises(MeasurementError, match="drive_current: is missing"):
+        fit_machines(campaign().drop_vars("drive_current"))
+    with pytest.raises(MeasurementError, match="no motor runs"):
+        fit_machines(0.01 * campaign())
+    with pytest.raises(MeasurementError, match="there are: 1 closing"):
+        fit_machines(campaign()).of("1", "opening")
+
+
+def test_the_command(tmp_path: Path, documented: dict[str, set[str]]) -> None:
+    file = tmp_path / "campaign.nc"
+    campaign().assign_attrs(schema_version=1).to_netcdf(file, engine="h5netcdf")
+    found = printed("machine", "fit", file)
+    assert set(found) - COMMON == documented["machine fit"]
+    drive = found["drives"][0]
+    assert drive["slip"]["value"] == pytest.approx(SLIP, rel=1e-3)
+    assert found["units"]["slope"] == "A/N"
+    assert drive["anchor"]["kind"] == "force at the drive"
+    assert json.dumps(found)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--idle", "1=0.8"], "has no unit"),
+        (["--clutch-force", "1=6 kN"], "must be DRIVE='6 kN +- ...'"),
+        (["--sister", "1=0.2 A/kN +- 20 mA/kN"], "no --idle 1"),
+        (["--series-motor", "0 A"], "more than 0"),
+    ],
+)
+def test_bad_options(options: list[str], words: str, tmp_path: Path) -> None:
+    from tests.faults.test_cli_faults import turnout
+
+    campaign().assign_attrs(schema_version=1).to_netcdf(tmp_path / "campaign.nc", engine="h5netcdf")
+    code, errors = turnout("machine", "fit", "campaign.nc", *options, folder=tmp_path)
+    assert code == 2
+    assert words in errors
+    assert "Traceback" not in errors
