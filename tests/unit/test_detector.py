@@ -156,11 +156,11 @@ def test_a_detector_without_a_threshold_says_so() -> None:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("detect")
     fresh().save(place / "switch.detector")
-    lines = ["throw,rate [Hz],force 1 [N],force 2 [N]"]
+    lines = ["throw,rate [Hz],start [s],force 1 [N],force 2 [N]"]
     for seed, size in ((0, 0.0), (1, 0.0), (2, 24e-3)):
         rows = toy_throw(seed=seed, size=size).force
         cells = [" ".join(f"{value:.1f}" for value in row) for row in rows]
-        lines.append(f"t{seed},125,{cells[0]},{cells[1]}")
+        lines.append(f"t{seed},125,-4.4,{cells[0]},{cells[1]}")
     (place / "throws.csv").write_text("\n".join(lines))
     return place
 

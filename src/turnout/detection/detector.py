@@ -130,7 +130,7 @@ class Detector:
         Parameters
         ----------
         throws : iterable of Recorded
-            In the order of time. Each must hold opening and closing.
+            In the order of time.
         check : bool
             Whether a throw that is not called sound is left out.
 
@@ -148,17 +148,16 @@ class Detector:
             part, features = self.features(throw)
             verdict = self.judge_features(features, part=part, name=throw.name)
             found.append(verdict)
-            usable = verdict.status == SOUND or not check
-            if usable and np.isfinite(features).all():
-                rows.append(features)
-        if rows:
-            self.learn_features(np.array(rows))
+            if (verdict.status == SOUND or not check) and verdict.status != CANNOT:
+                rows.append((part, features))
+        for part in dict.fromkeys(item[0] for item in rows):
+            self.learn_features(np.array([row for own, row in rows if own == part]), part=part)
         return found
 
-    def learn_features(self, features: Floats) -> None:
+    def learn_features(self, features: Floats, *, part: str = CYCLE) -> None:
         """Learn sound throws by their features, shape (n_throws, n_features) [N]."""
         model, errors = self.knowledge.model, self.knowledge.errors()
-        levels = throw_levels(self.view(CYCLE), features, levels=model.level)
+        levels = throw_levels(self.view(part), features, levels=model.level)
         for row, level in zip(features, levels, strict=True):
             self.known = observe(model, errors, self.known, row, level=float(level))
         self._views.clear()

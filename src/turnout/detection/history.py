@@ -143,7 +143,7 @@ def observe(
     known : Expectation
         Before the throw.
     features : ndarray, shape (n_features,)
-        [N]
+        [N]; NaN in a movement that was not recorded.
     level : float
         Friction level of the throw [-].
     drift : float
@@ -156,10 +156,11 @@ def observe(
     way = (1.0 - share) * way_at(model, below, size=size)[:size]
     way += share * way_at(model, below + 1, size=size)[:size]
     mean = _on_curve(model, below, share)[:size]
-    error = sum(
-        part * error_at(model, errors, at, level=LEVEL_DEVIATION)[:size, :size]
-        for at, part in ((below, 1.0 - share), (below + 1, share))
-    )
+    error = np.zeros((size, size))
+    for at, part in ((below, 1.0 - share), (below + 1, share)):
+        error += part * error_at(model, errors, at, level=LEVEL_DEVIATION)[:size, :size]
+    seen = np.isfinite(features)
+    way, mean, error, own = way[seen], mean[seen], error[np.ix_(seen, seen)], features[seen]
     before = known.covariance
     if known.throws and drift:
         before = before + drift * before_history(model, errors).covariance
@@ -168,7 +169,7 @@ def observe(
     gain = cho_solve(innovation, crossed.T).T
     covariance = before - gain @ crossed.T
     return Expectation(
-        mean=known.mean + gain @ (features - mean - way @ known.mean),
+        mean=known.mean + gain @ (own - mean - way @ known.mean),
         covariance=0.5 * (covariance + covariance.T),
         throws=known.throws + 1,
     )

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from turnout.detection.layout import CLOSING, OPENING
 from turnout.detection.recorded import Recorded
 from turnout.errors import FileError, TurnoutError
-from turnout.measurement.campaign.build_campaign import Campaign, build_campaign
-from turnout.measurement.campaign.find_throws import Throw, find_throws
+from turnout.measurement.campaign.build_campaign import BuiltCampaign, build_campaign
+from turnout.measurement.campaign.find_throws import FoundThrow, find_throws
 from turnout.measurement.chain.apply import apply_chain, load_channel_map
 from turnout.measurement.formats.file_format import read_recording
 
@@ -56,7 +56,7 @@ def read_throws(path: Path | str, *, channels: Path | str | None = None) -> list
     raise FileError(message)
 
 
-def throws_of_campaign(campaign: Campaign) -> list[Recorded]:
+def throws_of_campaign(campaign: BuiltCampaign) -> list[Recorded]:
     """Return the closing movements of a campaign, and what is not usable with its reasons."""
     found = [] if campaign.dataset is None else throws_of_dataset(campaign.dataset)
     for item in campaign.excluded:
@@ -109,7 +109,7 @@ def throws_of_dataset(dataset: xr.Dataset, *, name: str = "throw") -> list[Recor
     return throws
 
 
-def _opening_before(found: tuple[Throw, ...], closing: Throw) -> Throw | None:
+def _opening_before(found: tuple[FoundThrow, ...], closing: FoundThrow) -> FoundThrow | None:
     """Return the movement before a closing, if it is its opening."""
     at = found.index(closing)
     if at == 0:

@@ -29,7 +29,7 @@ def detection_page(verdicts: Sequence[Mapping[str, Any]], *, about: Mapping[str,
     if lost:
         detail = f"{lost} of {len(verdicts)} throws; the table says why"
         findings.append(Finding("bad", "Could every throw be judged?", "No", detail))
-    findings.append(Finding("told", "May trains rely on it?", "No", SAFETY))
+    findings.append(Finding("fact", "May trains rely on it?", "No", SAFETY))
     called = [item for item in verdicts if item["status"] != "sound"]
     sections = [
         Section(
