@@ -61,6 +61,7 @@ NAMES = {
     "open_sweep": "turnout.api.sweep",
     # Figures
     "plot": "turnout.plot",
+    "detection": "turnout.detection",
     # Errors
     "TurnoutError": "turnout.errors",
     "FileError": "turnout.errors",
@@ -85,7 +86,7 @@ _MOVED = {
 _WITHOUT_DATASETS = (
     *("turnout.errors", "turnout.core", "turnout.panel", "turnout.section", "turnout.integrate"),
     *("turnout.scheme", "turnout.response.save", "turnout.analysis.stability"),
-    "turnout.study.load_study",
+    *("turnout.study.load_study", "turnout.detection"),
 )
 
 

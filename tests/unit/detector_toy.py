@@ -13,8 +13,9 @@ from turnout.detection.detector import Detector
 from turnout.detection.knowledge import Setting
 from turnout.detection.layout import Layout, layout_of
 from turnout.detection.recorded import Recorded
-from turnout.detection.train import knowledge_of_sets
-from turnout.detection.training import SHIFT, ThrowSet
+from turnout.detection.throw_set import ThrowSet
+from turnout.detection.train_detector import knowledge_of_sets
+from turnout.detection.training import SHIFT
 
 PLACES = {"drive 1": 0.3, "sleeper 3": 1.8, "sleeper 6": 3.6, "drive 2": 6.9}
 RATE = 125.0

@@ -12,7 +12,7 @@ from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.judging import CYCLE, View, evidence_of, make_view
 from turnout.detection.knowledge import Knowledge
 from turnout.detection.posterior import Interval
-from turnout.detection.training import ThrowSet
+from turnout.detection.throw_set import ThrowSet
 from turnout.detection.verdict import ALARM, Verdict, verdict_on
 
 Floats = NDArray[np.float64]

@@ -110,7 +110,7 @@ def train_command(
     from turnout.cli.sweep import cores
     from turnout.detection.allowances import Allowances
     from turnout.detection.detector import Detector
-    from turnout.detection.train import train
+    from turnout.detection.train_detector import train_detector
     from turnout.detection.training_sets import Counts
     from turnout.study.load_study import load_study
 
@@ -118,7 +118,7 @@ def train_command(
     given = None
     if panel is not None or calibration is not None:
         given = opened_panel(panel, [], calibration)
-    knowledge = train(
+    knowledge = train_detector(
         folder,
         panel=given,
         study=None if study is None else load_study(study),

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from turnout.detection.conditions import Conditions
 from turnout.detection.features import correlation
 from turnout.detection.layout import Layout, means_on
-from turnout.detection.reference import Conditions
 from turnout.errors import StudyError
 
 Floats = NDArray[np.float64]

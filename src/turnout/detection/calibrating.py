@@ -23,7 +23,7 @@ from turnout.detection.judging import (
 )
 from turnout.detection.knowledge import RESIDUAL_LEVELS, Calibrated, Knowledge
 from turnout.detection.posterior import Interval, posterior_of
-from turnout.detection.training import ThrowSet
+from turnout.detection.throw_set import ThrowSet
 
 Floats = NDArray[np.float64]
 

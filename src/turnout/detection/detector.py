@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,12 @@ from turnout.detection.recorded import (
     part_of,
     recording_fault,
 )
-from turnout.detection.training import ThrowSet
+from turnout.detection.throw_set import ThrowSet
 from turnout.detection.verdict import ADVICE, CANNOT, SOUND, Verdict, verdict_on
 from turnout.errors import FileError, TurnoutError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Floats = NDArray[np.float64]
 
@@ -59,16 +62,21 @@ class Detector:
 
     # ---- from throws to verdicts
 
-    def predict(self, throws: "Recorded | Iterable[Recorded]") -> list[Verdict]:
+    def predict(self, throws: "Recorded | Iterable[Recorded] | xr.Dataset") -> list[Verdict]:
         """Judge throws.
 
         Parameters
         ----------
-        throws : Recorded or iterable of Recorded
-            From `turnout.detection.reading`.
+        throws : Recorded, iterable of Recorded, or xarray.Dataset
+            From `read_throws`; or a throw or a campaign in schema terms.
         """
-        given = [throws] if isinstance(throws, Recorded) else list(throws)
-        return [self.judge(item) for item in given]
+        if isinstance(throws, Recorded):
+            return [self.judge(throws)]
+        if hasattr(throws, "data_vars"):
+            from turnout.detection.reading import throws_of_dataset
+
+            return [self.judge(item) for item in throws_of_dataset(cast("xr.Dataset", throws))]
+        return [self.judge(item) for item in throws]
 
     def judge(self, throw: Recorded) -> Verdict:
         """Judge one throw; one that cannot be judged says why."""
@@ -173,8 +181,8 @@ class Detector:
 
     @classmethod
     def fit(cls, sets: Mapping[str, ThrowSet], setting: Any, **options: Any) -> Self:
-        """Train a detector on simulated throws; see `turnout.detection.train`."""
-        from turnout.detection.train import knowledge_of_sets
+        """Train a detector on simulated throws; see `train_detector`."""
+        from turnout.detection.train_detector import knowledge_of_sets
 
         return cls(knowledge_of_sets(sets, setting, **options))
 

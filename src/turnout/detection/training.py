@@ -15,6 +15,7 @@ from turnout.detection.knowledge import Knowledge, Setting
 from turnout.detection.layout import CLOSING, OPENING, Layout, layout_of, throw_features
 from turnout.detection.likelihood import Signatures
 from turnout.detection.sound_model import SoundModel, fit_sound_model
+from turnout.detection.throw_set import ThrowSet
 from turnout.detection.throws import places_of
 from turnout.detection.training_plan import DEFECTS, OBJECT, OBJECT_AT, OBJECT_SIZE, SOUND, Plan
 from turnout.errors import StudyError
@@ -33,48 +34,6 @@ GAP_SCALE = 0.3e-3
 """Change of an end gap that counts as much as the discrepancy of a feature [m]."""
 LEAST_SOUND = 300
 """Sound throws that a detector needs."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ThrowSet:
-    """Throws of one plan, without noise; those that did not end are left out.
-
-    Attributes
-    ----------
-    features, rates : ndarray, shape (n, n_features)
-        [N], and their change with the onset of their movement [N/s].
-    gaps : ndarray, shape (n, n_gaps)
-        At the end: sensors, then drives [m].
-    level : ndarray, shape (n,)
-        [-]
-    inputs : ndarray, shape (n, n_inputs)
-        What is fixed for the switch.
-    switch, partner, row : ndarray of int, shape (n,)
-        Number of the switch; row of the paired sound throw in its plan; own row.
-    size, x, force : ndarray, shape (n,)
-        Of an object [m], [m], and the largest force on it [N].
-    """
-
-    features: Floats
-    rates: Floats
-    gaps: Floats
-    level: Floats
-    inputs: Floats
-    switch: NDArray[np.intp]
-    partner: NDArray[np.intp]
-    row: NDArray[np.intp]
-    size: Floats
-    x: Floats
-    force: Floats
-
-    def of(self, index: NDArray[np.intp] | NDArray[np.bool_] | slice) -> "ThrowSet":
-        """Return some of them."""
-        return ThrowSet(**{name: getattr(self, name)[index] for name in self.__slots__})
-
-    @property
-    def values(self) -> Floats:
-        """Features and gaps side by side."""
-        return np.hstack([self.features, self.gaps])
 
 
 def layout_of_panel(panel: LoadedPanel) -> Layout:

@@ -13,8 +13,9 @@ from turnout.detection.judging import CYCLE
 from turnout.detection.knowledge import Calibrated, Knowledge, Setting
 from turnout.detection.layout import CLOSING
 from turnout.detection.reference import NOMINAL_FRICTION, reference_study
+from turnout.detection.throw_set import ThrowSet
 from turnout.detection.throws import nominal_amplitude
-from turnout.detection.training import ThrowSet, read_set, setting_of, teach
+from turnout.detection.training import read_set, setting_of, teach
 from turnout.detection.training_plan import OBJECT, SOUND
 from turnout.detection.training_sets import Counts, throw_plans, training_plans
 from turnout.panel.load import LoadedPanel
@@ -29,7 +30,7 @@ HISTORIES = (5, 20)
 Report = Callable[[str, int, int], None]
 
 
-def train(
+def train_detector(
     folder: Path,
     *,
     panel: LoadedPanel | None = None,
