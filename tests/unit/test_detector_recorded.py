@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.detection.layout import layout_of, throw_features
 from turnout.detection.reading import read_table, read_throws
 from turnout.detection.recorded import Recorded, features_of_recorded, recording_fault
+from turnout.detection.throw_layout import layout_of, throw_features
 from turnout.errors import FileError
 
 LAYOUT = layout_of([("opening", 0.2, 3.2), ("closing", 4.4, 3.4)], end=8.5, drives=["1", "2"])

@@ -1,4 +1,4 @@
-"""How good the detector is, on switches that it never saw: ``python -m tests.verification.detector``.
+"""How good the detector is on switches it never saw: ``python -m tests.verification.detector DIR``.
 
 Throws, training and judging go on where they were stopped. A population of switches is thrown with
 the seed of the study for training and with another for judging; each test throw gets a discrepancy,
@@ -20,6 +20,7 @@ from tests.verification.detector_figures import (
     judge_with_history,
     object_figures,
 )
+
 from turnout.core.threads import one_blas_thread
 from turnout.detection.detector import Detector
 from turnout.detection.knowledge import Knowledge

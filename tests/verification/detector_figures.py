@@ -11,9 +11,9 @@ from turnout.detection.calibrating import AT_ONCE, Errors, learn_history
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.judging import CYCLE, View, evidence_of, make_view
 from turnout.detection.knowledge import Knowledge
-from turnout.detection.posterior import Interval
+from turnout.detection.object_posterior import Interval
 from turnout.detection.throw_set import ThrowSet
-from turnout.detection.verdict import ALARM, Verdict, verdict_on
+from turnout.detection.throw_verdict import ALARM, Verdict, verdict_on
 
 Floats = NDArray[np.float64]
 RESAMPLES = 200

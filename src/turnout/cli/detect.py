@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from turnout.detection.detector import Detector
     from turnout.detection.knowledge import Knowledge
     from turnout.detection.recorded import Recorded
-    from turnout.detection.verdict import Verdict
+    from turnout.detection.throw_verdict import Verdict
     from turnout.sweep.run import SweepProgress
 
 FOUND = 1
@@ -104,7 +104,7 @@ def train_command(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Throw a population of switches with and without objects, and learn to tell them apart."""
+    """Throw a population of switches with and without objects, and learn to distinguish them."""
     check_outputs({"--out": out}, {"--out": (".detector",)})
     from turnout.cli.options import opened_panel
     from turnout.cli.sweep import cores
@@ -201,8 +201,8 @@ def learn_command(
         typer.Option("--out", "-o", metavar="FILE.detector", help="The detector of the switch."),
     ],
     channels: ChannelsOption = None,
-    anew: Annotated[
-        bool, typer.Option("--anew", help="Forget what was learned, as after an adjustment.")
+    reset: Annotated[
+        bool, typer.Option("--reset", help="Forget what was learned, as after an adjustment.")
     ] = False,
     unchecked: Annotated[
         bool, typer.Option("--unchecked", help="Learn throws that are not called sound, too.")
@@ -214,7 +214,7 @@ def learn_command(
     from turnout.detection.detector import Detector
 
     found = Detector.load(detector)
-    if anew:
+    if reset:
         found.forget()
     verdicts = found.learn(_read(recordings, channels), check=not unchecked)
     found.save(out)
@@ -318,7 +318,7 @@ def watch_command(
 
 
 def _judge_file(found: "Detector", path: Path, channels: Path | None, *, as_json: bool) -> None:
-    from turnout.detection.verdict import ADVICE, CANNOT, Verdict
+    from turnout.detection.throw_verdict import ADVICE, CANNOT, Verdict
     from turnout.errors import TurnoutError
 
     try:

@@ -4,7 +4,7 @@ from turnout.lazy import loader
 
 NAMES = {
     "Detector": "turnout.detection.detector",
-    "Verdict": "turnout.detection.verdict",
+    "Verdict": "turnout.detection.throw_verdict",
     "Recorded": "turnout.detection.recorded",
     "Allowances": "turnout.detection.allowances",
     "Counts": "turnout.detection.training_sets",

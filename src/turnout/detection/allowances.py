@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 
 from turnout.detection.conditions import Conditions
 from turnout.detection.features import correlation
-from turnout.detection.layout import Layout, means_on
+from turnout.detection.throw_layout import Layout, means_on
 from turnout.errors import StudyError
 
 Floats = NDArray[np.float64]

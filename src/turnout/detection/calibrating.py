@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.detection.history import Expectation, ThrowErrors, before_history, observe
 from turnout.detection.judging import (
     CAUSE_WEIGHT,
     CYCLE,
@@ -22,7 +21,8 @@ from turnout.detection.judging import (
     ratios_of,
 )
 from turnout.detection.knowledge import RESIDUAL_LEVELS, Calibrated, Knowledge
-from turnout.detection.posterior import Interval, posterior_of
+from turnout.detection.object_posterior import Interval, posterior_of
+from turnout.detection.switch_history import Expectation, ThrowErrors, before_history, observe
 from turnout.detection.throw_set import ThrowSet
 
 Floats = NDArray[np.float64]

@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.detection.calibrating import throw_levels
-from turnout.detection.history import Expectation, before_history, observe
 from turnout.detection.judging import CYCLE, View, evidence_of, make_view
 from turnout.detection.knowledge import Knowledge, load, store
-from turnout.detection.layout import CLOSING
 from turnout.detection.recorded import (
     Aligner,
     Recorded,
@@ -20,8 +18,10 @@ from turnout.detection.recorded import (
     part_of,
     recording_fault,
 )
+from turnout.detection.switch_history import Expectation, before_history, observe
+from turnout.detection.throw_layout import CLOSING
 from turnout.detection.throw_set import ThrowSet
-from turnout.detection.verdict import ADVICE, CANNOT, SOUND, Verdict, verdict_on
+from turnout.detection.throw_verdict import ADVICE, CANNOT, SOUND, Verdict, verdict_on
 from turnout.errors import FileError, TurnoutError
 
 if TYPE_CHECKING:

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from turnout.detection.history import Expectation, ThrowErrors, before_history, predict
 from turnout.detection.knowledge import Knowledge
-from turnout.detection.layout import CLOSING
 from turnout.detection.likelihood import Centre, Evidence, Signatures, make_centre, weigh
+from turnout.detection.switch_history import Expectation, ThrowErrors, before_history, predict
+from turnout.detection.throw_layout import CLOSING
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]

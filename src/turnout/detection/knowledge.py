@@ -21,10 +21,10 @@ from turnout.detection.allowances import (
     noise_of,
     zeros_of,
 )
-from turnout.detection.history import ThrowErrors
-from turnout.detection.layout import Layout, Part
 from turnout.detection.likelihood import Signatures
 from turnout.detection.sound_model import SoundModel
+from turnout.detection.switch_history import ThrowErrors
+from turnout.detection.throw_layout import Layout, Part
 from turnout.errors import FileError
 
 Floats = NDArray[np.float64]

@@ -8,8 +8,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.detection.layout import CLOSING, OPENING
 from turnout.detection.recorded import Recorded
+from turnout.detection.throw_layout import CLOSING, OPENING
 from turnout.errors import FileError, TurnoutError
 from turnout.measurement.campaign.build_campaign import BuiltCampaign, build_campaign
 from turnout.measurement.campaign.find_throws import FoundThrow, find_throws

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.detection.judging import CYCLE, View
-from turnout.detection.layout import CLOSING, OPENING, Layout, throw_features
 from turnout.detection.likelihood import log_density
+from turnout.detection.throw_layout import CLOSING, OPENING, Layout, throw_features
 
 Floats = NDArray[np.float64]
 

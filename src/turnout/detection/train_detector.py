@@ -11,8 +11,8 @@ from turnout.detection.allowances import Allowances
 from turnout.detection.calibrating import calibrate_alone, calibrate_history, with_calibration
 from turnout.detection.judging import CYCLE
 from turnout.detection.knowledge import Calibrated, Knowledge, Setting
-from turnout.detection.layout import CLOSING
 from turnout.detection.reference import NOMINAL_FRICTION, reference_study
+from turnout.detection.throw_layout import CLOSING
 from turnout.detection.throw_set import ThrowSet
 from turnout.detection.throws import nominal_amplitude
 from turnout.detection.training import read_set, setting_of, teach

@@ -10,11 +10,11 @@ from scipy.linalg import solve_triangular
 
 from turnout.detection.allowances import Allowances
 from turnout.detection.floor import TOUCH_FORCE
-from turnout.detection.history import ThrowErrors, error_at
 from turnout.detection.knowledge import Knowledge, Setting
-from turnout.detection.layout import CLOSING, OPENING, Layout, layout_of, throw_features
 from turnout.detection.likelihood import Signatures
 from turnout.detection.sound_model import SoundModel, fit_sound_model
+from turnout.detection.switch_history import ThrowErrors, error_at
+from turnout.detection.throw_layout import CLOSING, OPENING, Layout, layout_of, throw_features
 from turnout.detection.throw_set import ThrowSet
 from turnout.detection.throws import places_of
 from turnout.detection.training_plan import DEFECTS, OBJECT, OBJECT_AT, OBJECT_SIZE, SOUND, Plan

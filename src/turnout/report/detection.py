@@ -19,7 +19,7 @@ def detection_page(verdicts: Sequence[Mapping[str, Any]], *, about: Mapping[str,
     Parameters
     ----------
     verdicts : sequence of mapping
-        Fields of `turnout.detection.verdict.Verdict`, in the order of the throws.
+        Fields of `turnout.detection.throw_verdict.Verdict`, in the order of the throws.
     about : mapping of str to str
         Where they come from.
     """

@@ -16,9 +16,9 @@ from turnout.detection.judging import (
     ratios_of,
 )
 from turnout.detection.knowledge import RESIDUAL_LEVELS, Calibrated, Knowledge
-from turnout.detection.layout import CLOSING
 from turnout.detection.likelihood import Evidence
-from turnout.detection.posterior import Interval, Posterior, posterior_of
+from turnout.detection.object_posterior import Interval, Posterior, posterior_of
+from turnout.detection.throw_layout import CLOSING
 
 Floats = NDArray[np.float64]
 
