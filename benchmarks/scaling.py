@@ -174,17 +174,16 @@ def exponent(values: list[float], seconds: list[float]) -> float:
 
 
 def draw(measured: dict[str, tuple[str, list[Point]]]) -> Figure:
-    """Draw the curves with their fitted lines."""
+    """Draw the curves, each beside a line that is proportional to what varies."""
     drawing = Figure(figsize=(8.0, 5.6), layout="constrained")
     for ax, (label, points) in zip(drawing.subplots(2, 2).flat, measured.values(), strict=True):
         values = np.array([point.value for point in points])
         steps = 1e3 * np.array([point.steps for point in points])
         slope = exponent(values.tolist(), steps.tolist())
-        middle = (
-            np.exp(np.mean(np.log(steps))) * (values / np.exp(np.mean(np.log(values)))) ** slope
-        )
-        ax.loglog(values, steps, "o", color="#0072B2")
-        ax.loglog(values, middle, "-", color="#0072B2", linewidth=1, label=f"exponent {slope:.2f}")
+        name = f"measured, exponent {slope:.2f} over all"
+        ax.loglog(values, steps, "o-", color="#0072B2", linewidth=1, label=name)
+        proportional = steps[-1] * values / values[-1]
+        ax.loglog(values, proportional, ":", color="0.5", linewidth=1, label="proportional")
         ax.set_xlabel(label)
         ax.set_ylabel("steps [ms]")
         ax.set_xticks(values, [figure(v) for v in values])

@@ -31,8 +31,10 @@ for number, name in enumerate(["1", "2"]):
         both.append(Line(label=label, x=one["time"].values, y=1e-3 * one.values,
                          colour=6 if dash else number, dash=dash))  # fmt: skip
     rows.append(Row(f"Drive {name}\n[kN]", tuple(both)))
-    theirs = np.interp(both[0].x, both[1].x, both[1].y)
-    worst = max(worst, float(np.sqrt(np.mean((both[0].y - theirs) ** 2))))
+    apart = both[0].y - np.interp(both[0].x, both[1].x, both[1].y)
+    less = Line(label="recorded less simulated", x=both[0].x, y=apart, colour=number)
+    rows.append(Row("difference\n[kN]", (less,)))
+    worst = max(worst, float(np.sqrt(np.mean(apart**2))))
 sheet = Sheet(
     name="validation",
     title="13 mm at sleeper 6, closing: recorded (synthetic) and simulated",

@@ -75,7 +75,7 @@ def test_a_damaged_batch_is_named(swept: Path, tmp_path: Path) -> None:
     run_sweep(small_study(tmp_path, count=3), tmp_path / "s", pool=here)
     batch = next((tmp_path / "s" / "batches").glob("*.nc"))
     batch.write_bytes(b"no netCDF")
-    with pytest.raises(FileError, match=f"{batch.name}: is damaged.*throws these scenarios anew"):
+    with pytest.raises(FileError, match=f"{batch.name}: is damaged.*throws these scenarios again"):
         read_labels(tmp_path / "s")
 
 

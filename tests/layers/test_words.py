@@ -36,6 +36,7 @@ PACKAGES = (
         "schema",
         "section",
         "study",
+        "sweep",
         "validation",
         "virtual",
     ),

@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 from turnout.condense import condense
+from turnout.integrate import start
 from turnout.integrate.arrange import arrange, clear_memory
 from turnout.integrate.integration import integrate
+from turnout.integrate.outcome import Code
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.build import clear_memory as clear_linear
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
 from turnout.panel.markers import marker_positions
+from turnout.response.simulate import solve_placed
 from turnout.scheme import Scheme
 
 QUICK = Scheme.of("quick")
@@ -106,15 +109,26 @@ def test_condensing_at_the_home_changes_less_than_a_hundredth_of_the_error(
 PLACES = ("sleeper 6", "drive 2", "x = 3.333 m", "x = 2 m")
 
 
-def test_an_object_elsewhere_finds_the_rails_condensed_and_gives_the_same_bits() -> None:
+def test_an_object_elsewhere_finds_rails_and_prior_motion_and_gives_the_same_bits(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     panel = load_panel("uic60-760-1-15").with_overrides({"schedule.end": 8.0})
-    inputs = lambda t: marker_positions(panel, t)  # noqa: E731
+    moved: list[object] = []
+
+    def move(*given: object) -> Code:
+        moved.append(given)
+        return moving(*given)
+
+    moving = start._move
+    monkeypatch.setattr(start, "_move", move)
+    start.clear_starts()
 
     def history(place: str) -> np.ndarray:
         objects = resolve_objects(panel, (ForeignObject(0.01, place),))
-        return integrate(build_mechanism(panel, objects), QUICK, inputs=inputs, end=8.0).g
+        return solve_placed(panel, objects, scheme=QUICK).history.g
 
     one_after_another = [history(place) for place in PLACES]
+    assert len(moved) == 1
     objects = [resolve_objects(panel, (ForeignObject(0.01, place),)) for place in PLACES]
     made = [arrange(build_mechanism(panel, item), QUICK) for item in objects]
     kept = {id(part.before.model) for item in made for part in item.condensed.parts if part.before}
@@ -122,4 +136,5 @@ def test_an_object_elsewhere_finds_the_rails_condensed_and_gives_the_same_bits()
     for place, known in zip(PLACES, one_after_another, strict=True):
         clear_memory()
         clear_linear()
+        start.clear_starts()
         np.testing.assert_array_equal(history(place), known)

@@ -79,3 +79,9 @@ def test_a_simulated_throw_agrees_with_its_labels() -> None:
     assert (told["Locked?"].answer == "Yes") == bool(dataset["locked"][-1])
     peak = float(dataset["object_force"].max()) / 1e3
     assert told["Force on the object"].detail.endswith(f"{peak:.2f} kN at most")
+
+
+def test_no_check_is_good_that_lets_an_object_pass() -> None:
+    for touched, level in ((True, "look"), (None, "good")):
+        told = {f.question: f for f in findings(ended(locked=True, control=True, touched=touched))}
+        assert {told["Locked?"].level, told["In control?"].level} == {level}

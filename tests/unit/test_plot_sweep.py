@@ -72,6 +72,35 @@ def test_each_throw_has_the_end_that_it_had() -> None:
     assert [STATES[state] for state in end_state(labels()).values] == ENDS
 
 
+def test_an_undetected_object_is_not_a_throw_without_one() -> None:
+    touched = labels().assign(object_touched=("scenario", np.array([1, 1, 1, -1, 0, 1, -1, 1])))
+    expected = ["undetected object", *ENDS[1:]]
+    assert [STATES[state] for state in end_state(touched).values] == expected
+    without = touched.assign(object_touched=("scenario", np.zeros(8, dtype=int)))
+    assert [STATES[state] for state in end_state(without).values] == ENDS
+
+
+def test_the_worst_of_a_cell_is_an_undetected_object() -> None:
+    twice = xr.concat([labels(), labels()], "scenario")
+    touched = np.zeros(16, dtype=int)
+    touched[0] = 1
+    twice = twice.assign(object_touched=("scenario", touched))
+    twice["slipped_free"][8] = 1
+    assert STATES[int(sweep_map(twice)["state"][0, 0])] == "undetected object"
+
+
+def test_the_legend_separates_no_object_from_an_undetected_one() -> None:
+    one = labels()
+    one["end_in_control"][:] = 1
+    one = one.assign(object_touched=("scenario", np.array([0, 1, 1, -1, 1, 1, -1, 1])))
+    figure = plot_sweep_map(sweep_map(one))
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "locked, in control, no object touched" in names
+    assert "U  undetected object" in names
+    states = figure.axes[3]
+    assert "U" in [text.get_text() for text in states.texts]
+
+
 def test_the_map_has_place_by_size_and_the_largest_drive() -> None:
     cells = sweep_map(labels())
     assert cells["x"].values.tolist() == list(SIZES)

@@ -57,10 +57,13 @@ def test_the_page_shows_errors_by_place_and_marks_what_is_off() -> None:
 def test_a_sheet_holds_the_band_and_what_was_measured() -> None:
     validation = hand_made()
     sheet = comparison_sheet(validation, place="sleeper 6")
-    assert len(sheet.rows) == 3
-    lines = {line.label: line for line in sheet.rows[1].lines}
+    assert len(sheet.rows) == 6
+    lines = {line.label: line for line in sheet.rows[2].lines}
     np.testing.assert_allclose(lines["measured, 29 mm"].y, validation["measured"][1, 3] / 1e3)
     np.testing.assert_allclose(lines["band, 13 mm: low"].y, validation["low"][1, 2] / 1e3)
+    apart = {line.label: line for line in sheet.rows[3].lines}
+    expected = (validation["measured"] - validation["predicted"])[1, 3] / 1e3
+    np.testing.assert_allclose(apart["29 mm"].y, expected)
 
 
 def test_the_published_sizes_are_compared_or_the_nearest_to_them() -> None:

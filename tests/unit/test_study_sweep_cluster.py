@@ -20,7 +20,7 @@ from turnout.sweep.cluster import (
     read_profile,
     scheduler_cluster,
 )
-from turnout.sweep.run import run_sweep
+from turnout.sweep.run import SweepProgress, run_sweep
 
 distributed = pytest.importorskip("distributed", reason="pip install 'turnout[sweep]'")
 
@@ -68,7 +68,7 @@ def test_a_local_cluster_comes_to_the_same_bits(
 
 
 @pytest.fixture
-def address(tmp_path: Path) -> Iterator[str]:
+def cluster_processes(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
     """A scheduler and two workers as processes of their own, over loopback TCP."""
     path = os.pathsep.join(map(os.path.abspath, sys.path))
     start = partial(
@@ -82,18 +82,25 @@ def address(tmp_path: Path) -> Iterator[str]:
     scheduler = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1"]
     worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--nthreads", "1"]
     at = ["--scheduler-file", str(file)]
+    processes = []
     with ExitStack() as stack:
         for command in (
             [*scheduler, "--port", "0", "--no-dashboard", *at],
             *([[*worker, "--no-nanny", "--no-dashboard", "--host", "127.0.0.1", *at]] * 2),
         ):
             process = start(command)
+            processes.append(process)
             stack.callback(process.wait)
             stack.callback(process.terminate)
         due = time.monotonic() + 60
         while not file.exists() and time.monotonic() < due:
             time.sleep(0.05)
-        yield json.loads(file.read_text())["address"]
+        yield json.loads(file.read_text())["address"], processes[1:]
+
+
+@pytest.fixture
+def address(cluster_processes: tuple[str, list[subprocess.Popen[bytes]]]) -> str:
+    return cluster_processes[0]
 
 
 def test_a_scheduler_and_two_workers_over_tcp_come_to_the_same_bits(
@@ -103,6 +110,35 @@ def test_a_scheduler_and_two_workers_over_tcp_come_to_the_same_bits(
         done = run_sweep(study, tmp_path / "s", workers=mine.workers, pool=mine.pool)
     assert done.thrown == study.count
     assert batch_names(tmp_path / "s") == expected
+
+
+def test_a_worker_that_is_killed_costs_at_most_its_batch(
+    study: Study,
+    expected: list[str],
+    cluster_processes: tuple[str, list[subprocess.Popen[bytes]]],
+    tmp_path: Path,
+) -> None:
+    address, workers = cluster_processes
+    with distributed.Client(address) as client:
+        client.wait_for_workers(2, timeout=60)
+
+    def kill_one_at_the_first_batch(state: SweepProgress) -> None:
+        if state.done > 0:
+            workers[0].kill()
+
+    with scheduler_cluster(address) as mine:
+        assert mine.workers == 2
+        done = run_sweep(
+            study,
+            tmp_path / "s",
+            workers=mine.workers,
+            pool=mine.pool,
+            report=kill_one_at_the_first_batch,
+        )
+    assert workers[0].wait(10.0) != 0
+    assert batch_names(tmp_path / "s") == expected
+    numbers = [batch.number for batch in done.batches]
+    assert sorted(numbers) == list(range(len(expected)))  # none came back twice
 
 
 @pytest.mark.parametrize("address", ["nonsense", "127.0.0.1:8786", "tcp://host", "tcp://:x"])

@@ -143,11 +143,13 @@ def test_the_page_and_the_table_hold_what_was_judged() -> None:
 def test_figures_show_measured_and_predicted_forces() -> None:
     validation = hand_made()
     figure = plot_comparison(validation, place="sleeper 6")
-    assert len(figure.axes) == 3
-    lines = {line.get_label(): line for line in figure.axes[1].lines}
+    assert len(figure.axes) == 6
+    lines = {line.get_label(): line for line in figure.axes[2].lines}
     measured = lines["measured, 29 mm"].get_ydata()
     assert measured == pytest.approx(validation["measured"].values[1, 3] / 1e3)
     assert "predicted, 13 mm" in lines
+    apart = validation["measured"].values[1, 3] - validation["predicted"].values[1, 3]
+    assert any(line.get_ydata() == pytest.approx(apart / 1e3) for line in figure.axes[3].lines)
     with pytest.raises(ResponseError, match="no closing movement with an object at 'sleeper 9'"):
         plot_comparison(validation, place="sleeper 9")
 

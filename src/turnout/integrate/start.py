@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
-from turnout.integrate.arrange import Arrangement, PreparedRun, prepare
+from turnout.integrate.arrange import Arrangement, PreparedRun, Templates, prepare
 from turnout.integrate.columns import rebuild
 from turnout.integrate.equilibrium import (
     anchor_at_rest,
@@ -28,7 +28,6 @@ from turnout.integrate.march import march
 from turnout.integrate.numbering import place_laws
 from turnout.integrate.outcome import Code
 from turnout.integrate.state import LEVEL, set_segments
-from turnout.integrate.system import System
 from turnout.kernels.interrupt import call_interruptible
 from turnout.kernels.shared_record import shared_record
 from turnout.law.kernel import SLIP_FORWARD
@@ -66,9 +65,9 @@ class PriorMotion:
 
 @dataclass(frozen=True, slots=True)
 class _StateLeft:
-    """What a prior motion leaves; `system` is held so that its identity stays its own."""
+    """What a prior motion leaves; `templates` are held so that their identity stays their own."""
 
-    system: System
+    templates: Templates
     segment: Ints
     friction: Floats
     anchor: Floats
@@ -114,7 +113,9 @@ def find_start(
     times = np.minimum(scheme.step * np.arange(count + 1), prior.duration)
     positions = np.ascontiguousarray(prior.inputs(times).T)
     laws = _freeze_timed_laws(arrangement.laws)
-    key = (id(run.system), scheme, positions.tobytes(), *(part.tobytes() for part in laws))
+    # Objects that are absent move nothing: their places share the motion as they share templates.
+    shared, values = arrangement.templates, (part.tobytes() for part in laws)
+    key = (id(shared), scheme, positions.tobytes(), *values)
     left = _cache.get(key)
     if left is None:
         table = shared_record(place_laws(laws, run.system.row_place))
@@ -124,7 +125,7 @@ def find_start(
         if code != Code.COMPLETE:
             run.work.unconverged[:] = motion.work.unconverged
             return code
-        left = _cache.put(key, _state_left(motion))
+        left = _cache.put(key, _state_left(motion, shared))
     return _start_from(run, left, thread)
 
 
@@ -189,10 +190,10 @@ def _call_march(motion: PreparedRun, last: int) -> tuple[int, int]:
     )
 
 
-def _state_left(motion: PreparedRun) -> _StateLeft:
+def _state_left(motion: PreparedRun, templates: Templates) -> _StateLeft:
     state = motion.state
     return _StateLeft(
-        motion.system,
+        templates,
         state.segment.copy(),
         state.friction.copy(),
         state.anchor.copy(),

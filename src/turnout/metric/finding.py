@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import xarray as xr
@@ -10,10 +10,13 @@ import xarray as xr
 from turnout.metric.channel_features import final_value
 from turnout.metric.slip import Slip, margins, slips
 from turnout.metric.summary import format_force, format_length, is_inaccurate, numerical_warning
-from turnout.metric.verdict import verdict
+from turnout.metric.verdict import Verdict, verdict
 
 HEADLINE = "Outcome"
 """The question that the headline of a run answers; always given."""
+
+UNDETECTED = "Undetected object"
+"""The answer for an object that lock, control and drives accept."""
 
 Level = Literal["good", "look", "bad", "fact"]
 
@@ -66,7 +69,21 @@ def findings(dataset: xr.Dataset) -> list[Finding]:
     warning = numerical_warning(dataset) if "energy_numerical" in dataset else None
     if warning is not None:
         found.append(Finding("look", "Can the numbers be trusted?", "With care", warning))
-    return found
+    return _without_praise(found)
+
+
+# What accepts a movement; not good while an object is trapped.
+_ACCEPTS = ("Locked?", "In control?", "Did a drive slip?")
+
+
+def _without_praise(found: list[Finding]) -> list[Finding]:
+    """Take the good level from the checks that an undetected object has passed."""
+    if not any(item.question == HEADLINE and item.answer == UNDETECTED for item in found):
+        return found
+    return [
+        replace(item, level="look") if item.question in _ACCEPTS and item.level == "good" else item
+        for item in found
+    ]
 
 
 def is_locked(dataset: xr.Dataset) -> bool | None:
@@ -90,7 +107,7 @@ def _complete(dataset: xr.Dataset) -> list[Finding]:
 
 def _outcome(dataset: xr.Dataset) -> list[Finding]:
     """Return the one sentence that matters: whether the switch detects what is trapped."""
-    judged = _by_verdict(dataset)
+    judged = headline(verdict(dataset), dataset)
     if judged is not None:
         return [judged]
     locked, control = is_locked(dataset), is_in_control(dataset)
@@ -113,19 +130,18 @@ def _outcome(dataset: xr.Dataset) -> list[Finding]:
         return [Finding("look", HEADLINE, "Object never touched", f"{what}; {state}")]
     if detects:
         return [Finding("good", HEADLINE, "Object detected", f"{what}; the switch is {state}")]
-    return [Finding("bad", HEADLINE, "Undetected object", f"{what}, yet the switch is {state}")]
+    return [Finding("bad", HEADLINE, UNDETECTED, f"{what}, yet the switch is {state}")]
 
 
-def _by_verdict(dataset: xr.Dataset) -> Finding | None:
-    """Return the verdict as an answer; None where only the states at the end are known."""
-    found = verdict(dataset)
+def headline(found: Verdict, dataset: xr.Dataset) -> Finding | None:
+    """Return a verdict as an answer; None where only the states at the end are known."""
     detail = found.text.partition(": ")[2].rstrip(".")
     if found.kind == "not judged":
         if bool(dataset.get("object_placed", True)):
             return None
         return Finding("look", HEADLINE, "Not judged", detail)
     if found.missed:
-        return Finding("bad", HEADLINE, "Undetected object", detail)
+        return Finding("bad", HEADLINE, UNDETECTED, detail)
     if found.kind.startswith("detected"):
         return Finding("good", HEADLINE, "Object detected", detail)
     if _objects(dataset) and not bool(dataset.get("object_touched", True)):

@@ -12,11 +12,14 @@ STATES = (
     "not in control",
     "slips on the object",
     "slips without an object",
+    "undetected object",
     "failed",
     "not thrown",
 )
 """How a throw ended, from good to bad; the last two say that there is no result."""
-LOCKED, NOT_LOCKED, NOT_IN_CONTROL, SLIPS, SLIPS_FREE, FAILED, NOT_THROWN = range(len(STATES))
+LOCKED, NOT_LOCKED, NOT_IN_CONTROL, SLIPS, SLIPS_FREE, UNDETECTED, FAILED, NOT_THROWN = range(
+    len(STATES)
+)
 
 # Numbers that take more values than this are shown in classes of equal width.
 MOST_VALUES, CLASSES = 30, 12
@@ -30,13 +33,15 @@ def end_state(labels: xr.Dataset) -> xr.DataArray:
     ----------
     labels : xarray.Dataset
         Of a sweep, with the dimension scenario: `outcome`, `slipped`, `slipped_free`, `end_locked`
-        and, where the panel has sensors, `end_in_control`.
+        and, where the panel has sensors, `end_in_control`; `object_touched` separates an
+        undetected object from a throw without one.
 
     Returns
     -------
     xarray.DataArray of int
         A place in `STATES` for each scenario; of several that hold the worst. A slip counts as one
-        without an object when a drive slips before any object is touched.
+        without an object when a drive slips before any object is touched. An undetected object
+        was touched, and yet the throw ends locked, in control and without slip.
 
     Examples
     --------
@@ -59,6 +64,9 @@ def end_state(labels: xr.Dataset) -> xr.DataArray:
         state[~controlled.all(axis=1)] = NOT_IN_CONTROL
     state[labels["slipped"].to_numpy() > 0] = SLIPS
     state[labels["slipped_free"].to_numpy() > 0] = SLIPS_FREE
+    if "object_touched" in labels:
+        touched = labels["object_touched"].to_numpy() > 0
+        state[touched & (state == LOCKED)] = UNDETECTED
     state[outcome != "complete"] = FAILED
     state[outcome == "skipped"] = NOT_THROWN
     return xr.DataArray(state, dims="scenario", name="state", attrs={"states": list(STATES)})

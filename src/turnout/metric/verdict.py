@@ -42,6 +42,15 @@ _NEEDED = ("locked", "in_control", "drive_slipping")
 _NEEDED_WORDS = {"locked": "lock", "in_control": "control (TKK)", "drive_slipping": "slip"}
 
 
+# All that a verdict rests on; picking an instant of everything else would take most of its time.
+_JUDGED = (
+    *_NEEDED,
+    *("drive_force", "drive_gap", "sensor_gap"),
+    *("object_touched", "contact_time", "object_contact_time"),
+    *("least_flangeway", "least_flangeway_x", "least_flangeway_rail"),
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Verdict:
     """What a throw means.
@@ -96,7 +105,8 @@ def verdict(dataset: "xr.Dataset") -> Verdict:
     unplaced = _unplaced(dataset)
     if unplaced:
         return Verdict("not judged", f"Not judged: {unplaced}.")
-    return _judged(dataset, _cases(dataset))
+    judged = dataset[[name for name in _JUDGED if name in dataset]]
+    return _judged(judged, _cases(judged))
 
 
 def _missing_channels(dataset: "xr.Dataset") -> str:

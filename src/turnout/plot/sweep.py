@@ -8,7 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.metric.sensitivity import Effect, OutputEffects
-from turnout.metric.sweep_map import NOT_THROWN, STATES
+from turnout.metric.sweep_map import LOCKED, NOT_THROWN, STATES, UNDETECTED
 from turnout.plot.style import COLOURS, GREY, put_title
 
 if TYPE_CHECKING:
@@ -18,8 +18,10 @@ if TYPE_CHECKING:
 
 KILO, MILLI = 1e-3, 1e3
 # Safe for all colour vision; letters in the cells distinguish them in grey print.
-STATE_COLOURS = ("#009E73", "#56B4E9", "#F0E442", "#E69F00", "#D55E00", "#CC79A7", "#FFFFFF")
-STATE_LETTERS = ("", "L", "C", "S", "S!", "?", "")
+STATE_COLOURS = (
+    "#009E73", "#56B4E9", "#F0E442", "#E69F00", "#CC79A7", "#D55E00", "#999999", "#FFFFFF",
+)  # fmt: skip
+STATE_LETTERS = ("", "L", "C", "S", "S!", "U", "?", "")
 # A number is written into each cell up to so many columns.
 MOST_WRITTEN = 16
 TITLES = {
@@ -109,19 +111,8 @@ def plot_states(cells: xr.Dataset, *, ax: "Axes") -> "Axes":
     ax.pcolormesh(state, cmap=ListedColormap(STATE_COLOURS), norm=norm, rasterized=True)
     _write(ax, np.array(STATE_LETTERS)[state], np.full(state.shape, "black"))
     several = int(cells["throws"].max()) > 1
-    _framed(
-        ax, cells, "How it ended" + (", the worst of each cell" if several else "") + _unseen(cells)
-    )
+    _framed(ax, cells, "How it ended" + (", the worst of each cell" if several else ""))
     return ax
-
-
-def _unseen(cells: xr.Dataset) -> str:
-    """Return what a locked end means if there was an object."""
-    return "; green with an object: undetected" if _has_objects(cells) else ""
-
-
-def _has_objects(cells: xr.Dataset) -> bool:
-    return "object.size" in (cells.attrs["x_input"], cells.attrs["y_input"])
 
 
 def _write(ax: "Axes", texts: NDArray[np.str_], colours: NDArray[Any]) -> None:
@@ -188,10 +179,17 @@ def _legend(cells: xr.Dataset) -> list[Any]:
             facecolor=STATE_COLOURS[state],
             edgecolor="0.7",
             hatch="///" if state == NOT_THROWN else None,
-            label=f"{STATE_LETTERS[state]}  {STATES[state]}".strip(),
+            label=f"{STATE_LETTERS[state]}  {_name(state, found)}".strip(),
         )
         for state in found
     ]
+
+
+def _name(state: int, found: Sequence[int]) -> str:
+    """Return the name of a state; beside undetected objects say that the others have none."""
+    if state == LOCKED and UNDETECTED in found:
+        return f"{STATES[LOCKED]}, no object touched"
+    return STATES[state]
 
 
 # Main effects are drawn for the most influential inputs.

@@ -9,7 +9,7 @@ import xarray as xr
 from turnout.errors import ResponseError
 from turnout.metric.campaign_statistics import object_places
 from turnout.plot.sheet import Line, Row, Sheet
-from turnout.plot.style import COLOURS, GREY, new_figure, put_title, styled
+from turnout.plot.style import COLOURS, FIGURE_SIZE, GREY, put_title, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,9 +23,10 @@ WORST = 3.0
 
 
 def plot_comparison(validation: xr.Dataset, *, place: str, sizes: Sequence[float] = ()) -> "Figure":
-    """Draw measured and predicted forces over time, with the band of 95 %.
+    """Draw measured and predicted forces over time, and what they differ by, with the 95 % band.
 
-    This is the form of figure 11 of the published calibration.
+    The forces are in the form of figure 11 of the published calibration. Below each row is what is
+    measured less what is predicted, on a scale of its own.
 
     Parameters
     ----------
@@ -40,7 +41,7 @@ def plot_comparison(validation: xr.Dataset, *, place: str, sizes: Sequence[float
     Returns
     -------
     matplotlib.figure.Figure
-        A row for each channel [kN] over the time since the onset [s].
+        Two rows for each channel over the time since the onset [s]: force and difference [kN].
 
     Raises
     ------
@@ -53,34 +54,66 @@ def plot_comparison(validation: xr.Dataset, *, place: str, sizes: Sequence[float
         for name in validation["channel"].values
         if np.isfinite(chosen["measured"].sel(channel=name).values).any()
     ]
-    figure, axes = new_figure(len(rows))
+    figure, axes = _paired_figure(len(rows))
     shown = chosen["predicted"].notnull().any(("channel", "movement")).values
     chosen = chosen.isel(time=np.flatnonzero(shown))
     time = chosen["time"].values
-    for ax, name in zip(axes, rows, strict=True):
-        for number, size in enumerate(chosen["size"].values):
+    span = (float(time[0]), float(time[-1]))
+    for ax, below, name in zip(axes[::2], axes[1::2], rows, strict=True):
+        for number in range(chosen.sizes["movement"]):
             one = chosen.sel(channel=name).isel(movement=number)
-            colour = COLOURS[number % len(COLOURS)]
-            text = f"{size * MILLI:g} mm" if size > 0 else "no object"
-            band = (one["low"].values * KILO, one["high"].values * KILO)
-            ax.fill_between(time, *band, color=colour, alpha=0.2, linewidth=0)
-            ax.plot(time, one["predicted"].values * KILO, color=colour, label=f"predicted, {text}")
-            ax.plot(
-                time,
-                one["measured"].values * KILO,
-                color=MEASURED,
-                linestyle="-" if number == 0 else (0, (4, 1.5)),
-                linewidth=1.0,
-                label=f"measured, {text}",
-            )
-        styled(ax, f"{str(name).capitalize()}\nforce [kN]", span=(float(time[0]), float(time[-1])))
+            _force_lines(ax, one, number)
+            _difference_lines(below, one, number)
+        styled(ax, f"{str(name).capitalize()}\nforce [kN]", span=span)
+        styled(below, "difference\n[kN]", span=span)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside right upper", frameon=False, fontsize=9)
     axes[-1].set_xlabel("Time since onset of motion [s]")
     figure.align_ylabels(axes)
-    text = f"object at {place}; shaded: where 95 % of measurements should lie"
+    text = (
+        f"object at {place}; shaded: where 95 % of measurements should lie; "
+        "difference: measured less predicted"
+    )
     put_title(figure, _title(validation, text))
     return figure
+
+
+def _paired_figure(rows: int) -> "tuple[Figure, list[Axes]]":
+    """Return a figure of axes that share time: a high one and a low one for each row."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    wide, high = FIGURE_SIZE
+    figure = Figure(figsize=(wide, 1.5 * high * rows + 0.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(2 * rows, 1, sharex=True, squeeze=False, height_ratios=[2, 1] * rows)
+    return figure, list(axes[:, 0])
+
+
+def _force_lines(ax: "Axes", one: xr.Dataset, number: int) -> None:
+    size, time = float(one["size"]), one["time"].values
+    colour = COLOURS[number % len(COLOURS)]
+    text = f"{size * MILLI:g} mm" if size > 0 else "no object"
+    band = (one["low"].values * KILO, one["high"].values * KILO)
+    ax.fill_between(time, *band, color=colour, alpha=0.2, linewidth=0)
+    ax.plot(time, one["predicted"].values * KILO, color=colour, label=f"predicted, {text}")
+    ax.plot(
+        time,
+        one["measured"].values * KILO,
+        color=MEASURED,
+        linestyle="-" if number == 0 else (0, (4, 1.5)),
+        linewidth=1.0,
+        label=f"measured, {text}",
+    )
+
+
+def _difference_lines(ax: "Axes", one: xr.Dataset, number: int) -> None:
+    """Draw what is measured less what is predicted, and the band around zero [kN]."""
+    colour, predicted = COLOURS[number % len(COLOURS)], one["predicted"].values
+    band = ((one[end].values - predicted) * KILO for end in ("low", "high"))
+    ax.fill_between(one["time"].values, *band, color=colour, alpha=0.2, linewidth=0)
+    difference = (one["measured"].values - predicted) * KILO
+    ax.plot(one["time"].values, difference, color=colour, linewidth=1.0)
 
 
 def plot_error_map(validation: xr.Dataset) -> "Figure":
@@ -225,22 +258,33 @@ def comparison_sheet(validation: xr.Dataset, *, place: str, sizes: Sequence[floa
                 line for number in range(one.sizes["movement"]) for line in _lines(one, number)
             ]
             rows.append(Row(f"{str(name).capitalize()}\nforce [kN]", tuple(lines)))
+            apart = [_difference(one, number) for number in range(one.sizes["movement"])]
+            rows.append(Row("difference\n[kN]", tuple(apart)))
     return Sheet(
         name=f"compared-{place.replace(' ', '-')}",
         title=f"Object at {place}: measured, and predicted with the band of 95 %",
         caption="Coloured: predicted; dotted: between these 95 % of measurements should lie; "
-        "black: measured.",
+        "black: measured. Difference: measured less predicted.",
         x_label="Time since onset of motion [s]",
         rows=tuple(rows),
-        one_legend=True,
     )
+
+
+def _name(part: xr.Dataset) -> str:
+    size = float(part["size"])
+    what = f"{size * MILLI:g} mm" if size > 0 else "no object"
+    return what + (" (used for the fit)" if bool(part["used"]) else "")
+
+
+def _difference(one: xr.Dataset, number: int) -> Line:
+    part = one.isel(movement=number)
+    y = (part["measured"].values - part["predicted"].values) * KILO
+    return Line(label=_name(part), x=part["time"].values, y=y, colour=number, width=1.0)
 
 
 def _lines(one: xr.Dataset, number: int) -> list[Line]:
     part = one.isel(movement=number)
-    size = float(part["size"])
-    what = f"{size * MILLI:g} mm" if size > 0 else "no object"
-    what += " (used for the fit)" if bool(part["used"]) else ""
+    what = _name(part)
     time = part["time"].values
 
     def line(values: str, label: str, *, colour: int, dash: int, width: float = 1.3) -> Line:

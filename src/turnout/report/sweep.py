@@ -9,7 +9,16 @@ import xarray as xr
 from turnout.errors import ResponseError
 from turnout.metric.finding import Finding, Level
 from turnout.metric.sensitivity import Effect, OutputEffects
-from turnout.metric.sweep_map import FAILED, LOCKED, NOT_THROWN, SLIPS, STATES, end_state, sweep_map
+from turnout.metric.sweep_map import (
+    FAILED,
+    NOT_THROWN,
+    SLIPS,
+    SLIPS_FREE,
+    STATES,
+    UNDETECTED,
+    end_state,
+    sweep_map,
+)
 from turnout.plot.draw import draw_sheet
 from turnout.plot.sheet import Line, Row, Sheet
 from turnout.plot.style import rendered
@@ -104,7 +113,7 @@ def sweep_findings(labels: xr.Dataset) -> list[Finding]:
     found = []
     if "object_touched" in labels:
         touched = ended & (labels["object_touched"].to_numpy() > 0)
-        silent = touched & (state == LOCKED)
+        silent = state == UNDETECTED
         count, of = int(silent.sum()), int(touched.sum())
         detail = (
             f"{count} of {of} throws that touch an object end locked and in control, without slip"
@@ -113,7 +122,7 @@ def sweep_findings(labels: xr.Dataset) -> list[Finding]:
         found.append(Finding("bad" if count else "good", "Undetected objects", answer, detail))
     for number, name in enumerate(STATES):
         count = int((state == number).sum())
-        if not count:
+        if not count or number == UNDETECTED:
             continue
         whole = int(ended.sum()) if number < FAILED else state.size
         level: Level = "look" if number in (FAILED, NOT_THROWN) else "fact"
@@ -151,7 +160,7 @@ def _map_section(labels: xr.Dataset) -> Section:
     columns = [_level(cells["x"], at) for at in range(cells.sizes["x"])]
     rows = [_level(cells["y"], at) for at in range(cells.sizes["y"])]
     state = cells["state"].to_numpy()
-    framed = (state >= SLIPS) & (state < FAILED)
+    framed = (state == SLIPS) | (state == SLIPS_FREE)
     heats = [
         Heat(title, rows, columns, (factor * cells[name].to_numpy()).tolist(), framed.tolist())
         for name, (title, factor) in TITLES.items()

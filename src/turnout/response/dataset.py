@@ -176,7 +176,7 @@ def _shapes(panel: Panel, motion: Motion, x: Floats) -> dict[str, Variable]:
     for r, name in enumerate(panel.rail):
         z = contact_height(panel, name, x)
         moved[r] = lateral_displacement(motion, name, x=x, z=z)
-        gap[r] = rail_gap(panel, motion, name, x=x, z=z)
+        gap[r] = rail_gap(panel, motion, name, x=x, z=z, moved=moved[r])
     dims = ("rail", "x", "time")
     return {"gap": (dims, gap), "lateral_displacement": (dims, moved)}
 

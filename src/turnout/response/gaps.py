@@ -60,14 +60,28 @@ def stock_gap(panel: Panel, motion: Motion, rail: str, x: Floats) -> Floats:
 
 
 def rail_gap(
-    panel: Panel, motion: Motion, rail: str, *, x: Floats, z: Floats, at: Ints | None = None
+    panel: Panel,
+    motion: Motion,
+    rail: str,
+    *,
+    x: Floats,
+    z: Floats,
+    at: Ints | None = None,
+    moved: Floats | None = None,
 ) -> Floats:
     """Return the open distance to the stock rail, shape (n_points, n_times) [m].
 
-    A flexible stock rail takes part with its own displacement at the same height.
+    A flexible stock rail takes part with its own displacement at the same height. `moved` are the
+    lateral displacements of the rail itself at these points, where they are known.
     """
     start, parts = gap_rows(panel, motion, rail, x, z)
-    gap: Floats = start[:, np.newaxis] - row_motion(motion, parts, at=at)
+    gap: Floats
+    if moved is None:
+        gap = start[:, np.newaxis] - row_motion(motion, parts, at=at)
+        return gap
+    gap = start[:, np.newaxis] - SIDE[panel.rail[rail].closes] * moved
+    if parts[1:]:
+        gap -= row_motion(motion, parts[1:], at=at)
     return gap
 
 

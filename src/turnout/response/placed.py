@@ -1,11 +1,14 @@
 """What to say of an object for which there was never room."""
 
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from turnout.errors import FileError
 
+if TYPE_CHECKING:
+    import xarray as xr
 
-def check_placed(dataset: xr.Dataset) -> None:
+
+def check_placed(dataset: "xr.Dataset") -> None:
     """Refuse a whole run in which an object was never placed.
 
     Parameters
@@ -20,6 +23,7 @@ def check_placed(dataset: xr.Dataset) -> None:
 
     Examples
     --------
+    >>> import xarray as xr
     >>> check_placed(xr.Dataset({"object_placed": True}, attrs={"complete": True}))
     """
     if dataset.attrs["complete"] and not dataset.get("object_placed", True):

@@ -87,10 +87,25 @@ def force_motion(motion: Motion, shapes: Floats, *, at: Ints | None = None) -> F
         [m]
     """
     history, laws = motion.history, motion.history.laws
-    moved: Floats = (shapes * motion.slope) @ _at(history.g, at).T
-    moved -= shapes[:, laws.row] @ _at(history.law_force, at).T
-    moved -= shapes[:, laws.friction_row] @ _at(history.friction_force, at).T
+    moved: Floats = _weighted_sum(shapes * motion.slope, _at(history.g, at))
+    moved -= _weighted_sum(shapes[:, laws.row], _at(history.law_force, at))
+    moved -= _weighted_sum(shapes[:, laws.friction_row], _at(history.friction_force, at))
     return moved
+
+
+def _weighted_sum(weights: Floats, values: Floats) -> Floats:
+    """Return ``weights @ values.T`` without the columns in which all weights are zero.
+
+    A rail feels the forces on its own rows, less than half of all.
+    """
+    used = np.flatnonzero(weights.any(axis=0))
+    if not used.size:
+        return np.zeros((weights.shape[0], values.shape[0]))
+    columns: slice | Ints = slice(used[0], used[-1] + 1)
+    if 2 * used.size < used[-1] + 1 - used[0]:
+        columns = used
+    found: Floats = weights[:, columns] @ values[:, columns].T
+    return found
 
 
 def lateral_rows(body: RailBody, x: Floats, z: Floats) -> Floats:
@@ -242,7 +257,7 @@ def _in_block(part: BlockModel, rows: Floats, own: slice) -> tuple[Floats, Float
 
 def seen_motion(motion: Motion, seen: Seen, *, at: Ints | None = None) -> Floats:
     """Return what such rows come to over time, shape (n_rows, n_times)."""
-    moved: Floats = seen.modes @ _at(motion.history.q, at).T
+    moved: Floats = _weighted_sum(seen.modes, _at(motion.history.q, at))
     moved += force_motion(motion, seen.shapes, at=at)
     moved += seen.load[:, np.newaxis]
     return moved

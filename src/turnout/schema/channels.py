@@ -289,7 +289,7 @@ def label(dataset: "xr.Dataset") -> "xr.Dataset":
     'N'
     """
     labelled = dataset.copy()
-    for name in labelled.variables:
+    for name, variable in labelled.variables.items():
         channel = known_channel(str(name), campaign="movement" in dataset.dims)
         if channel is None:
             raise KeyError(name)
@@ -298,7 +298,7 @@ def label(dataset: "xr.Dataset") -> "xr.Dataset":
             attributes["positive"] = channel.positive
         if name in AXES:
             attributes["axis"] = AXES[str(name)]
-        labelled[name].attrs.update(attributes)
+        variable.attrs.update(attributes)
     return labelled.assign_attrs(Conventions=CONVENTIONS)
 
 

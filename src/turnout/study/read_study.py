@@ -228,6 +228,10 @@ def _read_output(parsed: ParsedStudy, record: StudyRecord, scheme: Scheme) -> Ou
         parsed.add_problem("output.rate", f" = {rate:g} Hz: must be more than 0, at most 1000 Hz")
         rate = None
     channels = record.output.channels
+    if record.output.keep == "features":
+        if channels:
+            parsed.add_problem("output.channels", ': keep = "features" keeps none; leave one out')
+        return Output(rate=rate or usual, channels=())
     if channels is None:
         return Output(rate=rate or usual)
     parsed.problems += [f"output.channels: {text}" for text in unknown_channels(tuple(channels))]

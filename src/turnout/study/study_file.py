@@ -98,6 +98,11 @@ class OutputRecord(Record):
     channels: list[str] | None = Field(
         None, description="histories that are kept; [] for labels alone"
     )
+    keep: Literal["histories", "features"] = Field(
+        "histories",
+        description="'features': no histories, labels and features in single precision, in large "
+        "batches, at most 300 bytes a throw",
+    )
 
 
 class StudyRecord(Record):

@@ -12,7 +12,7 @@ import io
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -146,17 +146,19 @@ def _write_variable(file: h5py.File, name: str, variable: StoredVariable) -> h5d
     values = np.ascontiguousarray(variable.values)
     properties = h5p.create(h5p.DATASET_CREATE)
     properties.set_obj_track_times(False)
-    if values.dtype.kind not in "fib":
+    if values.dtype.kind not in "fibS":
         values = values.astype(_TEXT)
     elif values.nbytes > LARGEST_CONTIGUOUS:
         rows = max(1, LARGEST_CHUNK * values.shape[0] // values.nbytes)
         properties.set_chunk((min(values.shape[0], rows), *values.shape[1:]))
         properties.set_shuffle()
         properties.set_deflate(1)
-    kind = h5t.py_create(values.dtype, logical=True)
+    text = values.dtype.kind == "S"
+    of_file = h5py.string_dtype(length=values.dtype.itemsize) if text else values.dtype
+    kind = h5t.py_create(of_file, logical=True)
     space = h5s.create_simple(variable.values.shape)
     made = h5d.create(file.id, name.encode(), kind, space, properties)
-    made.write(h5s.ALL, h5s.ALL, values)
+    made.write(h5s.ALL, h5s.ALL, values, kind if text else None)
     return made
 
 
@@ -190,6 +192,9 @@ SMALLEST_BATCH, LARGEST_BATCH, SHARE_OF_REST = 8, 64, 0.125
 """Scenarios in a batch, which is otherwise a share of those that are left: towards the end of a
 sweep batches are small, so that no worker waits long for the last one."""
 
+LARGEST_WITHOUT_HISTORIES = 1024
+"""Scenarios in a batch that holds no histories: what a file says of its variables takes 60 kB."""
+
 UNKNOWN_LOGICAL = -1
 """Stands for a logical value of a scenario that is not complete."""
 
@@ -213,10 +218,11 @@ def plan_batches(study: Study) -> list[tuple[Sequence[int], ...]]:
     batches: list[tuple[Sequence[int], ...]] = []
     held: list[Sequence[int]] = []
     size, rest = 0, study.count
+    largest = LARGEST_BATCH if study.output.channels else LARGEST_WITHOUT_HISTORIES
     for chain in study.chains:
         held.append(chain)
         size += len(chain)
-        if size >= min(LARGEST_BATCH, max(SMALLEST_BATCH, math.ceil(SHARE_OF_REST * rest))):
+        if size >= min(largest, max(SMALLEST_BATCH, math.ceil(SHARE_OF_REST * rest))):
             batches.append(tuple(held))
             held, size, rest = [], 0, rest - size
     if held:
@@ -254,7 +260,31 @@ def _throw_chain(study: Study, rule: Rule, chain: Sequence[int]) -> list[Row]:
 
 
 def batch_variables(study: Study, rows: Sequence[Row]) -> dict[str, StoredVariable]:
-    """Return the rows of a batch stacked; NaN, or -1, where a scenario is not complete."""
+    """Return the rows of a batch stacked; NaN, or -1, where a scenario is not complete.
+
+    Without histories they are compact: see `compact_variables`.
+    """
+    variables = _stacked_variables(study, rows)
+    return variables if study.output.channels else compact_variables(variables)
+
+
+def compact_variables(variables: Mapping[str, StoredVariable]) -> dict[str, StoredVariable]:
+    """Return variables with numbers of scenarios in single precision, and texts of one length.
+
+    The study gives the inputs of a scenario to the last digit by its number.
+    """
+    found = {}
+    for name, variable in variables.items():
+        values = variable.values
+        if values.dtype.kind not in "fib":
+            values = np.char.encode(values.astype(str), "utf-8")
+        elif variable.dims[0] == "scenario" and values.dtype == np.float64:
+            values = values.astype(np.float32)
+        found[name] = replace(variable, values=values)
+    return found
+
+
+def _stacked_variables(study: Study, rows: Sequence[Row]) -> dict[str, StoredVariable]:
     variables = _scenario_variables(study, rows)
     known = [row for row in rows if row.outcome == COMPLETE]
     varying: dict[str, Variable] = {}

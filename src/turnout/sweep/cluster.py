@@ -134,7 +134,7 @@ def _of_client(client: Any, *, expected: int = 1) -> Cluster:
     try:
         client.wait_for_workers(1, timeout=WORKERS)
     except TimeoutError:
-        message = f"no worker came within {WORKERS:g} s; look at the queue, or start one"
+        message = f"no worker came within {WORKERS:g} s; check the queue, or start one"
         raise FileError(message) from None
     return Cluster(max(len(client.nthreads()), expected), lambda: client.get_executor(pure=False))
 

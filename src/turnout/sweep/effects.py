@@ -104,13 +104,13 @@ def _analyse(names: Sequence[str], output: FloatArray, seed: int) -> Any:
 def sweep_effects(
     labels: xr.Dataset, *, names: tuple[str, ...] | None = None
 ) -> list[OutputEffects]:
-    """Find what decides over the outputs of a sweep.
+    """Find the sensitivity of the outputs of a sweep to its inputs.
 
     Parameters
     ----------
     labels : xarray.Dataset
         Of the sweep, with the dimension scenario; ``attrs["design"]`` says how it was drawn. One
-        drawn by "saltelli" tells total indices too.
+        drawn by "saltelli" gives total indices too.
     names : tuple of str, optional
         Labels or features; default forces on drives and object, and residual gaps.
 

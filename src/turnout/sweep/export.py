@@ -1,7 +1,7 @@
 """Export a sweep as a table for other programs, and describe it on a data card.
 
-The table has a row for each scenario: inputs, outcome, labels and features. The card (README.md)
-states how the sweep was made, its ranges, versions and splits.
+The table has a row for each scenario: inputs, outcome, labels and features. The data card
+(README.md) states how the sweep was made, its ranges, versions and splits.
 """
 
 import io
@@ -34,7 +34,7 @@ MOST_TEXTS = 16
 
 
 def write_card(folder: Path, study: Study) -> None:
-    """Write the card of a sweep into its folder, from what is stored there.
+    """Write the data card of a sweep into its folder, from what is stored there.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def write_card(folder: Path, study: Study) -> None:
 
 
 def card_text(index: BatchIndex, labels: Labels, study: Study) -> str:
-    """Return the card as Markdown.
+    """Return the data card as Markdown.
 
     Parameters
     ----------

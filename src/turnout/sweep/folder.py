@@ -165,7 +165,7 @@ def check_folder(folder: Path, study: Study) -> None:
 
 
 def _has_own_batches(folder: Path, wanted: Identity) -> bool:
-    """Tell whether at least one intact batch is of a sweep, and none of another."""
+    """Return whether at least one intact batch is of a sweep, and none of another."""
     intact = [path for _, path in list_batches(folder / BATCHES) if not content_fault(path)]
     try:
         for path in intact:
@@ -206,7 +206,7 @@ def read_identity(folder: Path) -> Identity:
     if found is None:
         message = (
             f"{path}: {fault}; run `turnout sweep run STUDY -o {folder}` again with the study of "
-            "this sweep, which writes it anew and keeps its batches"
+            "this sweep, which writes it again and keeps its batches"
         )
         raise FileError(message)
     return found
@@ -320,7 +320,7 @@ def _free_path(folder: Path, name: str) -> Path:
 def clear_leftovers(folder: Path) -> None:
     """Remove what writers that were ended left unfinished; call this under the lock.
 
-    Nothing else goes: only names that an unfinished file of this folder has are looked at.
+    Nothing else goes: only files with the name of an unfinished file of this folder are removed.
     """
     for place, own in ((folder, _OWN_FILES), (folder / BATCHES, BATCH_NAME)):
         for path in place.glob(".*"):

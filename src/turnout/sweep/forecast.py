@@ -92,7 +92,7 @@ def forecast(
         (row,) = throw_scenarios(study, [study.scenario(index)])
         spent += time.perf_counter() - began
         rows.append(row)
-    # The head of a file is there once, so it is the second and later throws that tell.
+    # The head of a file is there once, so the size follows from the second and later throws.
     whole, one = (len(file_bytes(batch_variables(study, part))) for part in (rows, rows[:1]))
     size = (whole - one) / (len(rows) - 1) if len(rows) > 1 else float(whole)
     head = max(one - size, 0.0)

@@ -67,7 +67,7 @@ def compute_labels(runs: Sequence[ThrowSignals]) -> list[Variables]:
     """Return labels and features of some throws.
 
     Those with the same instants, movements and number of drives, which most studies have, are
-    looked at together.
+    evaluated together.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Processes for the workers of a sweep: fresh, and quick to start.
 
-A new process loads this module before anything else, so it loads nothing of the rest by itself.
+A new process loads this module before anything else, so it imports nothing else of turnout.
 """
 
 import gc

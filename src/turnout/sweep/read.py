@@ -182,8 +182,9 @@ def _read_whole(file: "h5py.File", name: str) -> NDArray[Any]:
     """Read a whole variable; texts become objects."""
     stored = h5d.open(file.id, name.encode())
     values = np.empty(stored.shape, dtype=stored.dtype)
-    stored.read(h5s.ALL, h5s.ALL, values)
-    if values.dtype.kind == "O":
+    of_one_length = values.dtype.kind == "S"  # whose encoding numpy does not know
+    stored.read(h5s.ALL, h5s.ALL, values, stored.get_type() if of_one_length else None)
+    if values.dtype.kind in "OS":
         values = np.array([text.decode() for text in values.flat], dtype=object)
         return values.reshape(stored.shape)
     return values
@@ -267,7 +268,7 @@ class _LazyVariable(BackendArray):
         self.shape, self.dtype = self._column.shape, self._column.dtype
 
     def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
-        """Return values; xarray turns what it was asked for to what `_taken` knows."""
+        """Return values; xarray turns the requested index into one that `_taken` knows."""
         support = indexing.IndexingSupport.OUTER
         return indexing.explicit_indexing_adapter(key, self.shape, support, self._taken)
 

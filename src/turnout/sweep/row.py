@@ -1,7 +1,7 @@
 """Throw the scenarios of a sweep and reduce each to the row that is stored of it.
 
 Labels and features are taken from every instant that the solver kept, histories at the rate of the
-study. What is not asked for is never computed. A throw ends with little more than its history in
+study. What is not requested is never computed. A throw ends with little more than its history in
 the processor's caches: what need not be done beside it is done before and after, for many throws at
 once, which takes half the time.
 """
@@ -44,7 +44,7 @@ UNUSABLE = (FAILED, INVALID, INACCURATE)
 """Outcomes of scenarios that were to be thrown and gave no numbers."""
 
 THROWS_PER_PASS = 16
-"""So many throws are looked at together; more would not fit the processor's caches."""
+"""So many throws are evaluated together; more would not fit the processor's caches."""
 
 UNCHANGED_LABELS = (
     "object_placed",

@@ -50,7 +50,7 @@ from turnout.sweep.worker import BatchDone, make_batch
 PREFETCH = 2
 # Breaks of the pool in a row without a batch in between after which a run gives up.
 MAX_POOL_FAILURES = 3
-# Progress is told so often at least [s].
+# Longest time between two reports of progress [s].
 REPORT_INTERVAL = 0.5
 
 MakePool = Callable[[], Executor]
@@ -58,7 +58,7 @@ MakePool = Callable[[], Executor]
 
 @dataclass(frozen=True, slots=True)
 class SweepProgress:
-    """How far a run is, for whoever watches it.
+    """Progress of a run.
 
     Attributes
     ----------
@@ -182,7 +182,7 @@ def run_sweep(
 
 
 class ProgressLog:
-    """Counts what is done, writes the journal, and tells the watcher."""
+    """Counts what is done, writes the journal, and reports progress."""
 
     def __init__(
         self,
@@ -212,7 +212,7 @@ class ProgressLog:
         self.emit()
 
     def emit(self) -> None:
-        """Tell how far the run is."""
+        """Report the progress."""
         if self._report is None:
             return
         passed = max(time.monotonic() - self._began, 1e-9)

@@ -77,10 +77,10 @@ def load_stored_study(folder: Path, digest: str) -> Study:
     Raises
     ------
     FileError
-        When it is not there, is damaged, or is another one than asked for.
+        When it is not there, is damaged, or is another one than requested.
     """
     path = folder / STUDY
-    remedy = "run `turnout sweep run` again, which writes it anew"
+    remedy = "run `turnout sweep run` again, which writes it again"
     try:
         data, fault = read_sealed(path, largest=LARGEST_STUDY)
         if fault:

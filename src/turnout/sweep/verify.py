@@ -116,7 +116,7 @@ def open_verified(path: Path, of_sweep: BatchOrigin) -> Iterator["h5py.File"]:
         message = (
             f"{path}: {fault}; run `turnout sweep run STUDY -o {path.parents[1]}` again with the "
             "study of this sweep: it moves the file to the folder 'damaged' and throws these "
-            "scenarios anew, all other batches stay"
+            "scenarios again, all other batches stay"
         )
         raise FileError(message)
     with file:

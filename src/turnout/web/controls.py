@@ -13,6 +13,13 @@ from turnout.web.measured import Measured
 KILO, MILLI = 1e3, 1e-3
 MOST_FRICTION, MOST_SIZE, MOST_EXTRA = 0.6, 40.0, 0.6
 SHORTEST = 1.0
+SIZE = "Extent of the object across the gap between switch rail and stock rail."
+PLACE = "Distance of the object from the toe of the switch rail."
+STIFFNESS = "Force for each millimetre by which the object is compressed."
+FRICTION = "Friction coefficient of the rail foot on every slide chair; higher when dry or rusty."
+BUSHING = "Force of the bushing between drive rod and rail for each metre that it yields."
+DURATION = "Time that the drives take for this movement."
+DELAY = "Time by which this drive takes longer than the others in the last movement."
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +36,8 @@ class Control:
         Unit of its numbers; empty for none.
     value, least, most, step : float
         In that unit.
+    meaning : str
+        In a sentence, for a tooltip.
     """
 
     key: str
@@ -38,6 +47,7 @@ class Control:
     least: float
     most: float
     step: float
+    meaning: str = ""
 
 
 def controls(panel: Panel) -> list[dict[str, Any]]:
@@ -63,9 +73,9 @@ def _of_object(panel: Panel) -> list[Control]:
     middle = panel.sleeper["6"].x if "6" in panel.sleeper else 0.5 * (rail.start + rail.end)
     stiffness = defaults.stiffness / (KILO / MILLI)
     return [
-        Control("object.size", "Size", "mm", 13.0, 1.0, MOST_SIZE, 0.5),
-        Control("object.x", "Place x", "m", middle, rail.start, _last_place(panel), 0.05),
-        Control("object.stiffness", "Stiffness", "kN/mm", stiffness, 1.0, 200.0, 1.0),
+        Control("object.size", "Size", "mm", 13.0, 1.0, MOST_SIZE, 0.5, SIZE),
+        Control("object.x", "Place x", "m", middle, rail.start, _last_place(panel), 0.05, PLACE),
+        Control("object.stiffness", "Stiffness", "kN/mm", stiffness, 1.0, 200.0, 1.0, STIFFNESS),
     ]
 
 
@@ -83,14 +93,15 @@ def _of_values(panel: Panel) -> list[Control]:
     if frictions:
         most = max(MOST_FRICTION, *frictions)
         key = "chair.friction_coefficient"
-        found.append(Control(key, "Chair friction", "", max(frictions), 0.0, most, 0.01))
+        label, value = "Chair friction", max(frictions)
+        found.append(Control(key, label, "", value, 0.0, most, 0.01, FRICTION))
     for name, drive in panel.drive.items():
         if drive.extension is not None:
             continue
         value = drive.stiffness / KILO
         label = f"Drive {name} stiffness"
         key, most = f"drive.{name}.stiffness", max(1500.0, 2 * value)
-        found.append(Control(key, label, "kN/m", value, 20.0, most, 5.0))
+        found.append(Control(key, label, "kN/m", value, 20.0, most, 5.0, BUSHING))
     return found
 
 
@@ -106,7 +117,8 @@ def _of_times(panel: Panel) -> list[Control]:
         if movement.shape == "table" or most < max(movement.duration, least):
             continue
         key, label = f"movement.{name}.duration", f"Duration of '{name}'"
-        found.append(Control(key, label, "s", movement.duration, least, most, 0.05))
+        value = movement.duration
+        found.append(Control(key, label, "s", value, least, most, 0.05, DURATION))
     for name, movement in ordered[-1:]:
         room = until[-1] - movement.start - movement.duration
         if len(panel.drive) < 2 or room < MOST_EXTRA:
@@ -114,7 +126,8 @@ def _of_times(panel: Panel) -> list[Control]:
         for drive in panel.drive:
             key, label = f"movement.{name}.extra_time.{drive}", f"Drive {drive} delay"
             value = movement.extra_time.get(drive, 0.0)
-            found.append(Control(key, label, "s", value, 0.0, max(MOST_EXTRA, value), 0.05))
+            most = max(MOST_EXTRA, value)
+            found.append(Control(key, label, "s", value, 0.0, most, 0.05, DELAY))
     return found
 
 

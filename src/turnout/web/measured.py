@@ -1,6 +1,6 @@
 """Measured movements to lay over a throw: from a campaign, or from a recording just sent."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,11 +22,18 @@ from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.chain.condition import condition
 from turnout.measurement.chain.skeleton import skeleton
 from turnout.measurement.formats.file_format import format_of, read_recording
+from turnout.measurement.formats.history import READ, read_history
 from turnout.measurement.recording import Recording, overview
+from turnout.metric.channel_features import filtered
 from turnout.metric.slip import movements
+from turnout.plot.sheet import Line, Row
 
 WINDOW = 0.1
 DRAWN = ("drive_force", "object_force", "drive_displacement", "drive_gap")
+WHOLE = "whole"
+# Differences between measurement and model: channel, its row, what its lines are called.
+DIFFERENCES = {"drive_force": "Drive force", "object_force": "Object force"}
+KILO = 1e3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,13 +45,13 @@ class Measured:
     title : str
         For lists and legends.
     direction : str
-        "closing", "opening" or "unknown".
+        "closing", "opening" or "unknown"; "whole" for the history of a throw on its own time.
     size : float
         Of the trapped object [m]; NaN where that is not known, 0 without one.
     place : str
         Where it is; empty where that is not known.
     dataset : xarray.Dataset
-        Filtered channels; time is zero at the onset.
+        Filtered channels; time is zero at the onset. Those of a history as they are.
     """
 
     title: str
@@ -188,6 +195,8 @@ def shifted(measured: Measured, run: xr.Dataset) -> xr.Dataset:
 
     Drives are those of the run; if the run has no such movement, its first one is used.
     """
+    if measured.direction == WHOLE:
+        return measured.dataset.assign_attrs(title=measured.title)
     spans = movements(run)
     to = "open" if measured.direction == "opening" else "closed"
     going = [span.start for span in spans if span.to == to] or [span.start for span in spans[:1]]
@@ -200,9 +209,64 @@ def shifted(measured: Measured, run: xr.Dataset) -> xr.Dataset:
     return moved.assign_attrs(title=measured.title)
 
 
-def _drawn(dataset: xr.Dataset) -> xr.Dataset:
+def history_movement(path: Path) -> Measured:
+    """Return the history of a throw, as `history_text` writes it, on its own time."""
+    try:
+        dataset = read_history(path)
+    except FileError as error:
+        raise FileError(str(error).replace(str(path), path.name)) from None
+    return Measured(path.name, WHOLE, float("nan"), "", _drawn(dataset, READ))
+
+
+def differences(measured: Measured, run: xr.Dataset) -> list[Row]:
+    """Return what is measured less what is computed, at the instants of the measurement.
+
+    Parameters
+    ----------
+    measured : Measured
+        The movement.
+    run : xarray.Dataset
+        The throw; filtered as the measurement is, but not for a history.
+
+    Returns
+    -------
+    list of Row
+        A row for each force that both have, in kN, with the root mean square in the legend.
+    """
+    moved = shifted(measured, run)
+    time = moved["time"].values
+    rows = []
+    for channel, title in DIFFERENCES.items():
+        if channel not in moved or channel not in run:
+            continue
+        model = run[channel]
+        if measured.direction != WHOLE:
+            model = filtered(model, window=WINDOW)
+        members = model["drive"].values if "drive" in model.dims else [None]
+        lines = []
+        for number, member in enumerate(members):
+            one, other = (
+                c if member is None else c.sel(drive=member) for c in (moved[channel], model)
+            )
+            computed = np.interp(time, run["time"].values, other.values, left=np.nan, right=np.nan)
+            values = (one.values - computed) / KILO
+            if not np.isfinite(values).any():
+                continue
+            name = "Object" if member is None else f"Drive {member}"
+            rms = float(np.sqrt(np.nanmean(values**2)))
+            lines.append(
+                Line(
+                    label=f"{name}, rms {rms:.2f} kN", x=time, y=values, colour=number, dash=number
+                )
+            )
+        if lines:
+            rows.append(Row(f"{title},\nmeasured − computed [kN]", tuple(lines)))
+    return rows
+
+
+def _drawn(dataset: xr.Dataset, wanted: Iterable[str] = DRAWN) -> xr.Dataset:
     """Keep the channels that are drawn and hold a number, and the time in which any does."""
-    names = [n for n in DRAWN if n in dataset and bool(np.isfinite(dataset[n].values).any())]
+    names = [n for n in wanted if n in dataset and bool(np.isfinite(dataset[n].values).any())]
     kept = dataset[names].reset_coords(drop=True)
     there = np.zeros(kept.sizes["time"], dtype=bool)
     for name in names:

@@ -1,16 +1,28 @@
 """What a studio is opened with: a panel, and perhaps a campaign."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from turnout.core.provenance import version
+from turnout.core.toml import decode, read_bytes
+from turnout.errors import FileError
 from turnout.measurement.campaign.build_campaign import BuiltCampaign
-from turnout.panel.load import LoadedPanel, library_names
+from turnout.panel.load import LoadedPanel, library_names, library_text
 from turnout.response.compilation import must_compile
 from turnout.web.controls import described, measured_record
 from turnout.web.measured import campaign_movements
 from turnout.web.tasks import Opening
+
+
+def _text_of(panel: LoadedPanel) -> str:
+    """Return the file that a panel was loaded from; empty where it is no longer there."""
+    if panel.source in library_names():
+        return library_text(panel.source)
+    with suppress(OSError, FileError):
+        return decode(read_bytes(Path(panel.source)), source=panel.source)
+    return ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +53,8 @@ class Studio:
     @property
     def opening(self) -> Opening:
         """What the processes that compute begin with."""
-        return Opening(self._panel, self._campaign, self.opened.folder if self.opened else None)
+        folder = self.opened.folder if self.opened else None
+        return Opening(self._panel, self._campaign, folder, _text_of(self._panel))
 
     def start(self) -> dict[str, Any]:
         """Return what the page needs when it opens."""

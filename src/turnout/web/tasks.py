@@ -8,7 +8,7 @@ import secrets
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,14 @@ from turnout.analysis.panel_check import concern_lines, panel_concerns
 from turnout.core.lru_cache import LRUCache
 from turnout.core.toml import decode, parse_toml
 from turnout.errors import FileError, PanelError, TurnoutError
-from turnout.panel.load import LoadedPanel, library_names, load_panel, panel_from_file
+from turnout.measurement.formats.history import is_history
+from turnout.panel.load import (
+    LoadedPanel,
+    library_names,
+    library_text,
+    load_panel,
+    panel_from_file,
+)
 from turnout.plot.sheet import sheet_record
 from turnout.plot.throw import throw_sheet
 from turnout.response.simulate import simulate
@@ -28,6 +35,8 @@ from turnout.web.controls import described, measured_record
 from turnout.web.measured import (
     Measured,
     channel_map_of,
+    differences,
+    history_movement,
     listing,
     plain_name,
     recorded_movements,
@@ -36,10 +45,12 @@ from turnout.web.measured import (
 )
 from turnout.web.question import Question, Reply, Task, UnknownMarkError
 from turnout.web.request import FileRequest, MarkRequest, PanelRequest, RunRequest, read_request
+from turnout.web.scenario import command_line, panel_toml, python_script
 from turnout.web.throw import (
     FILE_KEYS,
     FILE_MESSAGE,
     FILES,
+    TEXTS,
     answer,
     changed_panel,
     made_file,
@@ -65,11 +76,14 @@ class Opening:
         Movements of a campaign by mark.
     folder : Path, optional
         Of that campaign.
+    text : str
+        The file of the panel, for files that the page saves.
     """
 
     panel: LoadedPanel
     campaign: Mapping[str, Measured]
     folder: Path | None = None
+    text: str = ""
 
     def __call__(self) -> Callable[[Task, Question], Reply]:
         """Load or compile the kernels, so that no reply waits for that."""
@@ -89,6 +103,7 @@ class TaskHandler:
     def __init__(self, opening: Opening) -> None:
         self._opening = opening
         self._panels = LRUCache[LoadedPanel](MOST_PANELS)
+        self._texts = LRUCache[str](MOST_PANELS)
         self._runs = LRUCache[xr.Dataset](MOST_RUNS)
         self._sent = LRUCache[Measured](MOST_MEASURED)
         self._ahead: deque[Callable[[], object]] = deque()
@@ -116,7 +131,7 @@ class TaskHandler:
         if name not in names:
             message = f"no library panel is called '{name}'; there are {', '.join(names)}"
             raise FileError(message)
-        return self._shown(load_panel(name), ("library", name, b""))
+        return self._shown(load_panel(name), ("library", name, library_text(name).encode()))
 
     def _send_panel(self, task: Task, _question: Question) -> Reply:
         """Check a panel file that the page sent as `turnout panel check` does."""
@@ -126,6 +141,7 @@ class TaskHandler:
     def _shown(self, panel: LoadedPanel, origin: tuple[str, str, bytes]) -> Reply:
         mark = panel.hash[:16]
         self._panels.put(mark, panel)
+        self._texts.put(mark, origin[2].decode("utf-8-sig"))
         reply = Reply.of(described(panel, mark))
         return Reply(reply.content, kept=((mark, pickle.dumps(origin)),))
 
@@ -143,9 +159,17 @@ class TaskHandler:
             kind, name, content = pickle.loads(self._restored[mark])
             panel = load_panel(name) if kind == "library" else _sent_panel(content, name)
             found = self._panels.put(mark, panel)
+            self._texts.put(mark, content.decode("utf-8-sig"))
         if found is None:
             raise UnknownMarkError(mark, "this panel is no longer loaded; open it again")
         return found
+
+    def _text(self, mark: str) -> str:
+        """Return the file that a panel was loaded from."""
+        panel = self._panel(mark)
+        if panel is self._opening.panel:
+            return self._opening.text
+        return self._texts.get(mark) or ""
 
     def _concerns(self, task: Task, question: Question) -> Reply:
         """Simulate a panel without an object and return the warnings of `turnout panel check`."""
@@ -156,7 +180,9 @@ class TaskHandler:
     def _run(self, task: Task, question: Question) -> Reply:
         request = read_request(RunRequest, task.content)
         panel, dataset = self._thrown(request, question)
-        reply = Reply.of(answer(panel, dataset, preview=request.preview))
+        record = answer(panel, dataset, preview=request.preview)
+        record["command"] = command_line(self._panel(request.panel), request)
+        reply = Reply.of(record)
         if request.preview:
             return reply
         around = places_around(panel, request)
@@ -182,18 +208,35 @@ class TaskHandler:
         """Make a file of a throw, which is computed again if not cached."""
         kind = task.options["file"]
         request = read_request(FileRequest, task.content)
+        if kind in TEXTS:
+            return Reply(self._scenario(kind, request.run).encode(), FILES[kind])
         _, dataset = self._thrown(request.run, question)
         behind = self._thrown(request.behind, question)[1] if request.behind else None
         return Reply(made_file(kind, dataset, behind=behind), FILES[kind])
 
+    def _scenario(self, kind: str, request: RunRequest) -> str:
+        """Return a throw as a panel file, a command, or a script."""
+        panel = self._panel(request.panel)
+        if kind == "toml":
+            return panel_toml(self._text(request.panel), changed_panel(panel, request), request)
+        if kind == "py":
+            return python_script(panel, request)
+        return command_line(panel, request) + "\n"
+
     def _recording(self, task: Task, _question: Question) -> Reply:
         """List a recording, or, where a channel map is named, cut it into movements."""
-        recording, kind = sent_recording(Path(task.options["path"]))
+        path = Path(task.options["path"])
+        if is_history(path):
+            return self._listed([history_movement(path)], [f"{path.name}: history of a throw"])
+        recording, kind = sent_recording(path)
         chosen = task.options["map"]
         if not chosen:
             return Reply.of({"lines": listing(recording, kind), "movements": []})
         channel_map = channel_map_of(chosen, self._opening.folder)
-        found, lines = recorded_movements(recording, channel_map)
+        return self._listed(*recorded_movements(recording, channel_map))
+
+    def _listed(self, found: list[Measured], lines: list[str]) -> Reply:
+        """Give movements a mark each and list them."""
         # Other processes may need it by the same mark.
         marks = {f"sent-{secrets.token_hex(8)}": item for item in found}
         for mark, item in marks.items():
@@ -207,7 +250,9 @@ class TaskHandler:
         request = read_request(RunRequest, task.content)
         measured = self._movement(task.options["mark"])
         _, dataset = self._thrown(request, question)
-        return Reply.of(sheet_record(throw_sheet(shifted(measured, dataset))))
+        sheet = throw_sheet(shifted(measured, dataset))
+        apart = replace(sheet, rows=tuple(differences(measured, dataset)))
+        return Reply.of(sheet_record(sheet) | {"differences": sheet_record(apart)["rows"]})
 
     def _movement(self, mark: str) -> Measured:
         """Return a measured movement by its mark."""

@@ -9,9 +9,12 @@ import xarray as xr
 
 from turnout.errors import PanelError, SolverError
 from turnout.measurement.formats.history import history_text
+from turnout.metric.finding import headline
 from turnout.metric.key_figure import KeyFigure, key_figures
 from turnout.metric.lamp import lamps
+from turnout.metric.limit_check import LimitCheck, limit_checks
 from turnout.metric.summary import summary
+from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
@@ -146,11 +149,40 @@ def answer(panel: Panel, dataset: xr.Dataset, *, preview: bool = False) -> dict[
         "seconds": float(dataset.attrs["wall_time"]),
         "scheme": str(dataset.attrs["scheme"]),
         "objects": json.loads(dataset.attrs["foreign_objects"]),
+        "verdict": _verdict(dataset),
+        "limits": [_limit(item) for item in limit_checks(dataset)],
         "summary": [list(line) for line in summary(dataset)],
         "lamps": _lamps(dataset, motion["at"]),
         "figures": [_figure(item) for item in key_figures(dataset)],
         "sheet": sheet_record(throw_sheet(dataset), most=points),
         "motion": motion,
+    }
+
+
+def _verdict(dataset: xr.Dataset) -> dict[str, Any]:
+    """Return the verdict with the level of the report's headline; a preview is judged alike."""
+    found = verdict(dataset)
+    told = headline(found, dataset)
+    level = "look" if told is None else told.level
+    return {"kind": found.kind, "text": found.text, "level": level, "missed": found.missed}
+
+
+def _limit(item: LimitCheck) -> dict[str, Any]:
+    unit, factor, decimals = SHOWN[item.unit]
+
+    def number(value: float) -> str:
+        return f"{round(value / factor, decimals) + 0.0:.{decimals}f}"
+
+    between = "of" if item.side == "below" else "of min"
+    left = "left" if item.passed else "over" if item.side == "below" else "short"
+    return {
+        "key": item.key,
+        "label": item.label,
+        "text": f"{number(item.value)} {between} {item.limit / factor:g} {unit}",
+        "margin": f"{number(abs(item.margin))} {left}",
+        "share": item.margin / item.limit,
+        "passed": item.passed,
+        "meaning": item.meaning,
     }
 
 
@@ -184,8 +216,13 @@ FILES: Mapping[str, str] = {
     "png": "image/png",
     "svg": "image/svg+xml",
     "pdf": "application/pdf",
+    "toml": "application/toml",
+    "txt": "text/plain",
+    "py": "text/x-python",
 }
 """Kinds of files with their media types."""
+TEXTS = ("toml", "txt", "py")
+"""Those that say what to compute: a panel file, a command, a script."""
 
 
 def made_file(kind: str, dataset: xr.Dataset, *, behind: xr.Dataset | None = None) -> bytes:
@@ -194,7 +231,7 @@ def made_file(kind: str, dataset: xr.Dataset, *, behind: xr.Dataset | None = Non
     Parameters
     ----------
     kind : str
-        One of `FILES`: the dataset (nc), its channels as a table (csv), or a figure.
+        One of `FILES` but `TEXTS`: the dataset (nc), its channels as a table (csv), a figure.
     dataset : xarray.Dataset
         Throw that the page shows, a complete run.
     behind : xarray.Dataset, optional

@@ -30,7 +30,21 @@ READ: dict[str, tuple[str | None, Dimension]] = {
     "object_force": (None, FORCE),
 }
 LARGEST = 500_000_000
+# Bytes in which the line of names must be.
+HEAD = 20_000
 MOST_PROBLEMS = 12
+
+
+def is_history(path: Path | str) -> bool:
+    """Return whether a file begins like a history: a line of names, all of them known channels."""
+    with Path(path).open("rb") as file:
+        head = file.read(HEAD).decode("utf-8-sig", errors="replace")
+    lines = [line for line in head.splitlines() if line.strip() and not line.startswith("#")]
+    if not lines:
+        return False
+    cells = [split_unit(cell)[0] for cell in lines[0].replace(";", ",").split(",")]
+    names = [cell.partition(":")[0].strip().lower() for cell in cells]
+    return names[0] == "time" and len(names) > 1 and set(names[1:]) <= set(READ)
 
 
 def read_history(path: Path | str) -> xr.Dataset:

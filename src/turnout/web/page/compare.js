@@ -10,6 +10,15 @@ function nameOf(request) {
   return parts.join(", ");
 }
 
+// Such as "sb2_13mm_sleeper-6_drive.2.stiffness=300kN-m.csv".
+export function fileName(request, kind) {
+  const { object, settings } = request;
+  const parts = [state.panel.name, ...(object ? [object.size, object.at] : ["no-object"])];
+  parts.push(...Object.entries(settings).map(([key, value]) => `${key}=${value}`));
+  const plain = parts.map((part) => part.replace(/(\d) (?=[a-zA-Z])/g, "$1").replace(/x = /, "x").replace(/[^\w.=-]+/g, "-"));
+  return `${plain.join("_").slice(0, 120)}.${kind}`;
+}
+
 function cell(tag, text, scope) {
   const made = document.createElement(tag);
   made.textContent = text;
@@ -20,7 +29,8 @@ function cell(tag, text, scope) {
 function table() {
   const box = document.getElementById("table");
   if (!state.answer) return;
-  const columns = [{ name: `current: ${nameOf(state.request)}`, answer: state.answer }, ...state.pins];
+  const pins = state.pins.map((pin, number) => ({ ...pin, name: `P${number + 1}: ${pin.name}` }));
+  const columns = [{ name: `current: ${nameOf(state.request)}`, answer: state.answer }, ...pins];
   const head = document.createElement("tr");
   head.append(cell("td", ""));
   columns.forEach((column, number) => {
@@ -28,7 +38,7 @@ function table() {
     if (number) title.append(document.createElement("br"), ...tools(number - 1));
     head.append(title);
   });
-  const rows = [head];
+  const rows = [head, verdicts(columns)];
   for (const figure of state.answer.figures) {
     const row = document.createElement("tr");
     row.dataset.key = figure.key;
@@ -46,6 +56,12 @@ function table() {
     rows.push(row);
   });
   box.replaceChildren(...rows);
+}
+
+function verdicts(columns) {
+  const row = document.createElement("tr");
+  row.append(cell("th", "Verdict", "row"), ...columns.map(({ answer }) => cell("td", answer.verdict.kind)));
+  return row;
 }
 
 function tools(number) {
@@ -70,7 +86,7 @@ async function save() {
   try {
     const link = document.createElement("a");
     link.href = URL.createObjectURL(await postForFile(`/api/file/${kind}`, body));
-    link.download = `${state.panel.name}.${kind}`;
+    link.download = fileName(state.request, kind);
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 10000);
   } catch (error) {

@@ -1,6 +1,6 @@
 // Sliders with a number beside each, built from the server's description of the panel.
 import { changed, settled } from "./live.js";
-import { controlOf, on, state, notify } from "./state.js";
+import { controlOf, on, placeNear, state, notify } from "./state.js";
 
 const made = new Map();
 
@@ -11,6 +11,7 @@ function row(control) {
   const label = document.createElement("label");
   label.htmlFor = id;
   label.textContent = control.label;
+  box.title = `${control.meaning}${control.unit ? ` Unit: ${control.unit}.` : ""}`.trim();
   const number = document.createElement("input");
   const range = document.createElement("input");
   number.type = "number";
@@ -25,8 +26,9 @@ function row(control) {
   const unit = document.createElement("span");
   unit.className = "note";
   unit.textContent = control.unit;
-  range.addEventListener("input", () => { setValue(control.key, Number(range.value)); changed(); });
-  range.addEventListener("change", settled);
+  range.addEventListener("input", (event) => { setValue(control.key, Number(range.value)); changed(event.timeStamp); });
+  // The mouse let go; with keys the pause after the last one says so.
+  range.addEventListener("pointerup", () => settled());
   number.addEventListener("change", () => {
     if (number.value === "" || !Number.isFinite(Number(number.value))) number.value = state.values[control.key];
     setValue(control.key, Number(number.value));
@@ -51,7 +53,7 @@ export function setValue(key, value) {
 
 function setPlace() {
   const places = document.getElementById("place");
-  const at = state.panel.places.find((item) => Math.abs(item.x - state.values["object.x"]) < 1e-6);
+  const at = placeNear(state.values["object.x"]);
   places.value = at ? at.name : "";
 }
 

@@ -3,6 +3,7 @@ import { get, post, send } from "./api.js";
 import { buildControls, setValue } from "./controls.js";
 import { message, settled } from "./live.js";
 import { drawPlan } from "./plan.js";
+import { applyAddress, forgetSteps } from "./address.js";
 import { on, state, notify } from "./state.js";
 import { openTab } from "./tabs.js";
 
@@ -24,7 +25,7 @@ async function guarded(work) {
   }
 }
 
-export async function showPanel(panel) {
+export async function showPanel(panel, { addressed = false } = {}) {
   state.panel = panel;
   state.answer = null;
   state.frame = Infinity;
@@ -36,6 +37,8 @@ export async function showPanel(panel) {
   if (![...list.options].some((item) => item.value === panel.mark || item.value === panel.name)) list.add(new Option(`${panel.name} (sent)`, panel.mark));
   list.value = [...list.options].find((item) => item.value === panel.mark)?.value ?? panel.name;
   buildControls();
+  forgetSteps();
+  if (addressed) applyAddress();
   notify("pins");
   drawPlan();
   await settled();
@@ -116,10 +119,28 @@ async function sendPanel() {
   await showPanel(panel);
 }
 
+// Runs in the background: everything else goes on, and the result comes beside the button.
 async function check() {
-  notes([`${state.panel.name}: checking (about 20 s) ...`]);
-  const { lines } = await post("/api/panel/concerns", { panel: state.panel.mark });
-  notes(lines);
+  const { name, mark } = state.panel, button = byId("check"), progress = byId("check-progress"), text = byId("check-state");
+  const began = performance.now();
+  const tick = () => { text.textContent = `${name}: ${Math.round((performance.now() - began) / 1000)} s of about 20 s`; };
+  button.disabled = true;
+  progress.hidden = false;
+  tick();
+  const ticking = setInterval(tick, 1000);
+  try {
+    const { lines } = await post("/api/panel/concerns", { panel: mark });
+    notes([`${name}, checked at ${new Date().toLocaleTimeString()}:`, ...lines], false);
+    const count = lines.filter((line) => /warning/.test(line)).length;
+    text.textContent = `${name}: ${count ? `${count} warnings` : "no warnings"}; see Files and checks`;
+  } catch (error) {
+    text.textContent = `${name}: check failed`;
+    throw error;
+  } finally {
+    clearInterval(ticking);
+    button.disabled = false;
+    progress.hidden = true;
+  }
 }
 
 export function startFiles() {

@@ -1,13 +1,16 @@
 // Assembles the page.
+import { panelOfAddress, startAddress, warnings } from "./address.js";
+import { startChannels } from "./channels.js";
 import { begin, showPanel, startFiles } from "./files.js";
 import { startCompare } from "./compare.js";
 import { startControls } from "./controls.js";
 import { startCurves } from "./curves.js";
-import { startLamps } from "./lamps.js";
-import { message } from "./live.js";
+import { message, startLive } from "./live.js";
 import { drawPlan, startPlan } from "./plan.js";
 import { startPlayer } from "./player.js";
+import { startSplitters } from "./split.js";
 import { isOpen, startTabs } from "./tabs.js";
+import { startVerdict } from "./verdict.js";
 import { on, state, notify } from "./state.js";
 
 function keep(key, attribute, select) {
@@ -23,7 +26,8 @@ function keep(key, attribute, select) {
 
 function words() {
   const list = document.getElementById("words");
-  list.replaceChildren(...state.answer.summary.flatMap(([heading, text]) => {
+  const lines = [...state.answer.summary, ["command", state.answer.command]];
+  list.replaceChildren(...lines.flatMap(([heading, text]) => {
     const term = document.createElement("dt"), definition = document.createElement("dd");
     term.textContent = heading;
     definition.textContent = text;
@@ -44,22 +48,28 @@ async function showScene() {
 }
 
 async function run() {
+  startLive();
+  startSplitters();
   startTabs();
   startControls();
   startPlan();
-  startLamps();
+  startVerdict();
+  startChannels();
   startCurves();
   startCompare();
   on("answer", words);
   for (const what of ["answer", "frame", "theme", "view", "scale"]) on(what, showScene);
   startPlayer();
+  startAddress();
   keep("theme", "theme", document.getElementById("theme"));
   keep("text", "text", document.getElementById("text-size"));
-  document.getElementById("exaggeration").addEventListener("input", () => { drawPlan(); notify("scale"); });
+  document.getElementById("exaggeration").addEventListener("input", (event) => { event.target.dataset.chosen = "yes"; drawPlan(); notify("scale"); });
+  addEventListener("beforeprint", () => notify("theme"));
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { drawPlan(); notify("theme"); });
   await begin();
   startFiles();
-  await showPanel(state.start.panel);
+  await showPanel(await panelOfAddress(), { addressed: true });
+  if (warnings.length) message(warnings.join("\n"));
 }
 
 run().catch((error) => message(error.message));

@@ -1,12 +1,15 @@
 // The panel from above. Positions are the server's; here they are only put on the screen.
 import { changed, settled } from "./live.js";
 import { setValue } from "./controls.js";
-import { controlOf, on, state } from "./state.js";
+import { controlOf, on, placeNear, state } from "./state.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 // Pixels, or text heights where they grow with the text.
-const LEFT = 14, RIGHT = 14, STOCK = 8, RAIL = 9, OUTSIDE = 4.1, FORCE = 5;
+const LEFT = 14, RIGHT = 14, STOCK = 8, RAIL = 9, FORCE = 5;
+// Room outside a stock rail: for the object's knob, drives and sensors, or for a name alone.
+const BUSY = 3.7, QUIET = 1.6, USUAL = 6;
 let view = null; // how metres become pixels
+let fitted = null; // panel that the scale was chosen for
 let moving = {}; // what changes with the instant
 
 function add(parent, tag, attributes = {}, text = "") {
@@ -28,15 +31,27 @@ function layout(svg) {
   const start = Math.min(...plan.rails.map((rail) => rail.start)) - 0.5;
   const end = Math.max(...plan.rails.map((rail) => rail.end)) + 0.2;
   const along = (width - LEFT - RIGHT) / (end - start);
-  const foot = 1.4 * rem(), room = (height - foot) / plan.rails.length;
-  const scale = Number(document.getElementById("exaggeration").value);
+  const foot = 1.3 * rem();
+  const busy = new Set([plan.object_rail, ...plan.drives.map((item) => item.rail), ...plan.sensors.map((item) => item.rail)]);
+  const outsideOf = (rail) => rem() * (busy.has(rail.name) ? BUSY : QUIET);
+  const free = height - foot - plan.rails.reduce((sum, rail) => sum + outsideOf(rail), 0);
+  const inner = Math.max(free / plan.rails.length, 8);
+  // One rail stands open while the other lies at its stock rail, so it may use most of the other's room.
+  const reach = plan.rails.length > 1 ? Math.max(free - 1.3 * RAIL, inner) : inner;
+  const slider = document.getElementById("exaggeration");
+  // Until the user chooses a scale: the usual one, or less where the open rail would leave its band.
+  const widest = state.answer ? Math.max(...Object.values(state.answer.motion.rails).flatMap((rail) => rail.gap.map((row) => row[0]))) : 0.12;
+  if (!slider.dataset.chosen) slider.value = Math.max(1, Math.min(USUAL, Math.floor((reach - 0.5 * RAIL) / (along * widest))));
+  const scale = Number(slider.value);
   const order = [...plan.rails].sort((a, b) => b.side - a.side);
   const bands = new Map();
-  order.forEach((rail, place) => {
-    const top = place * room, outside = OUTSIDE * rem();
-    const face = rail.side > 0 ? top + outside : top + room - outside;
-    bands.set(rail.name, { top, room, face, inward: rail.side, y: (gap) => face + rail.side * gap * along * scale });
-  });
+  let top = 0;
+  for (const rail of order) {
+    const outside = outsideOf(rail), room = outside + inner;
+    const face = rail.side > 0 ? top + outside : top + inner;
+    bands.set(rail.name, { top, reach, inner, outside, face, inward: rail.side, y: (gap) => face + rail.side * gap * along * scale });
+    top += room;
+  }
   return { width, height, along, scale, foot, bands, start, end, x: (x) => LEFT + (x - start) * along };
 }
 
@@ -56,18 +71,18 @@ function still(svg) {
     add(svg, "rect", { class: "sleeper", x: x(place) - 0.11 * view.along, y: 2, width: 0.22 * view.along, height: height - foot - 2 });
   }
   for (const { name, x: place } of plan.sleepers) {
-    add(svg, "text", { class: "soft", x: x(place), y: height - 0.35 * rem(), "text-anchor": "middle" }, name);
+    add(svg, "text", { class: "soft sleeper-name", x: x(place), y: height - 0.35 * rem(), "text-anchor": "middle" }, name);
   }
-  add(svg, "text", { class: "soft", x: view.width - RIGHT, y: height - 0.35 * rem(), "text-anchor": "end" },
+  add(svg, "text", { class: "soft name", x: view.width - RIGHT, y: height - 0.35 * rem(), "text-anchor": "end" },
     `sleepers; stock rails drawn straight, gaps ${view.scale} times the scale along the track`);
   for (const rail of plan.rails) {
-    const { face, inward, room } = bands.get(rail.name);
+    const { face, inward, inner } = bands.get(rail.name);
     for (const chair of plan.chairs.filter((item) => item.rails.includes(rail.name))) {
-      add(svg, "rect", { class: "chair", x: x(chair.x) - 0.08 * view.along, y: inward > 0 ? face : face - 0.5 * room, width: 0.16 * view.along, height: 0.5 * room });
+      add(svg, "rect", { class: "chair", x: x(chair.x) - 0.08 * view.along, y: inward > 0 ? face : face - 0.8 * inner, width: 0.16 * view.along, height: 0.8 * inner });
     }
     add(svg, "rect", { class: rail.has_stock_rail ? "stock" : "sleeper", x: x(view.start), width: x(rail.end) - x(view.start), height: STOCK, y: inward > 0 ? face - STOCK : face });
     const name = rail.has_stock_rail ? `switch rail ${rail.name}, its stock rail grey` : `switch rail ${rail.name}, no stock rail`;
-    add(svg, "text", { class: "soft", x: x(rail.end), y: face - inward * (STOCK + 0.45 * rem()) + (inward > 0 ? 0 : 0.6 * rem()), "text-anchor": "end" }, name);
+    add(svg, "text", { class: "soft name", x: x(rail.end), y: face - inward * (STOCK + 0.45 * rem()) + (inward > 0 ? 0 : 0.6 * rem()), "text-anchor": "end" }, name);
   }
   for (const sensor of plan.sensors) {
     const { face, inward } = bands.get(sensor.rail), py = face - inward * (STOCK + 8);
@@ -81,7 +96,7 @@ function clips(svg) {
   const defs = add(svg, "defs");
   for (const [name, band] of view.bands) {
     const clip = add(defs, "clipPath", { id: `band-${name}` });
-    add(clip, "rect", { x: 0, y: band.top, width: view.width, height: band.room });
+    add(clip, "rect", { x: 0, y: band.inward > 0 ? band.face : band.face - band.reach, width: view.width, height: band.reach });
   }
 }
 
@@ -156,9 +171,9 @@ function object() {
   const { handle: group, stone } = moving;
   group.style.display = stone.style.display = state.trapped ? "" : "none";
   const x = state.values["object.x"], size = state.values["object.size"], px = view.x(x);
-  const { face, inward, y } = view.bands.get(state.panel.plan.object_rail), far = y(size / 1000);
+  const { face, inward, outside, y } = view.bands.get(state.panel.plan.object_rail), far = y(size / 1000);
   for (const [name, value] of Object.entries({ x: px - 6, width: 12, y: Math.min(face, far), height: Math.max(Math.abs(far - face), 2) })) stone.setAttribute(name, value);
-  const knob = face - inward * (OUTSIDE * rem() - 13);
+  const knob = face - inward * (outside - 13);
   const [stem, circle, hit, text] = group.children;
   line(stem, px, face, px, knob);
   for (const item of [circle, hit]) { item.setAttribute("cx", px); item.setAttribute("cy", knob); }
@@ -166,16 +181,16 @@ function object() {
   text.setAttribute("x", px + (right ? 14 : -14));
   text.setAttribute("text-anchor", right ? "start" : "end");
   text.setAttribute("y", knob + 4);
-  const near = state.panel.places.find((item) => Math.abs(item.x - x) < 1e-6);
+  const near = placeNear(x);
   text.textContent = `${size} mm${near ? `, ${near.name}` : `, x = ${x} m`}`;
   group.setAttribute("aria-valuenow", x);
   group.setAttribute("aria-valuetext", `x = ${x} m${near ? `, ${near.name}` : ""}`);
 }
 
-function moveTo(x, done) {
+function moveTo(x, done, since) {
   const { least, most, step } = controlOf("object.x");
   setValue("object.x", Math.max(least, Math.min(most, Math.round(x / step) * step)));
-  if (done) settled(); else changed();
+  if (done) settled(); else changed(since);
 }
 
 function listen(svg) {
@@ -188,7 +203,7 @@ function listen(svg) {
     moving.handle.focus();
     event.preventDefault();
   });
-  svg.addEventListener("pointermove", (event) => held && moveTo(metres(event), false));
+  svg.addEventListener("pointermove", (event) => held && moveTo(metres(event), false, event.timeStamp));
   for (const end of ["pointerup", "pointercancel"]) {
     svg.addEventListener(end, (event) => { if (held) { held = false; moveTo(metres(event), true); } });
   }
@@ -202,7 +217,7 @@ function listen(svg) {
     }[event.key];
     if (wanted === undefined) return;
     event.preventDefault();
-    moveTo(wanted, false);
+    moveTo(wanted, false, event.timeStamp);
   });
 }
 
@@ -224,6 +239,7 @@ export function startPlan() {
   const svg = document.getElementById("plan");
   listen(svg);
   new ResizeObserver(drawPlan).observe(svg);
+  on("painted", () => { if (fitted !== state.panel) { fitted = state.panel; drawPlan(); } });
   on("values", object);
   on("frame", frame);
 }

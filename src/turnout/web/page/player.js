@@ -43,6 +43,13 @@ export function play(wanted) {
 export function startPlayer() {
   slider().addEventListener("input", () => { play(false); if (state.answer) showFrame(Number(slider().value)); });
   document.getElementById("play").addEventListener("click", () => state.answer && play(!playing));
+  document.addEventListener("keydown", (event) => {
+    // Space has its own meaning on buttons, boxes to tick, lists and fields.
+    const own = event.target.closest?.('button, select, textarea, summary, a, input:not([type="range"])');
+    if (event.key !== " " || own || event.ctrlKey || event.metaKey || event.altKey || !state.answer) return;
+    event.preventDefault();
+    if (!event.repeat) play(!playing);
+  });
   on("answer", () => {
     const { time } = state.answer.motion;
     const atEnd = state.frame >= Number(slider().max);

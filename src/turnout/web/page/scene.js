@@ -15,10 +15,59 @@ function begin() {
   const camera = new THREE.PerspectiveCamera(38, 1, 0.1, 200);
   const controls = new OrbitControls(camera, canvas);
   controls.addEventListener("change", render);
+  standardViews();
   controls.enableDamping = false;
   new ResizeObserver(drawScene).observe(canvas);
   canvas.addEventListener("webglcontextlost", (event) => { event.preventDefault(); });
   return { canvas, renderer, camera, controls, scene: null, mark: "" };
+}
+
+// Where the camera stands and what it looks at: functions of the middle, the drives and the object.
+const VIEWS = {
+  "From the toe": () => [[-3.2, -4.6, 3.6], [0.5 * lastDrive(), 0, -0.6]],
+  "From above": () => [[0.5 * lastDrive() - 0.01, 0, 1.15 * lastDrive() + 2], [0.5 * lastDrive(), 0, 0]],
+  "From the side": () => [[0.5 * lastDrive(), -1.1 * lastDrive() - 2.4, 1.2], [0.5 * lastDrive(), 0, 0]],
+  "Object": () => {
+    const { objects } = state.answer, stone = objects[0] ?? { x: 0.5 * lastDrive() };
+    const part = view.built.stones[0], y = part?.y ?? 0, side = part?.side ?? 1;
+    return [[stone.x - 1.6, y - side * 1.5, 1.5], [stone.x, y, 0.2]];
+  },
+};
+
+const lastDrive = () => state.panel.plan.drives.at(-1)?.x ?? (state.panel.plan.start + state.panel.plan.end) / 2;
+
+function look(name) {
+  const [from, to] = VIEWS[name]();
+  view.controls.target.copy(place(...to));
+  view.camera.position.copy(place(...from));
+  view.controls.update();
+  render();
+}
+
+function standardViews() {
+  document.getElementById("scene-views").replaceChildren(...Object.keys(VIEWS).map((name) => {
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: name });
+    button.addEventListener("click", () => look(name));
+    return button;
+  }));
+}
+
+// A force: a shaft and a tip thick enough to be seen, in front of whatever would hide them.
+function arrow(parent, colour) {
+  const group = new THREE.Group(), material = new THREE.MeshBasicMaterial({ color: colour, depthTest: false, transparent: true });
+  const shaft = new THREE.Mesh(new THREE.CylinderGeometry(0.035, 0.035, 1, 10), material);
+  const tip = new THREE.Mesh(new THREE.ConeGeometry(0.1, 0.22, 14), material);
+  group.add(shaft, tip);
+  group.renderOrder = shaft.renderOrder = tip.renderOrder = 5;
+  parent.add(group);
+  const set = (length, side) => {
+    const long = Math.max(length, 0.3);
+    shaft.scale.y = long - 0.22;
+    shaft.position.y = (long - 0.22) / 2;
+    tip.position.y = long - 0.11;
+    group.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), new THREE.Vector3(0, 0, side));
+  };
+  return { group, set };
 }
 
 function render() { view.renderer.render(view.scene, view.camera); }
@@ -129,23 +178,24 @@ function machine(scene, parts, drive) {
   const y = front(drive.x) + item.side * 0.75;
   box(scene, "#e69f00", [0.5, 0.4, 0.34], [drive.x, y, 0.05]);
   label(scene, `Drive ${drive.name}`, [drive.x, y, 0.62]);
-  const arrow = new THREE.ArrowHelper(new THREE.Vector3(0, 0, 1), new THREE.Vector3(), 1, "#d55e00", 0.16, 0.12);
-  scene.add(arrow);
-  return { drive, y, arrow, rod: box(scene, styleOf("--ink"), [0.06, 1, 0.06], [drive.x, y, 0.06]) };
+  return { drive, y, arrow: arrow(scene, styleOf("--bad")), rod: box(scene, styleOf("--ink"), [0.06, 1, 0.06], [drive.x, y, 0.06]) };
 }
 
 function stone(scene, parts, object) {
   const { item, front } = parts.rails[object.rail];
   const wide = object.size * parts.scale, y = front(object.x) - item.side * wide / 2;
   const mesh = new THREE.Mesh(new THREE.DodecahedronGeometry(0.5), new THREE.MeshLambertMaterial({ color: "#d55e00", flatShading: true }));
-  mesh.scale.set(0.16, 0.16, Math.max(wide, 0.02));
+  // Longer along the rail and higher than it is, and in front of the rails, so that it is seen.
+  mesh.material.depthTest = false;
+  mesh.renderOrder = 4;
+  mesh.scale.set(0.26, 0.26, Math.max(wide, 0.06));
   mesh.position.copy(place(object.x, y, HEIGHT * 0.86));
   scene.add(mesh);
-  label(scene, `${(1000 * object.size).toFixed(1).replace(".0", "")} mm`, [object.x, y, HEIGHT + 0.5]);
-  const arrow = new THREE.ArrowHelper(new THREE.Vector3(0, -1, 0), new THREE.Vector3(), 1, "#d55e00", 0.16, 0.12);
-  arrow.position.copy(place(object.x, y, HEIGHT + 0.06));
-  scene.add(arrow);
-  return { arrow, y, side: item.side };
+  box(scene, "#d55e00", [0.025, 0.025, 0.62], [object.x, y, HEIGHT + 0.4]);
+  label(scene, `${(1000 * object.size).toFixed(1).replace(".0", "")} mm`, [object.x, y, HEIGHT + 0.88], 0.42);
+  const force = arrow(scene, "#cc79a7");
+  force.group.position.copy(place(object.x, y, HEIGHT + 0.12));
+  return { arrow: force, y, side: item.side };
 }
 
 function stretch(mesh, x, from, to, z) {
@@ -172,10 +222,9 @@ function pose(parts) {
   state.panel.plan.drives.forEach((drive, number) => {
     const own = parts.drives[drive.name], y = edges[drive.rail](drive.x), force = motion.drive_force?.[now][number] ?? 0;
     stretch(own.rod, drive.x, own.y, y, 0.06);
-    own.arrow.visible = Math.abs(force) > 30;
-    own.arrow.position.copy(place(drive.x + 0.16, y, 0.2));
-    own.arrow.setDirection(new THREE.Vector3(0, 0, -Math.sign(force)));
-    own.arrow.setLength(Math.max(Math.abs(force) * KILO * ARROW, 0.1), 0.14, 0.1);
+    own.arrow.group.visible = Math.abs(force) > 30;
+    own.arrow.group.position.copy(place(drive.x + 0.16, y, 0.2));
+    own.arrow.set(Math.abs(force) * KILO * ARROW, -Math.sign(force));
   });
   for (const link of state.panel.plan.links) {
     const [a, b] = link.rails.map((name) => edges[name](link.x));
@@ -183,9 +232,8 @@ function pose(parts) {
   }
   const force = motion.object_force?.[now] ?? 0;
   for (const { arrow, side } of parts.stones) {
-    arrow.visible = force > 30;
-    arrow.setDirection(new THREE.Vector3(0, 0, -side));
-    arrow.setLength(Math.max(force * KILO * ARROW, 0.1), 0.14, 0.1);
+    arrow.group.visible = force > 30;
+    arrow.set(force * KILO * ARROW, -side);
   }
 }
 
@@ -217,16 +265,11 @@ export function drawScene() {
     if (built) free(built.scene);
     view.built = build();
     Object.assign(view, { scene: view.built.scene, answer: state.answer, mark, panel: state.panel });
-    if (first) {
-      const { start, end } = state.panel.plan, drive = state.panel.plan.drives.at(-1)?.x ?? (start + end) / 2;
-      view.controls.target.copy(place(drive * 0.5, 0, -0.6));
-      view.camera.position.copy(place(-3.2, -4.6, 3.6));
-      view.controls.update();
-    }
+    if (first) { fit(); look("From the toe"); }
   }
   fit();
   pose(view.built);
   render();
   document.getElementById("scene-note").textContent =
-    `Lateral scale ${scaleNow()} times that along the track, symbols for chairs and drives; green: chair forces, arrows: forces on rail and object. Drag turns, wheel zooms.`;
+    `Lateral scale × ${scaleNow()}. Forces: chairs green, drives on the rail orange, object pink. Drag turns, wheel zooms.`;
 }

@@ -10,6 +10,7 @@ export const state = {
   frame: 0,
   pins: [], // {name, request, answer, shown}
   overlay: null, // a measured movement as a sheet
+  hidden: new Set(), // titles of rows of curves that are not shown
 };
 
 const listeners = new Map();
@@ -30,14 +31,17 @@ const texted = (key) => {
   return unit ? `${state.values[key]} ${unit}` : state.values[key];
 };
 
+// The named place where x is, if it is at one.
+export const placeNear = (x) => state.panel.places.find((item) => Math.abs(item.x - x) < 1e-6);
+
 // The throw set by the sliders; values carry their units, as in a panel file.
 export function currentRequest(preview) {
   const settings = {};
   for (const { key, value } of state.panel.controls) {
     if (!key.startsWith("object.") && state.values[key] !== value) settings[key] = texted(key);
   }
-  const object = state.trapped
-    ? { size: texted("object.size"), at: `x = ${texted("object.x")}`, stiffness: texted("object.stiffness") }
-    : null;
+  const near = placeNear(state.values["object.x"]);
+  const at = near ? near.name : `x = ${texted("object.x")}`;
+  const object = state.trapped ? { size: texted("object.size"), at, stiffness: texted("object.stiffness") } : null;
   return { panel: state.panel.mark, object, settings, preview };
 }

@@ -13,6 +13,8 @@ export function openTab(name) {
   notify("view");
 }
 
+export const shownTab = () => tabs().find((tab) => tab.getAttribute("aria-selected") === "true").id.slice(4);
+
 export const isOpen = (name) => !document.getElementById(`view-${name}`).hidden;
 
 export function startTabs() {
