@@ -185,6 +185,9 @@ def a90_of_places(
 def false_alarms(judged: Judged, kind: str = "sound", *, seed: int = 1) -> dict[str, float]:
     """Return the share of throws of a kind that are called an object, by switches drawn anew."""
     own = judged.of(kind)
+    if not own.size:
+        nothing = float("nan")
+        return {"throws": 0.0, "switches": 0.0, "alarms": 0.0, "share": nothing, "upper": nothing}
     alarm, switch = judged.alarms(own), np.array(judged.switch)[own]
     rng = np.random.default_rng(seed)
     numbers, at = np.unique(switch, return_inverse=True)
