@@ -6,7 +6,7 @@
 >>> dataset = turnout.simulate(panel, foreign_object=obj)  # doctest: +SKIP
 >>> dataset.turnout.summary()  # doctest: +SKIP
 
-The public interface is what this package and `turnout.plot` list in ``__all__``, and the methods of
+The public interface is what this package, `turnout.detection` and `turnout.plot` list in ``__all__``, and the methods of
 what these return. All modules below are private: they may move or change in any version.
 
 Everything is loaded on first use, so that importing turnout costs nothing.
@@ -63,6 +63,7 @@ NAMES = {
     "open_sweep": "turnout.api.sweep",
     # Figures
     "plot": "turnout.plot",
+    "detection": "turnout.detection",
     # Errors
     "TurnoutError": "turnout.errors",
     "FileError": "turnout.errors",
@@ -87,7 +88,7 @@ _MOVED = {
 _WITHOUT_DATASETS = (
     *("turnout.errors", "turnout.core", "turnout.panel", "turnout.section", "turnout.integrate"),
     *("turnout.scheme", "turnout.response.save", "turnout.analysis.stability"),
-    "turnout.study.load_study",
+    *("turnout.study.load_study", "turnout.detection"),
 )
 
 

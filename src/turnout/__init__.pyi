@@ -1,5 +1,6 @@
 """Written by `python -m turnout.api.stub` from the table in __init__.py."""
 
+from turnout import detection as detection
 from turnout import plot as plot
 from turnout.analysis.modes import modes as modes
 from turnout.analysis.stability import friction_stability as friction_stability
@@ -79,6 +80,7 @@ __all__ = [
     "analyse_outline",
     "build_campaign",
     "calibrate",
+    "detection",
     "features",
     "filtered",
     "fit_machines",

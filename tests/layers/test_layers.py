@@ -70,7 +70,8 @@ ALLOWED: dict[str, set[str]] = {
         *("response", "measurement", "metric", "study"),
     },
     "detection": {
-        *("errors", "core", "schema", "panel", "response", "study", "sweep"),
+        *("errors", "lazy", "core", "schema", "panel", "response", "measurement", "study"),
+        "sweep",
     },
     "validation": {
         *("errors", "scheme", "core", "schema", "panel", "response", "measurement"),
