@@ -6,8 +6,9 @@
 >>> dataset = turnout.simulate(panel, foreign_object=obj)  # doctest: +SKIP
 >>> dataset.turnout.summary()  # doctest: +SKIP
 
-The public interface is what this package and `turnout.plot` list in ``__all__``, and the methods of
-what these return. All modules below are private: they may move or change in any version.
+The public interface is what this package, `turnout.detection` and `turnout.plot` list in
+``__all__``, and the methods of what these return. All modules below are private: they may move or
+change in any version.
 
 Everything is loaded on first use, so that importing turnout costs nothing.
 """
@@ -26,6 +27,8 @@ NAMES = {
     "make_outline": "turnout.section.outline",
     # One throw
     "simulate": "turnout.response.simulate",
+    "simulate_sequence": "turnout.response.sequence",
+    "Drift": "turnout.response.drift",
     "Scheme": "turnout.scheme",
     "Save": "turnout.response.save",
     "open_response": "turnout.response.store",
@@ -68,6 +71,7 @@ NAMES = {
     "pod_dataset": "turnout.detection.pod_result",
     # Figures
     "plot": "turnout.plot",
+    "detection": "turnout.detection",
     # Errors
     "TurnoutError": "turnout.errors",
     "FileError": "turnout.errors",
@@ -92,7 +96,7 @@ _MOVED = {
 _WITHOUT_DATASETS = (
     *("turnout.errors", "turnout.core", "turnout.panel", "turnout.section", "turnout.integrate"),
     *("turnout.scheme", "turnout.response.save", "turnout.analysis.stability"),
-    "turnout.study.load_study",
+    *("turnout.study.load_study", "turnout.detection"),
 )
 
 

@@ -1,5 +1,6 @@
 """Written by `python -m turnout.api.stub` from the table in __init__.py."""
 
+from turnout import detection as detection
 from turnout import plot as plot
 from turnout.analysis.modes import modes as modes
 from turnout.analysis.stability import friction_stability as friction_stability
@@ -46,8 +47,10 @@ from turnout.panel.foreign_object import ForeignObject as ForeignObject
 from turnout.panel.load import LoadedPanel as LoadedPanel
 from turnout.panel.load import library_names as panel_names
 from turnout.panel.load import load_panel as load_panel
+from turnout.response.drift import Drift as Drift
 from turnout.response.machine import machine_dataset as machine_dataset
 from turnout.response.save import Save as Save
+from turnout.response.sequence import simulate_sequence as simulate_sequence
 from turnout.response.simulate import simulate as simulate
 from turnout.response.store import open_response as open_response
 from turnout.response.store import save_response as save_response
@@ -59,6 +62,7 @@ from turnout.study.load_study import load_study as load_study
 __all__ = [
     "CalibrationResult",
     "Campaign",
+    "Drift",
     "FileError",
     "ForeignObject",
     "LoadedMachines",
@@ -85,6 +89,7 @@ __all__ = [
     "analyse_outline",
     "build_campaign",
     "calibrate",
+    "detection",
     "estimate_pod",
     "features",
     "filtered",
@@ -110,6 +115,7 @@ __all__ = [
     "run_sweep",
     "save_response",
     "simulate",
+    "simulate_sequence",
     "throw_one_mass",
     "validate",
 ]

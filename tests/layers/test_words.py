@@ -26,6 +26,7 @@ PACKAGES = (
         "core",
         "integrate",
         "kernels",
+        "law",
         "machine",
         "measurement",
     ),

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from turnout.lazy import home_of
 
-PACKAGES = ("turnout", "turnout.plot")
+PACKAGES = ("turnout", "turnout.plot", "turnout.detection")
 
 
 def stub_text(package: str) -> str:

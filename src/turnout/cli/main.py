@@ -11,6 +11,7 @@ from typer.core import TyperCommand
 from turnout.cli import (
     calibrate,
     campaign,
+    detect,
     limit,
     machine,
     panel,
@@ -70,6 +71,9 @@ app.add_typer(
 app.add_typer(
     sweep.app, name="sweep", short_help="Studies of many throws: plan, run, map, effects, export."
 )
+app.add_typer(
+    detect.app, name="detect", short_help="Detect objects from drive forces: train, learn, run."
+)
 # The type that typer writes behind the name of an argument.
 _ARGUMENT_TYPE = re.compile(r"(?<=[A-Z]) <[a-z\[\] ]+>")
 
@@ -81,7 +85,7 @@ class _Command(TyperCommand):
         return _ARGUMENT_TYPE.sub("", super().get_help(ctx))
 
 
-for _group in (app, panel.app, machine.app, campaign.app, sweep.app):
+for _group in (app, panel.app, machine.app, campaign.app, sweep.app, detect.app):
     for _info in _group.registered_commands:
         _info.cls = _Command
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
-from turnout.detection.reference import Conditions
+from turnout.detection.conditions import Conditions
 
 Floats = NDArray[np.float64]
 

@@ -1,0 +1,360 @@
+"""The commands `turnout detect ...`: train a detector, teach it a switch, judge throws."""
+
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from turnout.cli.json_output import JsonOption, json_text, print_json
+from turnout.cli.options import (
+    CalibrationOption,
+    PanelArgument,
+    QuietOption,
+    check_outputs,
+    write_and_report,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from turnout.detection.detector import Detector
+    from turnout.detection.knowledge import Knowledge
+    from turnout.detection.recorded import Recorded
+    from turnout.detection.throw_verdict import Verdict
+    from turnout.sweep.run import SweepProgress
+
+FOUND = 1
+VERDICT_UNITS = {
+    **{"x": "m", "size": "m", "middle": "m", "low": "m", "high": "m", "limit": "m"},
+    **{"force": "N", "time": "s", "false_alarm_rate": "1", "log_ratio": "1", "threshold": "1"},
+    **{"odds": "1", "above": "1", "fit": "1", "friction": "1", "places": "1"},
+}
+SETTLED = 2.0
+"""A recording is read when it has not changed for so long [s]."""
+
+app = typer.Typer(
+    help="Detect trapped objects from drive forces: train, learn a switch, judge throws.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+DetectorArgument = Annotated[
+    Path, typer.Argument(metavar="FILE", help="Detector that `turnout detect train` wrote.")
+]
+RecordingsArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="RECORDINGS...",
+        help="Campaign folders, datasets (.nc), tables (.csv), or recordings with --channels.",
+    ),
+]
+ChannelsOption = Annotated[
+    Path | None,
+    typer.Option("--channels", metavar="MAP.toml", help="Channel map of the recordings."),
+]
+RateOption = Annotated[
+    float,
+    typer.Option("--far", metavar="RATE", help="False alarms a sound throw: 1e-3 or 1e-4."),
+]
+
+
+@app.command("train", short_help="Train a detector for a panel on simulated throws.")
+def train_command(
+    panel: PanelArgument = None,
+    calibration: CalibrationOption = None,
+    study: Annotated[
+        Path | None,
+        typer.Option(
+            "--study", metavar="FILE.toml", help="Population in place of the reference case."
+        ),
+    ] = None,
+    sound: Annotated[
+        int, typer.Option("--sound", metavar="N", min=400, help="Sound throws.")
+    ] = 4000,
+    objects: Annotated[
+        int, typer.Option("--objects", metavar="N", min=200, help="Throws with objects.")
+    ] = 3000,
+    defects: Annotated[
+        int, typer.Option("--defects", metavar="N", min=40, help="Throws of each other cause.")
+    ] = 400,
+    switches: Annotated[
+        int, typer.Option("--switches", metavar="N", min=10, help="Switches thrown 26 times.")
+    ] = 40,
+    discrepancy: Annotated[
+        float,
+        typer.Option(
+            "--discrepancy",
+            metavar="SHARE",
+            help="Assumed difference of model and switch, share of the peak force [-].",
+        ),
+    ] = 0.05,
+    folder: Annotated[
+        Path,
+        typer.Option(
+            "--folder", metavar="DIR", help="Keeps the throws; run the same command to continue."
+        ),
+    ] = Path("detector-throws"),
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FILE.detector", help="The detector.")
+    ] = Path("switch.detector"),
+    workers: Annotated[
+        int, typer.Option("--workers", metavar="N", min=0, help="Processes; default one a core.")
+    ] = 0,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Throw a population of switches with and without objects, and learn to distinguish them."""
+    check_outputs({"--out": out}, {"--out": (".detector",)})
+    from turnout.cli.options import opened_panel
+    from turnout.cli.sweep import cores
+    from turnout.detection.allowances import Allowances
+    from turnout.detection.detector import Detector
+    from turnout.detection.train_detector import train_detector
+    from turnout.detection.training_sets import Counts
+    from turnout.study.load_study import load_study
+
+    allowances = Allowances(discrepancy=discrepancy)
+    given = None
+    if panel is not None or calibration is not None:
+        given = opened_panel(panel, [], calibration)
+    knowledge = train_detector(
+        folder,
+        panel=given,
+        study=None if study is None else load_study(study),
+        counts=Counts(
+            sound=sound,
+            objects=objects,
+            defects=defects,
+            switches=switches,
+            judged=4,
+            objects_each=2,
+        ),
+        allowances=allowances,
+        workers=workers or cores(),
+        watch=_watching(quiet=quiet),
+        report=None if quiet else _calibrating,
+    )
+    Detector(knowledge).save(out)
+    if as_json:
+        print_json("detect train", _described(knowledge), written=[out])
+        return
+    for line in _training_lines(knowledge):
+        typer.echo(line)
+    typer.echo(f"wrote           {out}")
+
+
+def _described(knowledge: "Knowledge") -> dict[str, Any]:
+    return {
+        "about": dict(knowledge.about),
+        "allowances": asdict(knowledge.setting.allowances),
+        "calibrated": [asdict(item) for item in knowledge.calibrated],
+        "signatures": len(knowledge.signatures.kind),
+        "causes": ["object", *knowledge.causes],
+    }
+
+
+def _training_lines(knowledge: "Knowledge") -> list[str]:
+    about = knowledge.about
+    counts = ", ".join(f"{count} {name}" for name, count in about["throws"].items())
+    lines = [f"panel           {about['panel']}", f"throws          {counts}"]
+    for item in knowledge.calibrated:
+        limits = ", ".join(f"{rate}: {value:.2f}" for rate, value in item.thresholds.items())
+        lines.append(
+            f"thresholds      {item.part}, {item.history} throws known: {limits} "
+            f"(from {item.throws} throws of {item.switches} switches)"
+        )
+    return lines
+
+
+def _watching(*, quiet: bool) -> "Callable[[str], Callable[[SweepProgress], None]]":
+    from turnout.cli.sweep import SweepWatch
+
+    shown: list[SweepWatch] = []
+
+    def watch(name: str) -> "Callable[[SweepProgress], None]":
+        for before in shown:
+            before.__exit__()
+        shown[:] = [SweepWatch(f"throws: {name}", quiet=quiet).__enter__()]
+
+        def report(state: "SweepProgress") -> None:
+            shown[0].report(state)
+            if state.done == state.total:
+                shown[0].__exit__()
+
+        return report
+
+    return watch
+
+
+def _calibrating(what: str, done: int, total: int) -> None:
+    if done == total or done % 20 == 0:
+        typer.echo(f"{what}: {done} of {total} histories", err=True)
+
+
+@app.command("learn", short_help="Learn a switch from its own throws without an object.")
+def learn_command(
+    detector: DetectorArgument,
+    recordings: RecordingsArgument,
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", metavar="FILE.detector", help="The detector of the switch."),
+    ],
+    channels: ChannelsOption = None,
+    reset: Annotated[
+        bool, typer.Option("--reset", help="Forget what was learned, as after an adjustment.")
+    ] = False,
+    unchecked: Annotated[
+        bool, typer.Option("--unchecked", help="Learn throws that are not called sound, too.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Add sound throws of one switch to its detector; what is not called sound is left out."""
+    check_outputs({"--out": out}, {"--out": (".detector",)})
+    from turnout.detection.detector import Detector
+
+    found = Detector.load(detector)
+    if reset:
+        found.forget()
+    verdicts = found.learn(_read(recordings, channels), check=not unchecked)
+    found.save(out)
+    if as_json:
+        record = {"verdicts": [asdict(item) for item in verdicts], "throws": found.known.throws}
+        print_json("detect learn", record, units=VERDICT_UNITS, written=[out])
+        return
+    for item in verdicts:
+        if item.status != "sound":
+            typer.echo(item.lines()[0])
+    typer.echo(f"{found.known.throws} sound throws known")
+    typer.echo(f"wrote           {out}")
+
+
+@app.command("run", short_help="Judge recorded throws.")
+def run_command(
+    detector: DetectorArgument,
+    recordings: RecordingsArgument,
+    channels: ChannelsOption = None,
+    far: RateOption = 1e-3,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit code 1 where a throw is not called sound.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Judge throws: object or not, where, how large, gaps without sensors, other causes."""
+    from turnout.detection.detector import Detector
+
+    verdicts = Detector.load(detector, false_alarm_rate=_rate(far)).predict(
+        _read(recordings, channels)
+    )
+    if as_json:
+        record = {"verdicts": [asdict(item) for item in verdicts]}
+        print_json("detect run", record, units=VERDICT_UNITS)
+    else:
+        for item in verdicts:
+            typer.echo("\n".join(item.lines()))
+        typer.echo(_summary(verdicts))
+    if strict and any(item.status != "sound" for item in verdicts):
+        raise typer.Exit(FOUND)
+
+
+def _summary(verdicts: "Sequence[Verdict]") -> str:
+    counts: dict[str, int] = {}
+    for item in verdicts:
+        counts[item.status] = counts.get(item.status, 0) + 1
+    return f"{len(verdicts)} throws: " + ", ".join(f"{n} {name}" for name, n in counts.items())
+
+
+def _rate(far: float) -> float:
+    from turnout.detection.calibrating import RATES
+    from turnout.errors import FileError
+
+    if far not in RATES:
+        allowed = ", ".join(f"{rate:g}" for rate in RATES)
+        message = f"--far {far:g}: thresholds are known for {allowed}"
+        raise FileError(message)
+    return far
+
+
+def _read(recordings: "Sequence[Path]", channels: Path | None) -> "list[Recorded]":
+    from turnout.detection.reading import read_throws
+
+    return [throw for path in recordings for throw in read_throws(path, channels=channels)]
+
+
+@app.command("watch", short_help="Judge recordings as they come into a folder.")
+def watch_command(
+    detector: DetectorArgument,
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where recordings arrive.")],
+    channels: ChannelsOption = None,
+    far: RateOption = 1e-3,
+    every: Annotated[
+        float, typer.Option("--every", metavar="S", min=0.1, help="Seconds between looks.")
+    ] = 2.0,
+    once: Annotated[bool, typer.Option("--once", help="Judge what is there, then end.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print each verdict as one JSON object; see docs.")
+    ] = False,
+) -> None:
+    """Judge each new file of a folder once, until interrupted; a bad file stops nothing."""
+    from turnout.detection.detector import Detector
+    from turnout.errors import FileError
+
+    found = Detector.load(detector, false_alarm_rate=_rate(far))
+    if not folder.is_dir():
+        message = f"{folder}: no such folder; name the one that recordings come into"
+        raise FileError(message)
+    done: set[tuple[str, float]] = set()
+    while True:
+        for path in sorted(item for item in folder.iterdir() if item.is_file()):
+            changed = path.stat().st_mtime
+            key = (path.name, changed)
+            settled = once or time.time() - changed > SETTLED
+            if key not in done and settled and not path.name.startswith("."):
+                done.add(key)
+                _judge_file(found, path, channels, as_json=as_json)
+        if once:
+            return
+        time.sleep(every)
+
+
+def _judge_file(found: "Detector", path: Path, channels: Path | None, *, as_json: bool) -> None:
+    from turnout.detection.throw_verdict import ADVICE, CANNOT, Verdict
+    from turnout.errors import TurnoutError
+
+    try:
+        verdicts = found.predict(_read([path], channels))
+    except TurnoutError as error:
+        verdicts = [
+            Verdict(name=path.name, status=CANNOT, reason=str(error), advice=ADVICE[CANNOT])
+        ]
+    for item in verdicts:
+        if as_json:
+            text = json_text("detect watch", {"verdict": asdict(item)}, units=VERDICT_UNITS)
+            typer.echo(" ".join(text.split()))
+        else:
+            typer.echo("\n".join(item.lines()))
+
+
+@app.command("report", short_help="Write an HTML page about judged throws.")
+def report_command(
+    detector: DetectorArgument,
+    recordings: RecordingsArgument,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE.html", help="The page.")],
+    channels: ChannelsOption = None,
+    far: RateOption = 1e-3,
+) -> None:
+    """Judge throws and write one HTML file: findings, a row a throw, trend of friction."""
+    check_outputs({"--out": out}, {"--out": (".html",)})
+    from turnout.detection.detector import Detector
+    from turnout.report.detection import detection_page
+    from turnout.report.page import page_html
+
+    found = Detector.load(detector, false_alarm_rate=_rate(far))
+    verdicts = found.predict(_read(recordings, channels))
+    about = {
+        "detector": str(detector),
+        "panel": str(found.knowledge.about.get("panel", "")),
+        "throws known": str(found.known.throws),
+    }
+    rows = [asdict(item) for item in verdicts]
+    write_and_report(out, page_html(detection_page(rows, about=about)))

@@ -1,0 +1,125 @@
+r"""What a measured throw may differ by from a simulated one, as covariances of its features.
+
+A detector that takes its simulation for the truth trusts differences that no switch honours. So it
+assumes, besides the discrepancy and noise of the reference case:
+
+- the onset of a movement is known to some milliseconds, :math:`\sigma_\tau^2\,\dot y \dot y^T`;
+- the force sensors have a gain, the same in all throws of a switch, and a zero that drifts.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from turnout.detection.conditions import Conditions
+from turnout.detection.features import correlation
+from turnout.detection.throw_layout import Layout, means_on
+from turnout.errors import StudyError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Allowances:
+    """What a detector allows for.
+
+    Attributes
+    ----------
+    discrepancy : float
+        Assumed difference between model and switch, share of the amplitude; more than what is
+        expected makes a detector robust and a little blind [-].
+    kernel : str
+        Of the discrepancy, as in `Conditions`.
+    correlation_time : float
+        Of the discrepancy [s].
+    fixed_share : float
+        Of its variance, fixed for a switch [-].
+    noise : float
+        Of a sample [N].
+    rate : float
+        Samples a second [Hz].
+    timing : float
+        Standard deviation of the onset of each movement [s].
+    gain : float
+        Of the force sensors, fixed for a switch [-].
+    zero : float
+        Standard deviation of the zero of each force sensor in a throw [N].
+    gap : float
+        Of gaps beside what the model says [m].
+    """
+
+    discrepancy: float = 0.05
+    kernel: str = "exponential"
+    correlation_time: float = 0.5
+    fixed_share: float = 0.5
+    noise: float = 20.0
+    rate: float = 125.0
+    timing: float = 3e-3
+    gain: float = 0.01
+    zero: float = 20.0
+    gap: float = 0.2e-3
+
+    def __post_init__(self) -> None:
+        """Refuse what has no meaning."""
+        faults = []
+        if not 0.0 <= self.discrepancy < 1.0:
+            faults.append(f"discrepancy = {self.discrepancy:g}: must be from 0 to below 1")
+        for name in ("noise", "rate"):
+            if not getattr(self, name) > 0.0:
+                faults.append(f"{name} = {getattr(self, name):g}: must be more than 0")
+        if faults:
+            raise StudyError(faults)
+
+    @property
+    def conditions(self) -> Conditions:
+        """The part that the reference case knows too."""
+        return Conditions(
+            discrepancy=self.discrepancy,
+            kernel=self.kernel,
+            correlation_time=self.correlation_time,
+            fixed_share=self.fixed_share,
+            noise=self.noise,
+            rate=self.rate,
+        )
+
+
+def discrepancy_of(layout: Layout, *, amplitude: Floats, conditions: Conditions) -> Floats:
+    """Return the covariance of features that the discrepancy causes, of switch and throw [N^2].
+
+    One process over opening and closing, independent between drives.
+
+    Parameters
+    ----------
+    layout : Layout
+        Windows.
+    amplitude : ndarray, shape (n_drives,)
+        Peak absolute force of the nominal sound throw [N].
+    conditions : Conditions
+        Size, kernel, time.
+    """
+    time, means = means_on(layout, rate=FINE_RATE)
+    kernel = means @ correlation(time[:, np.newaxis] - time, conditions) @ means.T
+    scale = (conditions.discrepancy * np.asarray(amplitude)) ** 2
+    return np.asarray(block_diag(*(item * kernel for item in scale)))
+
+
+FINE_RATE = 125.0
+"""At which the kernel of the discrepancy is averaged over windows [Hz]."""
+
+
+def noise_of(layout: Layout, *, noise: float, rate: float) -> Floats:
+    """Return the covariance of features that white noise of samples causes [N^2]."""
+    return np.diag(noise**2 / np.maximum(layout.width * rate, 1.0))
+
+
+def zeros_of(layout: Layout, *, zero: float) -> Floats:
+    """Return the covariance of features that unknown zeros of the force sensors cause [N^2]."""
+    return np.asarray(zero**2 * (layout.drive[:, np.newaxis] == layout.drive))
+
+
+def gains_of(layout: Layout, mean: Floats, *, gain: float) -> Floats:
+    """Return the covariance of features that unknown gains cause, of one mean throw [N^2]."""
+    same = layout.drive[:, np.newaxis] == layout.drive
+    return np.asarray(gain**2 * np.where(same, np.outer(mean, mean), 0.0))

@@ -1,0 +1,246 @@
+"""The detector: trained once for a type of switch, taught by each switch's own sound throws."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.detection.calibrating import throw_levels
+from turnout.detection.judging import CYCLE, View, evidence_of, make_view
+from turnout.detection.knowledge import Knowledge, load, store
+from turnout.detection.recorded import (
+    Aligner,
+    Recorded,
+    features_of_recorded,
+    part_of,
+    recording_fault,
+)
+from turnout.detection.switch_history import Expectation, before_history, observe
+from turnout.detection.throw_layout import CLOSING
+from turnout.detection.throw_set import ThrowSet
+from turnout.detection.throw_verdict import ADVICE, CANNOT, SOUND, Verdict, verdict_on
+from turnout.errors import FileError, TurnoutError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(slots=True, eq=False)
+class Detector:
+    """Tells from drive forces whether something is trapped, where, how large, or what else it is.
+
+    Attributes
+    ----------
+    knowledge : Knowledge
+        Of the type of switch.
+    known : Expectation
+        Of this switch, from its own sound throws.
+    false_alarm_rate : float
+        Of sound throws that are called an object, 1e-3 or 1e-4 [-].
+
+    Examples
+    --------
+    >>> detector = Detector.load("switch.detector")  # doctest: +SKIP
+    >>> detector.predict(throws)[0].status  # doctest: +SKIP
+    'sound'
+    """
+
+    knowledge: Knowledge
+    known: Expectation = field(init=False)
+    false_alarm_rate: float = 1e-3
+    _views: dict[str, View] = field(init=False, default_factory=dict)
+    _aligners: dict[str, Aligner] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Begin without a history."""
+        self.known = before_history(self.knowledge.model, self.knowledge.errors())
+
+    # ---- from throws to verdicts
+
+    def predict(self, throws: "Recorded | Iterable[Recorded] | xr.Dataset") -> list[Verdict]:
+        """Judge throws.
+
+        Parameters
+        ----------
+        throws : Recorded, iterable of Recorded, or xarray.Dataset
+            From `read_throws`; or a throw or a campaign in schema terms.
+        """
+        if isinstance(throws, Recorded):
+            return [self.judge(throws)]
+        if hasattr(throws, "data_vars"):
+            from turnout.detection.reading import throws_of_dataset
+
+            return [self.judge(item) for item in throws_of_dataset(cast("xr.Dataset", throws))]
+        return [self.judge(item) for item in throws]
+
+    def judge(self, throw: Recorded) -> Verdict:
+        """Judge one throw; one that cannot be judged says why."""
+        fault = recording_fault(throw, self.knowledge.layout)
+        if fault:
+            return Verdict(name=throw.name, status=CANNOT, reason=fault, advice=ADVICE[CANNOT])
+        part, features = self.features(throw)
+        return self.judge_features(features, part=part, name=throw.name)
+
+    def judge_features(self, features: Floats, *, part: str = CYCLE, name: str = "") -> Verdict:
+        """Judge one throw by its features, shape (n_features,) [N]."""
+        view = self.view(part)
+        own = features[view.features]
+        if not np.isfinite(own).all():
+            reason = f"{np.count_nonzero(~np.isfinite(own))} windows hold no samples"
+            return Verdict(name=name, status=CANNOT, reason=reason, advice=ADVICE[CANNOT])
+        calibrated = self.knowledge.calibration(part=part, history=self.known.throws)
+        if calibrated is None or f"{self.false_alarm_rate:g}" not in calibrated.thresholds:
+            message = (
+                f"this detector has no threshold for {part} at {self.false_alarm_rate:g} false "
+                "alarms a throw; train it again: turnout detect train"
+            )
+            raise TurnoutError(message)
+        return verdict_on(
+            name,
+            view,
+            evidence_of(view, features),
+            0,
+            knowledge=self.knowledge,
+            calibrated=calibrated,
+            rate=self.false_alarm_rate,
+        )
+
+    def features(self, throw: Recorded) -> tuple[str, Floats]:
+        """Return what of a throw can be judged, and its features, shape (n_features,) [N]."""
+        layout = self.knowledge.layout
+        part = part_of(throw, layout)
+        onsets = dict(throw.onsets) if throw.exact else self._aligner(part).align(throw)
+        if part == CLOSING:
+            onsets = {CLOSING: onsets[CLOSING]}
+        return part, features_of_recorded(throw, layout, onsets)
+
+    def view(self, part: str = CYCLE) -> View:
+        """Return what throws are judged with, made when it is first needed."""
+        if part not in self._views:
+            self._views[part] = make_view(self.knowledge, part=part, known=self.known)
+        return self._views[part]
+
+    def _aligner(self, part: str) -> Aligner:
+        if part not in self._aligners:
+            self._aligners[part] = Aligner(self.view(part), self.knowledge.layout)
+        return self._aligners[part]
+
+    # ---- what it learns of a switch
+
+    def learn(self, throws: Iterable[Recorded], *, check: bool = True) -> list[Verdict]:
+        """Learn what is usual for a switch from throws without an object.
+
+        Parameters
+        ----------
+        throws : iterable of Recorded
+            In the order of time.
+        check : bool
+            Whether a throw that is not called sound is left out.
+
+        Returns
+        -------
+        list of Verdict
+            On each throw, before any of them was learned.
+        """
+        found, rows = [], []
+        for throw in throws:
+            fault = recording_fault(throw, self.knowledge.layout)
+            if fault:
+                found.append(self.judge(throw))
+                continue
+            part, features = self.features(throw)
+            verdict = self.judge_features(features, part=part, name=throw.name)
+            found.append(verdict)
+            if (verdict.status == SOUND or not check) and verdict.status != CANNOT:
+                rows.append((part, features))
+        for part in dict.fromkeys(item[0] for item in rows):
+            self.learn_features(np.array([row for own, row in rows if own == part]), part=part)
+        return found
+
+    def learn_features(self, features: Floats, *, part: str = CYCLE) -> None:
+        """Learn sound throws by their features, shape (n_throws, n_features) [N]."""
+        model, errors = self.knowledge.model, self.knowledge.errors()
+        levels = throw_levels(self.view(part), features, levels=model.level)
+        for row, level in zip(features, levels, strict=True):
+            self.known = observe(model, errors, self.known, row, level=float(level))
+        self._views.clear()
+        self._aligners.clear()
+
+    def forget(self) -> None:
+        """Begin a new history, as after an adjustment."""
+        self.__post_init__()
+        self._views.clear()
+        self._aligners.clear()
+
+    # ---- training and judging itself
+
+    @classmethod
+    def fit(cls, sets: Mapping[str, ThrowSet], setting: Any, **options: Any) -> Self:
+        """Train a detector on simulated throws; see `train_detector`."""
+        from turnout.detection.train_detector import knowledge_of_sets
+
+        return cls(knowledge_of_sets(sets, setting, **options))
+
+    def score(self, throws: Sequence[Recorded], trapped: Sequence[bool]) -> dict[str, float]:
+        """Return shares of false alarms, of objects detected, and of throws not judged.
+
+        Parameters
+        ----------
+        throws : sequence of Recorded
+            Each judged by itself.
+        trapped : sequence of bool
+            Whether there was an object.
+        """
+        verdicts = self.predict(throws)
+        judged = [
+            (v.alarm, t) for v, t in zip(verdicts, trapped, strict=True) if v.status != CANNOT
+        ]
+        sound = [alarm for alarm, truth in judged if not truth]
+        objects = [alarm for alarm, truth in judged if truth]
+        return {
+            "false_alarms": float(np.mean(sound)) if sound else float("nan"),
+            "detected": float(np.mean(objects)) if objects else float("nan"),
+            "not_judged": 1.0 - len(judged) / len(verdicts) if verdicts else float("nan"),
+        }
+
+    # ---- one file
+
+    def save(self, path: Path | str, *, report: Callable[[str], None] | None = None) -> None:
+        """Write the detector with the history of its switch to one file."""
+        extra = {
+            "mean": self.known.mean,
+            "covariance": self.known.covariance.astype(np.float32),
+            "throws": np.array(self.known.throws),
+        }
+        store(self.knowledge, Path(path), extra=extra if self.known.throws else None)
+        if report is not None:
+            report(str(path))
+
+    @classmethod
+    def load(cls, path: Path | str, *, false_alarm_rate: float = 1e-3) -> Self:
+        """Read a detector file.
+
+        Raises
+        ------
+        FileError
+            When it is none, damaged, or of another format.
+        """
+        knowledge, extra = load(path)
+        found = cls(knowledge, false_alarm_rate)
+        if extra:
+            size = len(found.known.mean)
+            mean, covariance = extra.get("mean"), extra.get("covariance")
+            if mean is None or covariance is None or mean.shape != (size,):
+                message = f"{path}: its history does not fit; train it again, or copy it again"
+                raise FileError(message)
+            found.known = Expectation(
+                mean=mean.astype(np.float64),
+                covariance=covariance.astype(np.float64),
+                throws=int(extra["throws"]),
+            )
+        return found

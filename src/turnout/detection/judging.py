@@ -1,0 +1,192 @@
+r"""From features of throws to log likelihood ratios: object against sound and every other cause.
+
+.. math:: \Lambda = \frac{\frac1P \sum_{p} p_p(y)}{p_0(y) + \sum_k \rho_k\, p_k(y)}
+
+over places :math:`p` of objects and other causes :math:`k`. A throw is an alarm where
+:math:`\log \Lambda` is above a threshold. :math:`\rho` is small: a cause that explains a throw as
+well as an object does keeps it from being an alarm, and costs little where it does not.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from turnout.detection.knowledge import Knowledge
+from turnout.detection.likelihood import Centre, Evidence, Signatures, make_centre, weigh
+from turnout.detection.switch_history import Expectation, ThrowErrors, before_history, predict
+from turnout.detection.throw_layout import CLOSING
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+CYCLE = "cycle"
+"""Opening and closing together, in place of the closing alone."""
+CAUSE_WEIGHT = 0.3
+r""":math:`\rho`, weight of every other cause against a sound switch [-]."""
+ADJUSTED = "adjustment"
+LEAST_HISTORY = 3
+"""Throws from which on an adjustment can be told from a switch that always was like that."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class View:
+    """All that is needed to judge throws of a switch in which the same features are known.
+
+    Attributes
+    ----------
+    part : str
+        "cycle" or "closing".
+    features : ndarray of int
+        Which of all features.
+    centres : tuple of Centre
+        Friction levels.
+    signatures : Signatures
+        In these features.
+    objects : int
+        The first kinds, which are places of objects.
+    kinds : tuple of str
+        All.
+    history : int
+        Throws known of the switch.
+    """
+
+    part: str
+    features: Ints
+    centres: tuple[Centre, ...]
+    signatures: Signatures
+    objects: int
+    kinds: tuple[str, ...]
+    history: int
+
+    @property
+    def cause_weight(self) -> Floats:
+        """Logarithm of the weight of each further kind."""
+        found = np.full(len(self.kinds) - self.objects, np.log(CAUSE_WEIGHT))
+        for number, name in enumerate(self.kinds[self.objects :]):
+            if name == ADJUSTED and self.history < LEAST_HISTORY:
+                found[number] = -np.inf  # part of the population then
+        return found
+
+
+def make_view(
+    knowledge: Knowledge,
+    *,
+    part: str = CYCLE,
+    known: Expectation | None = None,
+    errors: ThrowErrors | None = None,
+) -> View:
+    """Prepare to judge throws of a switch.
+
+    Parameters
+    ----------
+    knowledge : Knowledge
+        Trained.
+    part : str
+        What is recorded.
+    known : Expectation, optional
+        Of the switch; default nothing but the population.
+    errors : ThrowErrors, optional
+        Assumed; default those of the knowledge.
+    """
+    model, assumed = knowledge.model, errors or knowledge.errors()
+    expected = known or before_history(model, assumed)
+    size = knowledge.layout.size
+    if part == CYCLE:
+        features = np.arange(size)
+    else:
+        _, features = knowledge.layout.only(CLOSING)
+    kept = np.concatenate([features, np.arange(size, model.mean.shape[1])])
+    signatures = knowledge.signatures.seen_by(features)
+    centres = []
+    for number, level in enumerate(model.level):
+        mean, covariance = predict(model, assumed, expected, number)
+        centres.append(
+            make_centre(
+                mean=mean[kept],
+                covariance=covariance[np.ix_(kept, kept)],
+                log_weight=float(np.log(model.weight[number])),
+                signatures=signatures,
+                distance=(signatures.level - level) / model.spacing,
+            )
+        )
+    return View(
+        part=part,
+        features=features,
+        centres=tuple(centres),
+        signatures=signatures,
+        objects=len(knowledge.places),
+        kinds=knowledge.kinds,
+        history=expected.throws,
+    )
+
+
+def evidence_of(view: View, features: Floats) -> Evidence:
+    """Weigh throws, shape (n_throws, all features)."""
+    return weigh(
+        np.atleast_2d(features)[:, view.features],
+        view.centres,
+        kind=view.signatures.kind,
+        kinds=len(view.kinds),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ratios:
+    r"""Log likelihood ratios of throws.
+
+    Attributes
+    ----------
+    alarm : ndarray, shape (n_throws,)
+        :math:`\\log \\Lambda`.
+    place : ndarray, shape (n_places, n_throws)
+        Object at each place against everything that is no object.
+    cause : ndarray, shape (n_causes, n_throws)
+        Every other cause against a sound switch.
+    object : ndarray, shape (n_throws,)
+        Object anywhere against a sound switch.
+    """
+
+    alarm: Floats
+    place: Floats
+    cause: Floats
+    object: Floats
+
+
+def ratios_of(view: View, evidence: Evidence) -> Ratios:
+    """Return the likelihood ratios."""
+    places = evidence.kind[: view.objects]
+    causes = evidence.kind[view.objects :]
+    anywhere = logsumexp(places, axis=0) - np.log(view.objects)
+    weighed = np.vstack([evidence.sound, causes + view.cause_weight[:, np.newaxis]])
+    against = np.asarray(logsumexp(weighed, axis=0))
+    return Ratios(
+        alarm=anywhere - against,
+        place=places - against,
+        cause=causes - evidence.sound,
+        object=anywhere - evidence.sound,
+    )
+
+
+def best_square(evidence: Evidence) -> Floats:
+    """Return what the hypothesis that fits best leaves of each throw, whitened, squared [-]."""
+    sound = np.einsum("kft,kft->kt", evidence.white, evidence.white).min(axis=0)
+    return np.asarray(np.minimum(sound, evidence.square.min(axis=0)))
+
+
+def level_of(view: View, evidence: Evidence, *, levels: Floats) -> Floats:
+    """Return the expected friction level of each throw, objects and causes allowed for [-].
+
+    Parameters
+    ----------
+    view : View
+        That the evidence was weighed with.
+    evidence : Evidence
+        Of the throws.
+    levels : ndarray, shape (k,)
+        Of the centres [-].
+    """
+    highest = evidence.centre.max(axis=0)
+    share = np.exp(evidence.centre - highest)
+    return np.asarray(levels @ share / share.sum(axis=0))

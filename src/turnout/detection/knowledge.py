@@ -1,0 +1,311 @@
+"""What a detector knows after training, as one record and as one file without pickles."""
+
+import hashlib
+import io
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.core.files import write_atomic
+from turnout.core.provenance import version
+from turnout.detection.allowances import (
+    Allowances,
+    discrepancy_of,
+    gains_of,
+    noise_of,
+    zeros_of,
+)
+from turnout.detection.likelihood import Signatures
+from turnout.detection.sound_model import SoundModel
+from turnout.detection.switch_history import ThrowErrors
+from turnout.detection.throw_layout import Layout, Part
+from turnout.errors import FileError
+
+Floats = NDArray[np.float64]
+
+SCHEMA = 1
+"""Of a detector file."""
+SUFFIX = ".detector"
+LARGEST = 400_000_000
+"""Of a detector file [bytes]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibrated:
+    """What held-back throws of the population said of a way to judge.
+
+    Attributes
+    ----------
+    part : str
+        "cycle" for opening and closing, "closing" for the closing alone.
+    history : int
+        Sound throws that were known.
+    thresholds : mapping of str to float
+        Logarithm of the likelihood ratio above which a throw is an alarm, by the rate of false
+        alarms, such as "0.001" [-].
+    throws : int
+        Sound throws behind them, each with its own discrepancy and noise.
+    switches : int
+        Among how many switches.
+    residual : tuple of float
+        Quantiles of what the best hypothesis leaves of a throw, at `RESIDUAL_LEVELS` [-].
+    size_factor, gap_factor, object_gap_factor : float
+        By which intervals of size, of end gaps, and of end gaps where there is an alarm, are
+        widened to hold 95 % [-].
+    """
+
+    part: str
+    history: int
+    thresholds: Mapping[str, float]
+    throws: int
+    switches: int
+    residual: tuple[float, ...] = ()
+    size_factor: float = 1.0
+    gap_factor: float = 1.0
+    object_gap_factor: float = 1.0
+
+
+RESIDUAL_LEVELS = (0.0, 0.01, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Setting:
+    """What a detector is made for, beside the throws that it learns from.
+
+    Attributes
+    ----------
+    layout : Layout
+        Of the features.
+    places : mapping of str to float
+        Where objects are reported [m].
+    amplitude : ndarray, shape (n_drives,)
+        Peak absolute force of the nominal sound throw [N].
+    gaps : tuple of str
+        Names of the end gaps.
+    limits : tuple of float
+        From which on each is open [m].
+    allowances : Allowances
+        What is assumed beside the population.
+    """
+
+    layout: Layout
+    places: Mapping[str, float]
+    amplitude: Floats
+    gaps: tuple[str, ...]
+    limits: tuple[float, ...]
+    allowances: Allowances
+
+    def errors(self, mean: Floats, *, allowances: Allowances | None = None) -> ThrowErrors:
+        """Return the covariances of throws beside the sound model.
+
+        Parameters
+        ----------
+        mean : ndarray, shape (n_features,)
+            Of sound throws, for the gains of force sensors [N].
+        allowances : Allowances, optional
+            In place of those assumed, such as those that test throws are drawn with.
+        """
+        given = allowances or self.allowances
+        layout, share = self.layout, given.fixed_share
+        whole = discrepancy_of(layout, amplitude=self.amplitude, conditions=given.conditions)
+        return ThrowErrors(
+            fixed=share * whole + gains_of(layout, mean, gain=given.gain),
+            changing=(1.0 - share) * whole
+            + noise_of(layout, noise=given.noise, rate=given.rate)
+            + zeros_of(layout, zero=given.zero),
+            timing=given.timing,
+            gap=given.gap,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Knowledge:
+    """A trained detector, before it knows anything of one switch.
+
+    Attributes
+    ----------
+    setting : Setting
+        What it is made for.
+    model : SoundModel
+        Of sound throws.
+    signatures : Signatures
+        Of objects and other causes.
+    causes : tuple of str
+        Kinds of signature after the places of objects.
+    calibrated : tuple of Calibrated
+        Thresholds.
+    about : mapping of str to object
+        Panel, study, counts of throws, version, for people and for checks.
+    """
+
+    setting: Setting
+    model: SoundModel
+    signatures: Signatures
+    causes: tuple[str, ...]
+    calibrated: tuple[Calibrated, ...] = ()
+    about: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def layout(self) -> Layout:
+        """Of the features."""
+        return self.setting.layout
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Kinds of signature that are objects, by their place."""
+        return tuple(self.setting.places)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Names of all kinds of signature."""
+        return self.places + self.causes
+
+    def errors(self, allowances: Allowances | None = None) -> ThrowErrors:
+        """Return the covariances beside the sound model, as assumed or as given."""
+        middle = self.model.mean[len(self.model.mean) // 2, : self.layout.size]
+        return self.setting.errors(middle, allowances=allowances)
+
+    def calibration(self, *, part: str, history: int) -> Calibrated | None:
+        """Return what held for the next smaller history; None without any."""
+        fitting = [c for c in self.calibrated if c.part == part and c.history <= history]
+        return max(fitting, key=lambda item: item.history, default=None)
+
+
+def store(knowledge: Knowledge, path: Path, *, extra: Mapping[str, Any] | None = None) -> None:
+    """Write a detector file: arrays and one text, sealed by a digest.
+
+    Parameters
+    ----------
+    knowledge : Knowledge
+        What is kept.
+    path : Path
+        Of the file; written whole or not at all.
+    extra : mapping, optional
+        Further arrays, such as the history of a switch.
+    """
+    model, signatures = knowledge.model, knowledge.signatures
+    arrays: dict[str, NDArray[Any]] = {
+        f"model.{name}": np.asarray(getattr(model, name), dtype=_PRECISION.get(name, np.float64))
+        for name in MODEL_ARRAYS
+    }
+    arrays |= {f"signatures.{name}": getattr(signatures, name) for name in SIGNATURE_ARRAYS}
+    setting = knowledge.setting
+    arrays["amplitude"] = setting.amplitude
+    arrays |= {f"extra.{name}": np.asarray(value) for name, value in (extra or {}).items()}
+    said = {
+        "schema": SCHEMA,
+        "version": version(),
+        "layout": asdict(setting.layout),
+        "places": list(setting.places.items()),
+        "gaps": setting.gaps,
+        "limits": setting.limits,
+        "allowances": asdict(setting.allowances),
+        "causes": knowledge.causes,
+        "calibrated": [asdict(item) for item in knowledge.calibrated],
+        "about": dict(knowledge.about),
+    }
+    text = json.dumps(said, sort_keys=True)
+    arrays["said"] = np.frombuffer(text.encode(), dtype=np.uint8)
+    arrays["digest"] = np.frombuffer(_digest(arrays).encode(), dtype=np.uint8)
+    content = io.BytesIO()
+    np.savez_compressed(content, **arrays)  # type: ignore[arg-type]
+    write_atomic(path, content.getvalue())
+
+
+MODEL_ARRAYS = ("level", "weight", "mean", "slope", "switch", "within", "shift")
+SIGNATURE_ARRAYS = ("basis", "change", "gap", "level", "kind", "size", "x")
+_PRECISION = {"within": np.float32, "shift": np.float32}
+
+
+def _digest(arrays: Mapping[str, NDArray[Any]]) -> str:
+    found = hashlib.sha256()
+    for name in sorted(arrays):
+        values = np.ascontiguousarray(arrays[name])
+        found.update(f"{name} {values.dtype.str} {values.shape}".encode())
+        found.update(values.tobytes())
+    return found.hexdigest()
+
+
+def load(path: Path | str) -> tuple[Knowledge, dict[str, NDArray[Any]]]:
+    """Read a detector file.
+
+    Returns
+    -------
+    knowledge : Knowledge
+        Of the detector.
+    extra : dict
+        Further arrays.
+
+    Raises
+    ------
+    FileError
+        When it is not there, no detector, damaged, or of another version of the format.
+    """
+    place = Path(path)
+    arrays = _read(place)
+    digest = bytes(arrays.pop("digest", np.zeros(0, dtype=np.uint8))).decode(errors="replace")
+    if "said" not in arrays or digest != _digest(arrays):
+        message = f"{place}: damaged (its digest does not fit); train it again, or copy it again"
+        raise FileError(message)
+    said = json.loads(bytes(arrays["said"]).decode())
+    if said.get("schema") != SCHEMA:
+        message = (
+            f"{place}: detector format {said.get('schema')}, this version reads {SCHEMA}; "
+            "train it again: turnout detect train"
+        )
+        raise FileError(message)
+    parts = tuple(Part(**part) for part in said["layout"]["parts"])
+    model = SoundModel(
+        **{name: arrays[f"model.{name}"].astype(np.float64) for name in MODEL_ARRAYS}
+    )
+    setting = Setting(
+        layout=Layout(parts=parts, drives=tuple(said["layout"]["drives"])),
+        places={name: float(x) for name, x in said["places"]},
+        amplitude=arrays["amplitude"],
+        gaps=tuple(said["gaps"]),
+        limits=tuple(said["limits"]),
+        allowances=Allowances(**said["allowances"]),
+    )
+    knowledge = Knowledge(
+        setting=setting,
+        model=model,
+        signatures=Signatures(**{name: arrays[f"signatures.{name}"] for name in SIGNATURE_ARRAYS}),
+        causes=tuple(said["causes"]),
+        calibrated=tuple(
+            replace(Calibrated(**item), residual=tuple(item["residual"]))
+            for item in said["calibrated"]
+        ),
+        about=said["about"],
+    )
+    extra = {
+        name.removeprefix("extra."): value
+        for name, value in arrays.items()
+        if name.startswith("extra.")
+    }
+    return knowledge, extra
+
+
+def _read(place: Path) -> dict[str, NDArray[Any]]:
+    remedy = "a detector is what `turnout detect train` writes"
+    try:
+        if not place.is_file():
+            message = f"{place}: is no file; {remedy}"
+            raise FileError(message)
+        if place.stat().st_size > LARGEST:
+            message = f"{place}: is larger than {LARGEST / 1e6:.0f} MB; {remedy}"
+            raise FileError(message)
+        with zipfile.ZipFile(place) as packed:
+            if sum(item.file_size for item in packed.infolist()) > LARGEST:
+                message = f"{place}: holds more than {LARGEST / 1e6:.0f} MB; {remedy}"
+                raise FileError(message)
+        with np.load(place, allow_pickle=False) as content:
+            return {name: content[name] for name in content.files}
+    except (OSError, ValueError, zipfile.BadZipFile, KeyError, EOFError) as error:
+        message = f"{place}: cannot be read as a detector ({error}); {remedy}"
+        raise FileError(message) from None

@@ -1,0 +1,226 @@
+"""Throws from whatever holds them: campaign folders, recordings with a map, datasets, tables."""
+
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.detection.recorded import Recorded
+from turnout.detection.throw_layout import CLOSING, OPENING
+from turnout.errors import FileError, TurnoutError
+from turnout.measurement.campaign.build_campaign import BuiltCampaign, build_campaign
+from turnout.measurement.campaign.find_throws import FoundThrow, find_throws
+from turnout.measurement.chain.apply import apply_chain, load_channel_map
+from turnout.measurement.formats.file_format import read_recording
+
+Floats = NDArray[np.float64]
+
+APART = 30.0
+"""An opening belongs to the closing that begins at most so long after its onset [s]."""
+RATE, START, DIRECTION, NAME = "rate [Hz]", "start [s]", "direction", "throw"
+FORCE = "force "
+UNIT = " [N]"
+
+
+def read_throws(path: Path | str, *, channels: Path | str | None = None) -> list[Recorded]:
+    """Return the throws of a campaign folder, a dataset (.nc), a table (.csv), or a recording.
+
+    Parameters
+    ----------
+    path : path-like
+        What was recorded.
+    channels : path-like, optional
+        Channel map of a recording; without one, a .csv is a table with a row a throw.
+
+    Raises
+    ------
+    FileError, MeasurementError
+        When it cannot be read.
+    """
+    place = Path(path)
+    if place.is_dir():
+        return throws_of_campaign(build_campaign(place, channels=channels))
+    if channels is not None:
+        dataset = apply_chain(read_recording(place), load_channel_map(channels))
+        return throws_of_dataset(dataset, name=place.name)
+    if place.suffix == ".nc":
+        from turnout.response.store import open_response
+
+        return throws_of_dataset(open_response(place), name=place.name)
+    if place.suffix == ".csv":
+        return read_table(place)
+    message = f"{place}: needs a channel map: --channels MAP.toml"
+    raise FileError(message)
+
+
+def throws_of_campaign(campaign: BuiltCampaign) -> list[Recorded]:
+    """Return the closing movements of a campaign, and what is not usable with its reasons."""
+    found = [] if campaign.dataset is None else throws_of_dataset(campaign.dataset)
+    for item in campaign.excluded:
+        if item.run.direction == CLOSING:
+            found.append(_faulty(item.run.name, "; ".join(item.reasons)))
+    return found
+
+
+def _faulty(name: str, fault: str) -> Recorded:
+    nothing = np.zeros(0)
+    return Recorded(
+        name=name, time=nothing, force=np.zeros((0, 0)), drives=(), onsets={}, fault=fault
+    )
+
+
+def throws_of_dataset(dataset: xr.Dataset, *, name: str = "throw") -> list[Recorded]:
+    """Return the throws of a dataset in schema terms, measured or simulated."""
+    if "drive_force" not in dataset:
+        return [_faulty(name, "no drive forces are recorded")]
+    if "movement" in dataset.dims:
+        return list(_of_movements(dataset))
+    whole = dataset.transpose(..., "drive", "time")
+    drives = tuple(str(item) for item in whole["drive"].to_numpy())
+    time = whole["time"].to_numpy().astype(np.float64)
+    force = whole["drive_force"].to_numpy().astype(np.float64)
+    found = find_throws(whole)
+    closings = [item for item in found if item.direction == CLOSING]
+    if not closings:
+        return [_faulty(name, "no closing movement was found in it")]
+    throws = []
+    for number, item in enumerate(closings, 1):
+        before = _opening_before(found, item)
+        onsets = {CLOSING: item.onset}
+        first = item.first
+        if before is not None:
+            onsets[OPENING] = before.onset
+            first = before.first
+        label = name if len(closings) == 1 else f"{name}#{number}"
+        kept = slice(first, item.stop)
+        throws.append(
+            Recorded(
+                name=label,
+                time=time[kept],
+                force=force[:, kept],
+                drives=drives,
+                onsets=onsets,
+                fault="the recording begins after the onset of closing" if item.cut_start else "",
+            )
+        )
+    return throws
+
+
+def _opening_before(found: tuple[FoundThrow, ...], closing: FoundThrow) -> FoundThrow | None:
+    """Return the movement before a closing, if it is its opening."""
+    at = found.index(closing)
+    if at == 0:
+        return None
+    before = found[at - 1]
+    near = closing.onset - before.onset < APART
+    return before if before.direction == OPENING and near and not before.cut_start else None
+
+
+def _of_movements(dataset: xr.Dataset) -> Iterator[Recorded]:
+    """Yield the closing movements of a campaign's dataset, each with its opening if recorded."""
+    key = "drive_force_unfiltered" if "drive_force_unfiltered" in dataset else "drive_force"
+    force = dataset[key].transpose("movement", "drive", "time").to_numpy().astype(np.float64)
+    time = dataset["time"].to_numpy().astype(np.float64)
+    drives = tuple(str(item) for item in dataset["drive"].to_numpy())
+    columns = {
+        name: dataset[name].to_numpy().tolist()
+        for name in ("movement", "direction", "size", "place", "file", "onset")
+        if name in dataset.coords
+    }
+    for row, direction in enumerate(columns["direction"]):
+        if direction != CLOSING:
+            continue
+        onset = float(columns["onset"][row]) if "onset" in columns else 0.0
+        before = _row_before(columns, row, onset)
+        instants, values, onsets = time + onset, force[row], {CLOSING: onset}
+        kept = np.isfinite(values).any(axis=0)
+        instants, values = instants[kept], values[:, kept]
+        if before is not None:
+            start = float(columns["onset"][before])
+            own = np.isfinite(force[before]).any(axis=0) & (time + start < instants[0])
+            instants = np.concatenate([time[own] + start, instants])
+            values = np.concatenate([force[before][:, own], values], axis=1)
+            onsets[OPENING] = start
+        labels = {str(name): columns[name][row] for name in ("size", "place") if name in columns}
+        yield Recorded(
+            name=str(columns["movement"][row]),
+            time=instants,
+            force=values,
+            drives=drives,
+            onsets=onsets,
+            labels=labels,
+        )
+
+
+def _row_before(columns: dict[str, list[object]], row: int, onset: float) -> int | None:
+    """Return the opening that the same recording holds just before a closing."""
+    if row == 0 or "file" not in columns or "onset" not in columns:
+        return None
+    same = columns["file"][row - 1] == columns["file"][row]
+    opening = columns["direction"][row - 1] == OPENING
+    ago = onset - float(str(columns["onset"][row - 1]))
+    return row - 1 if same and opening and 0.0 < ago < APART else None
+
+
+def read_table(path: Path) -> list[Recorded]:
+    """Read a table with a row a throw, as monitoring systems write it.
+
+    Columns: `throw`, `rate [Hz]`, optionally `start [s]` (of the first sample, the movement begins
+    at 0), optionally `direction`, and for each drive `force NAME [N]`: samples separated by spaces.
+
+    Parameters
+    ----------
+    path : Path
+        Of the table (.csv).
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        message = f"{path}: cannot be read as a table ({error})"
+        raise FileError(message) from None
+    names = list(rows[0]) if rows else []
+    drives = tuple(
+        name.removeprefix(FORCE).removesuffix(UNIT)
+        for name in names
+        if name and name.startswith(FORCE) and name.endswith(UNIT)
+    )
+    if RATE not in names or not drives:
+        message = (
+            f"{path}: no table of throws: needs the columns '{RATE}' and '{FORCE}NAME{UNIT}'; "
+            "a recording with a column a channel needs --channels MAP.toml"
+        )
+        raise FileError(message)
+    return [_of_row(row, number, drives) for number, row in enumerate(rows, 1)]
+
+
+def _of_row(row: dict[str, str], number: int, drives: tuple[str, ...]) -> Recorded:
+    name = (row.get(NAME) or "").strip() or f"row {number}"
+    direction = (row.get(DIRECTION) or "").strip().lower()
+    try:
+        rate = float(row[RATE])
+        lines = [[float(item) for item in row[f"{FORCE}{d}{UNIT}"].split()] for d in drives]
+        start = float(row[START]) if (row.get(START) or "").strip() else float("nan")
+    except (ValueError, TypeError, KeyError) as error:
+        return _faulty(name, f"holds what is no number ({error})")
+    lengths = {len(line) for line in lines}
+    if direction and direction != CLOSING:
+        return _faulty(name, f"is {direction}, and closing movements are judged")
+    if len(lengths) != 1 or max(lengths) < 10 or not rate > 0.0:
+        return _faulty(name, f"has {sorted(lengths)} samples a drive at {rate:g} Hz")
+    force = np.array(lines)
+    if np.isfinite(start):
+        time = start + np.arange(force.shape[1]) / rate
+        return Recorded(name=name, time=time, force=force, drives=drives, onsets={CLOSING: 0.0})
+    time = np.arange(force.shape[1]) / rate
+    dataset = xr.Dataset(
+        {"drive_force": (("drive", "time"), force)}, {"time": time, "drive": list(drives)}
+    )
+    try:
+        (found,) = throws_of_dataset(dataset, name=name)
+    except (TurnoutError, ValueError):
+        return _faulty(name, "holds several closings; one row is one throw")
+    return found

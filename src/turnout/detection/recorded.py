@@ -1,0 +1,292 @@
+"""Throws as they come from recorders: what can be judged, and when each movement begins.
+
+Only numpy and scipy are used here; files are read in `turnout.detection.reading`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.detection.judging import CYCLE, View
+from turnout.detection.likelihood import log_density
+from turnout.detection.throw_layout import CLOSING, OPENING, Layout, throw_features
+
+Floats = NDArray[np.float64]
+
+LEAST_RATE = 20.0
+"""Samples a second below which windows of a closing movement stay empty [Hz]."""
+MOST_HOLES = 0.1
+"""Longest gap between samples that is bridged [s]."""
+CLIPPED = 5
+"""Equal samples in a row at the largest force from which on a channel counts as clipped."""
+LARGEST_FORCE = 50e3
+"""Beyond this a drive force is in the wrong unit [N]."""
+SHIFTS = np.arange(-40e-3, 41e-3, 4e-3)
+"""Onsets that are tried about the one that was found [s]."""
+ONSET_DEVIATION = 12e-3
+"""Standard deviation of onsets that are found in recordings [s]."""
+EARLY = 0.6
+"""Share of the closing movement by which it is aligned: before small objects are touched [-]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recorded:
+    """One throw as it was recorded.
+
+    Attributes
+    ----------
+    name : str
+        Of file or movement.
+    time : ndarray, shape (n_times,)
+        [s]
+    force : ndarray, shape (n_drives, n_times)
+        [N], positive closing; NaN where nothing was recorded.
+    drives : tuple of str
+        Names of the rows.
+    onsets : mapping of str to float
+        When "opening" and "closing" begin, as far as they are recorded [s].
+    exact : bool
+        Whether onsets are exact, as in simulations; else they are found again.
+    fault : str
+        Why it cannot be judged; empty otherwise.
+    labels : mapping of str to object
+        What is known besides, such as size and place of a test object.
+    """
+
+    name: str
+    time: Floats
+    force: Floats
+    drives: tuple[str, ...]
+    onsets: Mapping[str, float]
+    exact: bool = False
+    fault: str = ""
+    labels: Mapping[str, Any] = field(default_factory=dict)
+
+
+def recording_fault(throw: Recorded, layout: Layout) -> str:
+    """Return why a recording cannot be judged; empty where it can.
+
+    Parameters
+    ----------
+    throw : Recorded
+        As it came.
+    layout : Layout
+        That must be covered.
+    """
+    if throw.fault:
+        return throw.fault
+    lacking = [name for name in layout.drives if name not in throw.drives]
+    if lacking:
+        return f"no force of drive {', '.join(lacking)} is recorded"
+    if CLOSING not in throw.onsets:
+        return "no closing movement was found in it"
+    if throw.time.size < 2 or not np.all(np.diff(throw.time) > 0.0):
+        return "its time does not rise"
+    for name in layout.drives:
+        fault = _channel_fault(throw, throw.drives.index(name), layout)
+        if fault:
+            return f"drive {name}: {fault}"
+    return ""
+
+
+def _channel_fault(throw: Recorded, row: int, layout: Layout) -> str:
+    part = layout.parts[-1]
+    begin = throw.onsets[CLOSING] + part.edges[0]
+    end = throw.onsets[CLOSING] + part.edges[-1]
+    force = throw.force[row]
+    known = np.flatnonzero(np.isfinite(force))
+    if known.size < 2:
+        return "holds no numbers"
+    inside = known[(throw.time[known] >= begin - MOST_HOLES) & (throw.time[known] <= end)]
+    if inside.size < 2 or throw.time[inside[-1]] < end - END_MISSING:
+        last = throw.time[known[-1]] - throw.onsets[CLOSING]
+        return (
+            f"recorded until {last:.1f} s after the onset of closing; "
+            f"{part.edges[-1] - END_MISSING:.1f} s are needed"
+        )
+    if throw.time[inside[0]] > begin + START_MISSING:
+        return "the recording begins after the onset of closing"
+    steps = np.diff(throw.time[inside])
+    if np.median(steps) > 1.0 / LEAST_RATE:
+        return f"{1.0 / np.median(steps):.0f} samples a second; {LEAST_RATE:.0f} are needed"
+    if steps.max() > MOST_HOLES:
+        return f"{steps.max():.2f} s without samples"
+    return _value_fault(force[inside])
+
+
+END_MISSING = 0.5
+"""Of the rest after the movement, not needed: the last value counts for it [s]."""
+START_MISSING = 0.1
+"""Of the rest before the onset, not needed: the first value counts for it [s]."""
+
+
+def _value_fault(values: Floats) -> str:
+    largest = float(np.abs(values).max())
+    if largest > LARGEST_FORCE:
+        return f"up to {largest:.3g} N; is the unit right?"
+    if np.ptp(values) == 0.0:
+        return "does not change: a dead channel"
+    for limit in (values.max(), values.min()):
+        beside = longest_run(values[values != limit])
+        # values that are often equal come from a coarse recorder or a simulation at rest
+        if abs(limit) > 0.2 * largest and longest_run(values, limit) >= CLIPPED > 2 * beside:
+            return f"clipped at {1e-3 * limit:.2f} kN"
+    return ""
+
+
+def longest_run(values: Floats, limit: float | None = None) -> int:
+    """Return how many equal samples follow each other at most, of one value or of any.
+
+    Examples
+    --------
+    >>> longest_run(np.array([1.0, 2.0, 2.0, 2.0, 3.0, 3.0])), longest_run(np.ones(3), 2.0)
+    (3, 0)
+    """
+    if limit is not None and not np.any(values == limit):
+        return 0
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [values.size]])
+    lengths = np.diff(starts)
+    if limit is not None:
+        lengths = lengths[values[starts[:-1]] == limit]
+    return int(lengths.max(initial=0))
+
+
+def features_of_recorded(throw: Recorded, layout: Layout, onsets: Mapping[str, float]) -> Floats:
+    """Return the features of a throw, NaN in movements that were not recorded.
+
+    Parameters
+    ----------
+    throw : Recorded
+        Without fault.
+    layout : Layout
+        Of the detector.
+    onsets : mapping of str to float
+        Of the movements [s].
+    """
+    rows = [throw.drives.index(name) for name in layout.drives]
+    known = np.isfinite(throw.force[rows]).all(axis=0)
+    time, force = throw.time[known], throw.force[rows][:, known]
+    found = np.full(layout.size, np.nan)
+    for number, part in enumerate(layout.parts):
+        if part.name not in onsets:
+            continue
+        onset = onsets[part.name]
+        one = Layout(parts=(part,), drives=layout.drives)
+        begin, end = onset + part.edges[0], onset + part.edges[-1]
+        whole_time, whole = _extended(time, force, begin, end)
+        found[layout.part == number] = throw_features(
+            whole_time, whole[np.newaxis], layout=one, onsets=[[onset]]
+        )[0]
+    return found
+
+
+def _extended(time: Floats, force: Floats, begin: float, end: float) -> tuple[Floats, Floats]:
+    """Hold the first and last values where the rest before and after was cut."""
+    if time[0] > begin and time[0] < begin + START_MISSING + MOST_HOLES:
+        time = np.concatenate([[begin - 1e-3], time])
+        force = np.concatenate([force[:, :1], force], axis=1)
+    if time[-1] < end and time[-1] > end - END_MISSING - MOST_HOLES:
+        count = max(1, force.shape[1] // 100)
+        time = np.concatenate([time, [end + 1e-3]])
+        force = np.concatenate([force, force[:, -count:].mean(axis=1, keepdims=True)], axis=1)
+    return time, force
+
+
+class Aligner:
+    """Finds onsets again by how well sound throws explain what comes before contact.
+
+    Parameters
+    ----------
+    view : View
+        Of the switch, over the whole cycle or the closing alone.
+    layout : Layout
+        Of the detector.
+    """
+
+    def __init__(self, view: View, layout: Layout) -> None:
+        part = layout.parts[-1]
+        duration = part.edges[-1] - REST_AFTER
+        early = layout.time[view.features] - part.start < EARLY * duration
+        self._layout, self._part = layout, view.part
+        self._kept = np.flatnonzero(early)
+        self._features = view.features[self._kept]
+        self._means = [centre.mean[self._kept] for centre in view.centres]
+        self._roots, self._scales = [], []
+        for centre in view.centres:
+            # the covariance of some features from the root of that of all
+            covariance = np.linalg.inv(centre.root)
+            covariance = covariance @ covariance.T
+            lower = np.linalg.cholesky(covariance[np.ix_(self._kept, self._kept)])
+            self._roots.append(np.linalg.inv(lower))
+            self._scales.append(-np.log(np.diag(lower)).sum())
+
+    def align(self, throw: Recorded) -> dict[str, float]:
+        """Return the onsets under which sound throws explain the early part best."""
+        found = {
+            name: onset
+            for name, onset in throw.onsets.items()
+            if name == CLOSING or (name == OPENING and self._part == CYCLE)
+        }
+        for _ in range(2 if len(found) > 1 else 1):
+            for name in found:
+                tried = [found | {name: throw.onsets[name] + shift} for shift in SHIFTS]
+                scores = self._scores(throw, tried) - 0.5 * (SHIFTS / ONSET_DEVIATION) ** 2
+                found[name] = throw.onsets[name] + _peak(SHIFTS, scores)
+        return found
+
+    def _scores(self, throw: Recorded, tried: Sequence[Mapping[str, float]]) -> Floats:
+        features = np.array(
+            [features_of_recorded(throw, self._layout, item)[self._features] for item in tried]
+        )
+        scores = [
+            scale
+            + log_density(
+                ((features - mean) @ root.T) ** 2 @ np.ones(len(mean)), size=len(mean)
+            )  # fmt: skip
+            for mean, root, scale in zip(self._means, self._roots, self._scales, strict=True)
+        ]
+        return np.asarray(np.logaddexp.reduce(scores, axis=0))
+
+
+REST_AFTER = 0.7
+"""After the movement in a layout, about [s]."""
+
+
+def _peak(places: Floats, values: Floats) -> float:
+    """Return where values are highest, by the parabola through the highest three.
+
+    Examples
+    --------
+    >>> places = np.arange(5.0)
+    >>> round(_peak(places, -((places - 2.3) ** 2)), 6)
+    2.3
+    """
+    at = int(np.clip(np.argmax(values), 1, len(values) - 2))
+    left, middle, right = values[at - 1 : at + 2]
+    bend = left - 2.0 * middle + right
+    shift = 0.5 * (left - right) / bend if bend < 0.0 else 0.0
+    return float(places[at] + np.clip(shift, -1.0, 1.0) * (places[1] - places[0]))
+
+
+def part_of(throw: Recorded, layout: Layout) -> str:
+    """Return what of a throw can be judged: the whole cycle, or the closing alone."""
+    if len(layout.parts) == 1:
+        return CYCLE
+    whole = all(part.name in throw.onsets for part in layout.parts)
+    if not whole:
+        return CLOSING
+    opening = layout.parts[0]
+    begin = throw.onsets[OPENING] + opening.edges[0]
+    end = throw.onsets[OPENING] + opening.edges[-1]
+    inside = np.isfinite(throw.force).all(axis=0) & (throw.time >= begin) & (throw.time <= end)
+    found = throw.time[inside]
+    covered = (
+        found.size > 2
+        and found[0] < begin + START_MISSING
+        and found[-1] > end - END_MISSING
+        and np.diff(found).max() < MOST_HOLES
+    )
+    return CYCLE if covered else CLOSING

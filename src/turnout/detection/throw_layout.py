@@ -1,0 +1,226 @@
+"""Features of a throw whatever its sampling: means over windows that begin with the movements.
+
+Windows are laid out from the onset of the opening and of the closing movement, not from the start
+of a recording, so that clocks and recorders do not matter. The mean over a window is that of the
+straight lines between samples, exactly.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from turnout.detection.features import CLOSING_WINDOW, OPENING_WINDOW
+
+Floats = NDArray[np.float64]
+
+OPENING, CLOSING = "opening", "closing"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """Windows of one movement.
+
+    Attributes
+    ----------
+    name : str
+        "opening" or "closing".
+    start : float
+        When the movement begins in the nominal throw [s].
+    before : float
+        How long before its onset the first window begins [s].
+    window : float
+        Length of a window [s].
+    count : int
+        Windows.
+    """
+
+    name: str
+    start: float
+    before: float
+    window: float
+    count: int
+
+    @property
+    def edges(self) -> Floats:
+        """Edges of the windows from the onset on, shape (count + 1,) [s]."""
+        return np.asarray(self.window * np.arange(self.count + 1) - self.before)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """Windows of a throw: of the opening, if it is recorded, and of the closing.
+
+    Attributes
+    ----------
+    parts : tuple of Part
+        In the order of time.
+    drives : tuple of str
+        Names of the drives.
+    """
+
+    parts: tuple[Part, ...]
+    drives: tuple[str, ...]
+
+    @property
+    def windows(self) -> int:
+        """Of one drive."""
+        return sum(part.count for part in self.parts)
+
+    @property
+    def size(self) -> int:
+        """Features of a throw."""
+        return self.windows * len(self.drives)
+
+    @property
+    def time(self) -> Floats:
+        """Middle of the window of each feature on the nominal throw, shape (size,) [s]."""
+        middle = [part.start + 0.5 * (part.edges[1:] + part.edges[:-1]) for part in self.parts]
+        return np.tile(np.concatenate(middle), len(self.drives))
+
+    @property
+    def width(self) -> Floats:
+        """Length of the window of each feature, shape (size,) [s]."""
+        width = [np.full(part.count, part.window) for part in self.parts]
+        return np.tile(np.concatenate(width), len(self.drives))
+
+    @property
+    def drive(self) -> NDArray[np.intp]:
+        """Number of the drive of each feature, shape (size,)."""
+        return np.repeat(np.arange(len(self.drives)), self.windows)
+
+    @property
+    def part(self) -> NDArray[np.intp]:
+        """Number of the part of each feature, shape (size,)."""
+        once = np.repeat(np.arange(len(self.parts)), [part.count for part in self.parts])
+        return np.tile(once, len(self.drives))
+
+    def only(self, name: str) -> "tuple[Layout, NDArray[np.intp]]":
+        """Return the layout of one movement, and which features these are."""
+        number = [part.name for part in self.parts].index(name)
+        kept = Layout(parts=(self.parts[number],), drives=self.drives)
+        return kept, np.flatnonzero(self.part == number)
+
+
+def layout_of(
+    movements: Sequence[tuple[str, float, float]],
+    *,
+    end: float,
+    drives: Sequence[str],
+    clearance: float = 0.06,
+) -> Layout:
+    """Lay out windows over the movements of a schedule.
+
+    Parameters
+    ----------
+    movements : sequence of (str, float, float)
+        "opening" or "closing", start and duration with any extra time [s].
+    end : float
+        Of the schedule [s].
+    drives : sequence of str
+        Names.
+    clearance : float
+        Free time at either end, for clocks [s].
+
+    Examples
+    --------
+    >>> layout = layout_of(
+    ...     [("opening", 0.2, 3.2), ("closing", 4.4, 3.4)], end=8.5, drives=["1", "2"]
+    ... )
+    >>> [(part.name, part.count) for part in layout.parts], layout.size
+    ([('opening', 49), ('closing', 103)], 304)
+    """
+    parts = []
+    for number, (name, start, duration) in enumerate(movements):
+        before = min(BEFORE, start - clearance)
+        follower = movements[number + 1][1] - BEFORE if number + 1 < len(movements) else end
+        after = min(start + duration + AFTER, follower - clearance) - start
+        window = OPENING_WINDOW if name == OPENING else CLOSING_WINDOW
+        count = int(np.floor((before + after) / window + 1e-9))
+        parts.append(Part(name=name, start=start, before=before, window=window, count=count))
+    return Layout(parts=tuple(parts), drives=tuple(drives))
+
+
+BEFORE, AFTER = 0.12, 0.6
+"""Time before the onset and after the end of a movement that is looked at [s]."""
+
+
+def throw_features(
+    time: ArrayLike, force: ArrayLike, *, layout: Layout, onsets: ArrayLike
+) -> Floats:
+    """Return the features of throws that are sampled alike.
+
+    Parameters
+    ----------
+    time : array_like, shape (n_times,)
+        Rising, in any steps [s].
+    force : array_like, shape (n_throws, n_drives, n_times)
+        [N]
+    layout : Layout
+        Windows.
+    onsets : array_like, shape (n_throws, n_parts)
+        When each movement begins [s].
+
+    Returns
+    -------
+    ndarray, shape (n_throws, layout.size)
+        Drive by drive [N]; NaN where a window reaches beyond the samples.
+
+    Examples
+    --------
+    >>> layout = layout_of([("closing", 0.2, 0.5)], end=1.0, drives=["1"])
+    >>> time = np.linspace(0.0, 1.0, 126)
+    >>> found = throw_features(time, time[None, None], layout=layout, onsets=[[0.2]])
+    >>> bool(np.allclose(found[0], layout.time))
+    True
+    """
+    instants = np.asarray(time, dtype=np.float64)
+    values = np.asarray(force, dtype=np.float64)
+    starts = np.asarray(onsets, dtype=np.float64)
+    step = np.diff(instants)
+    area = 0.5 * (values[..., 1:] + values[..., :-1]) * step
+    total = np.concatenate([np.zeros((*area.shape[:-1], 1)), np.cumsum(area, axis=-1)], axis=-1)
+    slope = np.diff(values, axis=-1) / step
+    found = []
+    for number, part in enumerate(layout.parts):
+        edges = starts[:, number, np.newaxis] + part.edges
+        inside = (edges >= instants[0] - 1e-9) & (edges <= instants[-1] + 1e-9)
+        at = np.clip(np.searchsorted(instants, edges, side="right") - 1, 0, step.size - 1)
+        rest = (edges - instants[at])[:, np.newaxis]
+        index = np.broadcast_to(at[:, np.newaxis], (*values.shape[:-1], edges.shape[1]))
+        until = (
+            np.take_along_axis(total, index, axis=-1)
+            + np.take_along_axis(values, index, axis=-1) * rest
+            + 0.5 * np.take_along_axis(slope, index, axis=-1) * rest**2
+        )
+        until = np.where(inside[:, np.newaxis], until, np.nan)
+        found.append(np.diff(until, axis=-1) / part.window)
+    joined = np.concatenate(found, axis=-1)
+    return joined.reshape(len(joined), -1)
+
+
+def means_on(layout: Layout, *, rate: float) -> tuple[Floats, Floats]:
+    """Return instants of a nominal throw and the matrix that averages samples over windows.
+
+    Parameters
+    ----------
+    layout : Layout
+        Windows.
+    rate : float
+        Samples a second [Hz].
+
+    Returns
+    -------
+    time : ndarray, shape (n_times,)
+        [s]
+    means : ndarray, shape (windows of a drive, n_times)
+        Rows sum to 1.
+    """
+    first, last = layout.parts[0], layout.parts[-1]
+    begin, end = first.start + first.edges[0], last.start + last.edges[-1]
+    time = begin + np.arange(int(np.ceil((end - begin) * rate)) + 2) / rate
+    one = Layout(parts=layout.parts, drives=layout.drives[:1])
+    starts = np.tile([part.start for part in layout.parts], (time.size, 1))
+    unit = np.eye(time.size)[:, np.newaxis, :]
+    return time, throw_features(time, unit, layout=one, onsets=starts).T

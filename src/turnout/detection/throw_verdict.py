@@ -1,0 +1,350 @@
+"""The verdict on one throw: alarm, place, size, gaps, cause, and what to do next."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from turnout.detection.judging import (
+    ADJUSTED,
+    Ratios,
+    View,
+    best_square,
+    level_of,
+    ratios_of,
+)
+from turnout.detection.knowledge import RESIDUAL_LEVELS, Calibrated, Knowledge
+from turnout.detection.likelihood import Evidence
+from turnout.detection.object_posterior import Interval, Posterior, posterior_of
+from turnout.detection.throw_layout import CLOSING
+
+Floats = NDArray[np.float64]
+
+SOUND, ALARM, CAUSE, UNKNOWN, CANNOT = (
+    "sound",
+    "object",
+    "other cause",
+    "unknown deviation",
+    "cannot judge",
+)
+CLEAR_CAUSE = float(np.log(1e3))
+"""Log likelihood ratio against a sound switch from which on another cause is named [-]."""
+UNKNOWN_SHARE = 1e-4
+"""Share of throws that fit worse than any hypothesis explains, from which on that is said [-]."""
+LIKELY = 0.9
+"""Probability that a set of places holds [-]."""
+SEEN_FORCE = 30.0
+"""Change of a drive force that is worth naming [N]."""
+
+ADVICE = {
+    SOUND: "nothing",
+    ALARM: "throw again; if it is called again, look at the place before trains pass",
+    CAUSE: "no object is needed to explain it; maintenance at the next opportunity",
+    UNKNOWN: "fits neither a sound switch nor a known cause: throw again, then inspect",
+    CANNOT: "record again; the throw counts as not supervised",
+}
+CAUSE_ADVICE = {
+    "dry chairs": "grease the slide chairs",
+    ADJUSTED: "confirm the adjustment and take a new history: turnout detect learn",
+    "clutch": "check the clutch of the drive that slips early",
+    "loose rod": "check rod, bushing and bolts of the drive",
+    "force sensor": "check gain and zero of the force sensor",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gap:
+    """A gap at the end of the throw that no sensor measured."""
+
+    name: str
+    middle: float
+    low: float
+    high: float
+    limit: float
+    above: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """What the most likely cause changes in one drive force."""
+
+    drive: str
+    force: float
+    time: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What is said of one throw.
+
+    Attributes
+    ----------
+    name : str
+        Of the recording or movement.
+    status : str
+        "sound", "object", "other cause", "unknown deviation" or "cannot judge".
+    reason : str
+        Why it cannot be judged; empty otherwise.
+    part : str
+        "cycle", or "closing" where no opening was recorded.
+    history : int
+        Sound throws known of the switch.
+    false_alarm_rate : float
+        At which "object" is said of sound throws [-].
+    log_ratio, threshold : float
+        Logarithm of the likelihood ratio, object against all else, and the alarm threshold [-].
+    odds : mapping of str to float
+        Likelihood ratio of each cause against a sound switch [-].
+    fit : float
+        Share of throws that fit their best explanation worse than this one [-].
+    friction : float
+        Friction level [-].
+    places : mapping of str to float
+        Smallest set of places that holds an object with 90 %, with their probabilities.
+    x, size : Interval or None
+        Of the object [m], where there is an alarm.
+    gaps : tuple of Gap
+        Virtual sensors.
+    locked, in_control : bool or None
+        As inferred from these gaps: more likely than not below every limit.
+    changes : tuple of Change
+        Evidence: which drive, how much [N], when after the onset of closing [s].
+    excluded : tuple of str
+        Causes that explain the throw at most a hundredth as well as the best.
+    advice : str
+        What to do.
+    """
+
+    name: str
+    status: str
+    reason: str = ""
+    part: str = ""
+    history: int = 0
+    false_alarm_rate: float = float("nan")
+    log_ratio: float = float("nan")
+    threshold: float = float("nan")
+    odds: Mapping[str, float] = field(default_factory=dict)
+    fit: float = float("nan")
+    friction: float = float("nan")
+    places: Mapping[str, float] = field(default_factory=dict)
+    x: Interval | None = None
+    size: Interval | None = None
+    gaps: tuple[Gap, ...] = ()
+    locked: bool | None = None
+    in_control: bool | None = None
+    changes: tuple[Change, ...] = ()
+    excluded: tuple[str, ...] = ()
+    advice: str = ""
+
+    @property
+    def alarm(self) -> bool:
+        """Whether an object is called."""
+        return self.status == ALARM
+
+    def lines(self) -> list[str]:
+        """Return the verdict in words, a few lines."""
+        if self.status == CANNOT:
+            return [f"{self.name}: cannot judge: {self.reason}", f"  next: {self.advice}"]
+        head = f"{self.name}: {self.status}"
+        if self.status == ALARM and self.size is not None:
+            head += f", {_millimetres(self.size)} at {' or '.join(self.places)}"
+        elif self.status == CAUSE:
+            head += f": {max(self.causes, key=lambda name: self.odds[name])}"
+        head += (
+            f" (log odds {self.log_ratio:+.1f}, alarm from {self.threshold:.1f} = "
+            f"{self.false_alarm_rate:g} false alarms a throw, {self.history} throws known)"
+        )
+        found = [head]
+        for gap in self.gaps:
+            flag = "above" if gap.above > 0.5 else "below"
+            found.append(
+                f"  gap at {gap.name}: {_range(gap.middle, gap.low, gap.high)}, {flag} its limit "
+                f"of {1e3 * gap.limit:.0f} mm (probability above {gap.above:.2f})"
+            )
+        for item in self.changes:
+            found.append(
+                f"  drive {item.drive}: {item.force:+.0f} N, {item.time:.2f} s after closing began"
+            )
+        if self.excluded and self.status != SOUND:
+            found.append(f"  not: {', '.join(self.excluded)}")
+        found.append(f"  next: {self.advice}")
+        return found
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Causes other than an object."""
+        return tuple(name for name in self.odds if name != "object")
+
+
+def _millimetres(interval: Interval) -> str:
+    return _range(interval.middle, interval.low, interval.high)
+
+
+def _range(middle: float, low: float, high: float) -> str:
+    return f"{1e3 * middle:.1f} mm ({1e3 * low:.1f} to {1e3 * high:.1f})"
+
+
+def verdict_on(
+    name: str,
+    view: View,
+    evidence: Evidence,
+    number: int,
+    *,
+    knowledge: Knowledge,
+    calibrated: Calibrated,
+    rate: float,
+) -> Verdict:
+    """Put the verdict on one of some throws together.
+
+    Parameters
+    ----------
+    name : str
+        Of the throw.
+    view : View
+        That the evidence was weighed with.
+    evidence : Evidence
+        Of some throws.
+    number : int
+        Which one.
+    knowledge : Knowledge
+        Trained.
+    calibrated : Calibrated
+        Thresholds for this history.
+    rate : float
+        Of false alarms.
+    """
+    ratios = ratios_of(view, evidence)
+    log_ratio = float(ratios.alarm[number])
+    threshold = calibrated.thresholds[f"{rate:g}"]
+    odds = _odds(view, ratios, number)
+    fit = _share_worse(float(best_square(evidence)[number]), calibrated)
+    status = _status(log_ratio, threshold, odds, fit)
+    found = posterior_of(
+        view,
+        evidence,
+        number,
+        limits=np.array(knowledge.setting.limits),
+        size_factor=calibrated.size_factor,
+        gap_factor=calibrated.object_gap_factor if status == ALARM else calibrated.gap_factor,
+    )
+    gaps = _gaps(knowledge, found)
+    best = max(odds, key=lambda item: odds[item])
+    advice = ADVICE[status]
+    if status == CAUSE:
+        best = max((item for item in odds if item != "object"), key=lambda item: odds[item])
+        advice = CAUSE_ADVICE.get(best, advice)
+    alarm = status == ALARM
+    return Verdict(
+        name=name,
+        status=status,
+        part=view.part,
+        history=view.history,
+        false_alarm_rate=rate,
+        log_ratio=log_ratio,
+        threshold=threshold,
+        odds={item: float(np.exp(min(value, 700.0))) for item, value in odds.items()},
+        fit=fit,
+        friction=float(level_of(view, evidence, levels=knowledge.model.level)[number]),
+        places=_places(knowledge, found) if alarm else {},
+        x=found.x if alarm else None,
+        size=found.size if alarm else None,
+        gaps=gaps,
+        locked=_below(gaps, "drive "),
+        in_control=_below(gaps, "sensor "),
+        changes=_changes(knowledge, view, evidence, number, best) if status != SOUND else (),
+        excluded=_excluded(odds, best),
+        advice=advice,
+    )
+
+
+def _odds(view: View, ratios: Ratios, number: int) -> dict[str, float]:
+    """Return log likelihood ratios against a sound switch, of causes that can be told."""
+    found = {"object": float(ratios.object[number])}
+    told = np.isfinite(view.cause_weight)
+    for at, name in enumerate(view.kinds[view.objects :]):
+        if told[at]:
+            found[name] = float(ratios.cause[at, number])
+    return found
+
+
+def _status(log_ratio: float, threshold: float, odds: Mapping[str, float], fit: float) -> str:
+    if log_ratio > threshold:
+        return ALARM
+    if max((odds[name] for name in odds if name != "object"), default=-np.inf) > CLEAR_CAUSE:
+        return CAUSE
+    return UNKNOWN if fit < UNKNOWN_SHARE else SOUND
+
+
+def _share_worse(square: float, calibrated: Calibrated) -> float:
+    """Return the share of throws whose best explanation leaves more."""
+    quantiles = np.array(calibrated.residual)
+    if quantiles.size == 0:
+        return float("nan")
+    if square <= quantiles[-1]:
+        return float(1.0 - np.interp(square, quantiles, RESIDUAL_LEVELS))
+    # beyond what was seen, as the normal tail of a sum of many squares falls
+    middle, high = quantiles[RESIDUAL_LEVELS.index(0.5)], quantiles[RESIDUAL_LEVELS.index(0.999)]
+    fall = np.log(0.5 / 1e-3) / (high - middle)
+    return float((1.0 - RESIDUAL_LEVELS[-1]) * np.exp(-fall * (square - quantiles[-1])))
+
+
+def _gaps(knowledge: Knowledge, found: Posterior) -> tuple[Gap, ...]:
+    return tuple(
+        Gap(
+            name=name,
+            middle=item.middle,
+            low=item.low,
+            high=item.high,
+            limit=limit,
+            above=float(above),
+        )
+        for name, limit, item, above in zip(
+            knowledge.setting.gaps, knowledge.setting.limits, found.gaps, found.above, strict=True
+        )
+    )
+
+
+def _below(gaps: tuple[Gap, ...], family: str) -> bool | None:
+    """Return whether every gap of a family is more likely below its limit; None without any."""
+    own = [gap.above < 0.5 for gap in gaps if gap.name.startswith(family)]
+    return all(own) if own else None
+
+
+def _places(knowledge: Knowledge, found: Posterior) -> dict[str, float]:
+    """Return the smallest set of places that holds the object with 90 %, likeliest first."""
+    order = np.argsort(found.place)[::-1]
+    count = int(np.searchsorted(np.cumsum(found.place[order]), LIKELY)) + 1
+    return {knowledge.places[at]: float(found.place[at]) for at in order[:count]}
+
+
+def _changes(
+    knowledge: Knowledge, view: View, evidence: Evidence, number: int, cause: str
+) -> tuple[Change, ...]:
+    """Return the largest change of each drive force that the likeliest cause makes in closing."""
+    kinds = view.signatures.kind[evidence.number]
+    if cause == "object":
+        own = np.flatnonzero(kinds < view.objects)
+    else:
+        own = np.flatnonzero(kinds == view.kinds.index(cause))
+    logs = evidence.component[own, number]
+    share = np.exp(logs - logsumexp(logs)) * evidence.factor[own, number]
+    change = view.signatures.basis @ (share @ view.signatures.change[evidence.number[own]])
+    layout = knowledge.layout
+    closing = layout.parts[-1]
+    found = []
+    for row, drive in enumerate(layout.drives):
+        mine = (layout.drive[view.features] == row) & (
+            layout.part[view.features] == [part.name for part in layout.parts].index(CLOSING)
+        )
+        at = np.flatnonzero(mine)[np.argmax(np.abs(change[mine]))]
+        if abs(change[at]) >= SEEN_FORCE:
+            time = float(layout.time[view.features][at]) - closing.start
+            found.append(Change(drive=drive, force=float(change[at]), time=time))
+    return tuple(sorted(found, key=lambda item: -abs(item.force)))
+
+
+def _excluded(odds: Mapping[str, float], best: str) -> tuple[str, ...]:
+    limit = max(odds[best], 0.0) - float(np.log(100.0))
+    return tuple(name for name in odds if odds[name] < limit and name != best)

@@ -1,0 +1,156 @@
+"""Train a detector: throw a population with and without causes, learn, calibrate on the rest."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from turnout.core.threads import one_blas_thread
+from turnout.detection.allowances import Allowances
+from turnout.detection.calibrating import calibrate_alone, calibrate_history, with_calibration
+from turnout.detection.judging import CYCLE
+from turnout.detection.knowledge import Calibrated, Knowledge, Setting
+from turnout.detection.reference import NOMINAL_FRICTION, reference_study
+from turnout.detection.throw_layout import CLOSING
+from turnout.detection.throw_set import ThrowSet
+from turnout.detection.throws import nominal_amplitude
+from turnout.detection.training import read_set, setting_of, teach
+from turnout.detection.training_plan import OBJECT, SOUND
+from turnout.detection.training_sets import Counts, throw_plans, training_plans
+from turnout.panel.load import LoadedPanel
+from turnout.study.study import Study
+from turnout.sweep.run import SweepProgress
+
+HELD_BACK = 0.25
+"""Share of the sound throws that thresholds are taken from [-]."""
+HISTORIES = (5, 20)
+"""Sound throws known of a switch that thresholds are taken for, beside none."""
+
+Report = Callable[[str, int, int], None]
+
+
+def train_detector(
+    folder: Path,
+    *,
+    panel: LoadedPanel | None = None,
+    study: Study | None = None,
+    counts: Counts | None = None,
+    allowances: Allowances | None = None,
+    workers: int = 1,
+    watch: Callable[[str], Callable[[SweepProgress], None]] | None = None,
+    report: Report | None = None,
+) -> Knowledge:
+    """Train a detector for a panel; interrupted, the same call goes on.
+
+    Parameters
+    ----------
+    folder : Path
+        Keeps the throws.
+    panel : LoadedPanel, optional
+        In place of the panel of the reference case.
+    study : Study, optional
+        Population of sound switches and throws, in place of the reference case.
+    counts : Counts, optional
+        Throws of each kind.
+    allowances : Allowances, optional
+        Assumed beside the population.
+    workers : int
+        Processes.
+    watch : callable, optional
+        Given the name of a sweep, returns what watches it.
+    report : callable, optional
+        Told what is calibrated, and how far it is.
+    """
+    population = study or reference_study(panel)
+    chosen = counts or Counts()
+    plans = training_plans(population, chosen)
+    datasets = throw_plans(plans, folder, workers=workers, report=watch)
+    setting = setting_of(
+        population.panel,
+        amplitude=nominal_amplitude(population, friction=NOMINAL_FRICTION),
+        allowances=allowances or Allowances(),
+    )
+    sets = {name: read_set(plans[name], datasets[name], setting.layout) for name in plans}
+    about = {
+        "panel": population.panel.name,
+        "panel_hash": population.panel.hash,
+        "study": population.name,
+        "throws": {name: len(item.level) for name, item in sets.items()},
+    }
+    with one_blas_thread():
+        found = knowledge_of_sets(sets, setting, report=report)
+    return replace(found, about=about)
+
+
+def knowledge_of_sets(
+    sets: Mapping[str, ThrowSet],
+    setting: Setting,
+    *,
+    draws: int = 12,
+    history_draws: int = 4,
+    histories: tuple[int, ...] = HISTORIES,
+    report: Report | None = None,
+) -> Knowledge:
+    """Learn from all throws; take thresholds from a detector that did not see some of them.
+
+    Parameters
+    ----------
+    sets : mapping of str to ThrowSet
+        "sound", "object", defects, and "history" for repeated throws.
+    setting : Setting
+        What for.
+    draws : int
+        Uses of each throw that thresholds are taken from.
+    history_draws : int
+        Histories that are drawn for each switch.
+    histories : tuple of int
+        Sound throws known, that thresholds are taken for beside none.
+    report : callable, optional
+        Told what is calibrated, and how far it is.
+    """
+    sound, objects = sets[SOUND], sets[OBJECT]
+    first = int(np.quantile(sound.row, 1.0 - HELD_BACK))
+    seen = {
+        name: item.of(item.row < first if name == SOUND else item.partner < first)
+        for name, item in sets.items()
+        if not name.startswith(HISTORY)
+    }
+    # objects may all lie in states before the limit; then the last of them are held back
+    last = int(np.quantile(objects.partner, 1.0 - HELD_BACK))
+    seen[OBJECT] = objects.of(objects.partner < min(first, last))
+    held = objects.of((objects.partner >= min(first, last)) & (objects.force > 0.0))
+    part_way = teach(seen, setting)
+    rest = sound.of(sound.row >= first)
+    parts = [CYCLE, CLOSING] if len(setting.layout.parts) > 1 else [CYCLE]
+    calibrated: list[Calibrated | None] = []
+    for part in parts:
+        alone = calibrate_alone(part_way, rest, held, part=part, draws=draws)
+        calibrated.append(alone)
+        for number in histories if HISTORY in sets else ():
+            told = _Telling(report, f"thresholds after {number} throws, {part}")
+            calibrated.append(
+                calibrate_history(
+                    part_way,
+                    sets[HISTORY],
+                    history=number,
+                    part=part,
+                    objects=sets.get(f"{HISTORY}, {OBJECT}"),
+                    otherwise=alone,
+                    draws=history_draws,
+                    report=told,
+                )
+            )
+    return with_calibration(teach(sets, setting), *calibrated)
+
+
+HISTORY = "history"
+
+
+class _Telling:
+    def __init__(self, report: Report | None, what: str) -> None:
+        self._report, self._what = report, what
+
+    def __call__(self, done: int, total: int) -> None:
+        if self._report is not None:
+            self._report(self._what, done, total)

@@ -1,0 +1,325 @@
+"""Which throws a detector learns from and is judged on: sound, with objects, with other causes.
+
+Every throw is a row of values, so that a throw with an object or a defect can be paired with the
+sound throw of the same state: what the two differ by is the signature of the cause alone. Each
+chair is a chair a rail, since chairs run dry under one rail too.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.detection.reference import FRICTION, PER_THROW, TEMPERATURE
+from turnout.panel.load import LoadedPanel, panel_from_document
+from turnout.study.design import Axis, Design
+from turnout.study.random_inputs import TemperatureLaw
+from turnout.study.sampling import FIELDS
+from turnout.study.scenario import Output, Value
+from turnout.study.study import Study
+from turnout.study.variable import Variable, value_kind
+
+Row = dict[str, Value]
+Rng = np.random.Generator
+
+OBJECT_AT, OBJECT_SIZE = "object.x", "object.size"
+SMALLEST, LIKELIEST, LARGEST = 1e-3, 6e-3, 31e-3
+"""Sizes of objects to learn from, a triangular distribution [m]."""
+CHANNELS = ("drive_force", "sensor_gap")
+OTHER_RAIL = " other rail"
+"""Ends the name of the chair under the rail that is not instrumented."""
+
+SOUND, OBJECT, DRY, ADJUSTED, CLUTCH, ROD = (
+    "sound",
+    "object",
+    "dry chairs",
+    "adjustment",
+    "clutch",
+    "loose rod",
+)
+DRY_FRICTION = (0.6, 0.8)
+"""Friction coefficient of chairs that ran dry [-]."""
+ADJUSTMENT = 1.2e-3
+"""Largest change of a closing over-travel by hand [m]."""
+CLUTCH_SHARE, ROD_SHARE = (0.5, 0.9), (0.1, 0.7)
+"""Slip level of a worn clutch and stiffness of a loose rod, shares of the sound value [-]."""
+
+DEFECT = ", defect"
+"""Ends the name of a factor that is 1 in a sound switch."""
+DEFECT_FIELDS = ("stiffness", "saturation_force")
+
+
+SLOW, BLOCK = ("section_scale", "lateral_inertia_scale"), 100
+"""Inputs that make a rail anew, which takes five times as long as a throw, and how many states in
+a row share one draw of them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plan:
+    """Throws of one sweep.
+
+    Attributes
+    ----------
+    name : str
+        Of its folder.
+    study : Study
+        One scenario a row.
+    partner : ndarray of int, shape (n,)
+        The scenario of the sound sweep in the same state; -1 without one.
+    switch : ndarray of int, shape (n,)
+        Number of the switch, the same in all throws of it.
+    inputs : ndarray, shape (n, n_inputs)
+        What is fixed for the switch, in SI.
+    level : ndarray, shape (n,)
+        Mean friction coefficient of the chairs [-].
+    start : ndarray, shape (n,)
+        When the last movement begins [s].
+    """
+
+    name: str
+    study: Study
+    partner: NDArray[np.intp]
+    switch: NDArray[np.intp]
+    inputs: NDArray[np.float64]
+    level: NDArray[np.float64]
+    start: NDArray[np.float64]
+
+
+def chairs_by_rail(panel: LoadedPanel) -> LoadedPanel:
+    """Return the same panel with a chair of its own under each of two rails.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> panel = load_panel("uic60-760-1-15")
+    >>> len(panel.chair), len(chairs_by_rail(panel).chair)
+    (25, 50)
+    """
+    other = [name for name in panel.rail if name != panel.instrumented_rail]
+    tree = deepcopy(panel.document.tree)
+    chairs = tree["chair"]
+    for name, chair in panel.chair.items():
+        if chair.rails is None and len(other) == 1:
+            chairs[name + OTHER_RAIL] = {**chairs[name], "rails": other}
+            chairs[name] = {**chairs[name], "rails": [panel.instrumented_rail]}
+    return panel_from_document(
+        replace(panel.document, tree=tree),
+        source=panel.source,
+        folder=panel.folder,
+        overrides=panel.overrides,
+    )
+
+
+class Population:
+    """Draws rows of a population of switches; the same for the same numbers.
+
+    Parameters
+    ----------
+    study : Study
+        With drawn variables and at most one field, over the friction of the chairs.
+    seed : int
+        Added to that of the study.
+    """
+
+    def __init__(self, study: Study, *, seed: int = 0) -> None:
+        shifted = study.seed + seed
+        design = replace(study.design, seed=shifted, draws=10_000_000)
+        self._drawn = replace(study, seed=shifted, design=design)
+        self.study = replace(study, panel=chairs_by_rail(study.panel))
+        self.per_throw = tuple(name for name in study.variables if name in PER_THROW)
+        self.of_switch = tuple(name for name in study.variables if name not in PER_THROW)
+        self.chairs = tuple(self.study.panel.chair)
+
+    def row(self, state: int, *, switch: int | None = None) -> Row:
+        """Return a sound throw: what changes from throw to throw of one state, the rest of another.
+
+        Parameters
+        ----------
+        state : int
+            From 0.
+        switch : int, optional
+            State that gives what is fixed; default the same one.
+        """
+        inputs = dict(self._drawn.scenario(state).inputs)
+        if switch is not None and switch != state:
+            fixed = self._drawn.scenario(switch).inputs
+            inputs |= {name: fixed[name] for name in self.of_switch}
+        block = state // BLOCK * BLOCK
+        slow = [name for name in self.of_switch if name.endswith(SLOW)]
+        if slow and switch is None and block != state:
+            rolled = self._drawn.scenario(block).inputs
+            inputs |= {name: rolled[name] for name in slow}
+        row = {name: inputs[name] for name in self._drawn.variables}
+        field = {}
+        for number, item in enumerate(self._drawn.fields):
+            rng = np.random.default_rng([self._drawn.seed, FIELDS, number, state])
+            field = item.values(rng)
+        for chair in self.chairs:
+            row[chair_factor(chair)] = field.get(chair.removesuffix(OTHER_RAIL), 1.0)
+        for drive, record in self.study.panel.drive.items():
+            row.setdefault(over_travel(drive), float(record.over_travel_closed))
+            row |= {defect(drive, field): 1.0 for field in DEFECT_FIELDS}
+        return row | {OBJECT_AT: 0.0, OBJECT_SIZE: 0.0}
+
+    def level(self, row: Mapping[str, Value]) -> float:
+        """Return the mean friction coefficient of a row [-]."""
+        return self.friction(row) * float(np.mean([row[chair_factor(c)] for c in self.chairs]))
+
+    def friction(self, row: Mapping[str, Value]) -> float:
+        """Return the friction coefficient that factors of chairs multiply [-]."""
+        law = self.study.law or TemperatureLaw()
+        warmth = law.factor(float(row[TEMPERATURE])) if TEMPERATURE in row else 1.0
+        own = np.mean([item.friction_coefficient for item in self.study.panel.chair.values()])
+        return float(row.get(FRICTION, own)) * warmth
+
+    def plan(
+        self,
+        name: str,
+        rows: Sequence[Row],
+        *,
+        partner: Sequence[int] | None = None,
+        switch: Sequence[int] | None = None,
+        sound: Sequence[Row] | None = None,
+    ) -> Plan:
+        """Return rows as a study whose scenarios they are.
+
+        Parameters
+        ----------
+        name : str
+            Of the sweep.
+        rows : sequence of dict
+            All with the same keys.
+        partner, switch : sequence of int, optional
+            Of `Plan`; default none and each row a switch.
+        sound : sequence of dict, optional
+            Sound rows that friction levels are taken from; default the rows.
+        """
+        names = tuple(rows[0])
+        panel = self.study.panel
+        keys = {item.name: item for item in self.study.variables.values()}
+        variables = {}
+        for item in names:
+            if item in keys:
+                variables[item] = keys[item]
+            else:
+                key = item.removesuffix(DEFECT)
+                factor = item != key or item.startswith("chair.")
+                kind = value_kind(panel, key, factor=factor)
+                variables[item] = Variable(name=item, key=key, kind=kind, factor=factor)
+        axis = Axis(names=names, rows=tuple(tuple(row[n] for n in names) for row in rows))
+        design = Design(axes=(axis,), drawn=(), method="random", draws=1, copula=None, seed=0)
+        study = replace(
+            self.study,
+            name=f"{self.study.name}, {name}",
+            design=design,
+            variables=variables,
+            fields=(),
+            output=Output(rate=self.study.output.rate, channels=CHANNELS),
+        )
+        count = len(rows)
+        start = max(panel.movement, key=lambda key: float(panel.movement[key].start))
+        key = f"movement.{start}.start"
+        nominal = float(panel.movement[start].start)
+        return Plan(
+            name=name,
+            study=study,
+            partner=np.array(partner if partner is not None else [-1] * count, dtype=np.intp),
+            switch=np.array(switch if switch is not None else range(count), dtype=np.intp),
+            inputs=np.array([[float(row[n]) for n in self.of_switch] for row in rows]),
+            level=np.array([self.level(row) for row in (sound or rows)]),
+            start=np.array([float(row.get(key, nominal)) for row in rows]),
+        )
+
+
+def over_travel(drive: str) -> str:
+    """Return the key of the closing over-travel of a drive."""
+    return f"drive.{drive}.over_travel_closed"
+
+
+def defect(drive: str, field: str) -> str:
+    """Return the name of the factor by which a defect changes a value of a drive."""
+    return f"drive.{drive}.{field}{DEFECT}"
+
+
+def chair_factor(chair: str) -> str:
+    """Return the name of the factor on a chair's friction."""
+    return f"chair.{chair}.friction_coefficient"
+
+
+# ---- what happens to a sound row
+
+
+def with_object(row: Row, rng: Rng, *, x: float, largest: float = LARGEST) -> Row:
+    """Trap an object of a random size."""
+    likeliest = min(LIKELIEST, 0.5 * (SMALLEST + largest))
+    return {
+        **row,
+        OBJECT_AT: x,
+        OBJECT_SIZE: float(rng.triangular(SMALLEST, likeliest, largest)),
+    }
+
+
+def with_dry_chairs(row: Row, rng: Rng, population: Population, *, rail: str | None = None) -> Row:
+    """Let one to three neighbouring chairs run dry, under one rail or, as seldom, under both."""
+    chairs = [name for name in population.chairs if not name.endswith(OTHER_RAIL)]
+    count = int(rng.integers(1, 4))
+    first = int(rng.integers(0, len(chairs) - count + 1))
+    which = rail or str(rng.choice(["one", "other", "both"], p=[0.4, 0.4, 0.2]))
+    friction = population.friction(row)
+    changed = dict(row)
+    for name in chairs[first : first + count]:
+        target = float(rng.uniform(*DRY_FRICTION))
+        for chair, wanted in ((name, which != "other"), (name + OTHER_RAIL, which != "one")):
+            if wanted and chair_factor(chair) in row:
+                changed[chair_factor(chair)] = max(
+                    target / friction, float(row[chair_factor(chair)])
+                )
+    return changed
+
+
+def with_adjustment(row: Row, rng: Rng, population: Population, *, change: float = 0.0) -> Row:
+    """Change the closing over-travel of one drive, now and then of both [m]."""
+    drives = list(population.study.panel.drive)
+    both = change == 0.0 and rng.random() < BOTH_ADJUSTED
+    chosen = drives if both else [str(rng.choice(drives))]
+    changed = dict(row)
+    for drive in chosen:
+        key = over_travel(drive)
+        shift = change * rng.choice([-1.0, 1.0]) if change else rng.uniform(-ADJUSTMENT, ADJUSTMENT)
+        changed[key] = max(0.0, float(row[key]) + float(shift))
+    return changed
+
+
+BOTH_ADJUSTED = 0.2
+"""Share of the adjustments that change both drives [-]."""
+
+
+def with_factor(
+    row: Row, rng: Rng, population: Population, *, field: str, share: Sequence[float]
+) -> Row:
+    """Multiply a value of one drive by a random share, uniform in its logarithm."""
+    drive = str(rng.choice(list(population.study.panel.drive)))
+    key = defect(drive, field)
+    drawn = float(np.exp(rng.uniform(np.log(share[0]), np.log(share[1]))))
+    return {**row, key: float(row[key]) * drawn}
+
+
+def with_worn_clutch(row: Row, rng: Rng, population: Population) -> Row:
+    """Lower the slip level of one drive."""
+    return with_factor(row, rng, population, field="saturation_force", share=CLUTCH_SHARE)
+
+
+def with_loose_rod(row: Row, rng: Rng, population: Population) -> Row:
+    """Soften the rod of one drive."""
+    return with_factor(row, rng, population, field="stiffness", share=ROD_SHARE)
+
+
+DEFECTS: Mapping[str, Callable[[Row, Rng, Population], Row]] = {
+    DRY: with_dry_chairs,
+    ADJUSTED: with_adjustment,
+    CLUTCH: with_worn_clutch,
+    ROD: with_loose_rod,
+}
+"""Causes other than objects that throws are made for."""

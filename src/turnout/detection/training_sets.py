@@ -1,0 +1,178 @@
+"""The sweeps behind a detector: how many throws of what, and where each is kept."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from turnout.detection.throws import places_of
+from turnout.detection.training_plan import (
+    DEFECTS,
+    DRY,
+    OBJECT,
+    SOUND,
+    Plan,
+    Population,
+    Row,
+    with_adjustment,
+    with_dry_chairs,
+    with_object,
+)
+from turnout.study.study import Study
+from turnout.sweep.read import open_sweep
+from turnout.sweep.run import SweepProgress, run_sweep
+
+Report = Callable[[SweepProgress], None]
+
+TEST_SEED = 500_000
+"""Added to the seed of a study for switches that a detector is judged on [-]."""
+HISTORY_SEED = 1_000_000
+MARGIN = 0.3
+"""Objects to learn from lie up to so far beyond the outermost places [m]."""
+GRID = 0.3
+"""Between the places of objects to learn from; any place would double the time of a throw [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Counts:
+    """How many throws a set has.
+
+    Attributes
+    ----------
+    sound, objects : int
+        Sound throws, each of another switch; objects in the first of these states.
+    defects : int
+        Throws of each other cause, paired as objects are.
+    switches, repeats : int
+        Switches with a history, and sound throws of each.
+    judged : int
+        The last of these that are also thrown with causes.
+    objects_each : int
+        Objects in each of them.
+    """
+
+    sound: int = 4000
+    objects: int = 3500
+    defects: int = 500
+    switches: int = 60
+    repeats: int = 26
+    judged: int = 6
+    objects_each: int = 0
+
+    @property
+    def throws(self) -> int:
+        """All of them."""
+        causes = self.sound + self.objects + len(DEFECTS) * self.defects
+        each = self.judged * (self.objects_each + (2 if self.objects_each else 0))
+        return causes + self.switches * (self.repeats + each)
+
+
+def training_plans(study: Study, counts: Counts, *, seed: int = 0) -> dict[str, Plan]:
+    """Return the sweeps that a detector is trained on, or judged on with another seed.
+
+    Parameters
+    ----------
+    study : Study
+        Population of sound switches.
+    counts : Counts
+        Throws of each kind.
+    seed : int
+        0 for training, `TEST_SEED` for other switches.
+    """
+    population = Population(study, seed=seed)
+    places = np.array(list(places_of(study.panel).values()))
+    rng = np.random.default_rng([study.seed, seed, 7])
+    sound = [population.row(state) for state in range(counts.sound)]
+    plans = {SOUND: population.plan(SOUND, sound)}
+    test = seed != 0
+    if counts.objects:
+        rows = [
+            _with_object_at(sound[i % counts.sound], rng, places, number=i, exact=test)
+            for i in range(counts.objects)
+        ]
+        plans[OBJECT] = _paired(population, OBJECT, rows, sound)
+    for name, change in DEFECTS.items():
+        if counts.defects:
+            rows = [change(sound[i % counts.sound], rng, population) for i in range(counts.defects)]
+            plans[name] = _paired(population, name, rows, sound)
+    if counts.switches:
+        plans |= _history_plans(study, counts, seed=seed, places=places)
+    return plans
+
+
+def _with_object_at(
+    row: Row, rng: np.random.Generator, places: np.ndarray, *, number: int, exact: bool
+) -> Row:
+    """Trap an object anywhere, or at each place in turn and then in a size near what is seen."""
+    if not exact:
+        first, last = max(0.0, places[0] - MARGIN), places[-1] + MARGIN
+        x = GRID * round(float(rng.uniform(first - 0.5 * GRID, last + 0.5 * GRID)) / GRID)
+        return with_object(row, rng, x=max(0.0, x))
+    x = float(places[number % places.size])
+    middle = np.sin(np.pi * (x - places[0]) / (places[-1] - places[0]))
+    return with_object(row, rng, x=x, largest=float(8e-3 + 14e-3 * middle))
+
+
+def _paired(population: Population, name: str, rows: list[Row], sound: list[Row]) -> Plan:
+    partner = [number % len(sound) for number in range(len(rows))]
+    return population.plan(
+        name, rows, partner=partner, switch=partner, sound=[sound[i] for i in partner]
+    )
+
+
+def _history_plans(
+    study: Study, counts: Counts, *, seed: int, places: np.ndarray
+) -> dict[str, Plan]:
+    """Return repeated throws of some switches, and the last of them with causes."""
+    population = Population(study, seed=seed + HISTORY_SEED)
+    rng = np.random.default_rng([study.seed, seed, 8])
+    rows, switch = [], []
+    for number in range(counts.switches):
+        for repeat in range(counts.repeats):
+            state = number * counts.repeats + repeat
+            rows.append(population.row(state, switch=number * counts.repeats))
+            switch.append(number)
+    plans = {"history": population.plan("history", rows, switch=switch)}
+    if not counts.objects_each:
+        return plans
+    first = counts.repeats - counts.judged
+    judged = [i for i in range(len(rows)) if i % counts.repeats >= first]
+    kinds: Mapping[str, Callable[[Row, int], Row]] = {
+        OBJECT: lambda row, i: _with_object_at(row, rng, places, number=i, exact=True),
+        "adjustment": lambda row, i: with_adjustment(row, rng, population, change=1e-3),
+        DRY: lambda row, i: with_dry_chairs(
+            row, rng, population, rail=str(rng.choice(["one", "other"]))
+        ),
+    }
+    for kind, change in kinds.items():
+        each = counts.objects_each if kind == OBJECT else 1
+        partner = [i for i in judged for _ in range(each)]
+        made = [change(rows[i], number) for number, i in enumerate(partner)]
+        plans[f"history, {kind}"] = population.plan(
+            f"history, {kind}",
+            made,
+            partner=partner,
+            switch=[switch[i] for i in partner],
+            sound=[rows[i] for i in partner],
+        )
+    return plans
+
+
+def throw_plans(
+    plans: Mapping[str, Plan],
+    folder: Path,
+    *,
+    workers: int = 1,
+    report: Callable[[str], Report] | None = None,
+) -> dict[str, xr.Dataset]:
+    """Throw what is missing of some sweeps, and open them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    found = {}
+    for name, plan in plans.items():
+        watch = report(name) if report is not None else None
+        path = folder / name.replace(", ", "-").replace(" ", "-")
+        run_sweep(plan.study, path, workers=workers, report=watch)
+        found[name] = open_sweep(path)
+    return found

@@ -1,0 +1,108 @@
+"""The page about judged throws, from verdicts as plain records."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from turnout.metric.finding import Finding
+from turnout.report.page import Page, Section, Table
+
+MILLI = 1e3
+SAFETY = (
+    "Advisory: a verdict is no safety function and replaces neither lock nor end-position sensors."
+)
+
+
+def detection_page(verdicts: Sequence[Mapping[str, Any]], *, about: Mapping[str, str]) -> Page:
+    """Return the page about judged throws.
+
+    Parameters
+    ----------
+    verdicts : sequence of mapping
+        Fields of `turnout.detection.throw_verdict.Verdict`, in the order of the throws.
+    about : mapping of str to str
+        Where they come from.
+    """
+    counts = Counter(str(item["status"]) for item in verdicts)
+    findings = [_headline(verdicts, counts)]
+    lost = counts.get("cannot judge", 0)
+    if lost:
+        detail = f"{lost} of {len(verdicts)} throws; the table says why"
+        findings.append(Finding("bad", "Could every throw be judged?", "No", detail))
+    findings.append(Finding("fact", "May trains rely on it?", "No", SAFETY))
+    called = [item for item in verdicts if item["status"] != "sound"]
+    sections = [
+        Section(
+            heading="Throws",
+            text="Log odds: logarithm of the likelihood ratio, object against every other cause. "
+            "Gaps with their 95 % intervals are inferred from the drive forces.",
+            tables=[_table(verdicts)],
+        )
+    ]
+    if called:
+        sections.append(
+            Section(heading="What to do", text="Throws not called sound.", tables=[_advice(called)])
+        )
+    return Page(
+        title="Throws judged from drive forces",
+        subtitle=", ".join(f"{name} {value}" for name, value in about.items() if value),
+        findings=findings,
+        sections=sections,
+        footer=[SAFETY],
+    )
+
+
+def _headline(verdicts: Sequence[Mapping[str, Any]], counts: Mapping[str, int]) -> Finding:
+    question, total = "Is something trapped?", len(verdicts)
+    alarms = counts.get("object", 0)
+    if alarms:
+        return Finding("bad", question, "Yes", f"an object is called in {alarms} of {total} throws")
+    others = counts.get("other cause", 0) + counts.get("unknown deviation", 0)
+    if others:
+        detail = f"but {others} of {total} throws deviate otherwise"
+        return Finding("look", question, "Not called", detail)
+    sound = counts.get("sound", 0)
+    return Finding("good", question, "Not called", f"{sound} of {total} throws are called sound")
+
+
+def _table(verdicts: Sequence[Mapping[str, Any]]) -> Table:
+    names = next(([gap["name"] for gap in item["gaps"]] for item in verdicts if item["gaps"]), [])
+    rows = []
+    for item in verdicts:
+        gaps = {gap["name"]: gap for gap in item["gaps"]}
+        rows.append(
+            [
+                str(item["name"]),
+                str(item["status"]),
+                _number(item["log_ratio"], "{:+.1f}"),
+                _number(item["friction"], "{:.2f}"),
+                *(_gap(gaps.get(name)) for name in names),
+                str(item["reason"]) or _object(item),
+            ]
+        )
+    marked = frozenset(i for i, item in enumerate(verdicts) if item["status"] != "sound")
+    columns = ["throw", "verdict", "log odds", "friction", *(f"{n} [mm]" for n in names), "remark"]
+    return Table("", columns, rows, marked)
+
+
+def _advice(called: Sequence[Mapping[str, Any]]) -> Table:
+    rows = [[str(item["name"]), str(item["status"]), str(item["advice"])] for item in called]
+    return Table("", ["throw", "verdict", "next"], rows)
+
+
+def _object(item: Mapping[str, Any]) -> str:
+    size = item["size"]
+    if not size:
+        return ""
+    return f"{MILLI * size['middle']:.1f} mm at {' or '.join(item['places'])}"
+
+
+def _gap(gap: Mapping[str, float] | None) -> str:
+    if gap is None:
+        return ""
+    low, high = MILLI * gap["low"], MILLI * gap["high"]
+    return f"{MILLI * gap['middle']:.1f} ({low:.1f} to {high:.1f})"
+
+
+def _number(value: float, shape: str) -> str:
+    return shape.format(value) if value == value else ""

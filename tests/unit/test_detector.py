@@ -1,0 +1,207 @@
+"""A detector on a switch of formulas: verdicts, history, files, commands."""
+
+import json
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.unit.detector_toy import toy_detector, toy_throw
+from typer.testing import CliRunner
+
+from turnout.cli.main import app
+from turnout.detection.calibrating import threshold_for
+from turnout.detection.detector import Detector
+from turnout.detection.knowledge import Knowledge
+from turnout.errors import FileError
+
+
+def fresh() -> Detector:
+    return Detector(toy_detector().knowledge)
+
+
+def test_sound_throws_are_sound_and_objects_are_called_where_they_are() -> None:
+    detector = fresh()
+    levels = np.linspace(0.12, 0.48, 6)
+    sound = [toy_throw(level=level, seed=i) for i, level in enumerate(levels)]
+    assert [item.status for item in detector.predict(sound)] == ["sound"] * len(sound)
+    held = [toy_throw(level=level, seed=i, size=20e-3) for i, level in enumerate(levels)]
+    found = detector.predict(held)
+    assert [item.status for item in found] == ["object"] * len(held)
+    assert all("sleeper 6" in item.places for item in found)
+    sizes = np.array([item.size.middle for item in found if item.size is not None])
+    assert np.median(np.abs(sizes - 20e-3)) < 2e-3
+    scores = detector.score([*sound, *held], [False] * len(sound) + [True] * len(held))
+    assert scores == {"false_alarms": 0.0, "detected": 1.0, "not_judged": 0.0}
+
+
+def test_a_late_recorder_changes_nothing() -> None:
+    """An onset that was found 20 ms off is found again."""
+    detector = fresh()
+    straight = detector.judge(toy_throw(seed=1))
+    off = detector.judge(toy_throw(seed=1, shift=0.02))
+    assert off.status == "sound"
+    assert off.log_ratio == pytest.approx(straight.log_ratio, abs=1.5)
+    assert off.friction == pytest.approx(straight.friction, abs=0.02)
+
+
+def test_gaps_are_inferred_without_sensors() -> None:
+    detector = fresh()
+    sound = {gap.name: gap for gap in detector.judge(toy_throw(seed=2)).gaps}
+    assert sound["sensor TKK1"].low < 6e-3 < sound["sensor TKK1"].high
+    assert sound["sensor TKK1"].above < 0.01
+    held = detector.judge(toy_throw(seed=2, size=28e-3))
+    (gap,) = (item for item in held.gaps if item.name == "sensor TKK1")
+    assert gap.middle == pytest.approx(6e-3 + 0.4 * 28e-3, abs=2e-3)
+    assert held.in_control is False
+    assert held.changes
+    assert held.changes[0].force > 500.0
+
+
+def test_history_tells_an_adjustment_and_sharpens() -> None:
+    detector = fresh()
+    rng = np.random.default_rng(6)
+    throws = [toy_throw(level=rng.uniform(0.1, 0.5), over=(3.4, 4.5), seed=i) for i in range(20)]
+    before = detector.judge(toy_throw(over=(3.4, 4.5), size=9e-3, seed=50))
+    detector.learn(throws)
+    assert detector.known.throws >= 19
+    after = detector.judge(toy_throw(over=(3.4, 4.5), size=9e-3, seed=50))
+    assert after.log_ratio > before.log_ratio
+    moved = detector.judge(toy_throw(over=(4.4, 4.5), seed=51))
+    assert not moved.alarm
+    assert moved.odds["adjustment"] > moved.odds["object"]
+    assert "adjustment" not in before.odds
+    detector.forget()
+    assert detector.known.throws == 0
+
+
+def test_bad_recordings_are_not_judged_and_never_sound() -> None:
+    detector = fresh()
+    good = toy_throw()
+    bad = [
+        replace(good, force=np.minimum(good.force, 1500.0)),
+        replace(good, force=np.full_like(good.force, np.nan)),
+        replace(good, time=good.time[:700], force=good.force[:, :700]),
+        replace(good, drives=("1", "3")),
+        replace(good, onsets={}),
+    ]
+    for verdict in detector.predict(bad):
+        assert verdict.status == "cannot judge"
+        assert verdict.reason
+        assert "cannot judge" in verdict.lines()[0]
+
+
+def test_closing_alone_is_judged() -> None:
+    detector = fresh()
+    whole = toy_throw(size=25e-3)
+    kept = whole.time > 3.6
+    alone = replace(
+        whole, time=whole.time[kept], force=whole.force[:, kept], onsets={"closing": 4.4}
+    )
+    verdict = detector.judge(alone)
+    assert (verdict.part, verdict.status) == ("closing", "object")
+
+
+def test_a_file_keeps_detector_and_history(tmp_path: Path) -> None:
+    detector = fresh()
+    detector.learn([toy_throw(level=0.2 + 0.02 * i, seed=i) for i in range(4)])
+    path = tmp_path / "switch.detector"
+    detector.save(path)
+    again = Detector.load(path)
+    throw = toy_throw(size=12e-3, seed=30)
+    one, other = detector.judge(throw), again.judge(throw)
+    assert other.history == one.history > 0
+    assert other.log_ratio == pytest.approx(one.log_ratio, abs=0.02)
+    with zipfile.ZipFile(path) as packed:
+        assert all(name.endswith(".npy") for name in packed.namelist())
+
+
+@pytest.mark.parametrize("case", ["missing", "text", "flipped", "array"])
+def test_a_bad_file_is_one_message(tmp_path: Path, case: str) -> None:
+    path = tmp_path / "switch.detector"
+    if case == "text":
+        path.write_text("no detector")
+    elif case == "flipped":
+        fresh().save(path)
+        with np.load(path) as content:
+            arrays = {name: content[name] for name in content.files}
+        arrays["model.mean"] = arrays["model.mean"] + 1.0
+        with path.open("wb") as file:
+            np.savez(file, **arrays)
+    elif case == "array":
+        with path.open("wb") as file:
+            np.savez(file, a=np.zeros(3))
+    with pytest.raises(FileError, match=r"switch\.detector: .*(train|copy|writes)"):
+        Detector.load(path)
+
+
+def test_thresholds_are_quantiles_where_throws_suffice_and_exponential_beyond() -> None:
+    rng = np.random.default_rng(7)
+    ratios = rng.exponential(2.0, 40_000) - 3.0
+    assert threshold_for(ratios, rate=1e-3) == pytest.approx(-3.0 + 2.0 * np.log(1e3), abs=0.6)
+    assert threshold_for(ratios, rate=1e-6) == pytest.approx(-3.0 + 2.0 * np.log(1e6), rel=0.1)
+
+
+def test_a_detector_without_a_threshold_says_so() -> None:
+    knowledge: Knowledge = replace(toy_detector().knowledge, calibrated=())
+    with pytest.raises(Exception, match="no threshold"):
+        Detector(knowledge).judge(toy_throw())
+
+
+# ---- commands
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("detect")
+    fresh().save(place / "switch.detector")
+    lines = ["throw,rate [Hz],start [s],force 1 [N],force 2 [N]"]
+    for seed, size in ((0, 0.0), (1, 0.0), (2, 24e-3)):
+        rows = toy_throw(seed=seed, size=size).force
+        cells = [" ".join(f"{value:.1f}" for value in row) for row in rows]
+        lines.append(f"t{seed},125,-4.4,{cells[0]},{cells[1]}")
+    (place / "throws.csv").write_text("\n".join(lines))
+    return place
+
+
+def test_run_judges_a_table(folder: Path) -> None:
+    paths = [str(folder / "switch.detector"), str(folder / "throws.csv")]
+    shown = CliRunner().invoke(app, ["detect", "run", *paths])
+    assert shown.exit_code == 0, shown.output
+    assert "t2: object" in shown.output
+    assert "3 throws: 2 sound, 1 object" in shown.output
+    told = CliRunner().invoke(app, ["detect", "run", *paths, "--json", "--strict"])
+    assert told.exit_code == 1
+    record = json.loads(told.output)
+    assert [item["status"] for item in record["verdicts"]] == ["sound", "sound", "object"]
+    assert record["units"]["size"] == "m"
+
+
+def test_learn_watch_and_report(folder: Path, tmp_path: Path) -> None:
+    detector, table = folder / "switch.detector", folder / "throws.csv"
+    out = tmp_path / "own.detector"
+    learned = CliRunner().invoke(
+        app, ["detect", "learn", str(detector), str(table), "-o", str(out), "--json"]
+    )
+    assert learned.exit_code == 0, learned.output
+    assert json.loads(learned.output)["throws"] == 2
+    inbox = tmp_path / "in"
+    inbox.mkdir()
+    (inbox / "a.csv").write_text(table.read_text())
+    (inbox / "b.csv").write_text("nothing of use")
+    seen = CliRunner().invoke(app, ["detect", "watch", str(out), str(inbox), "--once"])
+    assert seen.exit_code == 0, seen.output
+    assert "t2: object" in seen.output
+    assert "b.csv: cannot judge" in seen.output
+    page = tmp_path / "page.html"
+    made = CliRunner().invoke(app, ["detect", "report", str(out), str(table), "-o", str(page)])
+    assert made.exit_code == 0, made.output
+    assert "Is something trapped?" in page.read_text()
+
+
+def test_bad_input_is_one_message(folder: Path) -> None:
+    paths = [str(folder / "switch.detector"), str(folder / "throws.csv")]
+    refused = CliRunner().invoke(app, ["detect", "run", *paths, "--far", "0.5"])
+    assert isinstance(refused.exception, FileError)
+    assert "thresholds are known for" in str(refused.exception)

@@ -1,0 +1,93 @@
+"""History on toys: conditioning agrees with closed forms, and a ramp is not learned away."""
+
+import numpy as np
+import pytest
+
+from turnout.detection.sound_model import SPACING_SHARE, SoundModel, fit_sound_model
+from turnout.detection.switch_history import ThrowErrors, before_history, observe, predict
+
+
+def toy_model(*, spread: float = 0.0) -> SoundModel:
+    """Two features, one gap, one mode of the switch that moves the first feature by `spread`."""
+    switch = np.zeros((3, 3, 1))
+    switch[:, 0, 0] = spread
+    return SoundModel(
+        level=np.array([0.1, 0.2, 0.3]),
+        weight=np.full(3, 1.0 / 3.0),
+        mean=np.zeros((3, 3)),
+        slope=np.zeros((3, 3)),
+        switch=switch,
+        within=np.zeros((3, 3, 3)),
+        shift=np.zeros((3, 2, 2)),
+    )
+
+
+def errors_of(*, fixed: float, changing: float) -> ThrowErrors:
+    return ThrowErrors(
+        fixed=fixed**2 * np.eye(2), changing=changing**2 * np.eye(2), timing=0.0, gap=0.1
+    )
+
+
+@pytest.mark.parametrize("count", [1, 5, 20])
+def test_variance_after_throws_is_that_of_a_normal_mean(count: int) -> None:
+    """Prior variance a, n observations of variance b: 1 / (1/a + n/b), and b of the next throw."""
+    model, errors = toy_model(spread=3.0), errors_of(fixed=2.0, changing=1.5)
+    known = before_history(model, errors)
+    for _ in range(count):
+        known = observe(model, errors, known, np.array([1.0, -1.0]), level=0.2, drift=0.0)
+    mean, covariance = predict(model, errors, known, 1)
+    for feature, prior in ((0, 3.0**2 + 2.0**2), (1, 2.0**2)):
+        left = 1.0 / (1.0 / prior + count / 1.5**2)
+        assert covariance[feature, feature] == pytest.approx(left + 1.5**2, rel=1e-9)
+        sign = 1.0 if feature == 0 else -1.0
+        assert mean[feature] == pytest.approx(sign * (1.0 - left / prior), rel=1e-9)
+    assert covariance[2, 2] == pytest.approx(0.01)
+    assert known.throws == count
+
+
+def test_what_is_learned_at_one_level_holds_at_others() -> None:
+    model, errors = toy_model(spread=3.0), errors_of(fixed=0.1, changing=0.1)
+    known = observe(model, errors, before_history(model, errors), np.array([2.0, 0.0]), level=0.12)
+    mean, _ = predict(model, errors, known, 2)
+    assert mean[0] == pytest.approx(2.0, abs=0.01)
+
+
+def test_a_ramp_is_not_learned_away() -> None:
+    """After 20 steady throws a ramp of half a deviation a throw stands out more and more."""
+    model, errors = toy_model(spread=3.0), errors_of(fixed=0.5, changing=1.0)
+    known = before_history(model, errors)
+    for _ in range(20):
+        known = observe(model, errors, known, np.zeros(2), level=0.2)
+    off = []
+    for number in range(1, 21):
+        y = np.array([0.5 * number, 0.0])
+        mean, covariance = predict(model, errors, known, 1)
+        off.append((y[0] - mean[0]) / np.sqrt(covariance[0, 0]))
+        known = observe(model, errors, known, y, level=0.2)
+    assert off[9] > 3.0
+    assert np.all(np.diff(off) > 0.0)
+
+
+def test_sound_model_finds_a_linear_population() -> None:
+    """y = 5 l + l u + e: mean, slope, what a switch does, and what changes from throw to throw."""
+    rng = np.random.default_rng(3)
+    count = 4000
+    level, u = rng.uniform(0.1, 0.5, count), rng.uniform(-1.0, 1.0, (count, 1))
+    noise = 0.05 * rng.standard_normal((count, 2))
+    values = np.column_stack([5.0 * level + level * u[:, 0], np.zeros(count)]) + noise
+    found = fit_sound_model(
+        values,
+        level=level,
+        inputs=u,
+        rates=np.ones((count, 1)),
+        part=np.zeros(1, dtype=np.intp),
+        scale=np.ones(2),
+        centres=5,
+    )
+    np.testing.assert_allclose(found.mean[:, 0], 5.0 * found.level, atol=0.02)
+    np.testing.assert_allclose(found.slope[1:-1, 0], 5.0, atol=0.3)
+    variance = np.einsum("kr,kr->k", found.switch[:, 0], found.switch[:, 0])
+    np.testing.assert_allclose(np.sqrt(variance), found.level / np.sqrt(3.0), atol=0.01)
+    np.testing.assert_allclose(found.within[:, 0, 0], 0.05**2, rtol=0.2)
+    assert found.gaps == 1
+    assert SPACING_SHARE * found.spacing == pytest.approx(0.06, abs=0.005)

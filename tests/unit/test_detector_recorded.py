@@ -1,0 +1,120 @@
+"""Recordings: features whatever the sampling, what cannot be judged and why, tables."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from turnout.detection.reading import read_table, read_throws
+from turnout.detection.recorded import Recorded, features_of_recorded, recording_fault
+from turnout.detection.throw_layout import layout_of, throw_features
+from turnout.errors import FileError
+
+LAYOUT = layout_of([("opening", 0.2, 3.2), ("closing", 4.4, 3.4)], end=8.5, drives=["1", "2"])
+ONSETS = {"opening": 0.2, "closing": 4.4}
+
+
+def force_at(time: np.ndarray) -> np.ndarray:
+    closing = 4000.0 * np.clip((time - 4.4) / 3.4, 0.0, 1.0) ** 3
+    opening = -1500.0 * np.clip((time - 0.2) / 3.2, 0.0, 1.0) * np.clip((5.4 - time), 0.0, 1.0)
+    return np.array([opening + closing, 0.5 * opening + 1.3 * closing])
+
+
+def throw(rate: float = 125.0, *, begin: float = 0.0, noise: float = 5.0) -> Recorded:
+    time = np.arange(0.0, 8.5, 1.0 / rate)
+    rng = np.random.default_rng(4)
+    force = force_at(time) + noise * rng.standard_normal((2, time.size))
+    return Recorded(
+        name="t",
+        time=time + begin,
+        force=force,
+        drives=("1", "2"),
+        onsets={key: value + begin for key, value in ONSETS.items()},
+    )
+
+
+@pytest.mark.parametrize("rate", [50.0, 100.0, 125.0, 1000.0])
+@pytest.mark.parametrize("begin", [0.0, -3.217])
+def test_features_do_not_depend_on_sampling_or_clock(rate: float, begin: float) -> None:
+    fine = throw(4000.0, noise=0.0)
+    expected = features_of_recorded(fine, LAYOUT, fine.onsets)
+    own = throw(rate, begin=begin, noise=0.0)
+    found = features_of_recorded(own, LAYOUT, own.onsets)
+    np.testing.assert_allclose(found, expected, atol=12.0 if rate < 100.0 else 4.0)
+
+
+def test_uneven_samples_give_the_means_of_the_lines_between_them() -> None:
+    rng = np.random.default_rng(5)
+    time = np.sort(np.concatenate([[0.0, 8.5], rng.uniform(0.0, 8.5, 500)]))
+    found = throw_features(
+        time, (3.0 + 2.0 * time) * np.ones((1, 2, 1)), layout=LAYOUT, onsets=[[0.2, 4.4]]
+    )
+    np.testing.assert_allclose(found[0], 3.0 + 2.0 * LAYOUT.time, rtol=1e-10)
+
+
+def test_a_good_recording_has_no_fault() -> None:
+    assert recording_fault(throw(), LAYOUT) == ""
+
+
+def spoiled(case: str) -> Recorded:
+    good = throw()
+    force = good.force.copy()
+    if case == "clipped":
+        force[1] = np.minimum(force[1], 3000.0)
+        return replace(good, force=force)
+    if case == "dead":
+        force[0] = 12.0
+        return replace(good, force=force)
+    if case == "holes":
+        force[0, 700:740] = np.nan
+        return replace(good, force=force)
+    if case == "nothing":
+        return replace(good, force=np.full_like(force, np.nan))
+    if case == "unit":
+        return replace(good, force=1000.0 * force)
+    if case == "short":
+        return replace(good, time=good.time[:850], force=force[:, :850])
+    if case == "late":
+        return replace(good, time=good.time[600:], force=force[:, 600:])
+    if case == "slow":
+        return replace(good, time=good.time[::10], force=force[:, ::10])
+    if case == "one drive":
+        return replace(good, force=force[:1], drives=("1",))
+    return replace(good, onsets={})
+
+
+@pytest.mark.parametrize(
+    ("case", "why"),
+    [
+        ("clipped", "drive 2: clipped at 3.00 kN"),
+        ("dead", "dead channel"),
+        ("holes", "without samples"),
+        ("nothing", "holds no numbers"),
+        ("unit", "is the unit right"),
+        ("short", "are needed"),
+        ("late", "begins after the onset"),
+        ("slow", "samples a second"),
+        ("one drive", "no force of drive 2"),
+        ("no closing", "no closing movement"),
+    ],
+)
+def test_what_cannot_be_judged_says_why(case: str, why: str) -> None:
+    assert why in recording_fault(spoiled(case), LAYOUT)
+
+
+def test_a_table_has_a_row_a_throw(tmp_path: Path) -> None:
+    own = throw(100.0)
+    cells = [" ".join(f"{value:.1f}" for value in row) for row in own.force]
+    path = tmp_path / "throws.csv"
+    head = "throw,rate [Hz],direction,force 1 [N],force 2 [N]"
+    lines = [head, f"a,100,closing,{cells[0]},{cells[1]}", f"b,100,opening,{cells[0]},{cells[1]}"]
+    path.write_text("\n".join([*lines, f"c,100,closing,1 2 x,{cells[1]}"]))
+    first, second, third = read_table(path)
+    assert first.name == "a"
+    assert first.onsets["closing"] == pytest.approx(4.4, abs=0.6)
+    assert "opening" in second.fault
+    assert "no number" in third.fault
+    path.write_text("time,force\n0,1\n")
+    with pytest.raises(FileError, match="rate"):
+        read_throws(path)

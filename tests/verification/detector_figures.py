@@ -1,0 +1,281 @@
+"""Figures of a detector on throws of switches that it never saw."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from turnout.detection.calibrating import AT_ONCE, Errors, learn_history
+from turnout.detection.floor import TOUCH_FORCE
+from turnout.detection.judging import CYCLE, View, evidence_of, make_view
+from turnout.detection.knowledge import Knowledge
+from turnout.detection.object_posterior import Interval
+from turnout.detection.throw_set import ThrowSet
+from turnout.detection.throw_verdict import ALARM, Verdict, verdict_on
+
+Floats = NDArray[np.float64]
+RESAMPLES = 200
+
+
+@dataclass(slots=True)
+class Judged:
+    """Verdicts, each with what is true of its throw."""
+
+    kind: list[str] = field(default_factory=list)
+    switch: list[int] = field(default_factory=list)
+    size: list[float] = field(default_factory=list)
+    x: list[float] = field(default_factory=list)
+    touched: list[bool] = field(default_factory=list)
+    gaps: list[Floats] = field(default_factory=list)
+    verdict: list[Verdict] = field(default_factory=list)
+
+    def of(self, kind: str) -> NDArray[np.intp]:
+        """Return which throws are of a kind."""
+        return np.flatnonzero(np.array(self.kind) == kind)
+
+    def alarms(self, which: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Return which of some throws are alarms."""
+        return np.array([self.verdict[i].alarm for i in which], dtype=bool)
+
+    def add(self, kind: str, throws: ThrowSet, verdicts: Sequence[Verdict]) -> None:
+        """Take up verdicts on throws of a kind."""
+        for number, verdict in enumerate(verdicts):
+            self.kind.append(kind)
+            self.switch.append(int(throws.switch[number]))
+            self.size.append(float(throws.size[number]))
+            self.x.append(float(throws.x[number]))
+            self.touched.append(bool(throws.force[number] > TOUCH_FORCE))
+            self.gaps.append(throws.gaps[number])
+            self.verdict.append(verdict)
+
+
+def verdicts_on(
+    knowledge: Knowledge, view: View, features: Floats, *, rate: float
+) -> list[Verdict]:
+    """Judge throws by their features."""
+    calibrated = knowledge.calibration(part=view.part, history=view.history)
+    assert calibrated is not None, "the detector has thresholds"
+    found = []
+    for first in range(0, len(features), AT_ONCE):
+        rows = features[first : first + AT_ONCE]
+        evidence = evidence_of(view, rows)
+        found += [
+            verdict_on("", view, evidence, i, knowledge=knowledge, calibrated=calibrated, rate=rate)
+            for i in range(len(rows))
+        ]
+    return found
+
+
+def judge_alone(
+    knowledge: Knowledge,
+    sets: Mapping[str, ThrowSet],
+    *,
+    rate: float = 1e-3,
+    draws: int = 2,
+    part: str = CYCLE,
+    seed: int = 5,
+) -> Judged:
+    """Judge throws without a history, each several times with other errors."""
+    errors = _errors(knowledge, seed)
+    view = make_view(knowledge, part=part)
+    judged = Judged()
+    for kind, throws in sets.items():
+        if kind.startswith("history"):
+            continue
+        for _ in range(draws):
+            fixed = errors.of_switches(len(throws.level))
+            features = throws.features + fixed + errors.of_throws(throws.rates)
+            judged.add(kind, throws, verdicts_on(knowledge, view, features, rate=rate))
+    return judged
+
+
+def judge_with_history(
+    knowledge: Knowledge,
+    sets: Mapping[str, ThrowSet],
+    *,
+    history: int = 20,
+    rate: float = 1e-3,
+    draws: int = 1,
+    again: int = 2,
+    seed: int = 6,
+) -> Judged:
+    """Judge throws of switches whose first throws are known."""
+    errors = _errors(knowledge, seed)
+    judged = Judged()
+    sound = sets["history"]
+    first = int(np.bincount(sound.switch).max())
+    for switch in np.unique(sound.switch):
+        own = sound.of(sound.switch == switch)
+        for _ in range(draws):
+            fixed = errors.of_switches(1)
+            known = own.of(slice(history))
+            expected = learn_history(
+                knowledge, known.features + fixed + errors.of_throws(known.rates)
+            )
+            view = make_view(knowledge, known=expected)
+            for name, throws in sets.items():
+                if not name.startswith("history"):
+                    continue
+                mine = throws.of(throws.switch == switch)
+                if name == "history":
+                    mine = mine.of(mine.row % first >= history)
+                for _ in range(again):
+                    features = mine.features + fixed + errors.of_throws(mine.rates)
+                    kind = name.removeprefix("history, ").replace("history", "sound")
+                    judged.add(kind, mine, verdicts_on(knowledge, view, features, rate=rate))
+    return judged
+
+
+def _errors(knowledge: Knowledge, seed: int) -> Errors:
+    rng = np.random.default_rng([seed, 12])
+    return Errors(knowledge.errors(), part=knowledge.layout.part, rng=rng)
+
+
+# ---- figures
+
+
+def a90(size: Floats, seen: NDArray[np.bool_]) -> float:
+    """Return the size that is seen in nine of ten throws, by logistic regression on its logarithm.
+
+    Examples
+    --------
+    >>> sizes = np.linspace(1e-3, 20e-3, 400)
+    >>> bool(abs(a90(sizes, sizes > 10e-3) - 10e-3) < 0.3e-3)
+    True
+    """
+    if seen.all():
+        return float(size.min())
+    z, sign = np.log(size * 1e3), np.where(seen, 1.0, -1.0)
+
+    def cost(p: Floats) -> float:
+        gain = np.exp(np.clip(p[1], -3.0, 5.0))
+        return float(np.logaddexp(0.0, -sign * gain * (z - p[0])).sum() + 0.01 * p[1] ** 2)
+
+    found = minimize(cost, [float(np.median(z)), 1.0], method="Nelder-Mead")
+    gain = np.exp(np.clip(found.x[1], -3.0, 5.0))
+    return 1e-3 * float(np.exp(found.x[0] + np.log(9.0) / gain))
+
+
+def a90_of_places(
+    judged: Judged, places: Mapping[str, float], *, seed: int = 1
+) -> dict[str, tuple[float, float, int]]:
+    """Return a90, its upper 95 % limit over drawn switches, and throws, at each place [m]."""
+    own = judged.of("object")
+    x, size = np.array(judged.x)[own], np.array(judged.size)[own]
+    seen, switch = judged.alarms(own), np.array(judged.switch)[own]
+    near = np.abs(x[:, np.newaxis] - np.array(list(places.values()))).argmin(axis=1)
+    rng = np.random.default_rng(seed)
+    found = {}
+    for number, name in enumerate(places):
+        mine = np.flatnonzero(near == number)
+        if mine.size < 10:
+            continue
+        numbers = np.unique(switch[mine])
+        groups = {item: mine[switch[mine] == item] for item in numbers}
+        drawn = []
+        for _ in range(RESAMPLES // 4):
+            rows = np.concatenate([groups[i] for i in rng.choice(numbers, numbers.size)])
+            drawn.append(a90(size[rows], seen[rows]))
+        found[name] = (a90(size[mine], seen[mine]), float(np.quantile(drawn, 0.95)), mine.size)
+    return found
+
+
+def false_alarms(judged: Judged, kind: str = "sound", *, seed: int = 1) -> dict[str, float]:
+    """Return the share of throws of a kind that are called an object, by switches drawn anew."""
+    own = judged.of(kind)
+    if not own.size:
+        nothing = float("nan")
+        return {"throws": 0.0, "switches": 0.0, "alarms": 0.0, "share": nothing, "upper": nothing}
+    alarm, switch = judged.alarms(own), np.array(judged.switch)[own]
+    rng = np.random.default_rng(seed)
+    numbers, at = np.unique(switch, return_inverse=True)
+    called = np.bincount(at, alarm, numbers.size)
+    thrown = np.bincount(at, minlength=numbers.size)
+    drawn = rng.integers(0, numbers.size, (RESAMPLES * 5, numbers.size))
+    shares = called[drawn].sum(axis=1) / thrown[drawn].sum(axis=1)
+    # with no or few alarms the drawn shares say too little: the exact limit of independent switches
+    least = 1.0 - 0.05 ** (1.0 / max(len(own), 1))
+    return {
+        "throws": float(len(own)),
+        "switches": float(numbers.size),
+        "alarms": float(alarm.sum()),
+        "share": float(alarm.mean()) if len(own) else float("nan"),
+        "upper": max(float(np.quantile(shares, 0.95)), least),
+    }
+
+
+def gap_figures(judged: Judged, kind: str, names: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Return error and coverage of virtual gaps [m, -], and how gaps above their limit are told."""
+    own = judged.of(kind)
+    if kind == "object":
+        own = own[np.array(judged.touched)[own]]
+    found = {}
+    for number, name in enumerate(names):
+        gaps = [judged.verdict[i].gaps[number] for i in own]
+        truth = np.array([judged.gaps[i][number] for i in own])
+        middle = np.array([gap.middle for gap in gaps])
+        inside = [gap.low <= t <= gap.high for gap, t in zip(gaps, truth, strict=True)]
+        above = truth >= gaps[0].limit + 2e-3
+        called = np.array([gap.above > 0.5 for gap in gaps])
+        found[name] = {
+            "median_error": float(np.median(np.abs(middle - truth))),
+            "coverage": float(np.mean(inside)),
+            "above": float(above.sum()),
+            "called": float(called[above].mean()) if above.any() else float("nan"),
+        }
+    return found
+
+
+def object_figures(judged: Judged, places: Mapping[str, float]) -> dict[str, float]:
+    """Return errors of place and size of detected objects [m], and coverage of their intervals."""
+    own = [i for i in judged.of("object") if judged.verdict[i].status == ALARM]
+    off, wrong, inside, within = [], [], [], []
+    for i in own:
+        verdict = judged.verdict[i]
+        assert verdict.size is not None
+        assert verdict.x is not None
+        off.append(abs(verdict.x.middle - judged.x[i]))
+        wrong.append(abs(verdict.size.middle - judged.size[i]))
+        inside.append(_holds(verdict.size, judged.size[i]))
+        near = min(places, key=lambda name: abs(places[name] - judged.x[i]))
+        within.append(near in verdict.places)
+    return {
+        "detected": float(len(own)),
+        "place_median": float(np.median(off)),
+        "place_90": float(np.quantile(off, 0.9)),
+        "place_in_set": float(np.mean(within)),
+        "size_median": float(np.median(wrong)),
+        "size_90": float(np.quantile(wrong, 0.9)),
+        "size_coverage": float(np.mean(inside)),
+    }
+
+
+def _holds(interval: Interval, value: float) -> bool:
+    return interval.low <= value <= interval.high
+
+
+def cause_figures(judged: Judged, kinds: Sequence[str]) -> dict[str, object]:
+    """Return how throws are named by status or cause, and the macro-F1 of the given kinds."""
+    table: dict[str, dict[str, int]] = {}
+    for i, kind in enumerate(judged.kind):
+        if kind not in kinds or (kind == "object" and not judged.touched[i]):
+            continue
+        said = name_of(judged.verdict[i])
+        table.setdefault(kind, {})
+        table[kind][said] = table[kind].get(said, 0) + 1
+    scores = []
+    for kind in kinds:
+        hits = table.get(kind, {}).get(kind, 0)
+        said = sum(row.get(kind, 0) for row in table.values())
+        true = sum(table.get(kind, {}).values())
+        scores.append(2.0 * hits / (said + true) if said + true else float("nan"))
+    return {"table": table, "macro_f1": float(np.nanmean(scores))}
+
+
+def name_of(verdict: Verdict) -> str:
+    """Return what a verdict calls a throw: its cause, "object", "sound" or "unknown deviation"."""
+    if verdict.status != "other cause":
+        return verdict.status
+    return max(verdict.causes, key=lambda name: verdict.odds[name])
