@@ -6,8 +6,9 @@
 >>> dataset = turnout.simulate(panel, foreign_object=obj)  # doctest: +SKIP
 >>> dataset.turnout.summary()  # doctest: +SKIP
 
-The public interface is what this package, `turnout.detection` and `turnout.plot` list in ``__all__``, and the methods of
-what these return. All modules below are private: they may move or change in any version.
+The public interface is what this package, `turnout.detection` and `turnout.plot` list in
+``__all__``, and the methods of what these return. All modules below are private: they may move or
+change in any version.
 
 Everything is loaded on first use, so that importing turnout costs nothing.
 """
