@@ -27,6 +27,8 @@ NAMES = {
     "make_outline": "turnout.section.outline",
     # One throw
     "simulate": "turnout.response.simulate",
+    "simulate_sequence": "turnout.response.sequence",
+    "Drift": "turnout.response.drift",
     "Scheme": "turnout.scheme",
     "Save": "turnout.response.save",
     "open_response": "turnout.response.store",

@@ -41,8 +41,10 @@ from turnout.panel.foreign_object import ForeignObject as ForeignObject
 from turnout.panel.load import LoadedPanel as LoadedPanel
 from turnout.panel.load import library_names as panel_names
 from turnout.panel.load import load_panel as load_panel
+from turnout.response.drift import Drift as Drift
 from turnout.response.machine import machine_dataset as machine_dataset
 from turnout.response.save import Save as Save
+from turnout.response.sequence import simulate_sequence as simulate_sequence
 from turnout.response.simulate import simulate as simulate
 from turnout.response.store import open_response as open_response
 from turnout.response.store import save_response as save_response
@@ -54,6 +56,7 @@ from turnout.study.load_study import load_study as load_study
 __all__ = [
     "CalibrationResult",
     "Campaign",
+    "Drift",
     "FileError",
     "ForeignObject",
     "LoadedMachines",
@@ -100,6 +103,7 @@ __all__ = [
     "run_sweep",
     "save_response",
     "simulate",
+    "simulate_sequence",
     "throw_one_mass",
     "validate",
 ]

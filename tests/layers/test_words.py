@@ -25,6 +25,7 @@ PACKAGES = (
         "core",
         "integrate",
         "kernels",
+        "law",
         "machine",
         "measurement",
     ),

@@ -193,6 +193,15 @@ def test_a_drive_that_takes_longer_than_the_others_does_not_slip() -> None:
         assert length <= one.energised.value <= length + 0.1
 
 
+def test_the_end_of_another_movement_is_no_zero_of_the_clamp() -> None:
+    braking = campaign(slips=2)
+    current = braking["drive_current"]
+    braking["drive_current"] = current.where(current["time"] > -0.15, current - 0.15)
+    line = fit_machines(braking).of("1", "closing").line
+    assert isinstance(line, LoadLine)
+    assert line.idle.value == pytest.approx(IDLE, rel=0.01)
+
+
 def test_a_worn_clutch_is_tracked() -> None:
     """Half a per cent of 2 A a throw is 0.83 % of the 1.2 A that the clutch itself takes."""
     trend = fit_machines(campaign(wear=0.005)).of("1", "closing").trend

@@ -111,13 +111,25 @@ def test_throw_of_the_default_panel(thrown: xr.Dataset) -> None:
     movements = json.loads(thrown.attrs["movements"])
     assert movements[-1]["end"] == pytest.approx(8.152, abs=0.01)  # cut-off at 8.098 s
     text = dict(summary(thrown))
-    assert text["machine"].startswith("drive 1 opening: limit contact after 3.19")
+    assert text["machine"].startswith("drive 1, jea73, opening: limit contact after 3.19")
     assert "A at most" in text["machine"]
 
 
 def test_figure_shows_currents(thrown: xr.Dataset) -> None:
     labels = [ax.get_ylabel() for ax in plot_throw(thrown).axes]
     assert "Motor current,\n0.1 s mean [A]" in labels
+    assert "Power drawn,\n0.1 s mean [W]" in labels
+
+
+def test_summary_says_what_each_machine_took(thrown: xr.Dataset) -> None:
+    lines = [text for _, text in summary(thrown) if "limit contact after" in text]
+    assert len(lines) == 4
+    closing = next(text for text in lines if text.startswith("drive 2, jea73-drive2, closing"))
+    power = thrown["drive_power"].sel(drive="2")
+    off = next(d["off"] for d in json.loads(thrown.attrs["machine_throws"])[::-1])
+    mean = float(power.sel(time=slice(off - 0.1, off)).mean())
+    assert "limit contact after 3.4" in closing
+    assert closing.endswith(f"{mean:.0f} W")
 
 
 def test_one_machine_and_one_marker() -> None:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from turnout.errors import PanelError
-from turnout.panel.foreign_object import ForeignObject, parse_object, resolve_objects
+from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
+from turnout.panel.object_text import parse_object
 
 PANEL = load_panel("uic60-760-1-15")
 

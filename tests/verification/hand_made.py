@@ -5,13 +5,15 @@ from collections.abc import Callable
 import numpy as np
 
 from turnout.integrate.integration import History, integrate
+from turnout.law.compression import Compression
+from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import Scheme
 
-LEDGER = ("markers", "friction", "damping", "switched", "algorithmic", "segments")
+LEDGER = ("markers", "friction", "damping", "switched", "algorithmic", "segments", "objects")
 STORED = ("kinetic", "strain", "contact", "gravity")
-LEDGER_SIGN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
+LEDGER_SIGN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0, -1.0])
 ALL_MODES = 1e9
 
 
@@ -23,6 +25,7 @@ def hand_made(
     stiffness: np.ndarray | None = None,
     damping: np.ndarray | None = None,
     load: list[float] | np.ndarray | None = None,
+    obstructions: Obstructions | None = None,
 ) -> Mechanism:
     """Put masses, springs and laws together; what is not given is zero, rows are the masses."""
     masses = np.diag(mass) if np.ndim(mass) == 1 else np.asarray(mass)
@@ -37,6 +40,7 @@ def hand_made(
         laws=table,
         law_names=tuple(f"law {i}" for i in range(table.row.size)),
         friction_names=tuple(f"foot {i}" for i in range(table.friction_row.size)),
+        obstructions=obstructions or no_obstructions(),
     )
 
 
@@ -52,6 +56,18 @@ def linear_spring(
         base_segment=0,
         **options,
     )
+
+
+def obstruction(law: int, curve: Compression, *, size: float, deepest: float = 0.0) -> Obstructions:
+    """Return the memory of one law."""
+    found = no_obstructions(1)
+    values = {
+        name: getattr(curve, name) for name in ("breaks", "unloading", "piece", "limit", "layer")
+    }
+    for name, value in (values | {"law": law, "least": curve.least, "size": size}).items():
+        getattr(found, name)[0] = value
+    found.deepest[0] = deepest
+    return found
 
 
 def run(

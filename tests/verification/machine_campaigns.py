@@ -28,7 +28,7 @@ from turnout.machine.steady import slip_point, steady_point, torque_for
 from turnout.mechanism.drive_machines import fitted_machine
 from turnout.panel.load import LoadedPanel
 from turnout.scheme import Scheme
-from turnout.virtual.campaign_plan import Plan
+from turnout.virtual.campaign_plan import CampaignPlan
 from turnout.virtual.disturbance import Disturbance, Transducer
 from turnout.virtual.make_campaign import make_virtual_campaign
 
@@ -64,7 +64,7 @@ def drawn_panel(rng: np.random.Generator) -> LoadedPanel:
 
 def fit_of(panel: LoadedPanel, seed: int, cross_talk: float) -> MachineFit:
     """Throw and record a campaign, read it back and fit it."""
-    plan = Plan(
+    plan = CampaignPlan(
         places=("drive 1", "drive 2"),
         sizes=SIZES,
         at_least=1.0,  # so that a series goes on after a slip

@@ -3,7 +3,7 @@
 Reference: the identity of the energy balance over a step (turnout.integrate.energy). The scale is
 the largest sum of work and stored energy of the run. The mechanism is made so that every term takes
 part: two masses and a rocker on springs of the linear system, a bilinear bushing, feet that slip,
-lift and return, a dashpot matrix, weight, an object that comes and goes.
+lift and return, a dashpot matrix, weight, an object that comes and goes, and one that dents.
 """
 
 from collections.abc import Callable
@@ -17,12 +17,14 @@ from tests.verification.hand_made import (
     energy_scale,
     hand_made,
     linear_spring,
+    obstruction,
     run,
 )
 
 from turnout.integrate import energy, march
 from turnout.integrate import integration as run_module
 from turnout.integrate.integration import History
+from turnout.law import compression as curves
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 
@@ -43,6 +45,10 @@ def everything() -> Mechanism:
     feet = [laws.add_contact(row, stiffness=2e6, clearance=0.0, base_closed=True) for row in (1, 2)]
     linear_spring(laws, 4, 2e4, input_index=1)
     laws.add_contact(3, stiffness=4e5, clearance=-0.003, appears=0.6, disappears=1.1)
+    wood = curves.wood(size=0.01, area=1e-6, strength=5e6, contact=1e6)
+    trapped = laws.add_piecewise(
+        3, breakpoints=wood.breakpoints, slopes=wood.slopes, offset=0.002, waits=True
+    )
     for normal in feet:
         laws.add_friction(5, normal=normal, friction_coefficient=0.3, stick_stiffness=1e6)
     # x, z, roll of a body and x of a second one; feet at 0.1 m to both sides, 0.1 m below
@@ -65,6 +71,7 @@ def everything() -> Mechanism:
         stiffness=stiffness,
         damping=damping,
         load=[0.0, -20.0 * 9.81, 0.3, 30.0],
+        obstructions=obstruction(trapped, wood, size=0.01),
     )
 
 

@@ -15,6 +15,8 @@ Floats = NDArray[np.float64]
 SHARP = "drive_current_unfiltered"
 RUNNING = 0.35
 """Current above which a motor runs [A]."""
+LARGEST_ZERO = 0.1
+"""A clamp's zero is never further off; more is the end of another movement [A]."""
 SETTLED = 0.4
 """After the contactor, when the inrush is over [s]."""
 MARGIN = 0.15
@@ -90,9 +92,9 @@ def _switched(time: Floats, current: Floats, raw: Floats) -> tuple[Floats, float
     current = sign * current
     on, off = _running(time, sign * np.where(np.isfinite(raw), raw, 0.0))
     before, after = current[time < on - 0.1], current[time > off + 0.6]
-    if before.size:
+    if before.size and abs(np.median(before)) < LARGEST_ZERO:
         zero = np.full(time.size, np.median(before))
-        if after.size:  # a clamp that drifts
+        if after.size and abs(np.median(after)) < LARGEST_ZERO:  # a clamp that drifts
             last = float(np.median(after))
             zero += (last - zero) * np.clip((time - on) / (off + 0.6 - on), 0.0, 1.0)
         current = current - zero

@@ -29,6 +29,7 @@ from turnout.cli.options import (
 if TYPE_CHECKING:
     import xarray as xr
 
+    from turnout.panel.load import LoadedPanel
     from turnout.scheme import Scheme
 
 
@@ -38,8 +39,10 @@ def simulate_command(
         list[str],
         typer.Option(
             "--object",
-            metavar="SIZE@PLACE",
-            help="Foreign object, such as 13mm@sleeper6 or '5 mm @ x = 3.6 m'. Repeatable.",
+            metavar="SIZE[ KIND]@PLACE[, KEY=VALUE]",
+            help="Foreign object, such as 13mm@sleeper6, '5 mm @ x = 3.6 m' or "
+            "'20mm ice@sleeper6, length=2m' (kinds: spring, stone, ice, snow, wood, metal). "
+            "Repeatable.",
         ),
     ] = [],  # noqa: B006 - typer copies it
     settings: SetOption = [],  # noqa: B006 - typer copies it
@@ -64,14 +67,15 @@ def simulate_command(
         ),
     ] = [],  # noqa: B006 - typer copies it
     mode: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--mode",
             metavar="MODE",
             help="waveform: impacts and single chairs; quick: drives, gaps and labels, several "
-            "times as fast; quasi-static: without inertia.",
+            "times as fast; quasi-static: without inertia. Default waveform.",
+            show_default=False,
         ),
-    ] = "waveform",
+    ] = None,
     step: Annotated[
         str, typer.Option("--step", metavar="TIME", help="Time step instead of the mode's.")
     ] = "",
@@ -91,11 +95,44 @@ def simulate_command(
             help="Time between stored instants; need not be a multiple of the step.",
         ),
     ] = "",
+    throws: Annotated[
+        int | None,
+        typer.Option(
+            "--throws",
+            metavar="N",
+            min=1,
+            help="Throw N times; objects keep dents and what is left. --mode is then quick unless "
+            "given.",
+        ),
+    ] = None,
+    drifts: Annotated[
+        list[str],
+        typer.Option(
+            "--drift",
+            metavar="KEY=VALUE",
+            help="What changes from throw to throw, such as ice_growth=0.3mm, "
+            "'temperature=-20 degC to 2 degC', friction=0.001. Repeatable.",
+        ),
+    ] = [],  # noqa: B006 - typer copies it
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Simulate a throw, with or without trapped objects, and show how it ended."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
+    if throws is not None or drifts:
+        refused = {"--plot": plot, "--overlay": overlay, "--also": also or None}
+        _simulate_throws(
+            lambda: opened_panel(panel, settings, calibration),
+            objects,
+            throws=throws,
+            drifts=drifts,
+            scheme=lambda: _scheme(mode or "quick", step=step, cutoff=cutoff, every=every),
+            out=out,
+            refused=[option for option, given in refused.items() if given is not None],
+            quiet=quiet,
+            as_json=as_json,
+        )
+        return
     theirs = _overlaid(overlay, plot)
     try:
         dataset, failed = _run(
@@ -104,7 +141,7 @@ def simulate_command(
             settings,
             calibration=calibration,
             also=also,
-            scheme=lambda: _scheme(mode, step=step, cutoff=cutoff, every=every),
+            scheme=lambda: _scheme(mode or "waveform", step=step, cutoff=cutoff, every=every),
             quiet=quiet,
             plots=plot is not None,
         )
@@ -120,6 +157,50 @@ def simulate_command(
     elif not quiet:
         _print_summary(dataset, written)
     if failed:
+        typer.echo(f"turnout: {dataset.attrs['outcome_message']}", err=True)
+        raise typer.Exit(end_code(dataset))
+
+
+def _simulate_throws(
+    panel: Callable[[], "LoadedPanel"],
+    objects: list[str],
+    *,
+    throws: int | None,
+    drifts: list[str],
+    scheme: Callable[[], "Scheme"],
+    out: Path | None,
+    refused: list[str],
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Simulate throws in a row and show or write them; those until an interruption too."""
+    from turnout.cli.sequence import print_sequence, read_drift, run_sequence, sequence_record
+    from turnout.errors import FileError
+    from turnout.panel.object_text import parse_objects
+    from turnout.response.store import save_response
+
+    if throws is None:
+        message = "--drift: changes from throw to throw; say how many with --throws"
+        raise FileError(message)
+    if refused:
+        message = f"{', '.join(refused)}: shows one throw, --throws makes several; use --out"
+        raise FileError(message)
+    loaded, foreign, (chosen, drift, _) = collect_errors(
+        panel,
+        lambda: parse_objects(objects),
+        lambda: collect_errors(scheme, lambda: read_drift(drifts), lambda: None),
+    )
+    dataset = run_sequence(loaded, foreign, throws=throws, drift=drift, scheme=chosen, quiet=quiet)
+    made = dataset.sizes["throw"] > 0
+    if made and out is not None:
+        save_response(dataset, out)
+    written = [out] if made and out is not None else []
+    if as_json and made:
+        record, units = sequence_record(dataset)
+        print_json("simulate", record, units=units, written=written)
+    elif made and not quiet:
+        print_sequence(dataset, written)
+    if not dataset.attrs["complete"]:
         typer.echo(f"turnout: {dataset.attrs['outcome_message']}", err=True)
         raise typer.Exit(end_code(dataset))
 
@@ -153,7 +234,8 @@ def _run(
 ) -> tuple["xr.Dataset", bool]:
     """Return the dataset, whole or partial, and whether the run ended early."""
     from turnout.cli.watch import watched
-    from turnout.panel.foreign_object import parse_objects, resolve_objects
+    from turnout.panel.foreign_object import resolve_objects
+    from turnout.panel.object_text import parse_objects
     from turnout.response.save import Save
 
     panel, foreign, (chosen, save, _) = collect_errors(

@@ -23,6 +23,7 @@ from turnout.condense.condense import (
 from turnout.condense.modal import ModalModel
 from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
+from turnout.integrate.energy import LEDGER
 from turnout.integrate.march import StepRecord
 from turnout.integrate.numbering import Places, number_places, place_laws
 from turnout.integrate.rods import Rods
@@ -33,6 +34,8 @@ from turnout.integrate.step import Stepping
 from turnout.integrate.system import System, check_normals, condensed_system, refill_system
 from turnout.kernels.lanes import whole_lines
 from turnout.kernels.shared_record import clone_record, shared_record
+from turnout.law.friction_course import FrictionCourses
+from turnout.law.obstruction import Obstructions, remember
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import AlphaCoefficients, Scheme
@@ -238,6 +241,8 @@ class PreparedRun:
     stepping: Stepping
     positions: Floats
     record: StepRecord
+    obstructions: Obstructions
+    courses: FrictionCourses
     rods: Rods | None = None
 
 
@@ -292,7 +297,17 @@ def prepare(
         ),
         positions=positions,
         record=_empty_record(system, laws, n_stored, with_velocity=filled_in and scheme.inertia),
+        obstructions=_set_up_obstructions(arrangement),
+        courses=shared_record(arrangement.mechanism.courses),
     )
+
+
+def _set_up_obstructions(arrangement: Arrangement) -> Obstructions:
+    """Return the obstructions of a run; their laws get the dents that they have already."""
+    obstructions = shared_record(arrangement.mechanism.obstructions)
+    if obstructions.law.size:
+        remember(arrangement.table, obstructions)
+    return obstructions
 
 
 def _copy_templates(
@@ -320,7 +335,7 @@ def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: 
     widths = {
         **dict(zip(("q", "g", "friction", "law"), whole_lines(vectors).tolist(), strict=True)),
         "stored": 4,
-        "ledger": 6,
+        "ledger": LEDGER,
     }
     page = LARGE_PAGE // 8
     memory = acquire_buffer(count * sum(widths.values()) + page)

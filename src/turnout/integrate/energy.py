@@ -3,7 +3,7 @@ r"""Energy balance of a run: the work of each step, and the energy stored at an 
 With forces in equilibrium at both ends of a step, the identity
 
 .. math:: \Delta(\text{kinetic}+\text{strain}+\text{laws}+\text{gravity}) =
-          W_{markers} + W_{switched} - W_{friction} - W_{dampers} - W_{numerical}
+          W_{markers} + W_{switched} - W_{friction} - W_{dampers} - W_{objects} - W_{numerical}
 
 holds to rounding when work is the mean of the forces at both ends times the displacement between
 them. Every term comes from its own states or forces and none is the difference of the others, so a
@@ -35,8 +35,9 @@ from turnout.kernels.vector import add_weighted_rows, copy, dot
 from turnout.law.kernel import law_argument, law_energy, law_force, segment_for
 from turnout.law.table import LawTable
 
-MARKERS, FRICTION, DAMPING, SWITCHED, ALGORITHMIC, SEGMENTS = range(6)
-"""Columns of the ledger, the work since the start [J]."""
+MARKERS, FRICTION, DAMPING, SWITCHED, ALGORITHMIC, SEGMENTS, OBJECTS = range(7)
+LEDGER = 7
+"""Columns of the ledger, the work since the start [J], and their number."""
 
 
 @compiled
@@ -45,7 +46,7 @@ def energy_balance(stored: Floats, ledger: Floats) -> tuple[float, float]:
 
     Parameters
     ----------
-    stored, ledger : ndarray, shape (n, 4), (n, 6)
+    stored, ledger : ndarray, shape (n, 4), (n, 7)
         Stored energies and work so far, at the stored instants [J].
 
     Returns
@@ -61,7 +62,7 @@ def energy_balance(stored: Floats, ledger: Floats) -> tuple[float, float]:
             change += stored[n, column] - stored[0, column]
         gained = ledger[n, MARKERS] + ledger[n, SWITCHED]
         lost = ledger[n, FRICTION] + ledger[n, DAMPING]
-        lost += ledger[n, ALGORITHMIC] + ledger[n, SEGMENTS]
+        lost += ledger[n, ALGORITHMIC] + ledger[n, SEGMENTS] + ledger[n, OBJECTS]
         error = abs(change - gained + lost)
         if math.isnan(error):
             return error, scale
@@ -171,10 +172,10 @@ def switch_laws(system: System, table: LawTable, state: State, work: Work, time:
             if table.waits[law] and law_force(table, law, segment, e) > 0.0:
                 continue
             state.law_placed[law] = time
-        force, energy = _force_and_energy(state, law, e)
+        force, energy = force_and_energy(state, law, e)
         state.present[law] = present
         set_segment(table, state, law, segment)
-        new_force, new_energy = _force_and_energy(state, law, e)
+        new_force, new_energy = force_and_energy(state, law, e)
         state.ledger[SWITCHED] += new_energy - energy
         state.jump[law] += force - new_force
         count = mark_law(system, table, state, work, count, law)
@@ -182,7 +183,7 @@ def switch_laws(system: System, table: LawTable, state: State, work: Work, time:
 
 
 @compiled
-def _force_and_energy(state: State, law: int, e: float) -> tuple[float, float]:
+def force_and_energy(state: State, law: int, e: float) -> tuple[float, float]:
     """Return force [N] and energy [J] of a law on its present segment; 0 where it is absent."""
     slope, intercept = state.slope[law], state.intercept[law]
     return slope * e + intercept, (0.5 * slope * e + intercept) * e + state.potential[law]

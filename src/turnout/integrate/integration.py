@@ -27,6 +27,7 @@ from turnout.integrate.state import (
     COUNT_ITERATIONS,
 )
 from turnout.kernels.interrupt import call_interruptible, one_thread
+from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import Scheme
@@ -59,7 +60,7 @@ class History:
         Row displacements [m].
     law_force, friction_force : ndarray, shape (n, n_laws), (n, n_frictions)
         Forces with which laws and frictions resist [N].
-    stored, ledger : ndarray, shape (n, 4), (n, 6)
+    stored, ledger : ndarray, shape (n, 4), (n, 7)
         Stored energies, and work since the start; columns as in `turnout.integrate.energy` [J].
     law_placed, law_first : ndarray, shape (n_laws,)
         Times at which a law that does not always act (an object) appeared, and first had a force
@@ -70,6 +71,8 @@ class History:
         The laws as integrated: those that join rails are not part of the linear system.
     outcome : Outcome
         How the run ended.
+    obstructions : Obstructions
+        What the obstructions with memory have become.
     iterations, flips, halved : int
         Contact-set iterations, rank-one updates, halved steps.
     machines : MachineHistory, optional
@@ -92,6 +95,7 @@ class History:
     iterations: int
     flips: int
     halved: int
+    obstructions: Obstructions
     machines: MachineHistory | None = None
 
     @property
@@ -258,6 +262,9 @@ def _assemble_history(
         iterations=int(state.counters[COUNT_ITERATIONS]),
         flips=int(state.counters[COUNT_FLIPS]),
         halved=int(state.counters[COUNT_HALVED]),
+        obstructions=Obstructions(
+            **{name: getattr(run.obstructions, name).copy() for name in Obstructions._fields}
+        ),
     )
 
 
@@ -273,6 +280,8 @@ def _march(run: PreparedRun, first: int, last: int) -> tuple[int, int]:
         first,
         last,
         run.record,
+        run.obstructions,
+        run.courses,
         run.rods,
     )
 

@@ -20,6 +20,7 @@ from turnout.integrate.energy import (
     switch_laws,
 )
 from turnout.integrate.follow import follow_path
+from turnout.integrate.obstruct import update_courses, update_obstructions
 from turnout.integrate.quasistatic import advance_static
 from turnout.integrate.rods import Rods, accept_rods, iterate_rods, move_rods, store_rods
 from turnout.integrate.scratch import Work
@@ -40,6 +41,8 @@ from turnout.integrate.system import Floats, Ints, System
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
 from turnout.kernels.lanes import LANES, gather, load, store_nontemporal
 from turnout.kernels.vector import copy
+from turnout.law.friction_course import FrictionCourses
+from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
 
 MEASURE_EVERY = 100
@@ -229,6 +232,8 @@ def march(
     first: int,
     last: int,
     record: StepRecord,
+    obstructions: Obstructions,
+    courses: FrictionCourses,
     rods: Rods | None = None,
 ) -> tuple[int, int]:
     """Step from instant `first` to instant `last`; return the outcome code and the instant reached.
@@ -240,6 +245,10 @@ def march(
     first, last : int
         Indices into `inputs`; the state is that of instant `first`, its columns those of the
         nominal step. Splitting a march into several changes no bit of the result.
+    obstructions : Obstructions
+        Laws that remember what was done to them.
+    courses : FrictionCourses
+        Friction that differs along the stroke.
     rods : Rods, optional
         Of drives that are machines; their inputs are written as they come to be.
     """
@@ -270,6 +279,10 @@ def march(
             if row % MEASURE_EVERY == 0:
                 residual = equilibrium_residual(system, table, state, work)
                 record.residual[0] = max(record.residual[0], residual)
+        now = time + stepping.step
+        count = update_obstructions(system, table, state, work, obstructions, now)
+        count = update_courses(table, state, work, courses, count)
+        update_marked(system, table, state, work, count)
         if stepping.inertia and (n + 1) % MEASURE_EVERY == 0:
             state.drift[0] = max(state.drift[0], DRIFTS)  # errors at rest may have grown
     return CONVERGED, last

@@ -26,6 +26,7 @@ from turnout.integrate.equilibrium import (
 )
 from turnout.integrate.march import march
 from turnout.integrate.numbering import place_laws
+from turnout.integrate.obstruct import freeze
 from turnout.integrate.outcome import Code
 from turnout.integrate.state import LEVEL, set_segments
 from turnout.kernels.interrupt import call_interruptible
@@ -74,6 +75,7 @@ class _StateLeft:
     friction_force: Floats
     q: Floats
     g: Floats
+    friction_coefficient: Floats
 
 
 _cache = LRUCache[_StateLeft](MOST_KEPT)
@@ -107,7 +109,21 @@ def find_start(
         `COMPLETE`, or why there is no start.
     """
     if prior is None:
-        return start_at_rest(run, arrangement.mechanism, thread)
+        code = start_at_rest(run, arrangement.mechanism, thread)
+    else:
+        code = _start_after(run, arrangement, scheme, thread, prior)
+    freeze(run.table, run.state, run.obstructions)
+    return code
+
+
+def _start_after(
+    run: PreparedRun,
+    arrangement: Arrangement,
+    scheme: Scheme,
+    thread: Executor | None,
+    prior: PriorMotion,
+) -> Code:
+    """Start from where a prior motion leaves the rails; what is trapped or frozen comes later."""
     scheme = _prior_scheme(scheme, prior)
     count = round(scheme.output_interval / scheme.step)
     times = np.minimum(scheme.step * np.arange(count + 1), prior.duration)
@@ -116,6 +132,7 @@ def find_start(
     # Objects that are absent move nothing: their places share the motion as they share templates.
     shared, values = arrangement.templates, (part.tobytes() for part in laws)
     key = (id(shared), scheme, positions.tobytes(), *values)
+    key += tuple(part.tobytes() for part in arrangement.mechanism.courses)
     left = _cache.get(key)
     if left is None:
         table = shared_record(place_laws(laws, run.system.row_place))
@@ -187,6 +204,8 @@ def _call_march(motion: PreparedRun, last: int) -> tuple[int, int]:
         0,
         last,
         motion.record,
+        motion.obstructions,
+        motion.courses,
     )
 
 
@@ -200,6 +219,7 @@ def _state_left(motion: PreparedRun, templates: Templates) -> _StateLeft:
         state.friction_force.copy(),
         state.q.copy(),
         state.g.copy(),
+        motion.table.friction_coefficient.copy(),
     )
 
 
@@ -210,6 +230,7 @@ def _start_from(run: PreparedRun, left: _StateLeft, thread: Executor | None) -> 
     set_segments(table, state, left.segment)
     for name in ("friction", "anchor", "friction_force", "q", "g"):
         getattr(state, name)[:] = getattr(left, name)
+    table.friction_coefficient[:] = left.friction_coefficient
     patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 100))
     code = call_interruptible(thread, work.stop, settle, system, table, state, work, patient)
     if code == Code.INTERRUPTED:

@@ -188,7 +188,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             acceleration=modal.copy(),
             g=np.zeros(n_places),
             inputs=np.zeros(n_inputs),
-            ledger=np.zeros(6),
+            ledger=np.zeros(7),
             counters=np.zeros(8, dtype=np.int64),
             drift=np.ones(1),
             law_placed=np.full(n_laws, np.nan),

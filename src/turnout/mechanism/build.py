@@ -21,13 +21,15 @@ from scipy.linalg import block_diag
 from turnout.core.lru_cache import LRUCache
 from turnout.core.threads import one_blas_thread
 from turnout.mechanism.build_rails import stock_rail_data, switch_rail_data
+from turnout.mechanism.chair_courses import friction_courses
 from turnout.mechanism.drive_machines import drive_machines
 from turnout.mechanism.laws import Layout, Rows, law_table, lay_out
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailData, ReducedRail
+from turnout.mechanism.object_laws import obstructions_of
 from turnout.mechanism.offnode_objects import approach_row, is_off_node, local_flexibility
 from turnout.mechanism.reduce import reduce_rail
 from turnout.mechanism.travel import RailRows, Travel, rail_travel
-from turnout.panel.foreign_object import PlacedObject
+from turnout.panel.foreign_object import PlacedObject, divided
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
 from turnout.panel.records import Chair, Drive, Rail, Record
@@ -37,7 +39,12 @@ _NO_SHAPE = frozenset(
     + ("object_defaults", "object", "lock", "flangeway", "chair", "drive", "machine", "rail")
 )
 _LAW_ALONE: dict[type[Record], frozenset[str]] = {
-    Chair: frozenset(("friction_coefficient", "normal_stiffness", "stick_stiffness", "clearance")),
+    Chair: frozenset(
+        (
+            *("friction_coefficient", "normal_stiffness", "stick_stiffness", "clearance"),
+            *("friction_opening", "friction_factor"),
+        )
+    ),
     Drive: frozenset(
         ("stiffness", "saturation_force", "saturated_stiffness", "extension", "force", "machine")
         + ("over_travel_open", "over_travel_closed", "gap_limit")
@@ -126,6 +133,7 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
     Mechanism
         One input a drive, in the order of ``panel.drive``: its marker position [m].
     """
+    objects = divided(objects)
     between = tuple(item for item in objects if is_off_node(panel, item))
     standing = tuple(item for item in objects if item not in between)
     kept = _kept(panel, standing)
@@ -143,12 +151,23 @@ def build_mechanism(panel: Panel, objects: Sequence[PlacedObject] = ()) -> Mecha
         laws=law_table(layout, panel, objects, travel=linear.travel),
         law_names=layout.law_names,
         friction_names=layout.friction_names,
-        index=layout.index,
+        index=replace(layout.index, object_parts=object_parts(objects)),
         rails=linear.rails,
         shapes=linear.travel.shapes,
         machines=drive_machines(panel, layout.index),
+        obstructions=obstructions_of(layout.index, objects),
+        courses=friction_courses(panel, layout.index, linear.travel),
         core=kept.core,
     )
+
+
+def object_parts(objects: Sequence[PlacedObject]) -> dict[str, tuple[str, ...]]:
+    """Return the names of the parts of every object, of which most have one."""
+    found: dict[str, tuple[str, ...]] = {}
+    for item in objects:
+        whole = item.whole or item.name
+        found[whole] = (*found.get(whole, ()), item.name)
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -339,7 +358,7 @@ def rail_data(panel: Panel, objects: Sequence[PlacedObject] = ()) -> list[RailDa
     objects : sequence of PlacedObject
         Foreign objects; those at places of the panel become nodes.
     """
-    objects = [item for item in objects if not is_off_node(panel, item)]
+    objects = [item for item in divided(objects) if not is_off_node(panel, item)]
     return _rail_data(panel, lay_out(panel, objects).rows, objects)
 
 

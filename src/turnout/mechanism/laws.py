@@ -14,6 +14,7 @@ from turnout.errors import MechanicsError
 from turnout.law.table import LawTable, LawTableBuilder
 from turnout.mechanism.build_rails import SIGN, rail_feet, stands_on, stock_body
 from turnout.mechanism.mechanism import LawIndex, Point
+from turnout.mechanism.object_laws import add_bond, add_object
 from turnout.mechanism.travel import Travel, drive_at, unloaded_gap
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.markers import offset_at
@@ -141,6 +142,12 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
         index.back_drive[name, rail_name] = len(names)
         names.append(f"back drive {name} of rail {rail_name}")
         further.append(rows.add(*parts))
+    standing = laws.table()
+    for (rail_name, name), frictions in index.chair_friction.items():
+        if panel.chair[name].frozen_force > 0.0 and frictions:
+            index.bond[rail_name, name] = len(names)
+            names.append(f"ice on chair {name} of rail {rail_name}")
+            further.append(int(standing.friction_row[frictions[0]]))
     for item in objects:
         index.object[item.name] = len(names)
         names.append(f"object {item.name}")
@@ -151,7 +158,7 @@ def lay_out(panel: Panel, objects: Sequence[PlacedObject]) -> Layout:
         index=index,
         law_names=tuple(names),
         friction_names=tuple(feet_names),
-        standing=laws.table(),
+        standing=standing,
         stops=_stops_by_rail(panel, index),
         contacts=contacts_and_chairs[:, 0],
         chairs=contacts_and_chairs[:, 1],
@@ -187,16 +194,17 @@ def law_table(
     for name, _ in layout.index.back_drive:
         back_drive = panel.back_drive[name]
         _add_linkage(laws, next(further), back_drive, back_drive.adjustment)
+    for (_, name), frictions in zip(layout.index.bond, _bonded(layout), strict=True):
+        add_bond(laws, next(further), panel.chair[name], feet=len(frictions))
     for item in objects:
-        laws.add_contact(
-            next(further),
-            stiffness=item.stiffness,
-            clearance=float(_gap(panel, travel, item.rail, np.array([item.x]))[0]) - item.size,
-            appears=item.appears,
-            disappears=item.disappears,
-            waits=True,
-        )
+        gap = float(_gap(panel, travel, item.rail, np.array([item.x]))[0])
+        add_object(laws, next(further), item, clearance=gap - item.size)
     return _joined(_standing(layout, panel, travel), laws.table())
+
+
+def _bonded(layout: Layout) -> list[tuple[int, ...]]:
+    """Return the frictions of every chair that a rail is frozen to."""
+    return [layout.index.chair_friction[key] for key in layout.index.bond]
 
 
 def _stops_by_rail(panel: Panel, index: LawIndex) -> tuple[RailStops, ...]:

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.beam.material import Material
+from turnout.law.friction_course import FrictionCourses, no_courses
+from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTable
 from turnout.machine.components import Machine
 from turnout.panel.profile import Spline
@@ -84,6 +86,10 @@ class Mechanism:
     core : ndarray, optional
         The rows without those of foreign objects, which come last, shared by mechanisms whose
         objects stand elsewhere; their laws come last too.
+    obstructions : Obstructions
+        Laws that remember what was done to them.
+    courses : FrictionCourses
+        Friction that differs along the stroke.
     """
 
     stiffness: Floats
@@ -98,6 +104,8 @@ class Mechanism:
     rails: tuple[RailBody, ...] = ()
     shapes: "dict[str, RailShape]" = field(default_factory=dict)
     machines: "DriveMachines | None" = None
+    obstructions: Obstructions = field(default_factory=no_obstructions)
+    courses: FrictionCourses = field(default_factory=no_courses)
     core: Floats | None = None
 
 
@@ -121,7 +129,7 @@ class RailShape:
 
 @dataclass(frozen=True, slots=True)
 class DriveMachines:
-    """Machines of drives, one row each, for the kernels; see `mechanism.drive_machines`.
+    """The machines of drives as the kernels take them, one row each; see `drive_machines`.
 
     Attributes
     ----------
@@ -159,7 +167,8 @@ class LawIndex:
     """Where the laws of each family stand: names to indices into the law table.
 
     Keys are (rail, name) where a family stands on several rails, else the name. A chair has one
-    contact and one friction law for each foot point.
+    contact and one friction law for each foot point; long objects have several parts, each with a
+    law in `object` by its own name.
     """
 
     drive: dict[str, int] = field(default_factory=dict)
@@ -168,7 +177,16 @@ class LawIndex:
     stop: dict[tuple[str, str], int] = field(default_factory=dict)
     chair: dict[tuple[str, str], tuple[int, ...]] = field(default_factory=dict)
     chair_friction: dict[tuple[str, str], tuple[int, ...]] = field(default_factory=dict)
+    bond: dict[tuple[str, str], int] = field(default_factory=dict)
     object: dict[str, int] = field(default_factory=dict)
+    object_parts: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def object_laws(self) -> dict[str, list[int]]:
+        """Laws of every whole object by its name."""
+        return {
+            name: [self.object[part] for part in parts] for name, parts in self.object_parts.items()
+        }
 
 
 @dataclass(frozen=True, slots=True)

@@ -152,7 +152,8 @@ def _objects(dataset: xr.Dataset) -> list[str]:
     if not items:
         return ["none"]
     placed = [
-        f"{item['size'] * 1e3:g} mm at {item['place']} (x = {item['x']:g} m), rail {item['rail']}"
+        f"{item['size'] * 1e3:g} mm{_kind(item)} at {item['place']} (x = {item['x']:g} m), "
+        f"rail {item['rail']}"
         for item in items
     ]
     if "object_touched" not in dataset or not dataset.sizes.get("time", 0):
@@ -166,7 +167,31 @@ def _objects(dataset: xr.Dataset) -> list[str]:
         peak = float(dataset["object_force"].max())
         end = final_value(dataset["object_force"])
         text += f"; force {format_force(end)} at the end, {format_force(peak)} at most"
-    return [*placed, text]
+    return [*placed, text, *_fates(dataset)]
+
+
+def _kind(item: dict[str, Any]) -> str:
+    """Return the kind of an object and its length, empty for a spring."""
+    if "kind" not in item:
+        return ""
+    length = item.get("length", 0.0)
+    along = f", {length:g} m long," if length > 2.0 * item["size"] else ""
+    return f" {item['kind']}{along}"
+
+
+def _fates(dataset: xr.Dataset) -> list[str]:
+    """Return what became of objects that dent or break."""
+    if "object_left" not in dataset:
+        return []
+    found = []
+    for number in range(dataset.sizes["object"]):
+        left = float(dataset["object_left"][number])
+        broken = int(dataset["object_broken"][number])
+        if not math.isnan(left):
+            times = "once" if broken == 1 else f"{broken} times"
+            text = f"broke {times}, " if broken else ""
+            found.append(f"{text}{1e3 * left:.1f} mm left")
+    return found
 
 
 def _run(dataset: xr.Dataset) -> str:
@@ -224,9 +249,9 @@ def _drives(dataset: xr.Dataset) -> list[tuple[str, str]]:
 
 
 def _machines(dataset: xr.Dataset) -> list[tuple[str, str]]:
-    """Return what each machine did on its commands: how long it ran, how it ended, its current."""
+    """Return what each machine did on its commands: how long it ran, how it ended, what it took."""
     made: list[dict[str, Any]] = json.loads(dataset.attrs.get("machine_throws", "[]"))
-    if not made or "drive_current" not in dataset:
+    if not made or not {"drive_current", "drive_power"} <= set(dataset):
         return []
     lines = []
     time = dataset["time"].values
@@ -234,13 +259,15 @@ def _machines(dataset: xr.Dataset) -> list[tuple[str, str]]:
         direction = "closing" if item["to"] == "closed" else "opening"
         off = time[-1] if item["off"] is None else item["off"]
         inside = (time >= item["on"]) & (time <= off)
-        current = np.abs(dataset["drive_current"].sel(drive=item["drive"]).values[inside])
-        text = f"drive {item['drive']} {direction}: "
+        drive = dataset[["drive_current", "drive_power"]].sel(drive=item["drive"])
+        current, power = np.abs(drive["drive_current"].values[inside]), drive["drive_power"]
+        text = f"drive {item['drive']}, {item['machine']}, {direction}: "
         text += "limit contact" if item["outcome"] == "limit" else item["outcome"].upper()
         text += f" after {off - item['on']:.3f} s"
         if current.size:
-            end = np.mean(current[time[inside] > off - 0.1])
-            text += f", {current.max():.2f} A at most, {end:.2f} A over its last 0.1 s"
+            last = time[inside] > off - 0.1
+            text += f", {current.max():.2f} A at most; over its last 0.1 s "
+            text += f"{current[last].mean():.2f} A, {power.values[inside][last].mean():.0f} W"
         lines.append(("machine", text))
     return lines
 

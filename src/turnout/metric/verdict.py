@@ -113,6 +113,8 @@ def _missing_channels(dataset: "xr.Dataset") -> str:
     """Say why a dataset cannot be judged; empty where it can."""
     if "movement" in dataset.dims:
         return "a campaign of many movements has no single verdict; select one movement"
+    if "throw" in dataset.dims:
+        return "a sequence of throws has no single verdict; select one throw"
     if dataset.attrs.get("kind", "simulation") != "simulation":
         return (
             "a recording has no lock or control contact, and it is unknown whether an object was "

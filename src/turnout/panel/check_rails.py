@@ -7,6 +7,7 @@ gaps, elastic laws of drives.
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -373,3 +374,17 @@ def check_stock_fastening(draft: Draft, path: tuple[str, str], record: Any) -> I
         if not stock.start <= record.x <= stock.end:
             text = f" = {record.x:g} m: is off stock rail '{rail}'"
             yield Problem((*path, "x"), f"{text}, {stock.start:g} ... {stock.end:g} m")
+
+
+def check_friction_course(path: tuple[str, str], chair: Any) -> Iterator[Problem]:
+    """Find what is wrong with the friction of a chair along the stroke."""
+    opening, factor = chair.friction_opening, chair.friction_factor
+    if opening is None and factor is None:
+        return
+    if opening is None or factor is None or len(opening) != len(factor):
+        text = "needs friction_opening and friction_factor with as many values each"
+        yield Problem((*path, "friction_factor"), text)
+    elif opening[0] != 0.0 or any(b <= a for a, b in pairwise(opening)):
+        yield Problem((*path, "friction_opening"), "must begin with 0 and rise")
+    elif min(factor) < 0.0 or max(factor) > 10.0:
+        yield Problem((*path, "friction_factor"), "every factor must be 0 to 10")

@@ -1,103 +1,29 @@
-"""Foreign objects, and the places that they and sensors are named by.
-
-Places by name: "sleeper 6", "drive 1", "sensor TKK1", "chair 5", "x = 3.6 m". Foreign objects: what
-a user says about one, and where that puts it.
-"""
+"""Foreign objects: what a user says about one, and where that puts it."""
 
 import math
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from turnout.core.problems import choices, nearest, shortened, show_value
+from turnout.core.problems import choices, nearest, show_value
 from turnout.core.units import LENGTH, STIFFNESS, TIME, Dimension, parse_quantity
 from turnout.errors import PanelError
 from turnout.panel.layout import largest_opening
 from turnout.panel.markers import ordered_movements
 from turnout.panel.model import Panel
-from turnout.panel.records import PanelObject
-
-PLACE_FAMILIES = ("sleeper", "drive", "sensor", "chair", "stud", "stop", "link", "fastening")
-_NAMED = re.compile("|".join(PLACE_FAMILIES), re.IGNORECASE)
-_FORMS = "'sleeper 6', 'drive 1', 'sensor TKK1' or 'TKK1', 'chair 5' or 'x = 3.6 m'"
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """A place along the rails: its position [m] and the family and name that it was given by."""
-
-    x: float
-    family: str = ""
-    name: str = ""
-
-
-def find_place(families: Mapping[str, Mapping[str, Any]], at: str) -> Place:
-    """Find a place.
-
-    Parameters
-    ----------
-    families : mapping
-        Records with an `x` by family and name.
-    at : str
-        A family and a name, a name that occurs only once, or a position.
-
-    Returns
-    -------
-    Place
-        Where it is.
-
-    Raises
-    ------
-    ValueError
-        When there is no such place; the text lists the names there are.
-    """
-    text = at.strip()
-    sign, _, position = text.partition("=")
-    if sign.strip().lower() == "x" and position.strip():
-        return Place(parse_quantity(position.strip(), LENGTH))
-    alone = _places_called(families, text)
-    if len({place.x for place in alone}) == 1:
-        return alone[0]
-    named = _NAMED.match(text)
-    if alone and not named:
-        whole = " or ".join(f"'{place.family} {place.name}'" for place in alone)
-        message = f"is not the name of one place only; write {whole}"
-        raise ValueError(message)
-    name = text[named.end() :].strip() if named else ""
-    if not named or not name:
-        message = f"is not a place; write {_FORMS}{nearest(text, _place_names(families))}"
-        raise ValueError(message)
-    family = named[0].lower()
-    members = families.get(family, {})
-    if name in members:
-        return Place(members[name].x, family, name)
-    matches = [known for known in members if known.lower() == name.lower()]
-    if len(matches) == 1:
-        return Place(members[matches[0]].x, family, matches[0])
-    message = (
-        f"there is no {family} '{shortened(name)}'{nearest(name, members)}; "
-        f"there are {choices(members)}"
-    )
-    raise ValueError(message)
-
-
-def _places_called(families: Mapping[str, Mapping[str, Any]], text: str) -> list[Place]:
-    """Return the places of any family whose whole name is a text, whatever its case."""
-    return [
-        Place(record.x, family, name)
-        for family in PLACE_FAMILIES
-        for name, record in families.get(family, {}).items()
-        if name.lower() == text.lower()
-    ]
-
-
-def _place_names(families: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    return [f"{family} {name}" for family in PLACE_FAMILIES for name in families.get(family, {})]
-
+from turnout.panel.object_kind import (
+    DIMENSIONS,
+    PARAMETERS,
+    filled_parameters,
+    kind_faults,
+)
+from turnout.panel.object_records import PanelObject
+from turnout.panel.place import find_place
 
 # The opening is an estimate; an object is refused only when it is larger by more than this [m].
 OPENING_MARGIN = 0.003
+# A longer object acts at several places along the rail, each with its share [m].
+LONGEST_PART = 0.3
 # From this size on a number was meant in millimetres [m].
 LEAST_SUSPECT = 1.0
 _DIMENSIONS = {
@@ -106,7 +32,10 @@ _DIMENSIONS = {
     "stiffness": STIFFNESS,
     "appears": TIME,
     "disappears": TIME,
+    **DIMENSIONS,
 }
+PANEL_DEFAULTS = ("rail", "height", "stiffness", "appears", "disappears")
+"""What an object takes from the panel where it leaves it out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +59,20 @@ class ForeignObject:
         In compression only [N/m].
     appears, disappears : float or str, optional
         When it is placed and taken away [s].
+    kind : str
+        "spring" (elastic, as in the paper), "stone", "ice", "snow", "wood" or "metal"; see
+        `turnout.panel.object_kind` for which of the following each has, and their defaults.
+    length, depth : float or str, optional
+        Extent along the rail and upright [m].
+    strength : float or str, optional
+        Stone: splitting force over the square of the size; ice: crushing pressure; wood and metal:
+        stress at which they yield [Pa].
+    density : float or str, optional
+        Of snow [kg/m3].
+    temperature : float or str, optional
+        Of ice and snow [K].
+    piece : float, optional
+        Share of the size that stays when a stone splits, or of ice that is crushed [-].
 
     Raises
     ------
@@ -140,6 +83,8 @@ class ForeignObject:
     --------
     >>> ForeignObject("13 mm", "sleeper 6").size
     0.013
+    >>> ForeignObject("20 mm", "sleeper 6", kind="ice", temperature="-10 degC").temperature
+    263.15
     """
 
     size: float | str
@@ -149,6 +94,13 @@ class ForeignObject:
     stiffness: float | str | None = None
     appears: float | str | None = None
     disappears: float | str | None = None
+    kind: str = "spring"
+    length: float | str | None = None
+    depth: float | str | None = None
+    strength: float | str | None = None
+    density: float | str | None = None
+    temperature: float | str | None = None
+    piece: float | None = None
 
     def __post_init__(self) -> None:
         """Turn texts into SI numbers."""
@@ -161,14 +113,25 @@ class ForeignObject:
                 object.__setattr__(self, name, _quantity(name, value, dimension))
             except ValueError as error:
                 problems.append(f"{name} = {show_value(value)}: {error}")
-        texts: dict[str, Any] = {"at": self.at, "rail": "" if self.rail is None else self.rail}
+        if self.piece is not None and (
+            isinstance(self.piece, bool) or not isinstance(self.piece, int | float)
+        ):
+            problems.append(f"piece = {show_value(self.piece)}: must be a plain number")
+        texts: dict[str, Any] = {"at": self.at, "rail": self.rail or "", "kind": self.kind}
         problems += [
             f"{name} = {show_value(value)}: must be text"
             for name, value in texts.items()
             if not isinstance(value, str)
         ]
+        if not problems:
+            problems = [f"{key}{text}" for key, text in kind_faults(self.kind, self.parameters)]
         if problems:
             raise PanelError(problems, source="foreign object")
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """What describes its kind, by name; None where it is left out."""
+        return {name: getattr(self, name) for name in PARAMETERS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,6 +152,14 @@ class PlacedObject:
         In compression only [N/m].
     appears, disappears : float
         When it is placed and taken away [s]; infinite if it stays.
+    kind : str
+        See `turnout.panel.object_kind`.
+    length, depth, strength, density, temperature, piece : float
+        Parameters of its kind, 0 for those that it does not have [SI].
+    lost, deepest : float
+        What broke off before, and the largest compression of what is left [m].
+    whole : str
+        Name of the object that this is a part of; empty for a whole one.
     """
 
     name: str
@@ -199,6 +170,16 @@ class PlacedObject:
     stiffness: float
     appears: float
     disappears: float
+    kind: str = "spring"
+    length: float = 0.0
+    depth: float = 0.0
+    strength: float = 0.0
+    density: float = 0.0
+    temperature: float = 0.0
+    piece: float = 0.0
+    lost: float = 0.0
+    deepest: float = 0.0
+    whole: str = ""
 
 
 def _quantity(name: str, value: Any, dimension: Dimension) -> float:
@@ -218,60 +199,6 @@ def _quantity(name: str, value: Any, dimension: Dimension) -> float:
         message = "must be at least 0"
         raise ValueError(message)
     return number
-
-
-def parse_object(text: str) -> ForeignObject:
-    """Read an object from a command line.
-
-    Parameters
-    ----------
-    text : str
-        SIZE@PLACE, such as "13mm@sleeper6" or "13 mm @ x = 3.6 m".
-
-    Returns
-    -------
-    ForeignObject
-        The object; its place is looked up later, in a panel.
-
-    Raises
-    ------
-    PanelError
-        When the text is not of that form.
-
-    Examples
-    --------
-    >>> parse_object("13mm@sleeper6")
-    ForeignObject(size=0.013, at='sleeper6', rail=None, ...)
-    """
-    size, sign, place = text.partition("@")
-    if not sign or not size.strip() or not place.strip():
-        problem = f'"{text}" is not SIZE@PLACE, such as 13mm@sleeper6 or "13 mm @ x = 3.6 m"'
-        raise PanelError([problem], source="foreign object")
-    try:
-        length = parse_quantity(size, LENGTH)
-    except ValueError as error:
-        raise PanelError([f'size = "{size.strip()}": {error}'], source="foreign object") from None
-    return ForeignObject(length, place.strip())
-
-
-def parse_objects(texts: Iterable[str]) -> list[ForeignObject]:
-    """Read objects from a command line, with the problems of all of them at once.
-
-    Examples
-    --------
-    >>> [item.at for item in parse_objects(["13mm@sleeper6", "5mm@drive2"])]
-    ['sleeper6', 'drive2']
-    """
-    found: list[ForeignObject] = []
-    problems: list[str] = []
-    for text in texts:
-        try:
-            found.append(parse_object(text))
-        except PanelError as error:
-            problems += error.problems
-    if problems:
-        raise PanelError(problems, source="foreign object")
-    return found
 
 
 def resolve_objects(
@@ -326,6 +253,8 @@ def from_record(record: PanelObject) -> ForeignObject:
         stiffness=record.stiffness,
         appears=record.appears,
         disappears=record.disappears,
+        kind=record.kind,
+        **{name: getattr(record, name) for name in PARAMETERS},
     )
 
 
@@ -336,15 +265,16 @@ def _families(panel: Panel) -> dict[str, Any]:
 def _filled(panel: Panel, item: ForeignObject) -> ForeignObject:
     """Take what the object leaves out from the panel's defaults."""
     defaults = panel.object_defaults
-    names = ("rail", "height", "stiffness", "appears", "disappears")
-    missing = {name: getattr(defaults, name) for name in names if getattr(item, name) is None}
+    missing = {
+        name: getattr(defaults, name) for name in PANEL_DEFAULTS if getattr(item, name) is None
+    }
     return replace(item, **missing) if missing else item
 
 
 def _place(panel: Panel, name: str, item: ForeignObject) -> PlacedObject:
     """Place an object that leaves out no more than times."""
     rail = str(item.rail)
-    return PlacedObject(
+    placed = PlacedObject(
         name=name,
         size=float(item.size),
         x=find_place(_families(panel), item.at).x,
@@ -353,7 +283,10 @@ def _place(panel: Panel, name: str, item: ForeignObject) -> PlacedObject:
         stiffness=float(item.stiffness or 0.0),
         appears=_onset(panel, rail) if item.appears is None else float(item.appears),
         disappears=math.inf if item.disappears is None else float(item.disappears),
+        kind=item.kind,
     )
+    values = filled_parameters(item.kind, item.parameters, size=placed.size)
+    return replace(placed, **values)  # type: ignore[arg-type]
 
 
 def _onset(panel: Panel, rail: str) -> float:
@@ -399,6 +332,13 @@ def _opening_faults(
     if not record.start <= x <= record.end:
         text = f"x = {x:g} m is not on rail '{rail}', {record.start:g} ... {record.end:g} m"
         return [("at", f" = {show_value(item.at)}: {text}")]
+    half = 0.5 * _length(item)
+    if half > 0.0 and not record.start <= x - half <= x + half <= record.end:
+        text = (
+            f" = {2.0 * half:g} m: it reaches from x = {x - half:g} to {x + half:g} m, rail "
+            f"'{rail}' from {record.start:g} to {record.end:g} m"
+        )
+        return [("length", text)]
     opening = largest_opening(panel, rail, x)
     if opening is None:
         text = (
@@ -412,6 +352,45 @@ def _opening_faults(
         )
         return [("size", text)]
     return []
+
+
+def _length(item: ForeignObject) -> float:
+    """Return the length along the rail of an object that has one, else 0 [m]."""
+    parameters = filled_parameters(item.kind, item.parameters, size=float(item.size))
+    return parameters["length"] if parameters["length"] > LONGEST_PART else 0.0
+
+
+def divided(objects: Iterable[PlacedObject]) -> tuple[PlacedObject, ...]:
+    """Divide long objects into parts along the rail, which fail one by one.
+
+    Parameters
+    ----------
+    objects : iterable of PlacedObject
+        Whole ones or parts, which stay as they are.
+
+    Returns
+    -------
+    tuple of PlacedObject
+        Parts of at most `LONGEST_PART`, with equal shares of the length.
+    """
+    parts: list[PlacedObject] = []
+    for item in objects:
+        count = 1 if item.whole else math.ceil(item.length / LONGEST_PART - 1e-9)
+        if count <= 1:
+            parts.append(item)
+            continue
+        share = item.length / count
+        parts += [
+            replace(
+                item,
+                name=f"{item.name}, part {number + 1}",
+                whole=item.name,
+                length=share,
+                x=item.x + (number + 0.5) * share - 0.5 * item.length,
+            )
+            for number in range(count)
+        ]
+    return tuple(parts)
 
 
 def _time_faults(panel: Panel, item: ForeignObject) -> list[tuple[str, str]]:

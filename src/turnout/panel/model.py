@@ -17,6 +17,7 @@ from turnout.core.quantity import (
     Pressure,
 )
 from turnout.machine.components import Machine
+from turnout.panel.object_records import ObjectDefaults, PanelObject
 from turnout.panel.records import (
     BackDrive,
     Chair,
@@ -25,8 +26,6 @@ from turnout.panel.records import (
     Link,
     Lock,
     Movement,
-    ObjectDefaults,
-    PanelObject,
     Rail,
     Record,
     Schedule,

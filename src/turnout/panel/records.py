@@ -254,6 +254,17 @@ class Chair(OnRails):
     stick_stiffness: Stiffness = Field(gt=0, description="tangential stiffness a foot point [N/m]")
     damping: Damping = Field(0.0, ge=0, description="vertical dashpot a foot point [N s/m]")
     clearance: Length = Field(0.0, description="free distance under the unloaded foot [m]")
+    frozen_force: Force = Field(
+        0.0, ge=0, description="a rail is frozen to it where it rests, until this lateral force [N]"
+    )
+    friction_opening: LengthList | None = Field(
+        None,
+        description="friction along the stroke: openings from the closed position, rising from 0, "
+        "from which on each factor holds [m]",
+    )
+    friction_factor: list[float] | None = Field(
+        None, description="friction along the stroke: factors on friction_coefficient [-]"
+    )
 
 
 class Fastening(OnRails):
@@ -408,25 +419,3 @@ class Schedule(Record):
         "the strokes, without friction",
     )
     end: Time = Field(gt=0, description="end of the simulation [s]")
-
-
-class ObjectDefaults(Record):
-    """What holds for a foreign object unless it says otherwise."""
-
-    rail: str = Field(description="switch rail that traps it")
-    height: Length = Field(ge=-1, le=1, description="z of its contact with the switch rail [m]")
-    stiffness: Stiffness = Field(gt=0, description="in compression only [N/m]")
-    appears: Time | None = Field(None, ge=0, description="default: onset of the last closing [s]")
-    disappears: Time | None = Field(None, gt=0, description="default: it stays [s]")
-
-
-class PanelObject(Record):
-    """A foreign object that belongs to the panel file."""
-
-    size: Length = Field(gt=0, description="extent across the gap [m]")
-    at: str = Field(description="'sleeper 6', 'drive 1', 'sensor TKK1', 'chair 5' or 'x = 3.6 m'")
-    rail: str | None = Field(None, description="switch rail that traps it")
-    height: Length | None = Field(None, ge=-1, le=1, description="z of its contact [m]")
-    stiffness: Stiffness | None = Field(None, gt=0, description="in compression only [N/m]")
-    appears: Time | None = Field(None, ge=0, description="when it is placed [s]")
-    disappears: Time | None = Field(None, gt=0, description="when it is taken away [s]")

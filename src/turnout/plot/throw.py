@@ -155,13 +155,13 @@ def throw_rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
         for number, name in enumerate(dataset["sensor"].values, start=len(gaps)):
             values = dataset["sensor_gap"].sel(sensor=name).values * MILLI
             gaps.append(Curve(str(name), values, number))
-    currents = (
-        _of_drives(dataset, "drive_current", 1.0) if "machine_throws" in dataset.attrs else []
-    )
+    powers = _of_drives(dataset, "drive_power", 1.0)  # of machines, which have currents then
+    currents = _of_drives(dataset, "drive_current", 1.0) if powers else []
     return [
         ("Object force\n[kN]", objects),
         ("Drive force\non rail [kN]", forces),
         ("Motor current,\n0.1 s mean [A]", [_averaged(curve, dataset) for curve in currents]),
+        ("Power drawn,\n0.1 s mean [W]", [_averaged(curve, dataset) for curve in powers]),
         ("Marker\nposition [mm]", markers),
         ("Gap to stock\nrail [mm]", gaps),
     ]

@@ -54,8 +54,8 @@ def coordinates(panel: Panel, mechanism: Mechanism, *, time: Floats) -> dict[str
         found["sensor"] = _names("sensor", panel.sensor)
         found["sensor_x"] = _numbers("sensor", [sensor.x for sensor in sensors])
         found["sensor_limit"] = _numbers("sensor", [sensor.limit for sensor in sensors])
-    if len(mechanism.index.object) > 1:
-        found["object"] = _names("object", mechanism.index.object)
+    if mechanism.index.object_parts:
+        found["object"] = _names("object", mechanism.index.object_parts)
     return found
 
 

@@ -13,6 +13,7 @@ from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
+from turnout.panel.object_kind import KINDS
 from turnout.panel.profile import contact_height
 from turnout.panel.records import Placed
 from turnout.response.coordinates import coordinates, stations
@@ -48,6 +49,7 @@ from turnout.response.signals import (
     energy_scale,
     fastening_signals,
     link_signals,
+    object_memory,
     object_signals,
     stop_signals,
 )
@@ -133,7 +135,7 @@ def response_channels(
             channels |= _shapes(panel, motion, stations(panel, mechanism, save))
         channels |= fastening_signals(panel, motion, save)
         channels |= _gaps(panel, motion, history.time, save, moved)
-    channels |= contact_labels(mechanism, history)
+    channels |= contact_labels(mechanism, history) | object_memory(mechanism, history)
     if save.keeps(*ENERGIES):
         channels |= energy_channels(history.stored, history.ledger)
         channels |= machine_energies(history, channels)
@@ -248,7 +250,7 @@ def describe_run(
         "overrides": json.dumps(dict(panel.overrides), default=_plain),
         "foreign_objects": json.dumps([_object_record(panel, item) for item in objects]),
         "movements": movement_records(moved_throws(panel, history)),
-        **({"machine_throws": duty_records(made)} if (made := duties(history)) else {}),
+        **({"machine_throws": duty_records(panel, made)} if (made := duties(history)) else {}),
         "lock_rule": panel.lock.rule,
         "lock_gap_limit": panel.lock.gap_limit,
         "lock_gap_limits": json.dumps(panel.gap_limits()),
@@ -291,8 +293,16 @@ def _object_record(panel: Panel, item: PlacedObject) -> dict[str, object]:
         "rail": item.rail,
         "height": item.height,
         "stiffness": item.stiffness,
+        **_kind_record(item),
         **{key: value if np.isfinite(value) else None for key, value in times.items()},
     }
+
+
+def _kind_record(item: PlacedObject) -> dict[str, object]:
+    """Return kind and parameters of an object that is no spring."""
+    if item.kind == "spring":
+        return {}
+    return {"kind": item.kind} | {name: getattr(item, name) for name in KINDS[item.kind]}
 
 
 def _place_name(panel: Panel, x: float) -> str:

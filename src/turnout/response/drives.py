@@ -69,12 +69,13 @@ def moved_throws(panel: Panel, history: History) -> tuple[Throw, ...]:
     return tuple(found)
 
 
-def duty_records(made: Sequence[Duty]) -> str:
+def duty_records(panel: Panel, made: Sequence[Duty]) -> str:
     """Return what the machines did as JSON text, for the attributes of a dataset."""
     return json.dumps(
         [
             {
                 "drive": duty.drive,
+                "machine": panel.drive[duty.drive].machine,
                 "to": duty.to,
                 "outcome": duty.outcome,
                 "on": duty.on,

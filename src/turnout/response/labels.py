@@ -32,8 +32,10 @@ def contact_labels(mechanism: Mechanism, history: History) -> dict[str, Variable
         "object_touched": ((), np.array(bool(touched.any()))),
         "contact_time": ((), np.array(earliest)),
     }
-    if len(laws) > 1:
-        labels["object_contact_time"] = (("object",), first.copy())
+    if len(mechanism.index.object_parts) > 1:
+        groups = mechanism.index.object_laws.values()
+        earliest_of = [np.fmin.reduce(history.law_first[own]) for own in groups]
+        labels["object_contact_time"] = (("object",), np.array(earliest_of))
     return labels
 
 

@@ -24,6 +24,7 @@ from turnout.integrate.energy import (
     GRAVITY,
     KINETIC,
     MARKERS,
+    OBJECTS,
     SEGMENTS,
     STRAIN,
     SWITCHED,
@@ -33,6 +34,7 @@ from turnout.integrate.integration import History
 from turnout.mechanism.build_rails import fastening_offset
 from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import Mechanism, RailBody
+from turnout.mechanism.object_laws import named_obstructions
 from turnout.panel.markers import marker_offsets
 from turnout.panel.model import Panel
 from turnout.panel.records import Fastening
@@ -59,12 +61,46 @@ def drive_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[
 
 def object_signals(mechanism: Mechanism, history: History) -> dict[str, Variable]:
     """Return the force on the foreign objects: their sum, and each where there are several."""
-    columns = list(mechanism.index.object.values())
-    force = history.law_force[:, columns].T
+    index = mechanism.index
+    force = history.law_force[:, list(index.object.values())].T
     signals: dict[str, Variable] = {"object_force": (("time",), np.sum(force, axis=0))}
-    if len(columns) > 1:
-        signals["single_object_force"] = (("object", "time"), force.copy())
+    if len(index.object_parts) > 1:
+        single = [history.law_force[:, laws].sum(axis=1) for laws in index.object_laws.values()]
+        signals["single_object_force"] = (("object", "time"), np.array(single))
     return signals
+
+
+def object_memory(mechanism: Mechanism, history: History) -> dict[str, Variable]:
+    """Return what the foreign objects have become at the end, where any of them remembers.
+
+    The size of an object in several parts is that of its largest part.
+    """
+    obstructions, index = history.obstructions, mechanism.index
+    rows = named_obstructions(obstructions, index.object)
+    if not rows:
+        return {}
+    left = np.full(len(index.object_parts), np.nan)
+    broken = np.zeros(left.size, dtype=np.int64)
+    for number, parts in enumerate(index.object_parts.values()):
+        own = [rows[part] for part in parts if part in rows]
+        if own:
+            left[number] = np.max(obstructions.size[own] - lasting_dents(mechanism, history)[own])
+            broken[number] = np.sum(obstructions.broken[own])
+    return {"object_left": (("object",), left), "object_broken": (("object",), broken)}
+
+
+def lasting_dents(mechanism: Mechanism, history: History) -> Floats:
+    """Return the compression of every obstruction that stays without force [m]."""
+    obstructions, laws = history.obstructions, mechanism.laws
+    found = np.zeros(obstructions.law.size)
+    for row, law in enumerate(obstructions.law.tolist()):
+        first, end = laws.segment_start[law], laws.segment_start[law + 1]
+        e = obstructions.deepest[row]
+        if e > 0.0:
+            at = first + np.searchsorted(laws.segment_upper[first : end - 1], e)
+            force = laws.slope[at] * e + laws.intercept[at]
+            found[row] = max(0.0, e - force / obstructions.unloading[row])
+    return found
 
 
 def chair_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[str, Variable]:
@@ -123,6 +159,7 @@ _SPENT = {
     "energy_friction": FRICTION,
     "energy_damping": DAMPING,
     "energy_object_switched": SWITCHED,
+    "energy_object_dissipated": OBJECTS,
 }
 ENERGIES = (*_STORED, *_SPENT, "energy_numerical", "energy_residual")
 """Channels that `energy_channels` makes."""
@@ -138,7 +175,7 @@ def energy_channels(stored: Floats, ledger: Floats) -> dict[str, Variable]:
     ----------
     stored : ndarray, shape (n_times, 4)
         Columns of `turnout.integrate.energy`, kinetic first [J].
-    ledger : ndarray, shape (n_times, 6)
+    ledger : ndarray, shape (n_times, 7)
         Columns of `turnout.integrate.energy`, work of markers first [J].
 
     Returns
@@ -153,6 +190,7 @@ def energy_channels(stored: Floats, ledger: Floats) -> dict[str, Variable]:
         + ledger[:, SWITCHED]
         - ledger[:, FRICTION]
         - ledger[:, DAMPING]
+        - ledger[:, OBJECTS]
         - numerical
     )
     values = {name: change[:, column] for name, column in _STORED.items()}

@@ -98,7 +98,7 @@ def simulate(
             raise ResponseError(message)
     return simulate_placed(
         panel,
-        resolve_objects(panel, _as_objects(foreign_object)),
+        resolve_objects(panel, as_objects(foreign_object)),
         scheme=chosen_scheme(mode, scheme, caller="simulate()"),
         save=save or Save(),
         throw=throw,
@@ -161,7 +161,7 @@ def prepare(
     >>> from turnout.panel.load import load_panel
     >>> prepare(load_panel("sb1"))
     """
-    build_mechanism(panel, resolve_objects(panel, _as_objects(foreign_object)))
+    build_mechanism(panel, resolve_objects(panel, as_objects(foreign_object)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +223,7 @@ def solve(
     PanelError
         When a foreign object does not fit the panel.
     """
-    objects = resolve_objects(panel, _as_objects(foreign_object))
+    objects = resolve_objects(panel, as_objects(foreign_object))
     return solve_placed(panel, objects, scheme=scheme, report=report)
 
 
@@ -304,9 +304,10 @@ def _prior_motion(panel: LoadedPanel) -> PriorMotion | None:
     )
 
 
-def _as_objects(
+def as_objects(
     given: ForeignObject | Sequence[ForeignObject] | None,
 ) -> tuple[ForeignObject, ...]:
+    """Return what a caller gives as foreign objects as a tuple of them."""
     if given is None:
         return ()
     if isinstance(given, ForeignObject):

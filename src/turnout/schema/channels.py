@@ -187,6 +187,13 @@ CHANNELS: Mapping[str, Channel] = _table(
         "added where an object is placed or removed",
         "put in",
     ),
+    Channel(
+        "energy_object_dissipated",
+        ("time",),
+        "J",
+        "dissipated by objects that dent or break",
+        "taken out",
+    ),
     Channel("energy_supply", ("time",), "J", "from the supply of the machines", "put in"),
     Channel("energy_copper", ("time",), "J", "lost in the motors' copper", "taken out"),
     Channel("energy_line", ("time",), "J", "lost in lines, supply and snubbers", "taken out"),
@@ -203,6 +210,8 @@ CHANNELS: Mapping[str, Channel] = _table(
     Channel("object_touched", (), "1", "whether a rail reached a foreign object", kind="logical"),
     Channel("contact_time", (), "s", "first contact with a foreign object", "forward"),
     Channel("object_contact_time", ("object",), "s", "first contact with each object", "forward"),
+    Channel("object_left", ("object",), "m", "size of each object that is left"),
+    Channel("object_broken", ("object",), "1", "how often each object broke", kind="count"),
     Channel("end_gap", ("drive",), "m", "gap at the drive at the end", "open"),
     Channel(
         "force_margin",
@@ -235,6 +244,15 @@ CAMPAIGN_COORDINATES: Mapping[str, Channel] = _table(
     Channel("onset", ("movement",), "s", "onset of motion on the time of the recording"),
 )
 
+# A sequence of throws has "throw" before the dimensions of channels, and these.
+SEQUENCE: Mapping[str, Channel] = _table(
+    Channel("object_size", ("throw", "object"), "m", "size of each object before the throw"),
+    Channel("throw_temperature", ("throw",), "K", "temperature of ice and snow"),
+)
+SEQUENCE_COORDINATES: Mapping[str, Channel] = _table(
+    Channel("throw", ("throw",), "1", "number of the throw", kind="count"),
+)
+
 # Left out where nothing of the kind exists or was measured; a simulation has all the others.
 MEASURED = frozenset(
     {
@@ -263,7 +281,14 @@ OF_MACHINES = frozenset(
 )
 # Made on request only.
 ON_REQUEST = frozenset({"fastening_force", "fastening_moment"})
-OPTIONAL = MEASURED | OF_MACHINES | ON_REQUEST | {"single_object_force", "object_contact_time"}
+OPTIONAL = (
+    MEASURED
+    | OF_MACHINES
+    | ON_REQUEST
+    | {
+        *("single_object_force", "object_contact_time", "object_left", "object_broken"),
+    }
+)
 
 
 def label(dataset: "xr.Dataset") -> "xr.Dataset":
@@ -290,7 +315,7 @@ def label(dataset: "xr.Dataset") -> "xr.Dataset":
     """
     labelled = dataset.copy()
     for name, variable in labelled.variables.items():
-        channel = known_channel(str(name), campaign="movement" in dataset.dims)
+        channel = known_channel(str(name), outer=outer_dimension(dataset))
         if channel is None:
             raise KeyError(name)
         attributes = {"units": channel.units, "long_name": channel.long_name}
@@ -302,19 +327,34 @@ def label(dataset: "xr.Dataset") -> "xr.Dataset":
     return labelled.assign_attrs(Conventions=CONVENTIONS)
 
 
-def known_channel(name: str, *, campaign: bool = False) -> Channel | None:
-    """Return the row of the table for a variable, as it is in a campaign or outside one.
+def outer_dimension(dataset: "xr.Dataset") -> str:
+    """Return "movement" for a campaign, "throw" for a sequence of throws, else an empty text."""
+    return next((name for name in ("movement", "throw") if name in dataset.dims), "")
+
+
+def known_channel(name: str, *, outer: str = "") -> Channel | None:
+    """Return the row of the table for a variable.
+
+    Parameters
+    ----------
+    name : str
+        Of the variable.
+    outer : str
+        Dimension in front of those of the channels: "movement" in a campaign, "throw" in a
+        sequence, else empty.
 
     Examples
     --------
-    >>> known_channel("drive_force", campaign=True).dims
+    >>> known_channel("drive_force", outer="movement").dims
     ('movement', 'drive', 'time')
     """
-    if not campaign:
-        return CHANNELS.get(name) or COORDINATES.get(name)
     channel = CHANNELS.get(name)
+    if not outer:
+        return channel or COORDINATES.get(name)
     if channel is not None:
-        return replace(channel, dims=("movement", *channel.dims))
+        return replace(channel, dims=(outer, *channel.dims))
+    if outer == "throw":
+        return SEQUENCE.get(name) or SEQUENCE_COORDINATES.get(name) or COORDINATES.get(name)
     return CAMPAIGN_COORDINATES.get(name) or COORDINATES.get(name)
 
 
@@ -336,8 +376,9 @@ def schema_problems(dataset: "xr.Dataset") -> list[str]:
     """
     problems = []
     for name, variable in dataset.variables.items():
-        channel = known_channel(str(name), campaign="movement" in dataset.dims)
-        if channel is None or (name in dataset.coords) == (name in CHANNELS):
+        channel = known_channel(str(name), outer=outer_dimension(dataset))
+        inside = name in CHANNELS or name in SEQUENCE
+        if channel is None or (name in dataset.coords) == inside:
             near = nearest_channel(str(name))
             problems.append(f"{name}: no such channel{near}")
             continue

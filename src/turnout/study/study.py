@@ -7,6 +7,7 @@ import numpy as np
 
 from turnout.core.json_files import to_plain
 from turnout.core.provenance import content_hash
+from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
 from turnout.scheme import Scheme
 from turnout.study.design import Design
@@ -14,6 +15,9 @@ from turnout.study.random_inputs import RandomField, TemperatureLaw
 from turnout.study.sampling import FIELDS, SCENARIOS
 from turnout.study.scenario import Output, Rule, Scenario, Value, split_into_chains
 from turnout.study.variable import (
+    CAUSE,
+    LABEL,
+    LABELS,
     OBJECT_KEYS,
     TEMPERATURE_KEY,
     Variable,
@@ -97,7 +101,13 @@ class Study:
         found = {name: variable.units for name, variable in self.variables.items()}
         for field in self.fields:
             found |= {f"{field.name}.mean": "", f"{field.name}.deviation": ""}
-        return found
+        return found | (dict.fromkeys(LABELS, "") if self._is_labelled else {})
+
+    @property
+    def _is_labelled(self) -> bool:
+        """Whether throws are labelled with cause, place and size: where a cause is named."""
+        keys = {variable.key for variable in self.variables.values()}
+        return bool(keys & {"object.kind", *LABELS})
 
     def scenario(self, index: int) -> Scenario:
         """Return a scenario by its number, the same whatever was requested before.
@@ -125,6 +135,8 @@ class Study:
             # What is not there has no size, whatever was drawn for it.
             sizes = (name for name in inputs if self.variables[name].key == "object.size")
             inputs |= dict.fromkeys(sizes, 0.0)
+        if self._is_labelled:
+            inputs = _labels(by_key, objects) | inputs
         for name, values in drawn.items():
             spread = np.array(list(values.values()))
             inputs |= {
@@ -166,7 +178,7 @@ class Study:
         values: dict[str, Value] = {}
         factors: list[tuple[str, float]] = []
         for name, variable in self.variables.items():
-            if variable.key in OBJECT_KEYS:
+            if variable.key in OBJECT_KEYS or variable.key.startswith(LABEL):
                 continue
             if variable.key == TEMPERATURE_KEY:
                 law = self.law or TemperatureLaw()
@@ -185,6 +197,17 @@ class Study:
             else:
                 values |= members
         return apply_factors(self.panel, values, factors)
+
+
+def _labels(by_key: Mapping[str, Value], objects: Sequence[ForeignObject]) -> dict[str, Value]:
+    """Return cause, place and size of what is wrong: the object, or what the study says."""
+    said = {key: by_key.get(key, "") for key in LABELS}
+    said[CAUSE] = said[CAUSE] or "none"
+    if not objects:
+        return said
+    item = objects[0]
+    found: dict[str, Value] = dict(zip(LABELS, (item.kind, item.at, ""), strict=True))
+    return found | {LABELS[-1]: f"{1e3 * float(item.size):.3g} mm"}
 
 
 def _scenario_seed(seed: int, index: int) -> int:

@@ -11,6 +11,7 @@ from turnout.study.distribution import Choice
 from turnout.study.random_inputs import RandomField, TemperatureLaw
 from turnout.study.scenario import Value
 from turnout.study.variable import (
+    LABEL,
     OBJECT_KEYS,
     TEMPERATURE_KEY,
     Variable,
@@ -82,7 +83,7 @@ def limit_faults(
             numbers = [float(item) for item in values]
             faults = law.faults(min(numbers), max(numbers)) if law else []
             problems += [f"temperature_law: {text}" for text in faults]
-        elif variable.key not in OBJECT_KEYS:
+        elif variable.key not in OBJECT_KEYS and not variable.key.startswith(LABEL):
             for value in _checked_values(values):
                 changes = (
                     apply_factors(panel, {}, [(variable.key, float(value))])
@@ -142,9 +143,29 @@ def _object_faults(
     usual["object.present"] = True
     for key in given:
         for value in () if key == "object.size" else _checked_values(by_key[key]):
-            item = foreign_objects(usual | {key: value, "object.present": True})[0]
+            where = f"object of {1e3 * max(sizes):g} mm, {key} = {show_value(value)}: "
             problems += [
-                f"object of {1e3 * max(sizes):g} mm, {key} = {show_value(value)}: {fault}{text}"
-                for fault, text in object_faults(panel, item)
+                where + text for text in _faults_of_kinds(panel, by_key, usual, key, value)
             ]
     return list(dict.fromkeys(problems))
+
+
+def _faults_of_kinds(
+    panel: LoadedPanel,
+    by_key: Mapping[str, tuple[Value, ...]],
+    usual: Mapping[str, Value],
+    key: str,
+    value: Value,
+) -> list[str]:
+    """Return what is wrong with a value, in an object of each kind that may be drawn."""
+    kinds = by_key.get("object.kind", ("spring",)) if key != "object.kind" else (value,)
+    found: list[str] = []
+    for kind in kinds:
+        chosen = {**usual, "object.kind": kind, key: value, "object.present": True}
+        try:
+            item = foreign_objects(chosen)[0]
+        except PanelError as error:
+            found += error.problems
+            continue
+        found += [f"{fault}{text}" for fault, text in object_faults(panel, item)]
+    return found

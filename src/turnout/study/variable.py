@@ -24,6 +24,7 @@ from turnout.panel.document import FAMILIES
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.keys import field_at, known_keys
 from turnout.panel.load import LoadedPanel
+from turnout.panel.object_kind import DIMENSIONS, KINDS, PARAMETERS
 from turnout.study.scenario import Value
 
 TEMPERATURE_KEY = "temperature"
@@ -38,7 +39,13 @@ OBJECT_KEYS: dict[str, Dimension | type] = {
     "object.appears": TIME,
     "object.disappears": TIME,
     "object.present": bool,
+    "object.kind": str,
+    **{f"object.{name}": dimension for name, dimension in DIMENSIONS.items()},
+    "object.piece": float,
 }
+LABEL = "label."
+"""What begins with this changes nothing: the cause, place or size that a throw is labelled with."""
+CAUSE, _, _ = LABELS = tuple(f"{LABEL}{name}" for name in ("cause", "place", "size"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,6 +110,8 @@ def value_kind(panel: LoadedPanel, key: str, *, factor: bool = False) -> Dimensi
         return OBJECT_KEYS[key]
     if key == TEMPERATURE_KEY:
         return TEMPERATURE
+    if key.startswith(LABEL) and key != LABEL:
+        return str
     path = tuple(key.split("."))
     info = field_at(path) if path[0] != "schema_version" else None
     kind = _kind_of_field(info, factor=factor) if info is not None else None
@@ -168,7 +177,7 @@ def _nested_value(record: Any, parts: list[str]) -> Any:
     return record
 
 
-_OBJECT_FIELDS = ("rail", "height", "stiffness", "appears", "disappears")
+_OBJECT_FIELDS = ("rail", "height", "stiffness", "appears", "disappears", "kind")
 
 
 def apply_factors(
@@ -244,8 +253,13 @@ def foreign_objects(by_key: Mapping[str, Value]) -> tuple[ForeignObject, ...]:
         return ()
     at = f"x = {by_key['object.x']:.9g} m" if "object.x" in by_key else str(by_key["object.at"])
     item = ForeignObject(size, at)
+    kind = str(by_key.get("object.kind", item.kind))
+    # what is drawn for other kinds does not matter
+    own = [name for name in PARAMETERS if kind not in KINDS or name in KINDS[kind]]
     chosen = {
-        name: by_key[f"object.{name}"] for name in _OBJECT_FIELDS if f"object.{name}" in by_key
+        name: by_key[f"object.{name}"]
+        for name in (*_OBJECT_FIELDS, *own)
+        if f"object.{name}" in by_key
     }
     return (replace(item, **chosen),)  # type: ignore[arg-type]
 

@@ -7,6 +7,7 @@ from turnout.panel.foreign_object import resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import ordered_movements
 from turnout.panel.model import Panel
+from turnout.panel.object_kind import KINDS
 from turnout.plot.moving_plan import plan_record
 from turnout.web.measured import Measured
 
@@ -153,6 +154,7 @@ def described(panel: LoadedPanel, mark: str) -> dict[str, Any]:
         "description": " ".join(panel.description.split()),
         "plan": plan_record(panel),
         "controls": controls(panel),
+        "kinds": list(KINDS),
         "places": [{"name": name, "x": _x_of(panel, name)} for name in places],
         "own_objects": [{"name": o.name, "size": o.size, "x": o.x} for o in own],
     }

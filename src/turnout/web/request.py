@@ -20,6 +20,7 @@ class ObjectRequest(PageRequest):
     size: str = Field(max_length=40, description="such as '13 mm'")
     at: str = Field(max_length=80, description="such as 'sleeper 6' or 'x = 3.6 m'")
     stiffness: str | None = Field(default=None, max_length=40, description="such as '40 kN/mm'")
+    kind: str = Field(default="spring", max_length=40, description="such as 'ice'")
 
 
 class RunRequest(PageRequest):

@@ -114,7 +114,7 @@ def _trapped(request: RunRequest) -> ForeignObject | None:
     given = request.object
     if given is None:
         return None
-    return ForeignObject(given.size, given.at, stiffness=given.stiffness)
+    return ForeignObject(given.size, given.at, stiffness=given.stiffness, kind=given.kind)
 
 
 # Units of the screen, their size in SI and how many decimals are shown.

@@ -5,7 +5,7 @@ import { on, state, notify } from "./state.js";
 
 function nameOf(request) {
   const { object, settings } = request;
-  const parts = [object ? `${object.size} at ${object.at}` : "no object"];
+  const parts = [object ? `${object.size}${object.kind === "spring" ? "" : ` ${object.kind}`} at ${object.at}` : "no object"];
   parts.push(...Object.entries(settings).map(([key, value]) => `${key} = ${value}`));
   return parts.join(", ");
 }

@@ -66,6 +66,9 @@ export function buildControls() {
   for (const control of state.panel.controls) {
     (control.key.startsWith("object.") ? own : others).append(row(control));
   }
+  const kinds = document.getElementById("kind");
+  kinds.replaceChildren(...state.panel.kinds.map((kind) => new Option(kind, kind)));
+  kinds.value = state.kind;
   const places = document.getElementById("place");
   const anywhere = new Option("another place", "");
   places.replaceChildren(anywhere, ...state.panel.places.map((item) => new Option(`${item.name} (x = ${item.x} m)`, item.name)));
@@ -77,6 +80,11 @@ export function startControls() {
   document.getElementById("place").addEventListener("change", (event) => {
     const place = state.panel.places.find((item) => item.name === event.target.value);
     if (place) { setValue("object.x", place.x); settled(); }
+  });
+  document.getElementById("kind").addEventListener("change", (event) => {
+    state.kind = event.target.value;
+    notify("values");
+    settled();
   });
   document.getElementById("trapped").addEventListener("change", (event) => {
     state.trapped = event.target.checked;

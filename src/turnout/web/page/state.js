@@ -5,6 +5,7 @@ export const state = {
   panel: null, // the panel as the server described it
   values: {}, // slider values by key, in the unit of the slider
   trapped: true,
+  kind: "spring",
   request: null, // request of the throw shown
   answer: null, // reply of the server
   frame: 0,
@@ -42,6 +43,8 @@ export function currentRequest(preview) {
   }
   const near = placeNear(state.values["object.x"]);
   const at = near ? near.name : `x = ${texted("object.x")}`;
-  const object = state.trapped ? { size: texted("object.size"), at, stiffness: texted("object.stiffness") } : null;
+  const object = state.trapped
+    ? { size: texted("object.size"), at, stiffness: texted("object.stiffness"), kind: state.kind }
+    : null;
   return { panel: state.panel.mark, object, settings, preview };
 }

@@ -1,0 +1,148 @@
+"""Many throws of one switch by `turnout simulate --throws`: options, table and record."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from turnout.panel.foreign_object import ForeignObject
+    from turnout.panel.load import LoadedPanel
+    from turnout.response.drift import Drift
+    from turnout.scheme import Scheme
+
+MOST_ROWS = 20
+"""Throws that are printed; all are in the file and in --json."""
+
+
+def read_drift(settings: Sequence[str]) -> "Drift":
+    """Read what changes from throw to throw from KEY=VALUE of a command line.
+
+    Raises
+    ------
+    FileError
+        With all problems at once.
+
+    Examples
+    --------
+    >>> read_drift(["ice_growth=0.3mm", "temperature=-20 degC to -5 degC"]).temperature
+    (253.15, 268.15)
+    """
+    from dataclasses import fields
+
+    from turnout.core.problems import choices, nearest
+    from turnout.errors import FileError, ResponseError
+    from turnout.response.drift import Drift
+
+    names = [item.name for item in fields(Drift)]
+    found: dict[str, Any] = {}
+    problems = []
+    for setting in settings:
+        key, sign, value = (part.strip() for part in setting.partition("="))
+        if not sign or not value:
+            problems.append(f'--drift "{setting}": is not KEY=VALUE')
+        elif key not in names:
+            known = f"there are {choices(names)}"
+            problems.append(
+                f'--drift "{setting}": there is no such key{nearest(key, names)}; {known}'
+            )
+        elif key == "temperature":
+            found[key] = tuple(part.strip() for part in value.split(" to "))
+        else:
+            found[key] = _number_or_text(key, value)
+    if not problems:
+        try:
+            return Drift(**found)
+        except ResponseError as error:
+            problems.append(str(error))
+    raise FileError("\n".join(problems))
+
+
+def _number_or_text(key: str, value: str) -> int | float | str:
+    """Return a plain number as one; lengths keep their text, so that a bare number is refused."""
+    from turnout.response.drift import LENGTHS
+
+    if key in LENGTHS:
+        return value
+    try:
+        return int(value) if key == "seed" else float(value)
+    except ValueError:
+        return value
+
+
+def run_sequence(
+    panel: "LoadedPanel",
+    objects: "Sequence[ForeignObject]",
+    *,
+    throws: int,
+    drift: "Drift",
+    scheme: "Scheme",
+    quiet: bool,
+) -> "xr.Dataset":
+    """Make the throws with progress; those until an interruption or a failure come back."""
+    from turnout.cli.watch import watched
+    from turnout.response.sequence import simulate_sequence
+
+    with watched(f"simulating {throws} throws of {panel.name}", quiet=quiet) as watch:
+        return simulate_sequence(
+            panel,
+            throws=throws,
+            foreign_object=list(objects),
+            drift=drift,
+            scheme=scheme,
+            throw=False,
+            report=watch.report,
+        )
+
+
+def sequence_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, str]]:
+    """Return a sequence of throws as a record, and the units of its keys."""
+    attributes = dataset.attrs
+    record = {
+        "panel": attributes.get("panel"),
+        "panel_hash": attributes.get("panel_hash"),
+        "foreign_objects": json.loads(attributes.get("foreign_objects", "[]")),
+        "drift": json.loads(attributes["drift"]),
+        "complete": bool(attributes["complete"]),
+        "outcome": attributes["outcome"],
+        "outcome_message": attributes["outcome_message"],
+        "throws": throw_rows(dataset),
+        "wall_time": attributes["wall_time"],
+    }
+    units = {
+        "size": "m", "left": "m", "object_force_peak": "N", "drive_force_end": "N",
+        "force_margin": "N", "temperature": "K", "wall_time": "s",
+    }  # fmt: skip
+    return record, units
+
+
+def throw_rows(dataset: "xr.Dataset") -> list[dict[str, Any]]:
+    """Return a row for each throw: objects before and after it, forces, lock and control."""
+    from turnout.metric.throw_table import throw_table
+
+    return throw_table(dataset)
+
+
+def print_sequence(dataset: "xr.Dataset", written: Sequence[Path]) -> None:
+    """Print a table of the throws, of many only some."""
+    rows = throw_rows(dataset)
+    every = max(1, -(-len(rows) // MOST_ROWS))
+    typer.echo(
+        f"{'throw':>6} {'size':>10} {'left':>10} {'object':>9} {'drives':>14}  lock, control"
+    )
+    for row in rows[::every]:
+        size = "+".join(f"{1e3 * value:.1f}" for value in row["size"]) or "-"
+        left = "+".join(f"{1e3 * value:.1f}" for value in row["left"]) or "-"
+        peak = 1e-3 * row["object_force_peak"]
+        drives = "/".join(f"{1e-3 * value:.2f}" for value in row["drive_force_end"])
+        typer.echo(
+            f"{row['throw']:>6} {size:>7} mm {left:>7} mm {peak:>6.2f} kN {drives:>11} kN  "
+            f"{row['state']}"
+        )
+    typer.echo(f"{len(rows)} throws, {dataset.attrs['wall_time']:.1f} s")
+    for path in written:
+        typer.echo(f"{'written':<16}{path} ({-(-path.stat().st_size // 1000)} kB)")

@@ -1,0 +1,154 @@
+"""Laws of foreign objects and of frozen chairs: from their kind to their curve and memory."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from turnout.law.compression import (
+    Compression,
+    ice,
+    ice_pressure,
+    metal,
+    snow,
+    spent,
+    stone,
+    wood,
+)
+from turnout.law.obstruction import BREAKS_AWAY, ROUNDING, Obstructions, no_obstructions
+from turnout.law.table import LawTableBuilder
+from turnout.mechanism.mechanism import LawIndex
+from turnout.panel.foreign_object import PlacedObject
+from turnout.panel.records import Chair
+
+AT_ONCE = 1e-6
+"""A bond acts from the first step on, once the rail has come to rest [s]."""
+
+
+def add_object(laws: LawTableBuilder, row: int, item: PlacedObject, *, clearance: float) -> None:
+    """Add the law of an object.
+
+    Parameters
+    ----------
+    laws : LawTableBuilder
+        Receives it.
+    row : int
+        Approach of the switch rail to the stock rail.
+    item : PlacedObject
+        The object.
+    clearance : float
+        Approach at which it is touched while nothing has broken off [m].
+    """
+    if item.kind == "spring":
+        laws.add_contact(
+            row,
+            stiffness=item.stiffness,
+            clearance=clearance,
+            appears=item.appears,
+            disappears=item.disappears,
+            waits=True,
+        )
+        return
+    curve = curve_of(item)
+    laws.add_piecewise(
+        row,
+        breakpoints=curve.breakpoints,
+        slopes=curve.slopes,
+        offset=clearance + item.lost,
+        appears=item.appears,
+        disappears=item.disappears,
+        waits=True,
+    )
+
+
+def curve_of(item: PlacedObject) -> Compression:
+    """Return force over compression of an object that is no spring.
+
+    What broke off before has gone from its size; ice keeps the layer that it had at first.
+    """
+    contact, size, area = item.stiffness, item.size - item.lost, item.length * item.depth
+    if item.kind == "stone":
+        return stone(size=size, strength=item.strength, contact=contact, piece=item.piece)
+    if item.kind == "ice":
+        pressure = item.strength or ice_pressure(item.temperature)
+        curve = ice(size=item.size, area=area, strength=pressure, contact=contact, piece=item.piece)
+        return spent(curve) if size <= curve.least + ROUNDING else curve
+    if item.kind == "snow":
+        return snow(
+            size=size,
+            area=area,
+            density=item.density,
+            temperature=item.temperature,
+            contact=contact,
+        )
+    of_kind = {"wood": wood, "metal": metal}[item.kind]
+    return of_kind(size=size, area=area, strength=item.strength, contact=contact)
+
+
+def dent_of(item: PlacedObject) -> float:
+    """Return the lasting compression that earlier throws have left in an object [m]."""
+    if item.kind == "spring" or item.deepest <= 0.0:
+        return 0.0
+    return curve_of(item).lasting(item.deepest)
+
+
+def add_bond(laws: LawTableBuilder, row: int, chair: Chair, *, feet: int) -> None:
+    """Add the ice between a rail and a chair, as stiff as sticking feet, without values of place.
+
+    Parameters
+    ----------
+    laws : LawTableBuilder
+        Receives it.
+    row : int
+        Lateral displacement of the feet.
+    chair : Chair
+        With the force at which the ice breaks.
+    feet : int
+        Foot points of the rail on it.
+    """
+    stiffness = feet * chair.stick_stiffness
+    reach = chair.frozen_force / stiffness
+    laws.add_piecewise(
+        row,
+        breakpoints=np.array([-reach, reach]),
+        slopes=np.array([0.0, stiffness, 0.0]),
+        appears=AT_ONCE,
+    )
+
+
+def obstructions_of(index: LawIndex, objects: Sequence[PlacedObject]) -> Obstructions:
+    """Return what objects and bonds remember, before they are thrown against.
+
+    Parameters
+    ----------
+    index : LawIndex
+        Laws of objects and bonds.
+    objects : sequence of PlacedObject
+        All objects; springs remember nothing.
+    """
+    laws = index.object
+    kept = [item for item in objects if item.kind != "spring"]
+    found = no_obstructions(len(kept) + len(index.bond))
+    found.law[len(kept) :] = list(index.bond.values())
+    found.breaks[len(kept) :] = BREAKS_AWAY
+    for row, item in enumerate(kept):
+        curve = curve_of(item)
+        found.law[row] = laws[item.name]
+        found.breaks[row] = curve.breaks
+        found.unloading[row] = curve.unloading
+        found.piece[row] = curve.piece
+        found.limit[row] = curve.limit
+        found.layer[row] = curve.layer
+        found.least[row] = curve.least
+        found.size[row] = item.size - item.lost
+        found.deepest[row] = item.deepest
+    return found
+
+
+def named_obstructions(obstructions: Obstructions, laws: dict[str, int]) -> dict[str, int]:
+    """Return the row of each object that remembers, by the name of the object."""
+    names = {law: name for name, law in laws.items()}
+    return {
+        names[law]: row
+        for row, law in enumerate(np.asarray(obstructions.law).tolist())
+        if law in names
+    }

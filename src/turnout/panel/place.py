@@ -1,0 +1,86 @@
+"""Places along the rails by name: "sleeper 6", "drive 1", "sensor TKK1", "chair 5", "x = 3.6 m"."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from turnout.core.problems import choices, nearest, shortened
+from turnout.core.units import LENGTH, parse_quantity
+
+PLACE_FAMILIES = ("sleeper", "drive", "sensor", "chair", "stud", "stop", "link", "fastening")
+_NAMED = re.compile("|".join(PLACE_FAMILIES), re.IGNORECASE)
+_FORMS = "'sleeper 6', 'drive 1', 'sensor TKK1' or 'TKK1', 'chair 5' or 'x = 3.6 m'"
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place along the rails: its position [m] and the family and name that it was given by."""
+
+    x: float
+    family: str = ""
+    name: str = ""
+
+
+def find_place(families: Mapping[str, Mapping[str, Any]], at: str) -> Place:
+    """Find a place.
+
+    Parameters
+    ----------
+    families : mapping
+        Records with an `x` by family and name.
+    at : str
+        A family and a name, a name that occurs only once, or a position.
+
+    Returns
+    -------
+    Place
+        Where it is.
+
+    Raises
+    ------
+    ValueError
+        When there is no such place; the text lists the names there are.
+    """
+    text = at.strip()
+    sign, _, position = text.partition("=")
+    if sign.strip().lower() == "x" and position.strip():
+        return Place(parse_quantity(position.strip(), LENGTH))
+    alone = _places_called(families, text)
+    if len({place.x for place in alone}) == 1:
+        return alone[0]
+    named = _NAMED.match(text)
+    if alone and not named:
+        whole = " or ".join(f"'{place.family} {place.name}'" for place in alone)
+        message = f"is not the name of one place only; write {whole}"
+        raise ValueError(message)
+    name = text[named.end() :].strip() if named else ""
+    if not named or not name:
+        message = f"is not a place; write {_FORMS}{nearest(text, _place_names(families))}"
+        raise ValueError(message)
+    family = named[0].lower()
+    members = families.get(family, {})
+    if name in members:
+        return Place(members[name].x, family, name)
+    matches = [known for known in members if known.lower() == name.lower()]
+    if len(matches) == 1:
+        return Place(members[matches[0]].x, family, matches[0])
+    message = (
+        f"there is no {family} '{shortened(name)}'{nearest(name, members)}; "
+        f"there are {choices(members)}"
+    )
+    raise ValueError(message)
+
+
+def _places_called(families: Mapping[str, Mapping[str, Any]], text: str) -> list[Place]:
+    """Return the places of any family whose whole name is a text, whatever its case."""
+    return [
+        Place(record.x, family, name)
+        for family in PLACE_FAMILIES
+        for name, record in families.get(family, {}).items()
+        if name.lower() == text.lower()
+    ]
+
+
+def _place_names(families: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    return [f"{family} {name}" for family in PLACE_FAMILIES for name in families.get(family, {})]

@@ -1,0 +1,202 @@
+"""Throws in a row: what objects keep, what drifts, and what comes back when it ends early."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from turnout.cli.main import app, main
+from turnout.errors import ResponseError
+from turnout.integrate.outcome import NotConverged
+from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.load import load_panel
+from turnout.response import sequence
+from turnout.response.drift import Drift
+from turnout.response.sequence import simulate_sequence
+from turnout.response.simulate import simulate
+from turnout.response.store import open_response, save_response
+
+PANEL = load_panel("uic60-760-1-15")
+
+
+def test_a_spring_is_the_same_at_every_throw() -> None:
+    spring = ForeignObject("13 mm", "sleeper 6")
+    made = simulate_sequence(PANEL, throws=3, foreign_object=spring)
+    one = simulate(PANEL, foreign_object=spring, mode="quick")
+    for number in range(3):
+        assert np.array_equal(made["drive_force"][number], one["drive_force"])
+    assert made["object_size"].values.tolist() == [[0.013]] * 3
+    assert made.attrs["complete"]
+
+
+def test_wood_keeps_its_dent_and_shakes_down() -> None:
+    wood = ForeignObject("20 mm", "sleeper 6", kind="wood", length="10 mm", depth="20 mm")
+    made = simulate_sequence(PANEL, throws=3, foreign_object=wood)
+    left, dissipated = made["object_left"].values[:, 0], made["energy_object_dissipated"][:, -1]
+    assert left[0] < 0.019
+    assert dissipated[0] > 5.0
+    assert dissipated[1] < 0.1 * dissipated[0]  # it is met a little faster
+    # friction goes another way where the rail comes further, so that the force still grows a little
+    assert dissipated[2] < 0.7 * dissipated[1]
+    assert left[0] > left[1] > left[2] > left[0] - 1e-3
+    # the second throw meets a thinner object: less force on the way
+    assert made["contact_time"][1] > made["contact_time"][0]
+
+
+def test_a_stone_that_falls_out_leaves_the_next_throw_free() -> None:
+    stone = ForeignObject("20 mm", "drive 1", kind="stone", strength="10 MPa", piece=0.0)
+    made = simulate_sequence(PANEL, throws=2, foreign_object=stone)
+    free = simulate(PANEL, mode="quick")
+    assert made["object_force"].max("time")[0] == pytest.approx(4000.0, rel=1e-9)
+    assert made["object_size"].values.tolist() == [[0.02], [0.0]]
+    assert float(made["object_force"][1].max()) == 0.0
+    assert np.allclose(made["drive_force"][1], free["drive_force"], atol=1e-6)
+
+
+def test_ice_grows_in_frost_and_melts_above() -> None:
+    ice = ForeignObject("8 mm", "sleeper 6", kind="ice", length="0.1 m", depth="40 mm")
+    frost = Drift(ice_growth="0.5 mm", melting="0.2 mm", temperature="-5 degC")
+    thaw = Drift(ice_growth="0.5 mm", melting="0.2 mm", temperature="5 degC")
+    grown = simulate_sequence(PANEL, throws=3, foreign_object=ice, drift=frost)["object_size"]
+    melted = simulate_sequence(PANEL, throws=3, foreign_object=ice, drift=thaw)["object_size"]
+    assert grown[:, 0].values == pytest.approx([0.008, 0.0085, 0.009])
+    assert melted[:, 0].values == pytest.approx([0.008, 0.007, 0.006])
+
+
+def test_snow_is_packed_and_keeps_its_mass() -> None:
+    snow = ForeignObject("30 mm", "sleeper 3", kind="snow", density="200 kg/m^3")
+    made = simulate_sequence(PANEL, throws=2, foreign_object=snow)
+    size = made["object_size"].values[:, 0]
+    assert size[1] < 0.7 * size[0]
+    assert made["object_left"].values[1, 0] == pytest.approx(size[1], abs=3e-4)
+
+
+def test_ice_that_is_crushed_to_its_last_layer_is_met_again() -> None:
+    ice = ForeignObject("10 mm", "drive 1", kind="ice")
+    made = simulate_sequence(PANEL, throws=3, foreign_object=ice)
+    left = made["object_left"].values[:, 0]
+    assert left == pytest.approx(0.002, abs=1e-6)
+    assert left[0] == left[1] == left[2]
+    assert made["object_broken"].values[1:, 0].tolist() == [0, 0]
+    assert made["energy_object_dissipated"][1, -1] == 0.0
+
+
+def test_friction_clutch_and_adjustment_drift() -> None:
+    drift = Drift(friction=0.1, clutch=0.01, adjustment="0.1 mm")
+    made = simulate_sequence(PANEL, throws=3, drift=drift)
+    third = PANEL.with_overrides(
+        {
+            "chair.friction_coefficient": 1.2 * PANEL.chair["1"].friction_coefficient,
+            **{
+                f"drive.{name}.{key}": value
+                for name, drive in PANEL.drive.items()
+                for key, value in (
+                    ("saturation_force", drive.saturation_force * 0.99**2),
+                    ("over_travel_closed", drive.over_travel_closed + 2e-4),
+                )
+            },
+        }
+    )
+    expected = simulate(third, mode="quick")["drive_force"]
+    assert np.allclose(made["drive_force"][2], expected, rtol=1e-9, atol=1e-6)
+
+
+def test_a_ridge_of_ice_covers_sleepers_and_an_object_may_lie_in_it() -> None:
+    ridge = ForeignObject("10 mm", "sleeper 6", kind="ice", length="2 m", temperature="-1 degC")
+    stone = ForeignObject("14 mm", "sleeper 6", kind="stone", strength="1 MPa")
+    both = simulate(PANEL, foreign_object=[ridge, stone], mode="quick")
+    alone = simulate(PANEL, foreign_object=ridge, mode="quick")
+    assert both["object"].values.tolist() == ["1", "2"]
+    force = both["single_object_force"].max("time").values
+    assert np.all(force > 100.0)
+    assert float(alone["object_force"].max()) > 1000.0
+
+
+def test_what_was_thrown_comes_back_after_an_interruption(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = []
+
+    def interrupted(*given: object, **options: object) -> object:
+        if len(made) == 2:
+            raise KeyboardInterrupt
+        made.append(given)
+        return solve(*given, **options)
+
+    solve = sequence.solve_placed
+    monkeypatch.setattr(sequence, "solve_placed", interrupted)
+    with pytest.raises(NotConverged, match="interrupted") as caught:
+        simulate_sequence(PANEL, throws=5)
+    partial = caught.value.partial
+    assert partial.sizes["throw"] == 2
+    assert partial.attrs["outcome"] == "interrupted"
+
+
+def test_a_sequence_is_written_and_read(tmp_path) -> None:
+    ice = ForeignObject("15 mm", "sleeper 6", kind="ice")
+    made = simulate_sequence(PANEL, throws=2, foreign_object=ice, drift=Drift(temperature=260.0))
+    save_response(made, tmp_path / "run.nc")
+    again = open_response(tmp_path / "run.nc")
+    assert again.identical(made)
+    assert again["drive_force"].dims == ("throw", "drive", "time")
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"throws": 0}, "throws = 0"),
+        ({"throws": 2.5}, "whole number"),
+    ],
+)
+def test_impossible_numbers_of_throws_are_refused(given: dict, said: str) -> None:
+    with pytest.raises(ResponseError, match=said):
+        simulate_sequence(PANEL, **given)
+
+
+def test_all_that_is_wrong_with_a_drift_is_said_at_once() -> None:
+    with pytest.raises(ResponseError, match=r"ice_growth.*at least 0.*clutch.*at most 1"):
+        Drift(ice_growth=-0.001, clutch=3.0)
+    with pytest.raises(ResponseError, match="between 200 K"):
+        Drift(temperature=-5.0)
+
+
+def test_the_command_throws_many_times(tmp_path) -> None:
+    out = tmp_path / "many.nc"
+    given = ["simulate", "--throws", "2", "--object", "15mm ice@sleeper6, length=40mm", "-q"]
+    done = CliRunner().invoke(app, [*given, "--drift", "ice_growth=1mm", "-o", str(out), "--json"])
+    assert done.exit_code == 0, done.output
+    record = json.loads(done.stdout)
+    assert [row["size"] for row in record["throws"]] == [[0.015], [pytest.approx(0.016)]]
+    assert record["written"] == [str(out)]
+    assert open_response(out).sizes["throw"] == 2
+    shown = CliRunner().invoke(app, ["simulate", "--throws", "2"])
+    assert "locked, in control" in shown.stdout
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--drift", "friction=1"], "say how many with --throws"),
+        (["--throws", "2", "--drift", "ice_grow=1mm"], "nearest is 'ice_growth'"),
+        (["--throws", "2", "--drift", "ice_growth=1"], "has no unit"),
+        (["--throws", "2", "--drift", "friction"], "is not KEY=VALUE"),
+        (["--throws", "2", "--plot", "a.png"], "--plot"),
+        (["--object", "20mm icee@sleeper6"], "nearest is 'ice'"),
+        (["--object", "20mm wood@sleeper6, density=400 kg/m^3"], "for 'snow'"),
+        (["--object", "20mm ice@sleeper6, strength=1 Pa"], "must be 500000 to"),
+        (["--object", "20mm ice@sleeper6, length=30m"], "must be 0.001 to 10 m"),
+        (["--object", "20mm ice@drive1, length=3m"], "it reaches from"),
+        (["--object", "20mm ice@sleeper6, long=3m"], "nearest is 'length'"),
+    ],
+)
+def test_bad_input_is_refused_in_one_message(
+    options: list[str],
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["turnout", "simulate", *options])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert said in capsys.readouterr().err

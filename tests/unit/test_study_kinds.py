@@ -1,0 +1,116 @@
+"""Kinds of objects in studies, labels of throws, and the library studies made of them."""
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from turnout.errors import StudyError
+from turnout.study.load_study import load_study
+
+LIBRARY = ("stones", "winter-week", "one-year", "dry-chairs", "worn-clutch", "adjustment-drift")
+HEAD = """
+schema_version = 1
+name = "kinds"
+panel = "uic60-760-1-15"
+
+[[variable]]
+key = "object.at"
+values = ["sleeper 6"]
+
+[[variable]]
+key = "object.size"
+values = ["0 mm", "12 mm"]
+"""
+
+
+def study(tmp_path: Path, more: str):
+    path = tmp_path / "kinds.toml"
+    path.write_text(HEAD + more, encoding="utf-8")
+    return load_study(path)
+
+
+def test_an_object_has_what_belongs_to_its_kind(tmp_path: Path) -> None:
+    made = study(
+        tmp_path,
+        """
+[[variable]]
+key = "object.kind"
+values = ["snow", "stone"]
+
+[[variable]]
+key = "object.density"
+values = ["400 kg/m^3"]
+
+[[variable]]
+key = "object.piece"
+values = [0.25]
+""",
+    )
+    objects = [item.foreign_objects[0] for item in made.scenarios() if item.foreign_objects]
+    assert [(item.kind, item.density, item.piece) for item in objects] == [
+        ("snow", 400.0, None),
+        ("stone", None, 0.25),
+    ]
+    labels = [item.inputs for item in made.scenarios()]
+    assert Counter(item["label.cause"] for item in labels) == {"none": 2, "snow": 1, "stone": 1}
+    assert {item["label.size"] for item in labels} == {"", "12 mm"}
+    assert {item["label.place"] for item in labels} == {"", "sleeper 6"}
+
+
+def test_a_study_without_causes_has_no_labels(tmp_path: Path) -> None:
+    assert "label.cause" not in study(tmp_path, "").scenario(0).inputs
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ('key = "object.kind"\nvalues = ["icee"]', "nearest is 'ice'"),
+        ('key = "object.density"\nvalues = ["3 kg/m^3"]', ""),
+        ('key = "object.strength"\nvalues = [3]', "no unit"),
+    ],
+)
+def test_impossible_kinds_are_refused_before_any_throw(
+    tmp_path: Path, more: str, said: str
+) -> None:
+    text = f"\n[[variable]]\n{more}\n"
+    if not said:  # density alone belongs to no spring, and is left out
+        assert study(tmp_path, text).scenario(1).foreign_objects[0].density is None
+        return
+    with pytest.raises(StudyError, match=said):
+        study(tmp_path, text)
+
+
+def test_a_value_out_of_the_range_of_its_kind_is_refused(tmp_path: Path) -> None:
+    text = """
+[[variable]]
+key = "object.kind"
+values = ["stone", "snow"]
+
+[[variable]]
+key = "object.density"
+values = ["3 kg/m^3"]
+"""
+    with pytest.raises(StudyError, match="must be 50 to 900"):
+        study(tmp_path, text)
+
+
+@pytest.mark.parametrize("name", LIBRARY)
+def test_library_studies_label_their_throws(name: str) -> None:
+    made = load_study(name)
+    seen = [made.scenario(index) for index in range(min(made.count, 40))]
+    for item in seen:
+        cause = item.inputs["label.cause"]
+        assert cause
+        if item.foreign_objects:
+            assert cause == item.foreign_objects[0].kind
+            assert str(item.inputs["label.size"]).endswith(" mm")
+            assert item.inputs["label.place"] == item.foreign_objects[0].at
+    causes = {item.inputs["label.cause"] for item in seen}
+    expected = {
+        "stones": {"stone"},
+        "dry-chairs": {"dry chairs"},
+        "worn-clutch": {"worn clutch"},
+        "adjustment-drift": {"adjustment"},
+    }
+    assert name not in expected or causes == expected[name]

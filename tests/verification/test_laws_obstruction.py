@@ -1,0 +1,203 @@
+"""Stone, ice, snow, wood and metal along a prescribed compression: force, memory, energy.
+
+Reference: the closed forms of docs/objects.md, written here anew over the compression alone. A
+light mass is moved in and out by a stiff spring; the force at each instant must be that of the
+closed form to 1e-6 of its peak, and what is dissipated the area of the loop.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from tests.verification.hand_made import energy_residual, hand_made, linear_spring, obstruction, run
+
+from turnout.integrate.integration import History
+from turnout.law import compression as curves
+from turnout.law.compression import Compression
+from turnout.law.table import LawTableBuilder
+
+CLOSE = 1e-6
+CONTACT, SIZE, CLEARANCE = 40e6, 0.02, 0.003
+LENGTH, DEPTH, AREA = 0.03, 0.02, 6e-4
+FROST = 263.15
+CURVES: dict[str, Compression] = {
+    "stone": curves.stone(size=SIZE, strength=20e6, contact=CONTACT, piece=0.6),
+    "ice": curves.ice(size=SIZE, area=AREA, strength=10e6, contact=CONTACT, piece=0.2),
+    "snow": curves.snow(size=SIZE, area=AREA, density=300.0, temperature=FROST, contact=CONTACT),
+    "wood": curves.wood(size=SIZE, area=AREA, strength=5e6, contact=CONTACT),
+    "metal": curves.metal(size=SIZE, area=1e-5, strength=235e6, contact=CONTACT),
+}
+
+
+def way(reach: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Go in three times, each time deeper, and out again."""
+    return lambda t: reach * (0.4 + 0.2 * np.floor(t)) * np.sin(np.pi * (t % 1.0)) ** 2
+
+
+def moved(
+    curve: Compression, *, step: float = 1e-3, deepest: float = 0.0, **options: bool
+) -> History:
+    laws = LawTableBuilder()
+    linear_spring(laws, 0, 1e10, input_index=0)
+    law = laws.add_piecewise(
+        0, breakpoints=curve.breakpoints, slopes=curve.slopes, offset=CLEARANCE, waits=True
+    )
+    memory = obstruction(law, curve, size=SIZE, deepest=deepest)
+    mechanism = hand_made(laws, mass=[1.0], obstructions=memory)
+    return run(mechanism, way(0.02), end=3.0, step=step, **options)
+
+
+def compression(history: History) -> np.ndarray:
+    return history.g[:, 0] - CLEARANCE
+
+
+def stone_force(e: np.ndarray) -> np.ndarray:
+    size, lost, found = SIZE, 0.0, []
+    for value in e:
+        limit = 20e6 * size**2
+        trial = CONTACT * max(value - lost, 0.0)
+        found.append(min(trial, limit))
+        if trial > limit:
+            lost, size = lost + 0.4 * size, 0.6 * size
+    return np.array(found)
+
+
+def ice_force(e: np.ndarray) -> np.ndarray:
+    k = 1.0 / (1.0 / CONTACT + SIZE / (9e9 * AREA))
+    limit, cycle = 10e6 * AREA, 0.1 * SIZE
+    lost, deepest, found = 0.0, 0.0, []
+    for value in e:
+        x, spent = value - lost, SIZE - lost <= 0.2 * SIZE
+        back = min(k * deepest, limit) - k * (deepest - x)
+        force = max(k * x if spent else min(k * x, limit) if x > deepest else back, 0.0)
+        found.append(force)
+        deepest = max(deepest, x)
+        while not spent and x > limit / k + 0.3 * cycle:
+            lost, x, deepest = lost + cycle, x - cycle, 0.0
+    return np.array(found)
+
+
+def dented_force(points: np.ndarray, k: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the force of an envelope through (lasting compression, force) that keeps its dent."""
+    envelope = np.vstack(([0.0, 0.0], points + np.outer(points[:, 1] / k, [1.0, 0.0])))
+
+    def force(e: np.ndarray) -> np.ndarray:
+        def on(x: float) -> float:
+            beyond = max(x - envelope[-1, 0], 0.0)
+            return float(np.interp(x, *envelope.T)) + k * beyond
+
+        deepest, found = 0.0, []
+        for value in e:
+            back = on(deepest) - k * (deepest - value)
+            found.append(on(value) if value > deepest else max(back, 0.0))
+            deepest = max(deepest, value)
+        return np.array(found)
+
+    return force
+
+
+def snow_force(e: np.ndarray) -> np.ndarray:
+    density = np.geomspace(300.0, 917.0, 12)
+    force = 10e6 * (density / 917.0) ** 4.5 * AREA
+    k = 1.0 / (1.0 / CONTACT + SIZE / (9e9 * AREA))
+    return dented_force(np.column_stack((SIZE * (1.0 - 300.0 / density), force)), k)(e)
+
+
+def wood_force(e: np.ndarray) -> np.ndarray:
+    k = 1.0 / (1.0 / CONTACT + SIZE / (0.4e9 * AREA))
+    limit = 5e6 * AREA
+    points = [[0.0, limit], [0.5 * SIZE, 2.0 * limit], [0.65 * SIZE, 10.0 * limit]]
+    return dented_force(np.array(points), k)(e)
+
+
+def metal_force(e: np.ndarray) -> np.ndarray:
+    k = 1.0 / (1.0 / CONTACT + SIZE / (210e9 * 1e-5))
+    points = [[0.0, 2350.0], [0.5 * SIZE, 2350.0 + 2e9 * 1e-5 * 0.5]]
+    return dented_force(np.array(points), k)(e)
+
+
+FORCES = {
+    "stone": stone_force,
+    "ice": ice_force,
+    "snow": snow_force,
+    "wood": wood_force,
+    "metal": metal_force,
+}
+
+
+@pytest.mark.parametrize("kind", CURVES)
+def test_the_force_follows_the_closed_form(kind: str) -> None:
+    history = moved(CURVES[kind])
+    e, force = compression(history), history.law_force[:, 1]
+    expected = FORCES[kind](e)
+    assert force.max() > 1000.0
+    assert history.obstructions.dissipated[0] > 0.9
+    assert np.max(np.abs(force - expected)) < CLOSE * force.max()
+
+
+@pytest.mark.parametrize("kind", CURVES)
+def test_what_is_dissipated_is_the_area_of_the_loop(kind: str) -> None:
+    history = moved(CURVES[kind], step=2e-4)
+    at = np.arange(history.time.size)
+    e = np.interp(np.arange(0.0, at[-1], 0.1), at, compression(history))
+    force = FORCES[kind](e)
+    area = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(e)))
+    dissipated = float(history.obstructions.dissipated[0])
+    assert dissipated == pytest.approx(history.ledger[-1, 6], rel=1e-12)
+    assert dissipated == pytest.approx(area, rel=0.02)  # failures wait for the end of a step
+    assert np.all(np.diff(history.ledger[:, 6]) >= -1e-9)
+    assert energy_residual(history) < CLOSE
+    assert energy_residual(history, without="objects") > 1e-3
+
+
+def test_a_stone_splits_at_the_square_of_its_size() -> None:
+    history = moved(CURVES["stone"])
+    assert history.law_force[:, 1].max() == pytest.approx(20e6 * SIZE**2, rel=CLOSE)
+    assert history.obstructions.broken[0] >= 2
+    assert history.obstructions.size[0] == pytest.approx(
+        SIZE * 0.6 ** int(history.obstructions.broken[0]), rel=CLOSE
+    )
+
+
+def test_a_stone_without_a_piece_is_gone() -> None:
+    curve = curves.stone(size=SIZE, strength=20e6, contact=CONTACT, piece=0.0)
+    history = moved(curve)
+    peak = int(np.argmax(history.law_force[:, 1]))
+    assert history.obstructions.size[0] == 0.0
+    assert np.all(history.law_force[peak + 1 :, 1] == 0.0)
+
+
+def test_ice_fails_in_drops_and_leaves_a_layer() -> None:
+    history = moved(CURVES["ice"])
+    force, e = history.law_force[:, 1], compression(history)
+    assert force[e < 0.012].max() == pytest.approx(10e6 * AREA, rel=CLOSE)
+    drops = np.diff(force)[np.diff(e) > 0]
+    assert np.sum(drops == -10e6 * AREA) >= 5
+    # two cycles of 2 mm: each is crushed over 30 %, and loses what was elastic
+    first = (history.time < 0.5) & (e > 0.0) & (e < 0.0039)
+    limit, reach = 10e6 * AREA, CURVES["ice"].breakpoints[1]
+    assert np.trapezoid(force[first], e[first]) == pytest.approx(
+        2.0 * limit * (0.3 * 0.002 + 0.5 * reach), rel=0.05
+    )
+    assert history.obstructions.size[0] > 0.2 * SIZE - CURVES["ice"].layer
+
+
+@pytest.mark.parametrize("kind", ["snow", "wood", "metal"])
+def test_a_dent_that_was_there_before_is_remembered(kind: str) -> None:
+    before = moved(CURVES[kind])
+    deepest = float(before.obstructions.deepest[0])
+    again = moved(CURVES[kind], deepest=deepest)
+    e = compression(again)
+    expected = FORCES[kind](np.concatenate(([deepest], e)))[1:]
+    peak = again.law_force[:, 1].max()
+    assert np.max(np.abs(again.law_force[:, 1] - expected)) < CLOSE * peak
+    assert abs(again.obstructions.dissipated[0]) < 1e-3 * before.obstructions.dissipated[0]
+
+
+@pytest.mark.parametrize("kind", CURVES)
+def test_without_inertia_the_force_follows_the_closed_form_too(kind: str) -> None:
+    history = moved(CURVES[kind], inertia=False)
+    expected = FORCES[kind](compression(history))
+    force = history.law_force[:, 1]
+    assert np.max(np.abs(force - expected)) < CLOSE * force.max()
+    assert energy_residual(history) < CLOSE

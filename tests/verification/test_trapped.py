@@ -1,0 +1,23 @@
+"""The tables of docs/objects.md are what the program does; one row of each behaviour is thrown."""
+
+import pytest
+from tests.verification.trapped import PAGE, parameter_table, row
+
+
+def test_the_table_of_parameters_is_up_to_date() -> None:
+    assert parameter_table() in PAGE.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "place"),
+    [
+        ("spring", 10, "sleeper 6"),
+        ("stone", 15, "drive 1"),
+        ("ice", 15, "drive 1"),
+        ("snow", 20, "sleeper 6"),
+        ("wood", 10, "drive 1"),
+    ],
+)
+def test_a_row_of_the_tables_is_what_is_thrown(kind: str, size: int, place: str) -> None:
+    part = PAGE.read_text(encoding="utf-8").split(f"<!-- {place} -->")[1]
+    assert row(kind, size, place) in part
