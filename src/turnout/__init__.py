@@ -62,6 +62,13 @@ NAMES = {
     "Sweep": "turnout.api.sweep",
     "run_sweep": "turnout.api.sweep",
     "open_sweep": "turnout.api.sweep",
+    # Detection
+    "read_test_throws": "turnout.detection.pod_table",
+    "TestThrows": "turnout.detection.pod_table",
+    "estimate_pod": "turnout.detection.pod",
+    "PodModel": "turnout.detection.pod_result",
+    "Pod": "turnout.detection.pod_result",
+    "pod_dataset": "turnout.detection.pod_result",
     # Figures
     "plot": "turnout.plot",
     "detection": "turnout.detection",

@@ -19,6 +19,12 @@ from turnout.api.validation import Validation as Validation
 from turnout.api.validation import validate as validate
 from turnout.calibration.machine_fit import MachineFit as MachineFit
 from turnout.core.version import VERSION as __version__
+from turnout.detection.pod import estimate_pod as estimate_pod
+from turnout.detection.pod_result import Pod as Pod
+from turnout.detection.pod_result import PodModel as PodModel
+from turnout.detection.pod_result import pod_dataset as pod_dataset
+from turnout.detection.pod_table import TestThrows as TestThrows
+from turnout.detection.pod_table import read_test_throws as read_test_throws
 from turnout.errors import FileError as FileError
 from turnout.errors import MachineError as MachineError
 from turnout.errors import MeasurementError as MeasurementError
@@ -68,12 +74,15 @@ __all__ = [
     "MechanicsError",
     "NotConverged",
     "PanelError",
+    "Pod",
+    "PodModel",
     "ResponseError",
     "Save",
     "Scheme",
     "SolverError",
     "StudyError",
     "Sweep",
+    "TestThrows",
     "TurnoutError",
     "Validation",
     "__version__",
@@ -81,6 +90,7 @@ __all__ = [
     "build_campaign",
     "calibrate",
     "detection",
+    "estimate_pod",
     "features",
     "filtered",
     "fit_machines",
@@ -98,8 +108,10 @@ __all__ = [
     "open_sweep",
     "panel_names",
     "plot",
+    "pod_dataset",
     "read_history",
     "read_recording",
+    "read_test_throws",
     "run_sweep",
     "save_response",
     "simulate",

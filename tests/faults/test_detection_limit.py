@@ -16,6 +16,7 @@ from turnout.errors import TurnoutError
         (["--discrepancy", "1.5"], "discrepancy = 1.5: must be from 0 to below 1"),
         (["--history", "-1"], "history = -1"),
         (["--kernel", "cubic"], 'kernel = "cubic": allowed are exponential, matern 3/2'),
+        (["--what-if", "more force"], 'what-if "more force": is none of'),
         (["-o", "map.txt"], "the name must end in .nc"),
         (["sb1"], "panel sb1 has no rail.fit_gap.value, which the reference case varies"),
     ],
@@ -28,3 +29,18 @@ def test_bad_input_is_refused_before_anything_is_thrown(
     assert isinstance(found.exception, TurnoutError)
     assert words in str(found.exception)
     assert not folder.exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--discrepancy", "2"], "discrepancy = 2: must be from 0 to below 1"),
+        (["-o", "plan.txt"], "the name must end in .csv"),
+        (["no-such-panel"], "no-such-panel"),
+        (["sb1"], "panel sb1 has no rail.fit_gap.value"),
+    ],
+)
+def test_a_plan_that_cannot_be_made_is_refused(options: list[str], words: str) -> None:
+    found = CliRunner().invoke(app, ["plan-test", *options])
+    assert isinstance(found.exception, TurnoutError)
+    assert words in str(found.exception)

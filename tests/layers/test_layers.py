@@ -70,8 +70,8 @@ ALLOWED: dict[str, set[str]] = {
         *("response", "measurement", "metric", "study"),
     },
     "detection": {
-        *("errors", "lazy", "core", "schema", "panel", "response", "measurement", "study"),
-        "sweep",
+        *("errors", "lazy", "scheme", "core", "schema", "panel", "response", "measurement"),
+        *("study", "sweep"),
     },
     "validation": {
         *("errors", "scheme", "core", "schema", "panel", "response", "measurement"),

@@ -22,6 +22,7 @@ PACKAGES = (
         "calibration",
         "cli",
         "condense",
+        "detection",
         "core",
         "integrate",
         "kernels",

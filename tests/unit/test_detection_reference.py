@@ -17,7 +17,7 @@ def test_every_input_is_of_a_switch_or_of_a_throw() -> None:
     names = {*study.variables, *(field.name for field in study.fields)}
     assert set(PER_THROW) < names
     assert set(switch_inputs(study)) == names - set(PER_THROW)
-    assert len(switch_inputs(study)) == 10
+    assert len(switch_inputs(study)) == 12
 
 
 def test_fewer_states_are_the_first_of_many() -> None:

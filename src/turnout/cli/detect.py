@@ -215,7 +215,7 @@ def learn_command(
 
     found = Detector.load(detector)
     if reset:
-        found.forget()
+        found.clear_history()
     verdicts = found.learn(_read(recordings, channels), check=not unchecked)
     found.save(out)
     if as_json:

@@ -1,11 +1,11 @@
 """The command `turnout limit`: what can be seen of a trapped object from the drives, and where."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     FIGURES,
     CalibrationOption,
@@ -16,13 +16,31 @@ from turnout.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     import xarray as xr
 
+    from turnout.detection.reference import Conditions
+    from turnout.detection.throws import Throws
+    from turnout.detection.what_if import Repeat
+    from turnout.panel.load import LoadedPanel
     from turnout.sweep.run import SweepProgress
 
-TEXTS = {"sound": "sound throws", "floor": "gaps", "objects": "throws with objects"}
+LENGTHS = dict.fromkeys(
+    (
+        *("x", "touch_floor", "largest_size", "a90", "a90_low", "a90_high"),
+        *("gap_limit", "revealed_gap", "gain", "gain_worst"),
+    ),
+    "m",
+)
+TEXTS = {
+    "sound": "sound throws",
+    "floor": "gaps",
+    "objects": "throws with objects",
+    "ends": "end positions",
+}
+END_STATES = 40
+"""States thrown with objects at sensors and drives, at most."""
 
 
 def limit_command(
@@ -57,6 +75,25 @@ def limit_command(
     sound: Annotated[
         int, typer.Option("--sound", metavar="N", min=400, help="Sound throws of the population.")
     ] = 1500,
+    rate: Annotated[
+        float, typer.Option("--rate", metavar="HZ", help="Samples a second of the recorder.")
+    ] = 125.0,
+    ends: Annotated[
+        bool,
+        typer.Option("--ends", help="Add the end position: which gaps at sensors and drives show."),
+    ] = False,
+    what_if: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--what-if",
+            metavar="MEASURE",
+            help="Add what a measure gains: 'second throw', 'history 20', 'discrepancy 3 %', "
+            "'rate 1000 Hz', 'friction 0.2', 'closing force'. Repeatable.",
+        ),
+    ] = None,
+    advise: Annotated[
+        bool, typer.Option("--advise", help="Rank all these measures by what they gain.")
+    ] = False,
     folder: Annotated[
         Path,
         typer.Option(
@@ -67,7 +104,7 @@ def limit_command(
         Path | None, typer.Option("--out", "-o", metavar="FILE.nc", help="Write the map (netCDF).")
     ] = None,
     plot: FigureOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the table as JSON.")] = False,
+    as_json: JsonOption = False,
     workers: Annotated[
         int, typer.Option("--workers", metavar="N", min=0, help="Processes; default one a core.")
     ] = 0,
@@ -77,42 +114,98 @@ def limit_command(
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     from turnout.cli.options import opened_panel
     from turnout.cli.sweep import cores
-    from turnout.detection.limit import limit_map, rows_of
+    from turnout.detection.limit import limit_map
     from turnout.detection.reference import Conditions
     from turnout.detection.throws import closing_time, throw_all
+    from turnout.detection.what_if import FORMS, check_measures
 
     conditions = Conditions(
-        discrepancy=discrepancy, false_alarm_rate=far, history=history, kernel=kernel
+        discrepancy=discrepancy, false_alarm_rate=far, history=history, kernel=kernel, rate=rate
     )
+    measures = list(dict.fromkeys([*(what_if or []), *(FORMS if advise else ())]))
+    check_measures(measures)
     if discrepancy == 0.0:
         text = "--discrepancy 0: no model is exact; the result is far too good"
         typer.echo(f"turnout: {text}", err=True)
     given = None
     if panel is not None or calibration is not None:
         given = opened_panel(panel, [], calibration)
+    watch, count = _watching(quiet=quiet), workers or cores()
     throws = throw_all(
-        given,
-        folder,
-        sound=max(sound, states),
-        states=states,
-        workers=workers or cores(),
-        report=_watching(quiet=quiet),
+        given, folder, sound=max(sound, states), states=states, workers=count, report=watch
     )
-    found = limit_map(throws, conditions, closing=closing_time(given))
-    if as_json:
-        content = {"conditions": _plain(found.attrs), "places": rows_of(found)}
-        typer.echo(json.dumps(content, indent=2))
-    else:
-        _print(found)
+    closing = closing_time(given)
+    found = limit_map(throws, conditions, closing=closing)
+    if ends:
+        from turnout.detection.end_positions import end_position_map, throw_ends
+
+        thrown = throw_ends(
+            given, folder, throws,
+            states=min(states, END_STATES), workers=count, report=watch("ends"),
+        )  # fmt: skip
+        of_ends = end_position_map(throws, thrown, conditions, closing=closing)
+        found = found.merge(of_ends, combine_attrs="no_conflicts")
+    advice = _advice(given, throws, conditions, measures, closing) if measures else None
+    _write(found, advice, out=out, plot=plot, as_json=as_json, quiet=quiet)
+
+
+def _advice(
+    panel: "LoadedPanel | None",
+    throws: "Throws",
+    conditions: "Conditions",
+    measures: list[str],
+    closing: float,
+) -> "tuple[xr.Dataset, Repeat]":
+    """Return what the measures gain, and the false alarms of a second throw."""
+    from turnout.detection.reference import reference_study, switch_inputs
+    from turnout.detection.what_if import gains, read_measure, repeated_throw
+
+    inputs = switch_inputs(reference_study(panel, count=1))
+    read = [read_measure(text, throws, conditions, inputs=inputs) for text in measures]
+    ranked = gains(throws, conditions, read, closing=closing)
+    return ranked, repeated_throw(throws, conditions, closing=closing)
+
+
+def _write(
+    found: "xr.Dataset",
+    advice: "tuple[xr.Dataset, Repeat] | None",
+    *,
+    out: Path | None,
+    plot: Path | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Write files first, then print."""
+    from turnout.detection.end_positions import end_rows
+    from turnout.detection.limit import rows_of
+    from turnout.detection.what_if import gain_rows
+
+    still = quiet or as_json
     if out is not None:
         from turnout.response.store import response_bytes
 
-        write_and_report(out, response_bytes(found))
+        write_and_report(out, response_bytes(found), quiet=still)
     if plot is not None:
         from turnout.plot.limit import plot_limit
         from turnout.plot.style import rendered
 
-        write_and_report(plot, rendered(plot_limit(found), plot.suffix))
+        write_and_report(plot, rendered(plot_limit(found), plot.suffix), quiet=still)
+    if as_json:
+        record = {
+            "conditions": _plain(found.attrs),
+            "places": rows_of(found),
+            "end_positions": end_rows(found) if "end_pod" in found else None,
+            "measures": gain_rows(advice[0]) if advice else None,
+            "second_throw": advice[1] if advice else None,
+        }
+        written = [path for path in (out, plot) if path is not None]
+        print_json("limit", record, units=LENGTHS, written=written)
+    elif not quiet:
+        _print(found)
+        if "end_pod" in found:
+            _print_ends(end_rows(found))
+        if advice:
+            _print_advice(gain_rows(advice[0]), advice[1])
 
 
 def _watching(*, quiet: bool) -> "Callable[[str], Callable[[SweepProgress], None]]":
@@ -166,3 +259,30 @@ def _print(found: "xr.Dataset") -> None:
 
 def _millimetres(value: object) -> str:
     return f"{1e3 * value:.1f}" if isinstance(value, float) else "beyond"
+
+
+def _print_ends(rows: "list[Mapping[str, float | str | None]]") -> None:
+    typer.echo(
+        f"\nend position: {'at':<10}{'limit [mm]':>11}{'shown at limit':>16}"
+        f"{'shown in 90 % from [mm]':>25}  by"
+    )
+    for row in rows:
+        limit, share = row["gap_limit"], row["end_pod_at_limit"]
+        assert isinstance(limit, float)
+        assert isinstance(share, float)
+        typer.echo(
+            f"{'':<14}{row['position']:<10}{1e3 * limit:>11.1f}{100 * share:>14.1f} %"
+            f"{_millimetres(row['revealed_gap']):>25}  {row['channel']}"
+        )
+
+
+def _print_advice(rows: "list[Mapping[str, float | str]]", repeat: "Repeat") -> None:
+    typer.echo(f"\n{'measure':<18}{'gain of a90 [mm]':>17}{'worst place [mm]':>18}  meaning")
+    for row in rows:
+        gain, worst = float(row["gain"]), float(row["gain_worst"])
+        typer.echo(f"{row['measure']:<18}{1e3 * gain:>17.2f}{1e3 * worst:>18.2f}  {row['note']}")
+    typer.echo(
+        f"false alarms a switch and year: {repeat.once_a_year:.3g}; {repeat.twice_a_year:.2g} if a "
+        f"second throw must confirm (correlation {repeat.correlation:.2f}: independent throws "
+        "would square the rate)"
+    )

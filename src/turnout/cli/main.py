@@ -15,6 +15,8 @@ from turnout.cli import (
     limit,
     machine,
     panel,
+    plan_test,
+    pod,
     recording,
     report,
     simulate,
@@ -49,6 +51,12 @@ app.command("validate", short_help="Predict a campaign and judge the errors.")(
 )
 app.command("limit", short_help="Show what the drives can detect: places, sizes, blind zones.")(
     limit.limit_command
+)
+app.command("pod", short_help="Estimate probability of detection, a90 and a90/95 of a campaign.")(
+    pod.pod_command
+)
+app.command("plan-test", short_help="Plan a day of tests on the track: objects, places, order.")(
+    plan_test.plan_test_command
 )
 app.command("studio", short_help="Open an interactive page that runs locally.")(
     studio.studio_command

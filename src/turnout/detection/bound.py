@@ -1,4 +1,4 @@
-r"""The linear-Gaussian bound: what no detector exceeds that is told place, size and signature.
+r"""The linear-Gaussian bound: what no detector exceeds that knows place, size and signature.
 
 Of two normal distributions with the covariance :math:`C` whose means differ by :math:`s`, the best
 test (Neyman and Pearson 1933) detects, at a false-alarm rate :math:`\alpha`, the share
@@ -63,6 +63,7 @@ def predictive_covariances(
     fixed_share: float,
     level_deviation: float,
     history: int,
+    averaged: int = 1,
 ) -> list[Floats]:
     r"""Return the covariance of the next sound throw of a switch at each level.
 
@@ -81,9 +82,11 @@ def predictive_covariances(
     fixed_share : float
         Of the variance of the discrepancy, fixed for a switch [-].
     level_deviation : float
-        Standard deviation of a level beside what forces tell [-].
+        Standard deviation of a level beside what forces show [-].
     history : int
         Sound throws that are known.
+    averaged : int
+        Throws whose mean is judged: what is fixed for a switch stays, the rest is divided.
 
     Returns
     -------
@@ -108,7 +111,7 @@ def predictive_covariances(
         share = history / len(models)
         for way, error in zip(maps, own, strict=True):
             known = conditioned(known, way=way, error=error / share)
-    found = [way @ known @ way.T + error for way, error in zip(maps, own, strict=True)]
+    found = [way @ known @ way.T + error / averaged for way, error in zip(maps, own, strict=True)]
     return [0.5 * (item + item.T) for item in found]
 
 
@@ -132,6 +135,39 @@ def conditioned(prior: Floats, *, way: Floats, error: Floats) -> Floats:
     crossed = prior @ way.T
     found = prior - crossed @ cho_solve(cho_factor(way @ crossed + error), crossed.T)
     return np.asarray(0.5 * (found + found.T))
+
+
+def repeated_alarm_rate(correlation: ArrayLike, *, false_alarm_rate: float) -> Floats:
+    r"""Return how often a sound switch gives two alarms in a row.
+
+    .. math:: P(t_1 > z, t_2 > z), \qquad \mathrm{corr}(t_1, t_2) = \rho
+
+    for two throws whose statistics are normal; independent throws would square the rate.
+
+    Parameters
+    ----------
+    correlation : array_like
+        Share of the variance of the statistic that is the same for both throws [-].
+    false_alarm_rate : float
+        Of one throw [-].
+
+    Examples
+    --------
+    >>> repeated_alarm_rate([0.0, 1.0], false_alarm_rate=1e-3).round(9).tolist()
+    [1e-06, 0.001]
+    """
+    threshold = norm.isf(false_alarm_rate)
+    given = np.atleast_1d(np.asarray(correlation, dtype=np.float64))
+    nodes, weights = np.polynomial.hermite_e.hermegauss(200)
+    common, own = np.sqrt(given)[..., np.newaxis], np.sqrt(np.maximum(1.0 - given, 1e-12))
+    once = norm.sf((threshold - common * nodes) / own[..., np.newaxis])
+    found = once**2 @ (weights / weights.sum())
+    exact = np.where(given > SAME, false_alarm_rate, found)
+    return np.asarray(exact.reshape(np.shape(correlation)))
+
+
+SAME = 1.0 - 1e-6
+"""Correlation from which two throws count as one [-]."""
 
 
 def excess_over_bound(detected: int, throws: int, *, bound: float) -> float:

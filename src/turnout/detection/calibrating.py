@@ -231,7 +231,7 @@ def calibrate_history(
     seed : int
         Of chance.
     report : callable, optional
-        Told how many histories are done, and of how many.
+        Called with how many histories are done, and of how many.
 
     Returns
     -------

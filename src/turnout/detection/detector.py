@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(slots=True, eq=False)
 class Detector:
-    """Tells from drive forces whether something is trapped, where, how large, or what else it is.
+    """Shows from drive forces whether something is trapped, where, how large, or what else it is.
 
     Attributes
     ----------
@@ -171,7 +171,7 @@ class Detector:
         self._views.clear()
         self._aligners.clear()
 
-    def forget(self) -> None:
+    def clear_history(self) -> None:
         """Begin a new history, as after an adjustment."""
         self.__post_init__()
         self._views.clear()
@@ -192,7 +192,7 @@ class Detector:
         Parameters
         ----------
         throws : sequence of Recorded
-            Each judged by itself.
+            Each judged alone.
         trapped : sequence of bool
             Whether there was an object.
         """

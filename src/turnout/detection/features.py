@@ -115,7 +115,21 @@ def discrepancy_covariance(
     return np.asarray(block_diag(*(item * kernel for item in scale)))
 
 
-def noise_covariance(means: Floats, *, drives: int, conditions: Conditions) -> Floats:
-    """Return the covariance of features that white noise causes [N^2]."""
-    once = conditions.noise**2 * (means @ means.T)
+def noise_covariance(
+    means: Floats, *, drives: int, conditions: Conditions, sampled: float
+) -> Floats:
+    """Return the covariance of features that white noise causes [N^2].
+
+    Parameters
+    ----------
+    means : ndarray, shape (n_windows, n_times)
+        From `window_means`.
+    drives : int
+        Number of drives.
+    conditions : Conditions
+        Noise of a sample and samples a second.
+    sampled : float
+        Samples a second of `means`; a faster recorder averages more samples in a window [Hz].
+    """
+    once = conditions.noise**2 * (means @ means.T) * (sampled / conditions.rate)
     return np.asarray(block_diag(*[once] * drives))

@@ -38,7 +38,7 @@ def touch_floor(gap: ArrayLike, *, share: float = TOUCHING_SHARE) -> Floats:
 
 
 def touched(force_peak: ArrayLike, *, least: float = TOUCH_FORCE) -> NDArray[np.bool_]:
-    """Tell which objects were touched at any time, by the largest force on them [N].
+    """Return which objects were touched at any time, by the largest force on them [N].
 
     Examples
     --------

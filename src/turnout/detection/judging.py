@@ -27,7 +27,7 @@ CAUSE_WEIGHT = 0.3
 r""":math:`\rho`, weight of every other cause against a sound switch [-]."""
 ADJUSTED = "adjustment"
 LEAST_HISTORY = 3
-"""Throws from which on an adjustment can be told from a switch that always was like that."""
+"""Throws from which on an adjustment differs from a switch that always was like that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,7 +1,7 @@
 """From paired throws to the map of what can be seen: probability of detection, a90, touch floor."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 
 import numpy as np
 import xarray as xr
@@ -23,6 +23,7 @@ from turnout.detection.floor import touch_floor, touched
 from turnout.detection.population import local_models
 from turnout.detection.reference import Conditions
 from turnout.detection.throws import Throws
+from turnout.schema.channels import SCHEMA_VERSION
 
 Floats = NDArray[np.float64]
 
@@ -43,7 +44,9 @@ UNITS = {
 }
 
 
-def limit_map(throws: Throws, conditions: Conditions, *, closing: float) -> xr.Dataset:
+def limit_map(
+    throws: Throws, conditions: Conditions, *, closing: float, averaged: int = 1
+) -> xr.Dataset:
     """Return probability of detection over place and size, from both drives and from each alone.
 
     Parameters
@@ -54,6 +57,8 @@ def limit_map(throws: Throws, conditions: Conditions, *, closing: float) -> xr.D
         Discrepancy, noise, history, rate of false alarms.
     closing : float
         When the last closing begins [s].
+    averaged : int
+        Throws of the same switch, with the object in place, whose mean is judged.
 
     Returns
     -------
@@ -63,43 +68,97 @@ def limit_map(throws: Throws, conditions: Conditions, *, closing: float) -> xr.D
         that one, and an a90 beyond it is NaN.
     """
     with one_blas_thread():
-        return _limit_map(throws, conditions, closing=closing)
+        return _limit_map(throws, conditions, closing=closing, averaged=averaged)
 
 
-def _limit_map(throws: Throws, conditions: Conditions, *, closing: float) -> xr.Dataset:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SoundThrows:
+    """What the bound knows of sound throws.
+
+    Attributes
+    ----------
+    means : ndarray, shape (n_windows, n_times)
+        Averages samples over windows.
+    covariances : tuple of ndarray, each of shape (n_features, n_features)
+        Of a sound throw at each level, given the history [N^2].
+    levels : ndarray, shape (n_levels,)
+        Friction levels [-].
+    channels : mapping of str to ndarray
+        Features of both drives, and of each alone.
+    """
+
+    means: Floats
+    covariances: tuple[Floats, ...]
+    levels: Floats
+    channels: Mapping[str, NDArray[np.intp]]
+
+    def nearest(self, level: Floats) -> NDArray[np.intp]:
+        """Return the number of the level that is nearest to each of some levels."""
+        return np.asarray(np.abs(level[:, np.newaxis] - self.levels).argmin(axis=1))
+
+
+def sound_throws(
+    throws: Throws, conditions: Conditions, *, closing: float, averaged: int = 1
+) -> SoundThrows:
+    """Return the covariances of sound throws under some conditions.
+
+    Parameters
+    ----------
+    throws : Throws
+        From `throw_all`.
+    conditions : Conditions
+        Discrepancy, noise, history.
+    closing : float
+        When the last closing begins [s].
+    averaged : int
+        Throws of the same switch whose mean is judged.
+    """
     means = window_means(throws.time, closing=closing)
-    drives = len(throws.amplitude)
+    drives, windows = len(throws.amplitude), len(means)
     models = local_models(
         features_of(throws.sound, means), switch=throws.switch, level=throws.level
     )
+    sampled = 1.0 / float(throws.time[1] - throws.time[0])
     covariances = predictive_covariances(
         models,
         discrepancy=discrepancy_covariance(
             throws.time, means, amplitude=throws.amplitude, conditions=conditions
         ),
-        noise=noise_covariance(means, drives=drives, conditions=conditions),
+        noise=noise_covariance(means, drives=drives, conditions=conditions, sampled=sampled),
         fixed_share=conditions.fixed_share,
         level_deviation=conditions.level_deviation,
         history=conditions.history,
+        averaged=averaged,
     )
-    levels = np.array([item.level for item in models])
-    nearest = np.abs(throws.level[throws.states][:, np.newaxis] - levels).argmin(axis=1)
-    signatures = features_of(throws.change, means)
+    channels = {"both drives": np.arange(drives * windows)}
+    for number in range(drives):
+        channels[f"drive {number + 1}"] = np.arange(windows) + number * windows
+    return SoundThrows(
+        means=means,
+        covariances=tuple(covariances),
+        levels=np.array([item.level for item in models]),
+        channels=channels,
+    )
+
+
+def _limit_map(
+    throws: Throws, conditions: Conditions, *, closing: float, averaged: int
+) -> xr.Dataset:
+    known = sound_throws(throws, conditions, closing=closing, averaged=averaged)
+    nearest = known.nearest(throws.level[throws.states])
+    signatures = features_of(throws.change, known.means)
     sizes = np.arange(0.0, LARGEST_SIZE + 0.5 * SIZE_STEP, SIZE_STEP)
     on_sizes = [
         [size_weights(sizes, throws.sizes[place], gap=gap) for place, gap in enumerate(row)]
         for row in throws.gap
     ]
-    channels = {"both drives": np.arange(drives * len(means))}
-    for number in range(drives):
-        channels[f"drive {number + 1}"] = np.arange(len(means)) + number * len(means)
     pod = np.stack(
         [
-            _detected(signatures, on_sizes, covariances, nearest, used, conditions)
-            for used in channels.values()
+            _detected(signatures, on_sizes, known.covariances, nearest, used, conditions)
+            for used in known.channels.values()
         ]
     )
-    return _dataset(throws, conditions, pod=pod, sizes=sizes, channels=list(channels))
+    return _dataset(throws, conditions, pod=pod, sizes=sizes, channels=list(known.channels))
 
 
 def size_weights(sizes: Floats, thrown: Floats, *, gap: float) -> Floats:
@@ -223,6 +282,7 @@ def _dataset(
             "size": sizes,
         },
         {
+            "schema_version": SCHEMA_VERSION,
             **asdict(conditions),
             "states": states,
             "sound_throws": len(throws.sound),

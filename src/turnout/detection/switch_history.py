@@ -1,4 +1,4 @@
-r"""What sound throws of a switch tell of the next one: exact conditioning of the sound model.
+r"""What sound throws of a switch say about the next one: exact conditioning of the sound model.
 
 Fixed for a switch are :math:`u` of the sound model and :math:`\delta`, the fixed part of the
 discrepancy with the gains of its force sensors. Of a throw at friction level :math:`l`,
@@ -55,7 +55,7 @@ class ThrowErrors:
     fixed : ndarray, shape (n_features, n_features)
         The same in all throws of a switch [N^2].
     changing : ndarray, shape (n_features, n_features)
-        Anew in each throw [N^2].
+        Drawn again in each throw [N^2].
     timing : float
         Standard deviation of the onset of a movement [s].
     gap : float

@@ -143,7 +143,7 @@ def layout_of(
 
 
 BEFORE, AFTER = 0.12, 0.6
-"""Time before the onset and after the end of a movement that is looked at [s]."""
+"""Time before the onset and after the end of a movement that is used [s]."""
 
 
 def throw_features(

@@ -40,7 +40,7 @@ SEEN_FORCE = 30.0
 
 ADVICE = {
     SOUND: "nothing",
-    ALARM: "throw again; if it is called again, look at the place before trains pass",
+    ALARM: "throw again; if it is called again, inspect the place before trains pass",
     CAUSE: "no object is needed to explain it; maintenance at the next opportunity",
     UNKNOWN: "fits neither a sound switch nor a known cause: throw again, then inspect",
     CANNOT: "record again; the throw counts as not supervised",
@@ -260,7 +260,7 @@ def verdict_on(
 
 
 def _odds(view: View, ratios: Ratios, number: int) -> dict[str, float]:
-    """Return log likelihood ratios against a sound switch, of causes that can be told."""
+    """Return log likelihood ratios against a sound switch, of causes that can be identified."""
     found = {"object": float(ratios.object[number])}
     told = np.isfinite(view.cause_weight)
     for at, name in enumerate(view.kinds[view.objects :]):

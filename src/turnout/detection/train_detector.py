@@ -60,7 +60,7 @@ def train_detector(
     watch : callable, optional
         Given the name of a sweep, returns what watches it.
     report : callable, optional
-        Told what is calibrated, and how far it is.
+        Called with what is calibrated, and how far it is.
     """
     population = study or reference_study(panel)
     chosen = counts or Counts()
@@ -107,7 +107,7 @@ def knowledge_of_sets(
     histories : tuple of int
         Sound throws known, that thresholds are taken for beside none.
     report : callable, optional
-        Told what is calibrated, and how far it is.
+        Called with what is calibrated, and how far it is.
     """
     sound, objects = sets[SOUND], sets[OBJECT]
     first = int(np.quantile(sound.row, 1.0 - HELD_BACK))

@@ -52,7 +52,7 @@ DEFECT_FIELDS = ("stiffness", "saturation_force")
 
 
 SLOW, BLOCK = ("section_scale", "lateral_inertia_scale"), 100
-"""Inputs that make a rail anew, which takes five times as long as a throw, and how many states in
+"""Inputs that need a new rail, which takes five times as long as a throw, and how many states in
 a row share one draw of them."""
 
 

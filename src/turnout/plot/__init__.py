@@ -26,6 +26,7 @@ NAMES = {
     "plot_grid_search": "turnout.plot.calibration:plot_sweep",
     "plot_comparison": "turnout.plot.validation",
     "plot_error_map": "turnout.plot.validation",
+    "plot_pod": "turnout.plot.pod",
     # Figures as data
     "Sheet": "turnout.plot.sheet",
     "Row": "turnout.plot.sheet",

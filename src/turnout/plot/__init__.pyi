@@ -7,6 +7,7 @@ from turnout.plot.campaign import plot_stacked as plot_stacked
 from turnout.plot.draw import draw_sheet as draw_sheet
 from turnout.plot.modes import plot_modes as plot_modes
 from turnout.plot.plan import plot_plan as plot_plan
+from turnout.plot.pod import plot_pod as plot_pod
 from turnout.plot.rail_sheet import chair_sheet as chair_sheet
 from turnout.plot.rail_sheet import gap_sheet as gap_sheet
 from turnout.plot.rail_sheet import shade_of as shade_of
@@ -53,6 +54,7 @@ __all__ = [
     "plot_modes",
     "plot_overview",
     "plot_plan",
+    "plot_pod",
     "plot_rail_shape",
     "plot_stacked",
     "plot_throw",

@@ -1,0 +1,152 @@
+"""The command `turnout plan-test`: which objects to throw where on a day on the track."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from turnout.cli.json_output import JsonOption, print_json
+from turnout.cli.options import (
+    CalibrationOption,
+    PanelArgument,
+    SetOption,
+    check_outputs,
+    write_and_report,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from turnout.detection.day_plan import Candidates, Knowledge
+
+LENGTHS = dict.fromkeys(("size", "a90", "a90_95", "grid_a90_95"), "m")
+
+
+def plan_test_command(
+    panel: PanelArgument = None,
+    calibration: CalibrationOption = None,
+    settings: SetOption = [],  # noqa: B006 - typer copies it
+    throws: Annotated[
+        int, typer.Option("--throws", metavar="N", min=1, help="Throws of the day.")
+    ] = 60,
+    discrepancy: Annotated[
+        float,
+        typer.Option(
+            "--discrepancy", metavar="SHARE", help="Of model and switch, share of the peak force."
+        ),
+    ] = 0.05,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE.csv", help="Write the plan.")
+    ] = None,
+    as_json: JsonOption = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
+) -> None:
+    """Plan a day of tests: objects, places and order that determine the switch and a90 best."""
+    check_outputs({"--out": out}, {"--out": (".csv",)})
+    from turnout.cli.options import opened_panel
+    from turnout.detection.day_plan import candidates, full_grid, known_after, ordered, plan
+    from turnout.detection.reference import Conditions
+
+    conditions = Conditions(discrepancy=discrepancy)
+    given = None
+    if panel is not None or calibration is not None or settings:
+        given = opened_panel(panel, settings, calibration)
+    found = candidates(given, conditions=conditions, report=_shown("simulating", quiet=quiet))
+    chosen = ordered(found, plan(found, throws, report=_shown("choosing", quiet=quiet)))
+    grid = full_grid(found)
+    known, of_grid = known_after(found, chosen), known_after(found, grid)
+    rows = [
+        {"throw": number, "place": found.place[row], "size": float(found.size[row]),
+         "slips": bool(found.slips[row])}
+        for number, row in enumerate(chosen, 1)
+    ]  # fmt: skip
+    if out is not None:
+        lines = ["throw,place,size [mm],slips"]
+        lines += [
+            f"{row['throw']},{row['place']},{1e3 * float(str(row['size'])):g},"
+            f"{'yes' if row['slips'] else 'no'}"
+            for row in rows
+        ]
+        write_and_report(out, "\n".join(lines) + "\n", quiet=quiet or as_json)
+    if as_json:
+        record = {
+            "throws": len(chosen),
+            "grid_throws": len(grid),
+            "plan": rows,
+            "parameters": _parameter_rows(found, known, of_grid),
+            "places": _place_rows(known, of_grid),
+        }
+        print_json("plan-test", record, units=LENGTHS, written=[out] if out else [])
+        return
+    _print(found, chosen, grid, known, of_grid)
+
+
+def _shown(what: str, *, quiet: bool) -> "Callable[[int, int], None] | None":
+    """Return what shows progress on stderr, where that is a terminal."""
+    import sys
+
+    if quiet or not sys.stderr.isatty():
+        return None
+
+    def report(done: int, total: int) -> None:
+        end = "\n" if done == total else ""
+        typer.echo(f"\r{what}: {done} of {total} throws{end}", nl=False, err=True)
+
+    return report
+
+
+def _parameter_rows(
+    found: "Candidates", known: "Knowledge", of_grid: "Knowledge"
+) -> list[dict[str, object]]:
+    return [
+        {"parameter": item.name, "before": item.deviation, "is_share": item.share,
+         "after": item.deviation * float(after), "after_grid": item.deviation * float(grid)}
+        for item, after, grid in zip(
+            found.parameters, known.deviations, of_grid.deviations, strict=True
+        )
+    ]  # fmt: skip
+
+
+def _place_rows(known: "Knowledge", of_grid: "Knowledge") -> list[dict[str, object]]:
+    return [
+        {"place": place, "a90": size, "a90_95": high, "grid_a90_95": of_grid.a90[place][1]}
+        for place, (size, high) in known.a90.items()
+    ]
+
+
+def _print(
+    found: "Candidates",
+    chosen: list[int],
+    grid: list[int],
+    known: "Knowledge",
+    of_grid: "Knowledge",
+) -> None:
+    from itertools import groupby
+
+    typer.echo(f"{len(chosen)} throws, in this order (* a drive slips):")
+    for place, rows in groupby(chosen, key=lambda row: found.place[row]):
+        sizes = [f"{1e3 * found.size[row]:g}{'*' if found.slips[row] else ''}" for row in rows]
+        what = f"{len(sizes)} sound" if place == "none" else ", ".join(sizes) + " mm"
+        typer.echo(f"  {'no object' if place == 'none' else place:<12}{what}")
+    typer.echo(
+        f"\n{'standard deviation of':<34}{'before':>10}{'this day':>10}{f'grid of {len(grid)}':>14}"
+    )
+    for row in _parameter_rows(found, known, of_grid):
+        cells = [
+            _deviation(
+                row[key], share=bool(row["is_share"]), length="travel" in str(row["parameter"])
+            )
+            for key in ("before", "after", "after_grid")
+        ]
+        typer.echo(f"{row['parameter']:<34}{cells[0]:>10}{cells[1]:>10}{cells[2]:>14}")
+    typer.echo(f"\n{'bound at':<14}{'a90 [mm]':>10}{'a90/95, this day':>18}{'grid':>10}")
+    for row in _place_rows(known, of_grid):
+        cells = [f"{1e3 * float(str(row[key])):.1f}" for key in ("a90", "a90_95", "grid_a90_95")]
+        typer.echo(f"{row['place']:<14}{cells[0]:>10}{cells[1]:>18}{cells[2]:>10}")
+
+
+def _deviation(value: object, *, share: bool, length: bool) -> str:
+    number = float(str(value))
+    if share:
+        return f"{100 * number:.2f} %"
+    return f"{1e3 * number:.3f} mm" if length else f"{number:.4f}"

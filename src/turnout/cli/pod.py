@@ -1,0 +1,154 @@
+"""The command `turnout pod`: probability of detection from the table of a test campaign."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from turnout.cli.json_output import JsonOption, print_json
+from turnout.cli.options import FIGURES, FigureOption, check_outputs, write_and_report
+
+if TYPE_CHECKING:
+    from turnout.detection.pod_result import Pod
+
+TABLES = (".nc", ".csv")
+METRES = ("a50", "a90", "a90_95", "a90_95_profile", "required_size", "required_size_bound")
+
+
+def pod_command(
+    results: Annotated[
+        Path, typer.Argument(metavar="RESULTS", help="Table of the campaign (.csv), a row a throw.")
+    ],
+    threshold: Annotated[
+        float | None,
+        typer.Option(
+            "--threshold",
+            metavar="VALUE",
+            help="Response from which an object is detected; without it hits and misses are used.",
+        ),
+    ] = None,
+    floor: Annotated[
+        float | None,
+        typer.Option(
+            "--floor", metavar="VALUE", help="Responses at or below this are only known to be so."
+        ),
+    ] = None,
+    slip: Annotated[
+        float | None,
+        typer.Option(
+            "--slip", metavar="VALUE", help="Responses at or above this are only known to be so."
+        ),
+    ] = None,
+    size_scale: Annotated[
+        str, typer.Option("--size-scale", metavar="NAME", help="log or linear.")
+    ] = "log",
+    response_scale: Annotated[
+        str, typer.Option("--response-scale", metavar="NAME", help="log or linear.")
+    ] = "log",
+    link: Annotated[
+        str, typer.Option("--link", metavar="NAME", help="Of hits and misses: probit or logit.")
+    ] = "probit",
+    pooled: Annotated[
+        bool, typer.Option("--pooled", help="Ignore that switches differ; too optimistic.")
+    ] = False,
+    campaigns: Annotated[
+        int,
+        typer.Option(
+            "--campaigns",
+            metavar="N",
+            help="Simulated campaigns that calibrate a90/95; 0 gives the plain profile likelihood.",
+        ),
+    ] = 400,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="Write the result (.nc), or the curve (.csv)."
+        ),
+    ] = None,
+    plot: FigureOption = None,
+    as_json: JsonOption = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")] = False,
+) -> None:
+    """Estimate the probability of detection over size, with a90 and a90/95."""
+    check_outputs({"--out": out, "--plot": plot}, {"--out": TABLES, "--plot": FIGURES})
+    from turnout.detection.pod import estimate_pod
+    from turnout.detection.pod_result import PodModel, key_figures
+    from turnout.detection.pod_table import read_test_throws
+
+    model = PodModel(
+        threshold=threshold,
+        least=float("-inf") if floor is None else floor,
+        most=float("inf") if slip is None else slip,
+        size_scale=size_scale,
+        response_scale=response_scale,
+        link=link,
+        grouped=not pooled,
+        drawn=campaigns,
+    )
+    found = estimate_pod(read_test_throws(results), model)
+    still = quiet or as_json
+    if out is not None:
+        write_and_report(out, _content(found, out.suffix.lower()), quiet=still)
+    if plot is not None:
+        from turnout.detection.pod_result import pod_dataset
+        from turnout.plot.pod import plot_pod
+        from turnout.plot.style import rendered
+
+        write_and_report(plot, rendered(plot_pod(pod_dataset(found)), plot.suffix), quiet=still)
+    if as_json:
+        record = key_figures(found) | {
+            "notes": found.notes,
+            "curve": {
+                "probability": found.probability,
+                "required_size": found.size,
+                "required_size_bound": found.size_bound,
+            },
+        }
+        written = [path for path in (out, plot) if path is not None]
+        print_json("pod", record, units=dict.fromkeys(METRES, "m"), written=written)
+    elif not quiet:
+        _print(found)
+
+
+def _content(found: "Pod", suffix: str) -> bytes | str:
+    """Return the file of a result: all of it as netCDF, or its curve as a table."""
+    from turnout.detection.pod_result import pod_dataset
+
+    dataset = pod_dataset(found)
+    if suffix == ".nc":
+        from turnout.response.store import response_bytes
+
+        return response_bytes(dataset)
+    names = ("required_size", "required_size_bound")
+    return str(dataset[list(names)].to_dataframe().to_csv(lineterminator="\n"))
+
+
+def _print(found: "Pod") -> None:
+    what = "hits and misses" if found.model.threshold is None else "responses"
+    effect = "differing" if found.model.grouped and found.switches > 1 else "pooled"
+    typer.echo(
+        f"{found.throws} throws with objects ({what}) on {found.switches} "
+        f"switch{'es' if found.switches != 1 else ''}, {effect}"
+    )
+    rows = (
+        ("a50", found.a50, "half of the throws detect it"),
+        ("a90", found.a90, "90 % of the throws detect it"),
+        ("a90/95", found.a90_95, "upper 95 % confidence bound of a90"),
+        ("", found.a90_95_profile, "the same by plain profile likelihood"),
+    )
+    for name, value, text in rows:
+        typer.echo(f"{name:<8}{_millimetres(value):>10}   {text}")
+    if found.sound_throws:
+        rate = 100.0 * found.alarm_rate_high
+        typer.echo(
+            f"false alarms: {found.alarms} of {found.sound_throws} sound throws, below "
+            f"{rate:.2g} % with 95 % confidence"
+        )
+    for note in found.notes:
+        typer.echo(f"note: {note}")
+
+
+def _millimetres(value: float) -> str:
+    from math import isfinite
+
+    return f"{1e3 * value:.2f} mm" if isfinite(value) else "none"

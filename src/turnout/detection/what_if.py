@@ -1,0 +1,308 @@
+"""What a measure at the switch or at the detector would gain, and a ranking of measures.
+
+Measures are computed from the throws of the reference case, without further ones: fewer states
+(less friction, more closing force), other conditions (history, discrepancy, sampling), the mean of
+two throws. Sensors at the rail use gaps of a further sweep with objects.
+"""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.core.problems import choices
+from turnout.detection.bound import repeated_alarm_rate
+from turnout.detection.features import features_of
+from turnout.detection.limit import limit_map, sound_throws
+from turnout.detection.reference import THROWS_A_DAY, Conditions
+from turnout.detection.throws import Throws
+from turnout.errors import StudyError
+
+Floats = NDArray[np.float64]
+
+FEWEST_STATES = 8
+DAYS = 365
+FORMS = (
+    "second throw",
+    "history 20",
+    "discrepancy 3 %",
+    "rate 1000 Hz",
+    "friction 0.2",
+    "closing force",
+)
+"""Measures that `turnout limit --advise` ranks."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Measure:
+    """What the bound is computed with if a measure is taken.
+
+    Attributes
+    ----------
+    name : str
+    note : str
+        What the measure is taken to mean.
+    throws : Throws
+        States that remain.
+    conditions : Conditions
+    averaged : int
+        Throws whose mean is judged.
+    """
+
+    name: str
+    note: str
+    throws: Throws
+    conditions: Conditions
+    averaged: int = 1
+
+
+def check_measures(texts: Sequence[str]) -> None:
+    """Refuse texts that are no measure, before anything is thrown, all at once."""
+    problems = [
+        f'what-if "{text}": is none of {choices(FORMS)}, with numbers of your own'
+        for text in texts
+        if not any(re.fullmatch(pattern, " ".join(text.split())) for pattern, _ in _FORMS)
+    ]
+    if problems:
+        raise StudyError(problems, source="limit")
+
+
+def read_measure(
+    text: str, throws: Throws, conditions: Conditions, *, inputs: Sequence[str]
+) -> Measure:
+    """Return what a text such as "friction 0.2" means.
+
+    Parameters
+    ----------
+    text : str
+        One of the forms of `FORMS`, with any number.
+    throws : Throws
+        Of the reference case.
+    conditions : Conditions
+        Without the measure.
+    inputs : sequence of str
+        Names of the columns of `throws.switch`.
+
+    Raises
+    ------
+    StudyError
+        For a text of no such form, or one that leaves too few states.
+    """
+    check_measures([text])
+    words = " ".join(text.split())
+    found = next(
+        make(match, throws, conditions, tuple(inputs))
+        for pattern, make in _FORMS
+        if (match := re.fullmatch(pattern, words))
+    )
+    if len(found.throws.states) < FEWEST_STATES:
+        message = (
+            f'what-if "{words}": only {len(found.throws.states)} of {len(throws.states)} states '
+            "are like that; take a milder one, or more states"
+        )
+        raise StudyError([message], source="limit")
+    return found
+
+
+def gains(
+    throws: Throws, conditions: Conditions, measures: Sequence[Measure], *, closing: float
+) -> xr.Dataset:
+    """Return a90 of each measure at each place beside the present one, best measure first.
+
+    Parameters
+    ----------
+    throws : Throws
+        Of the reference case.
+    conditions : Conditions
+        Without a measure.
+    measures : sequence of Measure
+        From `read_measure`.
+    closing : float
+        When the last closing begins [s].
+
+    Returns
+    -------
+    xarray.Dataset
+        `a90` by measure, "now" first, and place; `gain`, the mean reduction over places, and
+        `gain_worst`, that of the place with the largest a90 [m].
+    """
+    base = _a90(limit_map(throws, conditions, closing=closing))
+    rows = [
+        _a90(limit_map(item.throws, item.conditions, closing=closing, averaged=item.averaged))
+        for item in measures
+    ]
+    gain = [float(np.mean(_filled(base, throws) - _filled(row, throws))) for row in rows]
+    worst = [float(_filled(base, throws).max() - _filled(row, throws).max()) for row in rows]
+    order = np.argsort(gain, kind="stable")[::-1]
+    ranked = [measures[number] for number in order]
+    dataset = xr.Dataset(
+        {
+            "a90": (("measure", "place"), np.array([base, *(rows[number] for number in order)])),
+            "gain": (("measure",), np.array([0.0, *(gain[number] for number in order)])),
+            "gain_worst": (("measure",), np.array([0.0, *(worst[number] for number in order)])),
+            "note": (("measure",), ["as it is", *(item.note for item in ranked)]),
+        },
+        {"measure": ["now", *(item.name for item in ranked)], "place": list(throws.places)},
+    )
+    for name, text in (
+        ("a90", "smallest size from which nine of ten objects are detected"),
+        ("gain", "mean reduction of a90 over places"),
+        ("gain_worst", "reduction of the largest a90"),
+    ):
+        dataset[name].attrs |= {"units": "m", "long_name": text}
+    return dataset
+
+
+def _a90(found: xr.Dataset) -> Floats:
+    return np.asarray(found["a90"].sel(channel="both drives").to_numpy(), dtype=np.float64)
+
+
+def _filled(a90: Floats, throws: Throws) -> Floats:
+    """Return a90, and the largest thrown size where it lies beyond."""
+    return np.where(np.isfinite(a90), a90, throws.sizes.max(axis=1))
+
+
+def some_states(throws: Throws, kept: NDArray[np.bool_]) -> Throws:
+    """Return the throws of some of the states with objects; sound throws all stay."""
+    return replace(
+        throws,
+        states=throws.states[kept],
+        change=throws.change[kept],
+        force_peak=throws.force_peak[kept],
+        gap=throws.gap[kept],
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repeat:
+    """False alarms if a second throw must confirm the first.
+
+    Attributes
+    ----------
+    correlation : float
+        Of the statistic of two throws of one switch, median over places and states [-].
+    rate : float
+        Two alarms in a row, a sound throw [-].
+    once_a_year, twice_a_year : float
+        False alarms a switch and year with one throw, and with two [-].
+    """
+
+    correlation: float
+    rate: float
+    once_a_year: float
+    twice_a_year: float
+
+
+def repeated_throw(throws: Throws, conditions: Conditions, *, closing: float) -> Repeat:
+    """Return the false alarms of a second throw, whose fixed part is that of the first.
+
+    Parameters
+    ----------
+    throws : Throws
+        Of the reference case.
+    conditions : Conditions
+        Discrepancy, history, rate of false alarms of one throw.
+    closing : float
+        When the last closing begins [s].
+    """
+    one, two = (
+        sound_throws(throws, conditions, closing=closing, averaged=count) for count in (1, 2)
+    )
+    nearest = one.nearest(throws.level[throws.states])
+    shares = []
+    for state, level in enumerate(nearest):
+        total = one.covariances[level]
+        own = 2.0 * (total - two.covariances[level])
+        signatures = features_of(
+            throws.change[state].reshape(-1, *throws.change.shape[-2:]), one.means
+        )
+        given = np.isfinite(signatures).all(axis=1) & (np.abs(signatures).max(axis=1) > 0.0)
+        weights = np.linalg.solve(total, signatures[given].T)
+        each = np.einsum("ij,ij->j", weights, own @ weights)
+        shares.append(1.0 - each / np.einsum("ij,ij->j", weights, total @ weights))
+    correlation = float(np.clip(np.median(np.concatenate(shares)), 0.0, 1.0))
+    alarms = conditions.false_alarm_rate
+    rate = float(repeated_alarm_rate(correlation, false_alarm_rate=alarms))
+    a_year = THROWS_A_DAY * DAYS
+    return Repeat(
+        correlation=correlation, rate=rate,
+        once_a_year=alarms * a_year, twice_a_year=rate * a_year,
+    )  # fmt: skip
+
+
+Make = Callable[["re.Match[str]", Throws, Conditions, tuple[str, ...]], Measure]
+
+
+def _second(match: "re.Match[str]", throws: Throws, conditions: Conditions, _: object) -> Measure:
+    note = "mean of two throws with the object in place; what is fixed for a switch stays"
+    return Measure(name=match[0], note=note, throws=throws, conditions=conditions, averaged=2)
+
+
+def _history(match: "re.Match[str]", throws: Throws, conditions: Conditions, _: object) -> Measure:
+    known = replace(conditions, history=int(match[1]))
+    note = f"{match[1]} sound throws of this switch are known"
+    return Measure(name=match[0], note=note, throws=throws, conditions=known)
+
+
+def _better(match: "re.Match[str]", throws: Throws, conditions: Conditions, _: object) -> Measure:
+    better = replace(conditions, discrepancy=float(match[1]) / 100.0)
+    note = "a model, or a calibration, that comes this near to the switch"
+    return Measure(name=match[0], note=note, throws=throws, conditions=better)
+
+
+def _rate(match: "re.Match[str]", throws: Throws, conditions: Conditions, _: object) -> Measure:
+    faster = replace(conditions, rate=float(match[1]))
+    note = "more samples in each window of 40 ms: less noise, the same discrepancy"
+    return Measure(name=match[0], note=note, throws=throws, conditions=faster)
+
+
+def _friction(match: "re.Match[str]", throws: Throws, conditions: Conditions, _: object) -> Measure:
+    kept = throws.level[throws.states] <= float(match[1])
+    note = f"states whose mean friction is at most {match[1]}: {int(kept.sum())} of {kept.size}"
+    return Measure(
+        name=match[0], note=note, throws=some_states(throws, kept), conditions=conditions
+    )
+
+
+def _closing(
+    match: "re.Match[str]", throws: Throws, conditions: Conditions, inputs: tuple[str, ...]
+) -> Measure:
+    columns = [number for number, name in enumerate(inputs) if name.endswith("over_travel_closed")]
+    if not columns:
+        message = f'what-if "{match[0]}": the closing over-travel does not vary in this case'
+        raise StudyError([message], source="limit")
+    travel = throws.switch[:, columns]
+    more_than_usual = np.asarray(travel >= np.median(travel, axis=0))
+    kept = np.asarray(more_than_usual.all(axis=1))[throws.states]
+    more = 1e3 * (travel[throws.states][kept].mean() - travel.mean())
+    note = f"states with more over-travel at every drive, {more:.1f} mm on average"
+    return Measure(
+        name=match[0], note=note, throws=some_states(throws, kept), conditions=conditions
+    )
+
+
+_NUMBER = r"(\d+(?:\.\d+)?)"
+_FORMS: tuple[tuple[str, Make], ...] = (
+    (r"second throw", _second),
+    (r"history (\d+)", _history),
+    (rf"discrepancy {_NUMBER} ?%", _better),
+    (rf"rate {_NUMBER} ?Hz", _rate),
+    (rf"friction {_NUMBER}", _friction),
+    (r"closing force", _closing),
+)
+
+
+def gain_rows(dataset: xr.Dataset) -> list[Mapping[str, float | str]]:
+    """Return name, gains [m] and meaning of each measure, best first, without the present state."""
+    return [
+        {
+            "measure": str(one["measure"].item()),
+            "gain": float(one["gain"]),
+            "gain_worst": float(one["gain_worst"]),
+            "note": str(one["note"].item()),
+        }
+        for one in (dataset.isel(measure=number) for number in range(1, dataset.sizes["measure"]))
+    ]
