@@ -65,5 +65,5 @@ def test_an_emulator_that_misses_is_refused(
     fitted: Fit, spread: Spread, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("turnout.calibration.emulator.LARGEST_ERROR", 1e-12)
-    with pytest.raises(SolverError, match="misses fresh throws"):
+    with pytest.raises(SolverError, match="differs from new throws"):
         posterior_of(fitted, spread)

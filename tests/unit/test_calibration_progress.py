@@ -16,7 +16,7 @@ def test_time_left_is_never_less_than_that_of_one_step(monkeypatch: pytest.Monke
     states: list[CalibrationProgress] = []
     evaluator: Any = SimpleNamespace(made=100, reused=0)
     watch = ProgressReporter(states.append, 1, planned=80, per_step=40, began=10.0)
-    watch.tell(evaluator)
-    watch.tell(evaluator)
+    watch.report_state(evaluator)
+    watch.report_state(evaluator)
     assert states[-1].seconds == 20.0
     assert states[-1].left == pytest.approx(0.4 * 20.0)

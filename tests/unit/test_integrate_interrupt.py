@@ -16,6 +16,8 @@ from turnout.integrate.step import Stepping
 from turnout.kernels.interrupt import call_interruptible, one_thread
 from turnout.kernels.lanes import zeros_in_lines
 from turnout.kernels.shared_record import shared_record
+from turnout.law.friction_course import no_courses
+from turnout.law.obstruction import no_obstructions
 
 TOLERANCES = Tolerances(1e-11, 1e-6, 40)
 
@@ -59,7 +61,8 @@ def test_a_step_ends_where_it_is_and_the_state_is_that_of_the_last_instant() -> 
     q, inputs = state.q.copy(), state.inputs.copy()
     work.stop[0] = 1
     given = (system, table, state, work, TOLERANCES, stepping, markers, 0, 2, record)
-    assert march(*given) == (Code.INTERRUPTED, 0)
+    memory = (shared_record(no_obstructions()), shared_record(no_courses()))
+    assert march(*given, *memory) == (Code.INTERRUPTED, 0)
     np.testing.assert_array_equal(state.q, q)
     np.testing.assert_array_equal(state.inputs, inputs)
 

@@ -24,7 +24,12 @@ TIME = np.linspace(0.0, 8.5, 86)
 
 
 def touched(first: list[float], placed: float = 4.4) -> dict[str, Any]:
-    index = SimpleNamespace(object={str(n): n for n in range(len(first))})
+    numbers = range(len(first))
+    index = SimpleNamespace(
+        object={str(n): n for n in numbers},
+        object_parts={str(n): (str(n),) for n in numbers},
+        object_laws={str(n): [n] for n in numbers},
+    )
     found = contact_labels(
         SimpleNamespace(index=index),  # type: ignore[arg-type]
         SimpleNamespace(  # type: ignore[arg-type]
@@ -176,12 +181,12 @@ def test_contact_height_is_that_of_the_stops_or_the_object() -> None:
 
 def test_energies_are_booked_with_their_signs() -> None:
     stored = np.array([[1.0, 2.0, 3.0, 4.0], [2.0, 4.0, 6.0, 8.0]])
-    ledger = np.array([np.zeros(6), [20.0, 5.0, 3.0, 1.5, 2.0, 1.0]])
+    ledger = np.array([np.zeros(7), [20.0, 5.0, 3.0, 1.5, 2.0, 1.0, 0.25]])
     values = {name: value[-1] for name, (_, value) in energy_channels(stored, ledger).items()}
     assert values["energy_numerical"] == 3.0
     assert values["energy_strain"] == 2.0
-    # stored change 10 less (20 + 1.5 - 5 - 3 - 3)
-    assert values["energy_residual"] == pytest.approx(-0.5)
+    # stored change 10 less (20 + 1.5 - 5 - 3 - 0.25 - 3)
+    assert values["energy_residual"] == pytest.approx(-0.25)
     assert energy_scale(stored, ledger) == 30.0
     assert energy_scale(stored[:0], ledger[:0]) == 0.0
 

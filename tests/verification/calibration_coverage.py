@@ -26,7 +26,7 @@ from turnout.calibration.stages import CalibrationPlan as Stages
 from turnout.calibration.stages import default_plan
 from turnout.errors import TurnoutError
 from turnout.scheme import Scheme
-from turnout.virtual.campaign_plan import CalibrationPlan
+from turnout.virtual.campaign_plan import CampaignPlan
 from turnout.virtual.disturbance import Disturbance
 from turnout.virtual.record_throw import finer_panel, finer_scheme
 
@@ -53,7 +53,7 @@ def result_of(index: int) -> Record:
     twin = Twin(
         panel=finer_panel(panel),
         truth=truth,
-        plan=CalibrationPlan(
+        plan=CampaignPlan(
             places=("drive 1",),
             window=WINDOW,
             seed=int(rng.integers(2**31)),

@@ -175,6 +175,7 @@ def throw_staggered(*, step: float) -> tuple[Floats, Floats]:
             kept[n + 1] = state
             run.positions[n + 1] = state[:, at.ROD_POSITION]
             given = (run.tolerances, run.stepping, run.positions, n, n + 1, run.record)
+            given += (run.obstructions, run.courses)
             assert march(run.system, run.table, run.state, run.work, *given)[0] == at.CONVERGED
             y = [run.state.g[ends].copy(), y[0], y[1]]
             force[n + 1] = rods * (run.positions[n + 1] - y[0])

@@ -20,7 +20,7 @@ from turnout.scheme import Scheme
 STEPS = (4e-3, 2e-3, 1e-3, 5e-4)
 """Name: panel, object's place, largest loss, measured rate of the loss."""
 CASES: dict[str, tuple[str, str | None, float, float]] = {
-    "no object": (DEFAULT, None, 0.005, 1.51),
+    "no object": (DEFAULT, None, 0.005, 1.35),
     "sleeper 6": (DEFAULT, "sleeper 6", 0.005, 1.42),
     "drive 1": (DEFAULT, "drive 1", 0.005, 1.32),
     "drive 2": (DEFAULT, "drive 2", 0.005, 1.48),

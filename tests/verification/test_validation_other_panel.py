@@ -16,7 +16,7 @@ from turnout.calibration.stages import default_plan
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.validation.acceptance import Acceptance, judge
 from turnout.validation.validate import validate
-from turnout.virtual.campaign_plan import CalibrationPlan
+from turnout.virtual.campaign_plan import CampaignPlan
 
 LIBRARY = Path(__file__).parents[2] / "src" / "turnout" / "panel" / "library" / "sb1.toml"
 CASES = (
@@ -54,7 +54,7 @@ def verdict_on(truth: LoadedPanel) -> Acceptance:
     dataset = campaign(
         Twin(
             panel=truth,
-            plan=CalibrationPlan(places=("drive 1",), window=WINDOW, seed=8),
+            plan=CampaignPlan(places=("drive 1",), window=WINDOW, seed=8),
             cases=CASES,
         )
     )

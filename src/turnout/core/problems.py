@@ -76,6 +76,8 @@ def shortened(text: str, longest: int = _LONGEST) -> str:
 def nearest(name: str, names: Iterable[str]) -> str:
     """Give "; nearest is 'x'" for the most similar name, or an empty text.
 
+    A name that was shortened means the first that begins with it.
+
     Examples
     --------
     >>> nearest("stifness", ["stiffness", "stroke"])
@@ -86,6 +88,9 @@ def nearest(name: str, names: Iterable[str]) -> str:
     if name.isdigit() and numbered:
         closest = min(numbered, key=lambda item: abs(int(item) - int(name)))
         return f"; nearest is '{closest}'"
+    longer = [item for item in known if item.lower().startswith(name.lower())]
+    if len(name) > 2 and longer:
+        return f"; nearest is '{longer[0]}'"
     lower = {item.lower(): item for item in reversed(known)}
     match = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.5)
     return f"; nearest is '{lower[match[0]]}'" if match else ""

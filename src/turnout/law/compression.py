@@ -119,7 +119,7 @@ def stone(*, size: float, strength: float, contact: float, piece: float) -> Comp
     Examples
     --------
     >>> curve = stone(size=0.02, strength=20e6, contact=40e6, piece=0.5)
-    >>> curve.breakpoints[1] * curve.slopes[1]  # splits at 8 kN
+    >>> float(curve.breakpoints[1] * curve.slopes[1])  # splits at 8 kN
     8000.0
     """
     limit = strength * size**2 / contact
@@ -188,7 +188,7 @@ def hardening(lasting: Floats, force: Floats, stiffness: float) -> Compression:
     Examples
     --------
     >>> curve = hardening(np.array([0.0, 0.01]), np.array([100.0, 300.0]), 1e5)
-    >>> curve.breakpoints.tolist(), curve.slopes.round().tolist()
+    >>> curve.breakpoints.round(9).tolist(), curve.slopes.round().tolist()
     ([0.0, 0.001, 0.013], [0.0, 100000.0, 16667.0, 100000.0])
     """
     compression = lasting + force / stiffness
