@@ -72,7 +72,7 @@ def test_history_tells_an_adjustment_and_sharpens() -> None:
     assert not moved.alarm
     assert moved.odds["adjustment"] > moved.odds["object"]
     assert "adjustment" not in before.odds
-    detector.forget()
+    detector.clear_history()
     assert detector.known.throws == 0
 
 
