@@ -5,11 +5,12 @@ throws support come from an exponential fitted to the highest hundredth.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.detection.floor import touched
 from turnout.detection.judging import (
     CAUSE_WEIGHT,
     CYCLE,
@@ -114,7 +115,8 @@ def threshold_for(ratios: Floats, *, rate: float) -> float:
     """
     start = float(np.quantile(ratios, 1.0 - TAIL_SHARE))
     excess = ratios[ratios > start] - start
-    fitted = start + float(excess.mean()) * np.log(TAIL_SHARE / rate) if excess.size else start
+    tail = float(excess.mean()) if excess.size else 0.0
+    fitted = start + tail * float(np.log(TAIL_SHARE / rate))
     if rate * len(ratios) < LEAST_IN_TAIL:
         return fitted
     return max(fitted, float(np.quantile(ratios, 1.0 - rate)))
@@ -288,51 +290,122 @@ def _calibrated(
     tried: Sequence[tuple[View, Floats, ThrowSet]],
     otherwise: Calibrated | None = None,
 ) -> Calibrated:
-    sizes, gaps, object_gaps = _misses(knowledge, tried)
+    thresholds = {
+        f"{rate:g}": max(LEAST_THRESHOLD, threshold_for(ratios, rate=SAFETY * rate))
+        for rate in RATES
+    }
+    found = _misses(knowledge, tried, threshold=thresholds[f"{RATES[0]:g}"])
+    usual = otherwise or Calibrated(
+        part=part, history=0, thresholds={}, throws=0, switches=0, residual=()
+    )
+    count = len(knowledge.setting.gaps)
+
+    def factors(groups: Sequence[Misses], given: tuple[float, ...]) -> tuple[float, ...]:
+        columns = [np.array(group).reshape(-1, count).T for group in groups]
+        each = zip(*columns, np.broadcast_to(given, count).tolist(), strict=True)
+        return tuple(_factor(*own, otherwise=one) for *own, one in each)
+
     return Calibrated(
         part=part,
         history=history,
-        thresholds={
-            f"{rate:g}": max(LEAST_THRESHOLD, threshold_for(ratios, rate=SAFETY * rate))
-            for rate in RATES
-        },
+        thresholds=thresholds,
         throws=len(ratios),
         switches=switches,
         residual=tuple(np.quantile(left, RESIDUAL_LEVELS).tolist()),
-        size_factor=_factor(sizes, otherwise=otherwise.size_factor if otherwise else 1.0),
-        gap_factor=_factor(gaps, otherwise=otherwise.gap_factor if otherwise else 1.0),
-        object_gap_factor=_factor(
-            object_gaps, otherwise=otherwise.object_gap_factor if otherwise else 1.0
-        ),
+        size_factor=_factor(np.array(found.size), otherwise=usual.size_factor),
+        gap_factor=factors([found.sound, found.unnoticed], usual.gap_factor),
+        object_gap_factor=factors([found.alarm], usual.object_gap_factor),
+        place_level=level_of_places(found.likelier, otherwise=usual.place_level),
     )
 
 
+Misses = list[list[float]]
+
+
+@dataclass(slots=True)
+class _Found:
+    """By how many half-intervals sizes and gaps were missed, and what is likelier than the place.
+
+    Gaps by throws without an object that is touched, with one that is not noticed, with an alarm.
+    """
+
+    size: list[float] = field(default_factory=list)
+    likelier: list[float] = field(default_factory=list)
+    sound: Misses = field(default_factory=list)
+    unnoticed: Misses = field(default_factory=list)
+    alarm: Misses = field(default_factory=list)
+
+
 def _misses(
-    knowledge: Knowledge, tried: Sequence[tuple[View, Floats, ThrowSet]]
-) -> tuple[list[float], list[float], list[float]]:
-    """Return by how many half-intervals sizes, gaps, and gaps with a clear object were missed."""
+    knowledge: Knowledge, tried: Sequence[tuple[View, Floats, ThrowSet]], *, threshold: float
+) -> _Found:
+    """Return what throws with known sizes, places and gaps say of the intervals of these."""
     limits = np.array(knowledge.setting.limits)
-    sizes: list[float] = []
-    gaps: tuple[list[float], list[float]] = ([], [])
+    places = np.array(list(knowledge.setting.places.values()))
+    found = _Found()
     for view, features, throws in tried:
+        held = touched(throws.force)
         for first in range(0, len(features), AT_ONCE):
-            rows = slice(first, first + AT_ONCE)
-            evidence = evidence_of(view, features[rows])
-            seen = ratios_of(view, evidence).alarm > CLEARLY
-            for number in range(len(features[rows])):
-                found = posterior_of(view, evidence, number, limits=limits)
+            evidence = evidence_of(view, features[first : first + AT_ONCE])
+            ratio = ratios_of(view, evidence).alarm
+            for number in range(len(ratio)):
                 at = first + number
-                gaps[int(seen[number])].extend(
-                    miss(item, float(truth))
-                    for item, truth in zip(found.gaps, throws.gaps[at], strict=True)
-                )
-                if throws.size[at] > 0.0 and seen[number]:
-                    sizes.append(miss(found.size, float(throws.size[at])))
-    return sizes, *gaps
+                said = posterior_of(view, evidence, number, limits=limits)
+                gaps = [miss(g, float(t)) for g, t in zip(said.gaps, throws.gaps[at], strict=True)]
+                if ratio[number] <= threshold:
+                    (found.unnoticed if held[at] else found.sound).append(gaps)
+                    continue
+                found.alarm.append(gaps)
+                if held[at]:
+                    found.size.append(miss(said.size, float(throws.size[at])))
+                    nearest = int(np.abs(places - throws.x[at]).argmin())
+                    found.likelier.append(likelier(said.place, nearest))
+    return found
 
 
-CLEARLY = 5.0
-"""Log likelihood ratio from which on the size of an object means something [-]."""
+def likelier(probability: Floats, true: int) -> float:
+    """Return how probable all places are that are likelier than the true one.
+
+    A set of the likeliest places whose probabilities reach a level holds the true place where this
+    is below the level.
+
+    Examples
+    --------
+    >>> likelier(np.array([0.5, 0.2, 0.3]), 1)
+    0.8
+    """
+    return float(probability[probability > probability[true]].sum())
+
+
+def level_of_places(likelier_than_true: Sequence[float], *, otherwise: float) -> float:
+    r"""Return the level at which sets of places hold the true one with 90 %.
+
+    The quantile of rank :math:`\lceil 0.9\,(n + 1) \rceil` of what is likelier than the true place:
+    a further throw of the same kind lies below it with at least 90 % (split conformal prediction;
+    Romano, Sesia and Candes, Classification with valid and adaptive coverage, 2020).
+
+    Parameters
+    ----------
+    likelier_than_true : sequence of float
+        Of throws with an alarm [-].
+    otherwise : float
+        Where these are too few.
+
+    Examples
+    --------
+    >>> round(level_of_places(np.linspace(0.0, 0.99, 100), otherwise=0.9), 6)
+    0.9
+    """
+    count = len(likelier_than_true)
+    if count < LEAST_MISSES:
+        return otherwise
+    rank = int(np.ceil(IN_PLACES * (count + 1)))
+    # a place as likely as the level says is to be in the set
+    return min(1.0, float(np.nextafter(np.sort(likelier_than_true)[rank - 1], 2.0)))
+
+
+IN_PLACES = 0.9
+"""Share of sets of places that hold the true place [-]."""
 
 
 def miss(interval: Interval, truth: float) -> float:
@@ -347,11 +420,24 @@ def miss(interval: Interval, truth: float) -> float:
     return abs(truth - interval.middle) / max(abs(edge - interval.middle), 1e-9)
 
 
-def _factor(misses: Sequence[float], *, otherwise: float) -> float:
-    """Return by how much intervals must be widened to hold 95 %, never narrowed to below half."""
-    if len(misses) < LEAST_MISSES:
+def _factor(*groups: Floats, otherwise: float) -> float:
+    """Return by how much intervals must be widened to hold 95 %, never narrowed to below half.
+
+    Parameters
+    ----------
+    *groups : ndarray
+        Misses of kinds of throws; each kind counts the same, those with too few do not.
+    otherwise : float
+        Where there are too few of every kind.
+    """
+    counted = [group for group in groups if len(group) >= LEAST_MISSES]
+    if not counted:
         return otherwise
-    return max(0.5, float(np.quantile(misses, 0.95)))
+    misses = np.concatenate(counted)
+    weight = np.concatenate([np.full(len(group), 1.0 / len(group)) for group in counted])
+    order = np.argsort(misses)
+    share = np.cumsum(weight[order]) / len(counted)
+    return max(0.5, float(np.interp(0.95, share, misses[order])))
 
 
 LEAST_MISSES = 40

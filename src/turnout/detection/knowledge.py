@@ -55,9 +55,12 @@ class Calibrated:
         Among how many switches.
     residual : tuple of float
         Quantiles of what the best hypothesis leaves of a throw, at `RESIDUAL_LEVELS` [-].
-    size_factor, gap_factor, object_gap_factor : float
-        By which intervals of size, of end gaps, and of end gaps where there is an alarm, are
-        widened to hold 95 % [-].
+    size_factor : float
+        By which intervals of size are widened to hold 95 % [-].
+    gap_factor, object_gap_factor : tuple of float
+        The same for each end gap without and with an alarm; a single one is for all gaps [-].
+    place_level : float
+        Probability that the set of places must sum to, to hold the true place in 90 % [-].
     """
 
     part: str
@@ -67,8 +70,9 @@ class Calibrated:
     switches: int
     residual: tuple[float, ...] = ()
     size_factor: float = 1.0
-    gap_factor: float = 1.0
-    object_gap_factor: float = 1.0
+    gap_factor: tuple[float, ...] = (1.0,)
+    object_gap_factor: tuple[float, ...] = (1.0,)
+    place_level: float = 0.9
 
 
 RESIDUAL_LEVELS = (0.0, 0.01, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)
@@ -277,10 +281,7 @@ def load(path: Path | str) -> tuple[Knowledge, dict[str, NDArray[Any]]]:
         model=model,
         signatures=Signatures(**{name: arrays[f"signatures.{name}"] for name in SIGNATURE_ARRAYS}),
         causes=tuple(said["causes"]),
-        calibrated=tuple(
-            replace(Calibrated(**item), residual=tuple(item["residual"]))
-            for item in said["calibrated"]
-        ),
+        calibrated=tuple(_calibrated(item) for item in said["calibrated"]),
         about=said["about"],
     )
     extra = {
@@ -289,6 +290,16 @@ def load(path: Path | str) -> tuple[Knowledge, dict[str, NDArray[Any]]]:
         if name.startswith("extra.")
     }
     return knowledge, extra
+
+
+def _calibrated(item: Mapping[str, Any]) -> Calibrated:
+    """Return what was stored; the first detectors had one factor for all gaps."""
+    return replace(
+        Calibrated(**item),
+        residual=tuple(item["residual"]),
+        gap_factor=tuple(np.atleast_1d(item["gap_factor"]).tolist()),
+        object_gap_factor=tuple(np.atleast_1d(item["object_gap_factor"]).tolist()),
+    )
 
 
 def _read(place: Path) -> dict[str, NDArray[Any]]:

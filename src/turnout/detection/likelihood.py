@@ -102,6 +102,8 @@ class Centre:
         Of a whitened throw on the expected gaps [m].
     gap_variance : ndarray, shape (n_gaps,)
         Of the gaps when the throw is known [m^2].
+    gap_way : ndarray, shape (r, n_gaps)
+        Of signatures, in their basis, on the expected gaps [m/N].
     """
 
     mean: Floats
@@ -115,6 +117,7 @@ class Centre:
     gap_mean: Floats
     gap_gain: Floats
     gap_variance: Floats
+    gap_way: Floats
 
 
 def make_centre(
@@ -163,6 +166,7 @@ def make_centre(
         gap_mean=mean[features:],
         gap_gain=cross,
         gap_variance=np.maximum(rest, 0.0),
+        gap_way=way.T @ cross.T,
     )
 
 

@@ -5,27 +5,31 @@ Their weights after the throw make the distributions of all three. What a sound 
 forces leaves open is normal, and adds to the change.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp, ndtr
+from scipy.special import ndtr, ndtri
 
 from turnout.detection.judging import View
 from turnout.detection.likelihood import AMPLITUDE, Evidence
 
 Floats = NDArray[np.float64]
 
-OBJECT_WEIGHT = 0.01
-"""Weight of objects against a sound switch before a throw, for gaps [-]."""
+OBJECT_WEIGHT = 1.0
+"""Weight of objects against a sound switch before a throw, for gaps: as likely as not. A smaller
+one makes intervals too narrow where an object is not noticed [-]."""
 COVERAGE = 0.95
 """Of intervals [-]."""
 TEMPER = 3.0
 """Log likelihoods of signatures are divided by this: a throw lies between samples, and the nearest
 of them is not as much better than the next as its likelihood says."""
-MOST_COMPONENTS = 200
+MOST_COMPONENTS = 400
 NEGLIGIBLE = 9.0
 """Signatures whose logarithm lies so far below the highest do not count."""
+BELOW = 75.0
+"""Signatures whose logarithm lies so far below the highest weigh nothing in tempered sums."""
 SMOOTHING = 0.3e-3
 """Deviation by which the size of a signature is spread, beside a share of it [m]."""
 SMOOTHING_SHARE = 0.05
@@ -72,7 +76,7 @@ def posterior_of(
     *,
     limits: Floats,
     size_factor: float = 1.0,
-    gap_factor: float = 1.0,
+    gap_factor: float | Sequence[float] = 1.0,
 ) -> Posterior:
     """Return what one of the throws of some evidence says.
 
@@ -86,28 +90,38 @@ def posterior_of(
         Which one.
     limits : ndarray, shape (n_gaps,)
         [m]
-    size_factor, gap_factor : float
-        By which intervals are widened [-].
+    size_factor : float
+        By which the interval of the size is widened about its median [-].
+    gap_factor : float or sequence of float
+        By which the distribution of all gaps, or of each, is widened about its median [-].
     """
     component = evidence.component[:, number] / TEMPER
     kinds = view.signatures.kind[evidence.number]
     objects = np.flatnonzero(kinds < view.objects)
     objects = objects[component[objects] > component[objects].max() - NEGLIGIBLE]
-    share = np.exp(component[objects] - logsumexp(component[objects]))
+    share = np.exp(component[objects] - _log_sum(component[objects]))
     signature = evidence.number[objects]
     sizes, places = view.signatures.size[signature], view.signatures.x[signature]
     spread = SMOOTHING + SMOOTHING_SHARE * sizes
-    means, variances, weights = _gaps(view, evidence, number, kinds)
-    deviation = np.sqrt(variances) * gap_factor
-    gaps = tuple(
-        mixture_interval(means[:, gap], deviation[:, gap], weights) for gap in range(means.shape[1])
+    x, size = mixture_intervals(
+        np.column_stack([places, sizes]),
+        np.column_stack([np.full(len(places), PLACE_SPREAD), spread]),
+        share,
     )
-    above = weights @ ndtr((means - limits) / np.maximum(deviation, 1e-9))
+    means, variances, weights = _gaps(view, evidence, number, kinds)
+    deviation = np.sqrt(variances)
+    factor = np.broadcast_to(np.asarray(gap_factor, dtype=np.float64), means.shape[1:])
+    found = mixture_intervals(means, deviation, weights)
+    middle = np.array([item.middle for item in found])
+    # wider about the median: that of a gap at its limit stays as likely above as below it
+    above = weights @ ndtr((means - middle + (middle - limits) / factor) / deviation)
     return Posterior(
         place=np.asarray(np.bincount(kinds[objects], share, view.objects), dtype=np.float64),
-        x=mixture_interval(places, np.full(len(places), 0.15), share),
-        size=_widened(mixture_interval(sizes, spread, share), size_factor),
-        gaps=gaps,
+        x=x,
+        size=_widened(size, size_factor),
+        gaps=tuple(
+            _widened(item, float(by), least=-np.inf) for item, by in zip(found, factor, strict=True)
+        ),
         above=above,
     )
 
@@ -118,83 +132,121 @@ def _gaps(
     """Return means, variances and weights of the normal parts that gaps are made of."""
     before = np.full(view.objects, np.log(OBJECT_WEIGHT / view.objects))
     logs = evidence.component[:, number] + np.concatenate([before, view.cause_weight])[kinds]
-    logs = np.where(
-        kinds < view.objects, *(_tempered(logs, group) for group in _groups(view, kinds))
-    )
+    for group in (np.flatnonzero(kinds < view.objects), np.flatnonzero(kinds >= view.objects)):
+        logs[group] = _tempered(logs[group])
     sound = evidence.centre[:, number]
     kept = np.flatnonzero(logs > max(logs.max(), sound.max()) - NEGLIGIBLE)
-    kept = kept[np.argsort(logs[kept])[-MOST_COMPONENTS:]]
-    parts = [np.arange(len(view.centres)), evidence.place[kept]]
-    place = np.concatenate(parts)
-    change = np.zeros((len(place), view.signatures.change.shape[1]))
-    gap = np.zeros((len(place), view.signatures.gap.shape[1]))
-    loose = np.zeros(len(place))
-    own = slice(len(view.centres), None)
-    factor = evidence.factor[kept, number][:, np.newaxis]
-    change[own] = factor * view.signatures.change[evidence.number[kept]]
-    gap[own] = factor * view.signatures.gap[evidence.number[kept]]
-    means, variances = np.zeros_like(gap), np.full_like(gap, 1e-12)
+    if len(kept) > MOST_COMPONENTS:
+        kept = kept[np.argpartition(logs[kept], -MOST_COMPONENTS)[-MOST_COMPONENTS:]]
+    place = np.concatenate([np.arange(len(view.centres)), evidence.place[kept]])
     joined = np.concatenate([sound, logs[kept]])
-    weights = np.exp(joined - logsumexp(joined))
+    weights = np.exp(joined - _log_sum(joined))
+    own = np.s_[len(view.centres) :]
+    factor = evidence.factor[kept, number]
+    signature = evidence.number[kept]
+    moved = np.zeros((len(place), view.signatures.gap.shape[1]))
+    moved[own] = factor[:, np.newaxis] * view.signatures.gap[signature]
+    square = np.concatenate([centre.square[:, 0] for centre in view.centres])[kept] * factor**2
+    loose = np.zeros(len(place))
+    loose[own] = AMPLITUDE**2 / (1.0 + AMPLITUDE**2 * square)
+    explained = np.zeros_like(moved)
+    change = np.zeros((len(place), view.signatures.change.shape[1]))
+    change[own] = factor[:, np.newaxis] * view.signatures.change[signature]
+    variances = loose[:, np.newaxis] * moved**2
     for at, centre in enumerate(view.centres):
         rows = np.flatnonzero(place == at)
-        if not np.any(weights[rows] > 1e-9):
-            continue
-        left = evidence.white[at, :, number] - change[rows] @ centre.way.T
-        means[rows] = centre.gap_mean + left @ centre.gap_gain.T + gap[rows]
-        square = np.einsum("ij,ij->i", change[rows] @ centre.way.T, change[rows] @ centre.way.T)
-        loose[rows] = AMPLITUDE**2 / (1.0 + AMPLITUDE**2 * square)
-        variances[rows] = centre.gap_variance + loose[rows, np.newaxis] * gap[rows] ** 2
-    return means, variances, weights
+        if weights[rows].max() > LEAST_WEIGHT:
+            usual = centre.gap_mean + centre.gap_gain @ evidence.white[at, :, number]
+            explained[rows] = usual - change[rows] @ centre.gap_way
+            variances[rows] += centre.gap_variance
+    used = weights > LEAST_WEIGHT
+    share = weights[used] / weights[used].sum()
+    return explained[used] + moved[used], np.maximum(variances[used], 1e-12), share
 
 
-def _groups(view: View, kinds: NDArray[np.intp]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which components are objects, and which are other causes."""
-    return kinds < view.objects, kinds >= view.objects
+LEAST_WEIGHT = 1e-5
+"""Normal parts that weigh less are left out."""
+PLACE_SPREAD = 0.15
+"""Deviation by which the place of a signature is spread [m]."""
 
 
-def _tempered(logs: Floats, group: NDArray[np.bool_]) -> Floats:
-    """Return logarithms of weights that are evener within a group, with the same sum.
+def _log_sum(logs: Floats) -> float:
+    """Return the logarithm of the sum of exponentials, without the checks of scipy."""
+    highest = float(logs.max())
+    return highest + float(np.log(np.exp(logs - highest).sum()))
+
+
+def _tempered(logs: Floats) -> Floats:
+    """Return logarithms of weights that are evener, with the same sum.
 
     Examples
     --------
-    >>> found = np.exp(_tempered(np.log([1.0, 8.0]), np.array([True, True])))
-    >>> found.round(6).tolist()
+    >>> np.exp(_tempered(np.log([1.0, 8.0]))).round(6).tolist()
     [3.0, 6.0]
     """
-    own = np.where(group, logs, -np.inf)
-    total = logsumexp(own)
-    if not np.isfinite(total):
-        return own
-    return np.asarray(own / TEMPER - logsumexp(own / TEMPER) + total)
+    highest = logs.max(initial=-np.inf)
+    if not np.isfinite(highest):
+        return logs
+    counted = logs[logs > highest - BELOW]
+    return np.asarray(logs / TEMPER - _log_sum(counted / TEMPER) + _log_sum(counted))
 
 
-def mixture_interval(means: Floats, deviations: Floats, weights: Floats) -> Interval:
-    """Return median and central interval of a mixture of normal distributions, shapes (n,).
+def mixture_intervals(means: Floats, deviations: Floats, weights: Floats) -> tuple[Interval, ...]:
+    """Return median and central interval of some mixtures of normal distributions.
+
+    By Newton's method, halved where it would leave the bracket.
+
+    Parameters
+    ----------
+    means, deviations : ndarray, shape (n, n_mixtures)
+        Of the parts.
+    weights : ndarray, shape (n,)
+        Of the parts, the same in every mixture; they sum to 1.
 
     Examples
     --------
-    >>> found = mixture_interval(np.array([1.0]), np.array([0.5]), np.array([1.0]))
+    >>> (found,) = mixture_intervals(np.array([[1.0]]), np.array([[0.5]]), np.array([1.0]))
     >>> round(found.middle, 3), round(found.low, 3), round(found.high, 3)
     (1.0, 0.02, 1.98)
     """
-    used = weights > 1e-5
-    mean, deviation, weight = means[used], deviations[used], weights[used] / weights[used].sum()
-    wanted = np.array([0.5, 0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE])
-    low = np.full(3, float(np.min(mean - 8.0 * deviation)))
-    high = np.full(3, float(np.max(mean + 8.0 * deviation)))
-    for _ in range(24):
-        middle = 0.5 * (low + high)
-        share = ndtr((middle[:, np.newaxis] - mean) / deviation) @ weight
-        low, high = np.where(share < wanted, middle, low), np.where(share < wanted, high, middle)
-    found = 0.5 * (low + high)
-    return Interval(middle=float(found[0]), low=float(found[1]), high=float(found[2]))
+    wanted = np.array([0.5, 0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE])[:, np.newaxis]
+    count = (3, 1)
+    low = np.tile((means - REACH * deviations).min(axis=0), count)
+    high = np.tile((means + REACH * deviations).max(axis=0), count)
+    narrow = TOLERANCE * (high - low)
+    centre = weights @ means
+    spread = np.sqrt(weights @ (deviations**2 + (means - centre) ** 2))
+    at = centre + ndtri(wanted) * spread
+    steepness = 1.0 / (np.sqrt(2.0 * np.pi) * deviations.T)
+    for _ in range(MOST_STEPS):
+        z = (at[:, :, np.newaxis] - means.T) / deviations.T
+        over = ndtr(z) @ weights - wanted
+        density = (steepness * np.exp(-0.5 * z**2)) @ weights
+        low, high = np.where(over < 0.0, at, low), np.where(over < 0.0, high, at)
+        following = at - over / np.maximum(density, 1e-300)
+        outside = (following <= low) | (following >= high)
+        following = np.where(outside, 0.5 * (low + high), following)
+        done = bool(np.all(np.abs(following - at) <= narrow))
+        at = following
+        if done:
+            break
+    return tuple(
+        Interval(middle=float(middle), low=float(below), high=float(above))
+        for middle, below, above in at.T
+    )
 
 
-def _widened(interval: Interval, factor: float) -> Interval:
+REACH = 8.0
+"""Quantiles are sought within so many deviations of the outermost parts [-]."""
+TOLERANCE = 1e-6
+"""Of quantiles, as a share of where they are sought [-]."""
+MOST_STEPS = 60
+
+
+def _widened(interval: Interval, factor: float, *, least: float = 0.0) -> Interval:
     middle = interval.middle
     return Interval(
         middle=middle,
-        low=max(0.0, middle - factor * (middle - interval.low)),
+        low=max(least, middle - factor * (middle - interval.low)),
         high=middle + factor * (interval.high - middle),
     )

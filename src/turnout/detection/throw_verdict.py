@@ -33,8 +33,6 @@ CLEAR_CAUSE = float(np.log(1e3))
 """Log likelihood ratio against a sound switch from which on another cause is named [-]."""
 UNKNOWN_SHARE = 1e-4
 """Share of throws that fit worse than any hypothesis explains, from which on that is said [-]."""
-LIKELY = 0.9
-"""Probability that a set of places holds [-]."""
 SEEN_FORCE = 30.0
 """Change of a drive force that is worth naming [N]."""
 
@@ -102,7 +100,7 @@ class Verdict:
     friction : float
         Friction level [-].
     places : mapping of str to float
-        Smallest set of places that holds an object with 90 %, with their probabilities.
+        Likeliest places, so many that 90 % of such sets hold the object, with probabilities.
     x, size : Interval or None
         Of the object [m], where there is an alarm.
     gaps : tuple of Gap
@@ -247,7 +245,7 @@ def verdict_on(
         odds={item: float(np.exp(min(value, 700.0))) for item, value in odds.items()},
         fit=fit,
         friction=float(level_of(view, evidence, levels=knowledge.model.level)[number]),
-        places=_places(knowledge, found) if alarm else {},
+        places=_places(knowledge, found, level=calibrated.place_level) if alarm else {},
         x=found.x if alarm else None,
         size=found.size if alarm else None,
         gaps=gaps,
@@ -312,10 +310,10 @@ def _below(gaps: tuple[Gap, ...], family: str) -> bool | None:
     return all(own) if own else None
 
 
-def _places(knowledge: Knowledge, found: Posterior) -> dict[str, float]:
-    """Return the smallest set of places that holds the object with 90 %, likeliest first."""
+def _places(knowledge: Knowledge, found: Posterior, *, level: float) -> dict[str, float]:
+    """Return the fewest places whose probabilities sum to a level, likeliest first."""
     order = np.argsort(found.place)[::-1]
-    count = int(np.searchsorted(np.cumsum(found.place[order]), LIKELY)) + 1
+    count = int(np.searchsorted(np.cumsum(found.place[order])[:-1], level)) + 1
     return {knowledge.places[at]: float(found.place[at]) for at in order[:count]}
 
 
@@ -330,7 +328,8 @@ def _changes(
         own = np.flatnonzero(kinds == view.kinds.index(cause))
     logs = evidence.component[own, number]
     share = np.exp(logs - logsumexp(logs)) * evidence.factor[own, number]
-    change = view.signatures.basis @ (share @ view.signatures.change[evidence.number[own]])
+    of_signature = np.bincount(evidence.number[own], share, len(view.signatures.change))
+    change = view.signatures.basis @ (of_signature @ view.signatures.change)
     layout = knowledge.layout
     closing = layout.parts[-1]
     found = []

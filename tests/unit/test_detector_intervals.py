@@ -1,0 +1,87 @@
+"""Intervals, sets of places and what widens them, against exact answers."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.stats import norm
+from tests.unit.detector_toy import toy_detector
+
+from turnout.detection import calibrating, knowledge
+from turnout.detection.calibrating import level_of_places, likelier
+from turnout.detection.detector import Detector
+from turnout.detection.judging import evidence_of
+from turnout.detection.object_posterior import Posterior, mixture_intervals, posterior_of
+
+
+def test_quantiles_of_mixtures_are_exact() -> None:
+    """Wide, narrow, and two parts far apart with nothing between, all at once."""
+    means = np.array([[0.0, 5.0, 0.0], [1.0, 5.0, 100.0], [4.0, 5.1, 101.0]])
+    deviations = np.array([[1.0, 1e-3, 0.1], [0.2, 1e-3, 0.1], [3.0, 1e-3, 2.0]])
+    weights = np.array([0.2, 0.5, 0.3])
+    for number, found in enumerate(mixture_intervals(means, deviations, weights)):
+        mean, deviation = means[:, number], deviations[:, number]
+        for value, share in ((found.low, 0.025), (found.middle, 0.5), (found.high, 0.975)):
+            exact = brentq(
+                lambda at, m=mean, d=deviation, s=share: weights @ norm.cdf(at, m, d) - s,
+                -50.0,
+                200.0,
+                xtol=1e-12,
+            )
+            assert value == pytest.approx(exact, abs=1e-4)
+
+
+def said(factor: tuple[float, ...], limits: np.ndarray) -> Posterior:
+    detector = Detector(toy_detector().knowledge)
+    view = detector.view()
+    features = detector.knowledge.model.mean[5][np.newaxis, : detector.knowledge.layout.size]
+    evidence = evidence_of(view, features)
+    return posterior_of(view, evidence, 0, limits=limits, gap_factor=factor)
+
+
+def test_each_gap_is_widened_by_its_own_factor_about_its_median() -> None:
+    plain = said((1.0,), np.zeros(2))
+    middles = np.array([gap.middle for gap in plain.gaps])
+    wide = said((3.0, 1.0), middles)
+    for one, other, factor in zip(plain.gaps, wide.gaps, (3.0, 1.0), strict=True):
+        assert other.middle == pytest.approx(one.middle)
+        assert other.high - other.middle == pytest.approx(factor * (one.high - one.middle))
+        assert other.middle - other.low == pytest.approx(factor * (one.middle - one.low))
+    assert wide.above == pytest.approx(0.5, abs=1e-3)
+    edge = said((3.0, 1.0), np.array([gap.high for gap in wide.gaps]))
+    assert edge.above == pytest.approx(0.025, abs=1e-3)
+
+
+def test_factors_hold_kinds_of_throws_the_same_and_leave_out_small_ones() -> None:
+    many, few = np.linspace(0.0, 1.0, 4000), np.linspace(0.0, 3.0, 400)
+    # of a mixture in equal parts 95 % lie below q: 1/2 + 1/2 q/3 = 0.95
+    assert calibrating._factor(many, few, otherwise=9.0) == pytest.approx(2.7, abs=0.01)
+    assert calibrating._factor(many, few[:10], otherwise=9.0) == pytest.approx(0.95, abs=0.01)
+    assert calibrating._factor(many[:3], few[:3], otherwise=9.0) == 9.0
+
+
+def test_sets_of_places_hold_the_true_one_in_nine_of_ten_new_throws() -> None:
+    """With probabilities that are far too sure."""
+    rng = np.random.default_rng(2)
+    logs = rng.standard_normal((4000, 8))
+    share = np.exp(logs) / np.exp(logs).sum(axis=1, keepdims=True)
+    true = np.array([rng.choice(8, p=row) for row in share])
+    sure = share**3 / (share**3).sum(axis=1, keepdims=True)
+    scores = [likelier(row, at) for row, at in zip(sure, true, strict=True)]
+    assert np.mean(np.array(scores) < 0.9) < 0.8
+    level = level_of_places(scores[:2000], otherwise=0.9)
+    assert np.mean(np.array(scores[2000:]) < level) == pytest.approx(0.9, abs=0.025)
+    assert level_of_places(scores[:5], otherwise=0.9) == 0.9
+
+
+def test_a_file_keeps_each_factor_and_reads_one_for_all(tmp_path: Path) -> None:
+    path = tmp_path / "a.detector"
+    toy_detector().save(path)
+    own, again = toy_detector().knowledge.calibrated, Detector.load(path).knowledge.calibrated
+    assert [item.gap_factor for item in own] == [item.gap_factor for item in again]
+    assert [item.place_level for item in own] == [item.place_level for item in again]
+    assert all(len(item.gap_factor) == 2 for item in own)
+    old = {"part": "cycle", "history": 0, "thresholds": {}, "throws": 1, "switches": 1}
+    single = {"residual": [], "size_factor": 1.0, "gap_factor": 1.5, "object_gap_factor": 2.0}
+    assert knowledge._calibrated(old | single).object_gap_factor == (2.0,)
