@@ -9,8 +9,8 @@ import turnout
 from turnout.core.toml import parse_toml
 from turnout.core.toml_edit import with_value
 from turnout.errors import FileError
-from turnout.panel.foreign_object import parse_object
 from turnout.panel.load import library_text, panel_from_file
+from turnout.panel.object_text import parse_object
 from turnout.web.request import RunRequest
 from turnout.web.scenario import command_line, panel_toml, python_script
 
