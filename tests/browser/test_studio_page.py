@@ -7,6 +7,7 @@ import pytest
 from tests.browser.conftest import Screen, opened
 
 from turnout.panel.load import library_text
+from turnout.panel.object_kind import KINDS
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -74,6 +75,18 @@ def test_sliders_change_numbers_lamps_and_rails(screen: Screen) -> None:
     assert low < float(screen.figure("end_force:2").split()[0])
     page.get_by_role("button", name="Reset to the panel's values").click()
     screen.settled()
+
+
+def test_kinds_of_objects_are_chosen(screen: Screen) -> None:
+    page = screen.page
+    choice = page.get_by_label("Kind", exact=True)
+    assert choice.locator("option").all_inner_texts() == list(KINDS)
+    force = float(screen.figure("object_end").split()[0])
+    screen.forget()
+    choice.select_option("snow")
+    screen.settled()
+    assert float(screen.figure("object_end").split()[0]) < force  # snow is compacted
+    assert "snow" in page.evaluate("document.getElementById('words').textContent")
 
 
 def test_without_an_object_the_switch_closes(screen: Screen) -> None:

@@ -92,6 +92,39 @@ def test_an_object_that_was_taken_out_or_never_fitted_is_not_trapped() -> None:
     )
 
 
+def broken(dataset: xr.Dataset, *left: float) -> xr.Dataset:
+    """Return a run that tells what is left of its objects [m]."""
+    return dataset.assign(object_left=("object", np.array(left)))
+
+
+def test_an_object_that_left_nothing_does_not_stay() -> None:
+    found = verdict(broken(run_with(), 0.0))
+    assert (found.kind, found.missed) == ("sound", False)
+    assert "13 mm at sleeper 6 broke and left nothing, and the switch locks" in found.text
+    assert verdict(broken(run_with(), 0.004)).missed
+    slipped = verdict(broken(run_with(slips="2"), 0.0))
+    assert slipped.kind == "detected by slip"
+    assert "13 mm at sleeper 6, which broke and left nothing; Drive 2 slips" in slipped.text
+    later = broken(run_with(), 0.0).assign(object_size=("object", np.zeros(1)))
+    assert "13 mm at sleeper 6 was gone before" in verdict(later).text
+
+
+def test_one_object_is_gone_and_the_other_stays() -> None:
+    (item,) = json.loads(run_with().attrs["foreign_objects"])
+    two = [item, {**item, "place": "sleeper 8", "size": 0.02}]
+    found = verdict(broken(run_with().assign_attrs(foreign_objects=json.dumps(two)), 0.0, 0.02))
+    assert found.kind == "undetected object"
+    assert "20 mm at sleeper 8 stays in the switch" in found.text
+    assert "13 mm at sleeper 6 broke and left nothing" in found.text
+
+
+def test_a_stone_that_splits_and_is_gone_is_told_as_such() -> None:
+    stone = ForeignObject("15 mm", "drive 1", kind="stone", strength="10 MPa", piece=0.0)
+    thrown = simulate(load_panel("uic60-760-1-15"), foreign_object=stone, mode="quick")
+    assert float(thrown["object_left"][0]) == 0.0
+    assert "15 mm at drive 1 broke and left nothing" in verdict(thrown).text
+
+
 def test_an_object_without_room_is_told_with_the_room_there_is() -> None:
     dataset = changed(run_with(), size=0.5).assign(object_placed=False)
     assert "500 mm at sleeper 6 (at most " in verdict(dataset).text

@@ -103,6 +103,36 @@ def test_friction_clutch_and_adjustment_drift() -> None:
     assert np.allclose(made["drive_force"][2], expected, rtol=1e-9, atol=1e-6)
 
 
+def test_clutches_of_machines_wear_too() -> None:
+    machines = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}
+    panel = PANEL.with_overrides(machines)
+    made = simulate_sequence(panel, throws=2, drift=Drift(clutch=0.25))
+    torque = {name: 0.75 * panel.machine[name].clutch.torque for name in machines.values()}
+    worn = panel.with_overrides({f"machine.{name}.clutch.torque": torque[name] for name in torque})
+    for number, expected in enumerate((panel, worn)):
+        alone = simulate(expected, mode="quick")
+        assert np.array_equal(made["drive_force"][number], alone["drive_force"])
+    assert not np.array_equal(made["drive_force"][0], made["drive_force"][1])
+
+
+def test_temperature_acts_on_chairs_only_where_that_is_said() -> None:
+    cold = Drift(temperature="-15 degC")
+    assert cold.overrides(PANEL, 1, 258.15) == {}
+    stiff = Drift(temperature="-15 degC", friction_temperature="-0.004 1/K", friction=0.1)
+    made = simulate_sequence(PANEL, throws=2, drift=stiff)
+    usual = PANEL.chair["1"].friction_coefficient
+    for number, factor in enumerate((1.1, 1.1 * 1.1)):  # 25 K below 10 degC; 0.1 a throw
+        there = PANEL.with_overrides({"chair.friction_coefficient": factor * usual})
+        expected = simulate(there, mode="quick")["drive_force"]
+        assert np.allclose(made["drive_force"][number], expected, rtol=1e-9, atol=1e-6)
+    with pytest.raises(ResponseError, match="needs temperature"):
+        Drift(friction_temperature="-0.004 1/K")
+    with pytest.raises(ResponseError, match="negative at 35 degC"):
+        Drift(friction_temperature="-0.1 1/K", temperature=("-5 degC", "35 degC"))
+    with pytest.raises(ResponseError, match="friction_temperature.*unit"):
+        Drift(friction_temperature="-0.004", temperature="-5 degC")
+
+
 def test_a_ridge_of_ice_covers_sleepers_and_an_object_may_lie_in_it() -> None:
     ridge = ForeignObject("10 mm", "sleeper 6", kind="ice", length="2 m", temperature="-1 degC")
     stone = ForeignObject("14 mm", "sleeper 6", kind="stone", strength="1 MPa")

@@ -3,12 +3,17 @@
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from turnout.errors import StudyError
+from turnout.response.simulate import simulate
 from turnout.study.load_study import load_study
 
-LIBRARY = ("stones", "winter-week", "one-year", "dry-chairs", "worn-clutch", "adjustment-drift")
+LIBRARY = (
+    *("stones", "winter-week", "one-year", "dry-chairs", "worn-clutch", "adjustment-drift"),
+    *("switch-states", "in-drive-faults"),
+)
 HEAD = """
 schema_version = 1
 name = "kinds"
@@ -112,5 +117,48 @@ def test_library_studies_label_their_throws(name: str) -> None:
         "dry-chairs": {"dry chairs"},
         "worn-clutch": {"worn clutch"},
         "adjustment-drift": {"adjustment"},
+        "switch-states": {"states of the switch"},
+        "in-drive-faults": {"none", "worn brush", "dry gear", "worn clutch", "backlash"},
     }
     assert name not in expected or causes == expected[name]
+
+
+def test_throws_of_in_drive_faults_differ_as_the_faults_say() -> None:
+    made = load_study("in-drive-faults")
+    usual = {
+        "machine.supply.voltage": 220.0,
+        "machine.supply.line_resistance": 2.0,
+        "machine.motor.temperature": 293.15,
+        "chair.friction_coefficient": 0.3,
+        **{f"machine.{name}.clutch.torque": machine.clutch.torque
+           for name, machine in made.panel.machine.items()},
+    }  # fmt: skip
+    thrown = {}
+    for item in (made.scenario(index) for index in range(17)):
+        inputs = item.inputs
+        key = tuple(str(inputs[f"label.{name}"]) for name in ("cause", "place", "size"))
+        panel = made.panel.with_overrides({**item.overrides, **usual})
+        thrown[key] = simulate(panel, mode="quick")
+        assert thrown[key].attrs["complete"]
+    assert len(thrown) == 17
+    sound = thrown["none", "", ""]
+    assert bool(sound["locked"][-1])
+    closing = sound["throw_time"].sel(drive="1")[-1]
+    brush = thrown["worn brush", "drive 1", "10 V, 5 ohm"]
+    assert brush["throw_time"].sel(drive="1")[-1] > closing + 0.05
+    level = sound["saturation_force"]
+    clutch = thrown["worn clutch", "drive 2", "-40 %"]["saturation_force"]
+    assert np.allclose(clutch / level, [1.0, 0.6])
+    gear = thrown["dry gear", "drive 1", "efficiency 0.6"]
+    assert np.allclose(gear["saturation_force"] / level, [0.6 / 0.9, 1.0])
+    loose = thrown["backlash", "drive 1", "1 mm"]
+    assert not np.allclose(loose["drive_force"], sound["drive_force"], atol=50.0)
+
+
+def test_throws_of_switch_states_are_complete() -> None:
+    made = load_study("switch-states")
+    for index in range(3):
+        thrown = simulate(made.panel.with_overrides(made.scenario(index).overrides), mode="quick")
+        assert thrown.attrs["complete"]
+        turned_over = float(np.abs(thrown["energy_strain"]).max())
+        assert float(np.abs(thrown["energy_residual"]).max()) < 1e-6 * turned_over

@@ -63,10 +63,10 @@ def read_drift(settings: Sequence[str]) -> "Drift":
 
 
 def _number_or_text(key: str, value: str) -> int | float | str:
-    """Return a plain number as one; lengths keep their text, so that a bare number is refused."""
-    from turnout.response.drift import LENGTHS
+    """Return a plain number; what needs a unit keeps its text, and a bare number is refused."""
+    from turnout.response.drift import WITH_UNIT
 
-    if key in LENGTHS:
+    if key in WITH_UNIT:
         return value
     try:
         return int(value) if key == "seed" else float(value)

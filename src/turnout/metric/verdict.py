@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
@@ -13,6 +13,7 @@ from turnout.metric.summary import format_force
 from turnout.metric.verdict_words import (
     accepted_by,
     narrow_flangeway,
+    nothing_left,
     out_of_control,
     slip_words,
     wide_gaps,
@@ -46,7 +47,7 @@ _NEEDED_WORDS = {"locked": "lock", "in_control": "control (TKK)", "drive_slippin
 _JUDGED = (
     *_NEEDED,
     *("drive_force", "drive_gap", "sensor_gap"),
-    *("object_touched", "contact_time", "object_contact_time"),
+    *("object_touched", "contact_time", "object_contact_time", "object_left", "object_size"),
     *("least_flangeway", "least_flangeway_x", "least_flangeway_rail"),
 )
 
@@ -62,9 +63,10 @@ class Verdict:
         on. "undetected object": an object is trapped, and lock, control and drives accept the
         movement. "detected by slip", "detected by lock", "detected by TKK": a drive slips, the
         lock is refused, or a sensor reports a gap; the first of these that holds, the sentence
-        names the others. The rest is for a switch in which no object is touched, or a drive slips
-        before: "not locked", a drive slips, the lock is refused, or a sensor reports a gap;
-        "not sound", only the flangeway is below its limit; "sound", every check is passed.
+        names the others. The rest is for a switch in which no object is touched, nothing is
+        left of one that is, or a drive slips before: "not locked", a drive slips, the lock is
+        refused, or a sensor reports a gap; "not sound", only the flangeway is below its limit;
+        "sound", every check is passed.
         "not judged": the dataset lacks what the verdict rests on, or an object does not fit.
     text : str
         One plain sentence with its numbers.
@@ -151,7 +153,10 @@ def _measured_slip(dataset: "xr.Dataset") -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Case:
-    """One object: when it was first touched and taken out [s], and what reports it."""
+    """One object: when it was first touched and taken out [s], and what reports it.
+
+    `fate` says what became of it where nothing is left at the end; else it is empty.
+    """
 
     what: str
     contact: float
@@ -159,6 +164,7 @@ class _Case:
     signs: tuple[tuple[Kind, str], ...]
     refused: bool
     accepted: str
+    fate: str = ""
 
     @property
     def touched(self) -> bool:
@@ -168,7 +174,7 @@ class _Case:
     @property
     def trapped(self) -> bool:
         """Whether it was touched and is still there at the end."""
-        return self.touched and math.isinf(self.gone)
+        return self.touched and math.isinf(self.gone) and not self.fate
 
 
 def _objects(dataset: "xr.Dataset") -> list[dict[str, Any]]:
@@ -213,12 +219,14 @@ def _cases(dataset: "xr.Dataset") -> list[_Case]:
     items = _objects(dataset)
     end = float(dataset["time"][-1])
     cases = []
-    for item, contact in zip(items, _contacts(dataset, len(items)), strict=True):
+    fates = nothing_left(dataset, len(items))
+    for item, contact, fate in zip(items, _contacts(dataset, len(items)), fates, strict=True):
         taken = item.get("disappears")
         gone = math.inf if taken is None or taken > end else float(taken)
         instrumented = dataset.attrs.get("instrumented_rail", item.get("rail"))
         position = "closed" if item.get("rail") in (None, instrumented) else "open"
-        cases.append(_case(dataset, _name(item), contact, gone, position))
+        case = _case(dataset, _name(item), contact, gone, position)
+        cases.append(replace(case, fate=fate))
     return cases
 
 
@@ -310,6 +318,7 @@ def _judged(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
         text = f"Undetected object: {what} {stays} in the switch, which {missed[0].accepted}"
         for case in caught:
             text += f"; {case.what} is detected: {'; '.join(reason for _, reason in case.signs)}"
+        text += _gone_texts(cases)
         faults = [] if caught else _faults(dataset)
         text += f"; apart from the object, {'; '.join(faults)}" if faults else ""
         return Verdict("undetected object", f"{text}.")
@@ -322,12 +331,21 @@ def _judged(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
         before = _faults(dataset, before=min(case.contact for case in caught))
         reasons = "; ".join(reason for _, reason in signs)
         reasons += f"; before contact, {'; '.join(before)}" if before else ""
-        return Verdict(signs[0][0], f"D{signs[0][0][1:]}: {what}; {reasons}.")
+        gone = _gone_texts(cases)
+        return Verdict(signs[0][0], f"D{signs[0][0][1:]}: {what}; {reasons}{gone}.")
     return _switch_alone(dataset, cases)
 
 
 def _removal_text(case: _Case) -> str:
-    return "" if math.isinf(case.gone) else f", taken out at t = {case.gone:.2f} s"
+    if math.isinf(case.gone):
+        return f", which {case.fate}" if case.fate else ""
+    return f", taken out at t = {case.gone:.2f} s"
+
+
+def _gone_texts(cases: list[_Case]) -> str:
+    """Say beside other objects which ones have left nothing, and were not detected."""
+    gone = [case for case in cases if case.touched and case.fate and not case.signs]
+    return "".join(f"; {case.what} {case.fate}" for case in gone)
 
 
 def _join_words(parts: list[str]) -> str:
@@ -355,6 +373,8 @@ def _untouched_text(case: _Case) -> str:
         return f"{case.what} was taken out at t = {case.gone:.2f} s"
     if not case.touched:
         return f"{case.what} is never touched"
+    if case.fate:
+        return f"{case.what} {case.fate}"
     return f"{case.what} is touched only after a slip"
 
 

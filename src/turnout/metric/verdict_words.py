@@ -64,6 +64,23 @@ def _gaps(dataset: "xr.Dataset") -> list[tuple[str, float, float]]:
     return found
 
 
+def nothing_left(dataset: "xr.Dataset", count: int) -> list[str]:
+    """Say of each object what became of it where nothing is left of it; empty where some is.
+
+    In a throw of a sequence it may have been gone before: its size at the start is 0 then.
+    """
+    if "object_left" not in dataset or dataset["object_left"].size != count:
+        return [""] * count
+    left = dataset["object_left"].values
+    before = np.full(count, math.inf)
+    if "object_size" in dataset and dataset["object_size"].size == count:
+        before = dataset["object_size"].values
+    return [
+        "" if not size <= 0.0 else "broke and left nothing" if start > 0.0 else "was gone before"
+        for size, start in zip(left, before, strict=True)
+    ]
+
+
 def wide_gaps(dataset: "xr.Dataset") -> str:
     """Name the gaps at drives that are at or above their limits; empty where there are none."""
     return " and ".join(

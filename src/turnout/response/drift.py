@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from turnout.core.units import LENGTH, TEMPERATURE, parse_quantity
+from turnout.core.units import LENGTH, TEMPERATURE, TEMPERATURE_COEFFICIENT, parse_quantity
 from turnout.errors import ResponseError
 from turnout.integrate.integration import History
 from turnout.mechanism.mechanism import Mechanism
@@ -25,6 +25,8 @@ LEAST_LEFT = 5e-4
 """What is thinner is gone [m]."""
 LENGTHS = ("ice_growth", "snow_growth", "melting", "adjustment")
 """Of the rates."""
+WITH_UNIT = (*LENGTHS, "friction_temperature", "friction_reference")
+"""A text of these needs a unit."""
 _AT_LEAST_ZERO = ("ice_growth", "snow_growth", "melting", "fall")
 _CHANCES = ("fall", "clutch")
 
@@ -46,8 +48,14 @@ class Drift:
         Chance that what has broken falls out after a throw [-].
     friction : float
         Added after each throw to the factor of the friction of all chairs [-].
+    friction_temperature : float or str
+        Change of that factor for each kelvin above `friction_reference`, as a rule negative
+        [1/K]; needs `temperature`, which without it leaves the chairs alone.
+    friction_reference : float or str
+        Where temperature does not change the friction of chairs [K]; default 10 degC.
     clutch : float
-        Share of the slip level that each drive loses after each throw [-].
+        Share of the slip level that each drive loses after each throw [-]; of a drive that is a
+        machine the torque of its clutch.
     adjustment : float or str
         Added after each throw to the closing over-travel of every drive, which moves the closed
         blade against its stock rail [m].
@@ -66,6 +74,8 @@ class Drift:
     melting: float | str = 0.0
     fall: float = 0.0
     friction: float = 0.0
+    friction_temperature: float | str = 0.0
+    friction_reference: float | str = 283.15
     clutch: float = 0.0
     adjustment: float | str = 0.0
     seed: int = 0
@@ -85,8 +95,29 @@ class Drift:
             object.__setattr__(self, item.name, number)
         if not isinstance(self.seed, int) or isinstance(self.seed, bool):
             problems.append(f"seed = {self.seed!r}: must be a whole number")
+        if not problems:
+            problems += self._faults_of_temperature()
         if problems:
             raise ResponseError("drift: " + "; ".join(problems))
+
+    def _faults_of_temperature(self) -> list[str]:
+        """Say what keeps the temperature from acting on the friction of chairs."""
+        if not self.friction_temperature:
+            return []
+        shown = f"friction_temperature = {self.friction_temperature:g} 1/K"
+        if self.temperature is None:
+            return [f"{shown}: needs temperature, such as -20 degC to 5 degC"]
+        course = np.atleast_1d(np.asarray(self.temperature, dtype=float))
+        least = course[np.argmin(self._temperature_factor(course))]
+        if self._temperature_factor(least) < 0.0:
+            warm = f"{least - MELTING:g} degC"
+            return [f"{shown}: friction would be negative at {warm}; take a smaller one"]
+        return []
+
+    def _temperature_factor(self, temperature: np.ndarray) -> np.ndarray:
+        """Return the factor of friction, 1 + k (T - T0), at temperatures [K]."""
+        above = temperature - float(self.friction_reference)
+        return np.asarray(1.0 + float(self.friction_temperature) * above)
 
     def temperatures(self, throws: int) -> np.ndarray | None:
         """Return the temperature at each throw [K]; None where objects keep their own."""
@@ -96,11 +127,15 @@ class Drift:
         places = np.linspace(0.0, 1.0, throws)
         return np.asarray(np.interp(places, np.linspace(0.0, 1.0, course.size), course))
 
-    def overrides(self, panel: LoadedPanel, number: int) -> dict[str, object]:
-        """Return what differs from the panel at a throw, counted from 0."""
+    def overrides(
+        self, panel: LoadedPanel, number: int, temperature: float | None = None
+    ) -> dict[str, object]:
+        """Return what differs from the panel at a throw, counted from 0, at a temperature [K]."""
         found: dict[str, object] = {}
-        if self.friction and number:
-            factor = 1.0 + self.friction * number
+        factor = 1.0 + self.friction * number
+        if self.friction_temperature and temperature is not None:
+            factor *= float(self._temperature_factor(np.asarray(temperature)))
+        if factor != 1.0:
             values = {name: chair.friction_coefficient for name, chair in panel.chair.items()}
             if len(set(values.values())) == 1:
                 found["chair.friction_coefficient"] = factor * next(iter(values.values()))
@@ -111,9 +146,13 @@ class Drift:
             if self.adjustment and number:
                 reach = drive.over_travel_closed + float(self.adjustment) * number
                 found[f"drive.{name}.over_travel_closed"] = reach
-            if self.clutch and number and drive.machine is None:
-                level = drive.saturation_force * (1.0 - self.clutch) ** number
-                found[f"drive.{name}.saturation_force"] = level
+            if self.clutch and number:
+                left = (1.0 - self.clutch) ** number
+                if drive.machine is None:
+                    found[f"drive.{name}.saturation_force"] = drive.saturation_force * left
+                else:
+                    torque = panel.machine[drive.machine].clutch.torque
+                    found[f"machine.{drive.machine}.clutch.torque"] = torque * left
         return found
 
 
@@ -126,7 +165,14 @@ def _read(name: str, value: object) -> object:
             message = "must be between 200 K and 350 K"
             raise ValueError(message)
         return course
-    if name in LENGTHS:
+    if name == "friction_reference":
+        number = parse_quantity(value, TEMPERATURE, si=True)
+        if not 200.0 <= number <= 350.0:
+            message = "must be between 200 K and 350 K"
+            raise ValueError(message)
+    elif name == "friction_temperature":
+        number = parse_quantity(value, TEMPERATURE_COEFFICIENT, si=True)
+    elif name in LENGTHS:
         number = parse_quantity(value, LENGTH, si=True)
     elif isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         message = "must be a finite plain number"

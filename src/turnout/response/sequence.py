@@ -213,7 +213,7 @@ def _throw_all(
         parts = _at_temperature(parts, warmth)
         overrides = dict(change(number)) if change is not None else {}
         panel = series.panel.with_overrides(overrides) if overrides else series.panel
-        if drifted := series.drift.overrides(panel, number):
+        if drifted := series.drift.overrides(panel, number, warmth):
             panel = panel.with_overrides(drifted)
         try:
             solved = solve_placed(panel, parts, scheme=series.scheme)
