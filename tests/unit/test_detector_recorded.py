@@ -118,3 +118,13 @@ def test_a_table_has_a_row_a_throw(tmp_path: Path) -> None:
     path.write_text("time,force\n0,1\n")
     with pytest.raises(FileError, match="rate"):
         read_throws(path)
+
+
+def test_a_row_that_ends_early_cannot_be_judged(tmp_path: Path) -> None:
+    path = tmp_path / "throws.csv"
+    samples = " ".join(["1"] * 20)
+    head = "throw,rate [Hz],direction,force 1 [N],force 2 [N]\n"
+    path.write_text(f"{head}a,125,closing,{samples},{samples}\nb,125,closing\n", encoding="utf-8")
+    *_, short = read_table(path)
+    assert short.name == "b"
+    assert short.fault

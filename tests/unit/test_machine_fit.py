@@ -281,3 +281,26 @@ def test_bad_options(options: list[str], words: str, tmp_path: Path) -> None:
     assert code == 2
     assert words in errors
     assert "Traceback" not in errors
+
+
+def test_a_series_motor_gives_back_the_forces_of_its_own_curve() -> None:
+    """Noise-free: torque goes by i^2/(1 + i/i_s), from 1 A idle to 2 A at 4 kN."""
+    saturation, idle, slip, force = 6.0, 1.0, 2.0, 4000.0
+
+    def shape(current: float) -> float:
+        return current**2 / (1.0 + current / saturation)
+
+    anchor = gauge_anchor(
+        slip_current=slip, idle=idle, force=force, force_deviation=80.0,
+        saturation_current=saturation,
+    )  # fmt: skip
+    for current in (1.2, 1.5, 1.8, 2.0):
+        wanted = force * (shape(current) - shape(idle)) / (shape(slip) - shape(idle))
+        found = anchor.force(current)
+        assert found.value == pytest.approx(wanted)
+        assert found.deviation >= 0.0199 * wanted
+    straight = gauge_anchor(slip_current=slip, idle=idle, force=force, force_deviation=80.0)
+    assert straight.force(1.5).value == pytest.approx(2000.0)
+    step = anchor.force(1.5, deviation=1e-3).deviation ** 2 - anchor.force(1.5).deviation ** 2
+    slope = (anchor.force(1.501).value - anchor.force(1.499).value) / 0.002
+    assert step**0.5 == pytest.approx(1e-3 * slope, rel=1e-3)

@@ -162,6 +162,18 @@ def test_what_was_thrown_comes_back_after_an_interruption(monkeypatch: pytest.Mo
     assert partial.attrs["outcome"] == "interrupted"
 
 
+def test_an_interruption_between_two_throws_keeps_them_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sequence, "aged_objects", interrupted)
+    made = simulate_sequence(load_panel("sb1"), throws=3, mode="quick", throw=False)
+    assert made.sizes["throw"] == 1
+    assert made.attrs["outcome"] == "interrupted"
+
+
 def test_a_sequence_is_written_and_read(tmp_path) -> None:
     ice = ForeignObject("15 mm", "sleeper 6", kind="ice")
     made = simulate_sequence(PANEL, throws=2, foreign_object=ice, drift=Drift(temperature=260.0))

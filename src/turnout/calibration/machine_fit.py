@@ -227,7 +227,9 @@ def fit_machines(
         both = [level.current for key, (_, own) in cut.items() if key[0] == drive for level in own]
         lowest = min(both, default=math.inf)
         line = _line(spans, items, (kind, saturation_current, lowest))
-        anchor = _anchor(drive, line, slip, idle or {}, gauges or {}, sisters or {})
+        series = saturation_current if kind == "series" else None
+        given = (idle or {}, gauges or {}, sisters or {})
+        anchor = _anchor(drive, line, slip, *given, series=series)
         known = line.idle.value if isinstance(line, LoadLine) else (idle or {}).get(drive)
         held = [level.held for level in levels if math.isfinite(level.held)]
         found.append(
@@ -299,8 +301,14 @@ def _anchor(
     idle: Mapping[str, float],
     gauges: Mapping[str, Gauge],
     sisters: Mapping[str, Sister],
+    *,
+    series: float | None,
 ) -> ForceAnchor | None:
-    """Return the best anchor there is: forces, then a gauge, then a sister machine."""
+    """Return the best anchor there is: forces, then a gauge, then a sister machine.
+
+    `series` is the saturation current of a series motor [A]. Of that a sister's slope says nothing,
+    since the current does not rise straight.
+    """
     if isinstance(line, LoadLine):
         return ForceAnchor(
             kind="force at the drive",
@@ -308,6 +316,7 @@ def _anchor(
             slope_deviation=line.slope.deviation,
             idle=line.idle.value,
             idle_deviation=line.idle.deviation,
+            series=None if series is None else (line.reference, series),
         )
     if drive not in idle:
         return None
@@ -318,8 +327,9 @@ def _anchor(
             idle=idle[drive],
             force=gauges[drive].force,
             force_deviation=gauges[drive].deviation,
+            saturation_current=series,
         )
-    if drive in sisters:
+    if drive in sisters and series is None:
         sister = sisters[drive]
         return sister_anchor(slope=sister.slope, spread=sister.spread, idle=idle[drive])
     return None

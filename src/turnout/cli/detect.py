@@ -70,7 +70,7 @@ def train_command(
         ),
     ] = None,
     sound: Annotated[
-        int, typer.Option("--sound", metavar="N", min=400, help="Sound throws.")
+        int, typer.Option("--sound", metavar="N", min=420, help="Sound throws.")
     ] = 4000,
     objects: Annotated[
         int, typer.Option("--objects", metavar="N", min=200, help="Throws with objects.")

@@ -134,7 +134,8 @@ def print_sequence(dataset: "xr.Dataset", written: Sequence[Path]) -> None:
     typer.echo(
         f"{'throw':>6} {'size':>10} {'left':>10} {'object':>9} {'drives':>14}  lock, control"
     )
-    for row in rows[::every]:
+    shown = rows[::every]
+    for row in shown if shown[-1:] == rows[-1:] else [*shown, rows[-1]]:
         size = "+".join(f"{1e3 * value:.1f}" for value in row["size"]) or "-"
         left = "+".join(f"{1e3 * value:.1f}" for value in row["left"]) or "-"
         peak = 1e-3 * row["object_force_peak"]

@@ -202,7 +202,7 @@ def _of_row(row: dict[str, str], number: int, drives: tuple[str, ...]) -> Record
     direction = (row.get(DIRECTION) or "").strip().lower()
     try:
         rate = float(row[RATE])
-        lines = [[float(item) for item in row[f"{FORCE}{d}{UNIT}"].split()] for d in drives]
+        lines = [[float(item) for item in (row[f"{FORCE}{d}{UNIT}"] or "").split()] for d in drives]
         start = float(row[START]) if (row.get(START) or "").strip() else float("nan")
     except (ValueError, TypeError, KeyError) as error:
         return _faulty(name, f"holds what is no number ({error})")

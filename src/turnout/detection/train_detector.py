@@ -18,6 +18,7 @@ from turnout.detection.throws import nominal_amplitude
 from turnout.detection.training import read_set, setting_of, teach
 from turnout.detection.training_plan import OBJECT, SOUND
 from turnout.detection.training_sets import Counts, throw_plans, training_plans
+from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
 from turnout.study.study import Study
 from turnout.sweep.run import SweepProgress
@@ -26,6 +27,9 @@ HELD_BACK = 0.25
 """Share of the sound throws that thresholds are taken from [-]."""
 HISTORIES = (5, 20)
 """Sound throws known of a switch that thresholds are taken for, beside none."""
+
+LEAST_COUNT = 420
+"""Sound throws to ask for: of what is not held back, `LEAST_SOUND` must end."""
 
 Report = Callable[[str, int, int], None]
 
@@ -64,6 +68,12 @@ def train_detector(
     """
     population = study or reference_study(panel)
     chosen = counts or Counts()
+    if chosen.sound < LEAST_COUNT:
+        message = (
+            f"sound = {chosen.sound}: a quarter of the sound throws is held back for thresholds; "
+            f"give {LEAST_COUNT} at least"
+        )
+        raise StudyError([message])
     plans = training_plans(population, chosen)
     datasets = throw_plans(plans, folder, workers=workers, report=watch)
     setting = setting_of(

@@ -305,7 +305,8 @@ def _march_in_chunks(
                 report(done, n_steps)
     except KeyboardInterrupt:  # between two kernels
         return Code.INTERRUPTED, done
-    return Code.COMPLETE, done
+    stopped = bool(run.work.stop[0])  # in the last kernel, after its last step
+    return (Code.INTERRUPTED if stopped else Code.COMPLETE), done
 
 
 def _name_unconverged(mechanism: Mechanism, run: PreparedRun) -> tuple[str, ...]:

@@ -121,7 +121,8 @@ def clutch_trend(levels: Sequence[SlipLevel], *, idle: float | None) -> ClutchTr
     share = None
     if idle is not None:
         first = float(current.mean() - slope * (number.mean() - number.min())) - idle
-        share = Estimate.of(slope / first, deviation / first, number.size - 1)
+        if first > 0.0:  # else the idle current is not one of this clutch
+            share = Estimate.of(slope / first, deviation / first, number.size - 1)
     return ClutchTrend(
         per_throw=per_throw, share=share, changes=per_throw.low > 0.0 or per_throw.high < 0.0
     )

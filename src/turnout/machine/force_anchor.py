@@ -28,6 +28,9 @@ class ForceAnchor:
         Rise of the current with the force, and its standard deviation [A/N].
     idle, idle_deviation : float
         Current without force [A].
+    series : tuple of float or None
+        Of a series motor, whose torque goes by i^2/(1 + i/i_s): the force at the end of the chord
+        that `slope` is [N], and i_s [A]. None: the current rises straight.
     """
 
     kind: AnchorKind
@@ -35,6 +38,7 @@ class ForceAnchor:
     slope_deviation: float
     idle: float
     idle_deviation: float
+    series: tuple[float, float] | None = None
 
     def force(self, current: float, *, deviation: float = 0.0) -> Estimate:
         """Return the force at a current, with its standard deviation and 95 % interval [N].
@@ -51,13 +55,28 @@ class ForceAnchor:
         >>> round(force.value), round(force.deviation)
         (3000, 60)
         """
-        force = (current - self.idle) / self.slope
+        reference, saturation = self.series or (1.0, 0.0)
+        top = self.idle + self.slope * reference
+        torques, rises = zip(
+            *(_motor_shape(i, saturation) for i in (current, self.idle, top)), strict=True
+        )
+        above, whole = torques[0] - torques[1], torques[2] - torques[1]
+        force = reference * above / whole
+        by_idle = (rises[1] * whole + above * (rises[2] - rises[1])) * reference / whole**2
         spread = math.hypot(
-            deviation / self.slope,
-            self.idle_deviation / self.slope,
-            force * self.slope_deviation / self.slope,
+            deviation * reference * rises[0] / whole,
+            self.idle_deviation * by_idle,
+            self.slope_deviation * force * reference * rises[2] / whole,
         )
         return Estimate(force, spread, force - REACH * spread, force + REACH * spread, 1)
+
+
+def _motor_shape(current: float, saturation: float) -> tuple[float, float]:
+    """Return what torque is proportional to, and its derivative by the current."""
+    if saturation == 0.0:
+        return current, 1.0
+    share = 1.0 + abs(current) / saturation
+    return current * abs(current) / share, abs(current) * (1.0 + share) / share**2
 
 
 def gauge_anchor(
@@ -68,6 +87,7 @@ def gauge_anchor(
     force_deviation: float,
     slip_deviation: float = 0.0,
     idle_deviation: float = 0.0,
+    saturation_current: float | None = None,
 ) -> ForceAnchor:
     """Return the anchor that a gauge of the clutch's force gives: slope = (i_s - i_0)/F.
 
@@ -79,6 +99,8 @@ def gauge_anchor(
         Without force on the rod, such as with the rod taken off [A].
     force, force_deviation : float
         What the gauge shows while the clutch slips [N].
+    saturation_current : float, optional
+        Of a series motor [A]; left out, the current rises straight.
 
     Raises
     ------
@@ -101,6 +123,7 @@ def gauge_anchor(
         slope_deviation=slope * relative,
         idle=idle,
         idle_deviation=idle_deviation,
+        series=None if saturation_current is None else (force, saturation_current),
     )
 
 

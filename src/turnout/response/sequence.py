@@ -165,7 +165,8 @@ class _Series:
         """Return all throws as one dataset."""
         import xarray as xr
 
-        count = len(self.kept)
+        count = len(self.sizes)  # Ctrl-C may have come between the two lists
+        del self.kept[count:]
         channels: dict[str, Variable] = {}
         for name in dict.fromkeys(name for kept in self.kept for name in kept):
             dims, first = next(kept[name] for kept in self.kept if name in kept)
@@ -208,27 +209,28 @@ def _throw_all(
     temperatures = series.drift.temperatures(series.throws)
     random = np.random.default_rng(series.drift.seed)
     outcome = Outcome(Code.COMPLETE, 0.0, 0, 0.0)
-    for number in range(series.throws):
-        warmth = None if temperatures is None else float(temperatures[number])
-        parts = _at_temperature(parts, warmth)
-        overrides = dict(change(number)) if change is not None else {}
-        panel = series.panel.with_overrides(overrides) if overrides else series.panel
-        if drifted := series.drift.overrides(panel, number, warmth):
-            panel = panel.with_overrides(drifted)
-        try:
+    number = 0
+    try:
+        for number in range(series.throws):
+            warmth = None if temperatures is None else float(temperatures[number])
+            parts = _at_temperature(parts, warmth)
+            overrides = dict(change(number)) if change is not None else {}
+            panel = series.panel.with_overrides(overrides) if overrides else series.panel
+            if drifted := series.drift.overrides(panel, number, warmth):
+                panel = panel.with_overrides(drifted)
             solved = solve_placed(panel, parts, scheme=series.scheme)
-        except KeyboardInterrupt:
-            return Outcome(Code.INTERRUPTED, 0.0, number, 0.0)
-        outcome = solved.history.outcome
-        if not outcome.complete:
-            return outcome
-        series.add(panel, solved, parts)
-        parts = aged_objects(
-            parts, solved.mechanism, solved.history, panel=panel, drift=series.drift,
-            temperature=warmth, random=random, densities=densities,
-        )  # fmt: skip
-        if report is not None:
-            report(number + 1, series.throws)
+            outcome = solved.history.outcome
+            if not outcome.complete:
+                return outcome
+            series.add(panel, solved, parts)
+            parts = aged_objects(
+                parts, solved.mechanism, solved.history, panel=panel, drift=series.drift,
+                temperature=warmth, random=random, densities=densities,
+            )  # fmt: skip
+            if report is not None:
+                report(number + 1, series.throws)
+    except KeyboardInterrupt:
+        return Outcome(Code.INTERRUPTED, 0.0, number, 0.0)
     return outcome
 
 
