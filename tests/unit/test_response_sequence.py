@@ -222,6 +222,8 @@ def test_the_command_throws_many_times(tmp_path) -> None:
         (["--throws", "2", "--drift", "ice_grow=1mm"], "nearest is 'ice_growth'"),
         (["--throws", "2", "--drift", "ice_growth=1"], "has no unit"),
         (["--throws", "2", "--drift", "friction"], "is not KEY=VALUE"),
+        (["--throws", "2", "--drift", "friction=1", "--drift", "friction=2"], "is given twice"),
+        (["--throws", "2", "--drift", "temperature=-20 degC to"], "give both ends"),
         (["--throws", "2", "--plot", "a.png"], "--plot"),
         (["--object", "20mm icee@sleeper6"], "nearest is 'ice'"),
         (["--object", "20mm wood@sleeper6, density=400 kg/m^3"], "for 'snow'"),

@@ -50,6 +50,10 @@ def read_drift(settings: Sequence[str]) -> "Drift":
             problems.append(
                 f'--drift "{setting}": there is no such key{nearest(key, names)}; {known}'
             )
+        elif key in found:
+            problems.append(f'--drift "{setting}": {key} is given twice')
+        elif key == "temperature" and value.split()[-1] == "to":
+            problems.append(f'--drift "{setting}": give both ends, as in "-20 degC to -5 degC"')
         elif key == "temperature":
             found[key] = tuple(part.strip() for part in value.split(" to "))
         else:

@@ -11,11 +11,12 @@ factor :math:`1 \pm \alpha` so that signatures reach those between them:
 :math:`w_{ic}` prefers signatures of about that friction level. The density of a throw that is
 further from what is expected than the noise explains falls less fast than the normal one:
 
-.. math:: \log N = -\tfrac12 \log\det C - \tfrac12 \begin{cases} Q & Q \le n \\
-    n\,(1 + \log(Q / n)) & Q > n \end{cases}, \qquad Q = (y - m)^T C^{-1} (y - m)
+.. math:: \log N = -\tfrac12 \log\det C - \tfrac12 \begin{cases} Q & Q \le u \\
+    u\,(1 + \log(Q / u)) & Q > u \end{cases}, \qquad Q = (y - m)^T C^{-1} (y - m)
 
-which is the normal density with its scale, never below 1, fitted to the throw. A wrong model then
-does not make small differences count as much as they would in a throw that fits.
+with :math:`u = n + 3 \sqrt{2 n}`, within which :math:`Q` of n normal features stays but for one
+throw in a thousand. Beyond it the density falls like that of a normal one whose scale is fitted to
+the throw: a wrong model does not make small differences count as much as in a throw that fits.
 """
 
 from dataclasses import dataclass, replace
