@@ -10,11 +10,13 @@ import numpy as np
 from turnout.metric.channel_features import final_value
 from turnout.metric.slip import TIME_TOLERANCE, Slip, Span, movements, slips
 from turnout.metric.summary import format_force
+from turnout.metric.trapped import is_trapped
 from turnout.metric.verdict_words import (
     accepted_by,
     narrow_flangeway,
     nothing_left,
     out_of_control,
+    sizes_left,
     slip_words,
     wide_gaps,
 )
@@ -155,7 +157,8 @@ def _measured_slip(dataset: "xr.Dataset") -> str:
 class _Case:
     """One object: when it was first touched and taken out [s], and what reports it.
 
-    `fate` says what became of it where nothing is left at the end; else it is empty.
+    `fate` says what became of it where nothing is left at the end, else it is empty; `left` is the
+    size that is left of it [m], NaN where all is.
     """
 
     what: str
@@ -165,6 +168,7 @@ class _Case:
     refused: bool
     accepted: str
     fate: str = ""
+    left: float = math.nan
 
     @property
     def touched(self) -> bool:
@@ -174,7 +178,7 @@ class _Case:
     @property
     def trapped(self) -> bool:
         """Whether it was touched and is still there at the end."""
-        return self.touched and math.isinf(self.gone) and not self.fate
+        return bool(is_trapped(self.contact, self.gone, self.left))
 
 
 def _objects(dataset: "xr.Dataset") -> list[dict[str, Any]]:
@@ -219,14 +223,15 @@ def _cases(dataset: "xr.Dataset") -> list[_Case]:
     items = _objects(dataset)
     end = float(dataset["time"][-1])
     cases = []
-    fates = nothing_left(dataset, len(items))
-    for item, contact, fate in zip(items, _contacts(dataset, len(items)), fates, strict=True):
+    left, fates = sizes_left(dataset, len(items)), nothing_left(dataset, len(items))
+    contacts = _contacts(dataset, len(items))
+    for item, contact, size, fate in zip(items, contacts, left, fates, strict=True):
         taken = item.get("disappears")
         gone = math.inf if taken is None or taken > end else float(taken)
         instrumented = dataset.attrs.get("instrumented_rail", item.get("rail"))
         position = "closed" if item.get("rail") in (None, instrumented) else "open"
         case = _case(dataset, _name(item), contact, gone, position)
-        cases.append(replace(case, fate=fate))
+        cases.append(replace(case, fate=fate, left=size))
     return cases
 
 

@@ -13,6 +13,7 @@ from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import Mechanism
 from turnout.metric.features import FEATURES, run_features
 from turnout.metric.slip import Span
+from turnout.metric.trapped import is_trapped
 from turnout.panel.load import LoadedPanel
 from turnout.response.labels import control_states, force_margins
 from turnout.response.route import Throw
@@ -24,6 +25,7 @@ Variables = dict[str, Variable]
 LABELS = {
     "object_force_peak": ("N", "largest force on foreign objects"),
     "object_force_end": ("N", "force on foreign objects at the end"),
+    "object_trapped": ("1", "whether a foreign object was touched and is still there at the end"),
     "slipped": ("1", "whether a drive slipped in the last movement"),
     "slipped_free": ("1", "whether a drive slipped before any object was touched"),
     "end_locked": ("1", "lock rule met at the end"),
@@ -45,7 +47,8 @@ class ThrowSignals:
     time : ndarray, shape (n_times,)
         Every instant that the solver kept [s].
     signals : dict
-        Forces of drives and objects at these, what was touched when, and flangeways.
+        Forces of drives and objects at these, what was touched when and what is left of it, and
+        flangeways.
     kept : dict
         Histories at the rate of the study.
     end_gaps : tuple of ndarray
@@ -90,7 +93,7 @@ def compute_labels(runs: Sequence[ThrowSignals]) -> list[Variables]:
         features = _drive_features(together, spans[numbers[0]])
         for number, item, values in zip(numbers, together, features, strict=True):
             labels = values | object_labels(item.time, item.signals, spans=spans[number])
-            found[number] = labels | _state_labels(item)
+            found[number] = labels | _state_labels(item) | _trapped_label(item)
     return found
 
 
@@ -138,6 +141,20 @@ def _state_labels(item: ThrowSignals) -> Variables:
         f"end_{name}": (dims[:-1], np.asarray(values[..., -1]))
         for name, (dims, values) in states.items()
     }
+
+
+def _trapped_label(item: ThrowSignals) -> Variables:
+    """Return whether an object that was touched is still there at the end."""
+    groups = item.mechanism.index.object_laws.values()
+    contact = item.signals.get("object_contact_time", item.signals["contact_time"])
+    taken = np.array([item.mechanism.laws.disappears[own[0]] for own in groups])
+    left = item.signals.get("object_left", (("object",), np.full(taken.size, np.nan)))
+    trapped = is_trapped(
+        np.broadcast_to(float_values(contact), taken.shape),
+        np.where(taken > item.time[-1], np.inf, taken),
+        float_values(left),
+    )
+    return {"object_trapped": ((), np.asarray(trapped.any()))}
 
 
 def object_labels(time: Floats, every: Variables, *, spans: Sequence[Span]) -> Variables:

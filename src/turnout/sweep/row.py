@@ -25,7 +25,7 @@ from turnout.response.gaps import drive_and_sensor_gaps
 from turnout.response.labels import contact_labels, flangeway_labels
 from turnout.response.recovery import Motion, recover_motion
 from turnout.response.save import Save
-from turnout.response.signals import Variable, drive_signals, object_signals
+from turnout.response.signals import Variable, drive_signals, object_memory, object_signals
 from turnout.response.simulate import Solved, solve_placed
 from turnout.scheme import Scheme
 from turnout.study.scenario import Scenario
@@ -234,7 +234,7 @@ def extract_signals(study: Study, panel: LoadedPanel, solved: Solved) -> ThrowSi
     """
     given, every, stride = (panel, solved.mechanism), solved.history, output_stride(study)
     signals = drive_signals(*given, every) | object_signals(solved.mechanism, every)
-    signals |= contact_labels(solved.mechanism, every)
+    signals |= contact_labels(solved.mechanism, every) | object_memory(solved.mechanism, every)
     machine_slips(every, np.asarray(signals["drive_slipping"][1]))
     signals |= machine_signals(panel, every)
     moved = moved_throws(panel, every)
