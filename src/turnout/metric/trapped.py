@@ -27,6 +27,6 @@ def is_trapped(contact: ArrayLike, taken: ArrayLike, left: ArrayLike) -> NDArray
     >>> is_trapped([7.1, 7.1, float("nan"), 7.1], [never, never, never, 9.0], [0.01, 0, 0.01, 0.01])
     array([ True, False, False, False])
     """
-    gone = np.asarray(left, dtype=np.float64) <= 0.0  # False for NaN
-    kept = np.isinf(np.asarray(taken, dtype=np.float64)) & ~gone
-    return np.asarray((np.asarray(contact, dtype=np.float64) < taken) & kept)
+    first, end, size = (np.asarray(item, dtype=np.float64) for item in (contact, taken, left))
+    gone = size <= 0.0  # not where it is NaN
+    return np.asarray((first < end) & np.isinf(end) & ~gone)

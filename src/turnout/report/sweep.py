@@ -17,8 +17,8 @@ from turnout.metric.sweep_map import (
     STATES,
     UNDETECTED,
     end_state,
-    trapped_objects,
     sweep_map,
+    trapped_objects,
 )
 from turnout.plot.draw import draw_sheet
 from turnout.plot.sheet import Line, Row, Sheet

@@ -6,6 +6,7 @@ Rates are constant, a temperature may take a course. Usual values and origins: d
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -175,7 +176,8 @@ def check_drift(panel: LoadedPanel, drift: Drift, throws: int) -> None:
     for names in _CAUSES:
         given = [name for name in names if getattr(drift, name)]
         others = [name for cause in _CAUSES if cause != names for name in cause]
-        alone = replace(drift, **dict.fromkeys(others, 0.0))
+        none: dict[str, Any] = dict.fromkeys(others, 0.0)
+        alone = replace(drift, **none)
         temperatures = drift.temperatures(throws)
         for number in _extremes(alone, temperatures, throws) if given else ():
             warmth = None if temperatures is None else float(temperatures[number])

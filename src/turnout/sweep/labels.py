@@ -49,6 +49,8 @@ class ThrowSignals:
     signals : dict
         Forces of drives and objects at these, what was touched when and what is left of it, and
         flangeways.
+    recorded_force : ndarray, shape (n_drives, n_times)
+        Drive forces as they were recorded, of which features are made [N].
     kept : dict
         Histories at the rate of the study.
     end_gaps : tuple of ndarray
@@ -61,6 +63,7 @@ class ThrowSignals:
     mechanism: Mechanism
     time: Floats
     signals: Variables
+    recorded_force: Floats
     kept: Variables
     end_gaps: tuple[Floats, Floats]
     moved: tuple[Throw, ...]
@@ -105,7 +108,7 @@ def _drive_features(runs: Sequence[ThrowSignals], spans: tuple[Span, ...]) -> li
     """Return the features of each drive and movement, the drives of all throws at once."""
     found = run_features(
         runs[0].time,
-        np.concatenate([item.signals["drive_force"][1] for item in runs]).astype(np.float64),
+        np.concatenate([item.recorded_force for item in runs]),
         spans=spans,
         limits=np.array(
             [slip_force(item.panel, name) for item in runs for name in item.panel.drive]
