@@ -10,6 +10,8 @@ from typer.testing import CliRunner
 from turnout.cli.main import app, main
 from turnout.errors import PanelError, ResponseError
 from turnout.integrate.outcome import NotConverged
+from turnout.metric.throw_table import throw_table
+from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.response import sequence
@@ -279,6 +281,23 @@ def test_the_command_throws_many_times(tmp_path) -> None:
     assert open_response(out).sizes["throw"] == 2
     shown = CliRunner().invoke(app, ["simulate", "--throws", "2"])
     assert "locked, in control" in shown.stdout
+    assert [row["verdict"] for row in record["throws"]] == ["detected by TKK"] * 2
+
+
+def test_each_throw_of_a_sequence_has_its_verdict() -> None:
+    """Lock and control at the end know nothing of the movement before; a verdict does."""
+    stone = ForeignObject("10 mm", "drive 1", kind="stone")
+    made = simulate_sequence(PANEL, throws=2, foreign_object=stone)
+    assert [row["verdict"] for row in throw_table(made)] == ["sound", "sound"]
+    assert "broke and left nothing" in verdict(made.isel(throw=0)).text
+    assert "was gone before" in verdict(made.isel(throw=1)).text
+    ice = ForeignObject("10 mm", "drive 1", kind="ice")
+    crushed = simulate_sequence(PANEL, throws=2, foreign_object=ice)
+    assert [row["verdict"] for row in throw_table(crushed)] == ["undetected object"] * 2
+    assert "2 mm at drive 1 stays" in verdict(crushed.isel(throw=1)).text
+    weak = PANEL.with_overrides({"drive.2.saturation_force": "4 kN", "drive.2.stiffness": 810e3})
+    slips = throw_table(simulate_sequence(weak, throws=1))[0]
+    assert (slips["verdict"], slips["state"]) == ("not locked", "locked, in control")
 
 
 @pytest.mark.parametrize(

@@ -190,6 +190,14 @@ def _name(item: dict[str, Any]) -> str:
     return f"{1e3 * item['size']:g} mm at {item['place']}"
 
 
+def _as_met(dataset: "xr.Dataset", items: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return objects with the sizes that a throw of a sequence met; those gone keep their own."""
+    if "object_size" not in dataset or dataset["object_size"].size != len(items):
+        return items
+    sizes = [round(float(size), 4) for size in dataset["object_size"].values]  # to 0.1 mm
+    return [item | {"size": size or item["size"]} for item, size in zip(items, sizes, strict=True)]
+
+
 def _unplaced(dataset: "xr.Dataset") -> str:
     """Say which object had no room; empty where all had."""
     items = _objects(dataset)
@@ -220,7 +228,7 @@ def _largest_opening(dataset: "xr.Dataset", item: dict[str, Any]) -> float:
 
 def _cases(dataset: "xr.Dataset") -> list[_Case]:
     """Judge every object by the movements in which its own rail closes."""
-    items = _objects(dataset)
+    items = _as_met(dataset, _objects(dataset))
     end = float(dataset["time"][-1])
     cases = []
     left, fates = sizes_left(dataset, len(items)), nothing_left(dataset, len(items))
@@ -376,10 +384,10 @@ def _untouched_text(case: _Case) -> str:
     """Say why an object is not what a verdict rests on."""
     if not math.isinf(case.gone):
         return f"{case.what} was taken out at t = {case.gone:.2f} s"
-    if not case.touched:
-        return f"{case.what} is never touched"
     if case.fate:
         return f"{case.what} {case.fate}"
+    if not case.touched:
+        return f"{case.what} is never touched"
     return f"{case.what} is touched only after a slip"
 
 
