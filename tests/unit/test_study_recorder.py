@@ -16,7 +16,10 @@ from turnout.virtual.disturbance import QUIET, Disturbance, add_disturbance
 
 ROWS = """
 [[together]]
-keys = ["recorder.gain", "recorder.offset", "recorder.resolution", "recorder.clock_rate", "recorder.clock_offset"]
+keys = [
+    "recorder.gain", "recorder.offset", "recorder.resolution",
+    "recorder.clock_rate", "recorder.clock_offset",
+]
 rows = [
     [1.0, "0 N", "0 N", 0.0, "0 s"],
     [1.02, "50 N", "0 N", 0.0, "0 s"],

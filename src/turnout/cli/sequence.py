@@ -137,7 +137,8 @@ def print_sequence(dataset: "xr.Dataset", written: Sequence[Path]) -> None:
     every = max(1, -(-count // MOST_ROWS))
     shown = [*range(0, count - 1, every), count - 1]
     typer.echo(
-        f"{'throw':>6} {'size':>10} {'left':>10} {'object':>9} {'drives':>14}  {'verdict':<18}lock, control"
+        f"{'throw':>6} {'size':>10} {'left':>10} {'object':>9} {'drives':>14}  "
+        f"{'verdict':<18}lock, control"
     )
     for row in throw_rows(dataset.isel(throw=shown)):
         size = "+".join(f"{1e3 * value:.1f}" for value in row["size"]) or "-"
