@@ -31,7 +31,7 @@ sheet = Sheet(
     x_label="Throw",
     rows=(
         Row("Ice [mm]", (line("ice", 1e3 * week["object_size"].sel(object="1")),)),
-        Row("End force\nDrive 2 [kN]", (line("Drive 2", 1e-3 * end["drive_force"].sel(drive="2")),)),
+        Row("End force\n[kN]", (line("Drive 2", 1e-3 * end["drive_force"].sel(drive="2")),)),
         Row("TKK1 gap\n[mm]", (line("TKK1", 1e3 * end["sensor_gap"].sel(sensor="TKK1")),),
             (Level(13.0, "limit"),)),
     ),
