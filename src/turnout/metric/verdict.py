@@ -241,7 +241,7 @@ def _contacts(dataset: "xr.Dataset", count: int) -> list[float]:
 
 def _case(dataset: "xr.Dataset", what: str, contact: float, gone: float, position: str) -> _Case:
     signs: list[tuple[Kind, str]] = []
-    refused, accepted = False, accepted_by(dataset, _last(dataset))
+    refused, accepted = False, ""
     for span, until in _periods(dataset):
         start = -math.inf if span is None else span.start
         if not (contact < min(gone, until) and start < gone):
@@ -260,6 +260,7 @@ def _case(dataset: "xr.Dataset", what: str, contact: float, gone: float, positio
         signs += [sign for sign in found if sign not in signs]
         if rest is not None:
             accepted = f"{accepted_by(rest, span)}{after}"
+    accepted = accepted or accepted_by(dataset, _last(dataset))
     return _Case(what, contact, gone, tuple(signs), refused, accepted)
 
 

@@ -154,7 +154,7 @@ def answer(panel: Panel, dataset: xr.Dataset, *, preview: bool = False) -> dict[
         "summary": [list(line) for line in summary(dataset)],
         "lamps": _lamps(dataset, motion["at"]),
         "figures": [_figure(item) for item in key_figures(dataset)],
-        "sheet": sheet_record(throw_sheet(dataset), most=points),
+        "sheet": sheet_record(throw_sheet(dataset, title=""), most=points),
         "motion": motion,
     }
 
