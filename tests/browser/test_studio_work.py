@@ -26,7 +26,9 @@ def test_the_verdict_is_first_and_green_never_means_missed(screen: Screen) -> No
     page = screen.page
     expected = verdict(sb2_dataset())
     assert expected.missed
-    assert page.locator("#verdict").inner_text() == expected.text
+    head, _, detail = expected.text.partition(": ")
+    assert page.locator("#verdict-meaning").inner_text() == f"{head}: {expected.meaning}"
+    assert page.locator("#verdict-text").inner_text() == detail
     assert page.locator("#verdict").get_attribute("data-level") == "bad"
     assert "missed" in page.evaluate(STATES)
     assert "good" not in page.evaluate(STATES)

@@ -337,7 +337,10 @@ def _print_summary(dataset: "xr.Dataset", written: list[Path]) -> None:
     from turnout.metric.summary import summary
     from turnout.metric.verdict import verdict
 
-    typer.echo(f"{'verdict':<16}{verdict(dataset).text}")
+    found = verdict(dataset)
+    typer.echo(f"{'verdict':<16}{found.text}")
+    if found.meaning:
+        typer.echo(f"{'meaning':<16}{found.meaning}")
     for heading, text in summary(dataset):
         typer.echo(f"{heading:<16}{text}")
     for path in written:

@@ -164,7 +164,13 @@ def _verdict(dataset: xr.Dataset) -> dict[str, Any]:
     found = verdict(dataset)
     told = headline(found, dataset)
     level = "look" if told is None else told.level
-    return {"kind": found.kind, "text": found.text, "level": level, "missed": found.missed}
+    return {
+        "kind": found.kind,
+        "text": found.text,
+        "meaning": found.meaning,
+        "level": level,
+        "missed": found.missed,
+    }
 
 
 def _limit(item: LimitCheck) -> dict[str, Any]:
