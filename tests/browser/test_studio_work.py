@@ -193,6 +193,24 @@ def test_standard_views_turn_the_panel(screen: Screen) -> None:
     assert len(set(shots)) == 3
 
 
+def test_a_map_shows_what_reports_an_object(screen: Screen, shots: Path) -> None:
+    page = screen.page
+    page.get_by_role("tab", name="Map").click()
+    page.get_by_label("Sizes [mm]").fill("13, 25")
+    page.get_by_role("button", name="Compute").click()
+    screen.wait("document.querySelectorAll('#map-table tr').length === 3")
+    page.screenshot(path=shots / "map.png")
+    assert "undetected" in page.locator("#map-state").inner_text()
+    screen.forget()
+    page.get_by_role("button", name="25 mm at sleeper 6: detected").click()
+    screen.settled()
+    assert page.input_value("#control-object-size-number") == "25"
+    assert page.locator("#verdict").inner_text().startswith("Detected by")
+    page.get_by_label("Sizes [mm]").fill("thirteen")
+    page.get_by_role("button", name="Compute").click()
+    assert "no list of sizes" in page.locator("#message").inner_text()
+
+
 def test_the_page_measures_how_fast_it_is(screen: Screen) -> None:
     page = screen.page
     page.locator("#control-object-size").focus()

@@ -44,8 +44,16 @@ from turnout.web.measured import (
     sent_recording,
     shifted,
 )
+from turnout.web.object_map import object_map
 from turnout.web.question import Question, Reply, Task, UnknownMarkError
-from turnout.web.request import FileRequest, MarkRequest, PanelRequest, RunRequest, read_request
+from turnout.web.request import (
+    FileRequest,
+    MapRequest,
+    MarkRequest,
+    PanelRequest,
+    RunRequest,
+    read_request,
+)
 from turnout.web.scenario import command_line, panel_toml, python_script
 from turnout.web.throw import (
     FILE_KEYS,
@@ -114,6 +122,7 @@ class TaskHandler:
             "panel/again": self._panel_again,
             "panel/concerns": self._concerns,
             "run": self._run,
+            "map": self._map,
             "file": self._file,
             "recording": self._recording,
             "measured": self._measured,
@@ -176,7 +185,7 @@ class TaskHandler:
     def _concerns(self, task: Task, question: Question) -> Reply:
         """Simulate a panel without an object and return the warnings of `turnout panel check`."""
         request = read_request(MarkRequest, task.content)
-        panel, dataset = self._thrown(RunRequest(panel=request.panel), question)
+        panel, dataset = self._thrown(RunRequest(panel=request.panel), question, report=True)
         return Reply.of({"lines": concern_lines(panel, panel_concerns(panel, dataset))})
 
     def _run(self, task: Task, question: Question) -> Reply:
@@ -191,13 +200,21 @@ class TaskHandler:
         self._ahead = deque(partial(made_ready, panel, near) for near in around)
         return Reply(reply.content, ahead=bool(self._ahead))
 
-    def _thrown(self, request: RunRequest, question: Question) -> tuple[LoadedPanel, xr.Dataset]:
+    def _map(self, task: Task, question: Question) -> Reply:
+        """Throw objects of several sizes at several places."""
+        request = read_request(MapRequest, task.content)
+        panel = changed_panel(self._panel(request.run.panel), request.run)
+        return Reply.of(object_map(panel, request, question))
+
+    def _thrown(
+        self, request: RunRequest, question: Question, *, report: bool = False
+    ) -> tuple[LoadedPanel, xr.Dataset]:
         """Simulate the requested throw, or return it from the cache."""
         panel = changed_panel(self._panel(request.panel), request)
         key = request.model_dump_json()
         found = self._runs.get(key)
         if found is None:
-            found = self._runs.put(key, thrown(panel, request, question))
+            found = self._runs.put(key, thrown(panel, request, question, report=report))
         return panel, found
 
     def _one_ahead(self, _task: Task, _question: Question) -> Reply:

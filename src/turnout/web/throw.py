@@ -48,7 +48,9 @@ def changed_panel(panel: LoadedPanel, request: RunRequest) -> LoadedPanel:
     return panel.with_overrides(request.settings, si=False) if request.settings else panel
 
 
-def thrown(panel: LoadedPanel, request: RunRequest, question: Question) -> xr.Dataset:
+def thrown(
+    panel: LoadedPanel, request: RunRequest, question: Question, *, report: bool = False
+) -> xr.Dataset:
     """Simulate a throw, unless a newer request supersedes it.
 
     Parameters
@@ -59,6 +61,8 @@ def thrown(panel: LoadedPanel, request: RunRequest, question: Question) -> xr.Da
         Gives the object and whether it is a preview.
     question : Question
         Signals when to stop.
+    report : bool
+        Whether to say how much is done.
 
     Returns
     -------
@@ -79,7 +83,7 @@ def thrown(panel: LoadedPanel, request: RunRequest, question: Question) -> xr.Da
             scheme=PREVIEW if request.preview else Scheme(),
             save=PREVIEW_KEPT if request.preview else None,
             throw=False,
-            report=question.check,
+            report=question.progress if report else question.check,
         )
     except KeyboardInterrupt:
         raise Superseded from None
