@@ -188,7 +188,7 @@ def _limit(item: LimitCheck) -> dict[str, Any]:
     return {
         "key": item.key,
         "label": item.label,
-        "text": f"{number(item.value)} {between} {item.limit / factor:g} {unit}",
+        "text": f"{number(item.value)} {between} {item.limit / factor:.4g} {unit}",
         "margin": f"{number(abs(item.margin))} {left}",
         "share": item.margin / item.limit,
         "passed": item.passed,
