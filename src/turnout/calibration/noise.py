@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,13 +58,25 @@ class Noise:
         return float(self.total**2 * np.sum(np.linalg.solve(factor, ones) ** 2))
 
     def factor(self, time: Floats) -> Floats:
-        """Return the lower Cholesky factor of the covariance at some times."""
-        apart = np.abs(time[:, None] - time[None, :])
-        covariance = self.white**2 * np.eye(time.size)
-        for size, length in ((self.slow, self.slow_length), (self.missed, self.missed_length)):
-            if size > 0:
-                covariance = covariance + size**2 * np.exp(-apart / length)
-        return np.asarray(cholesky(covariance, lower=True), dtype=np.float64)
+        """Return the lower Cholesky factor of the covariance at some times, read only.
+
+        Movements share their bins, so it is kept: hundreds of alignments ask for a few factors.
+        """
+        return _factor(self, np.asarray(time, dtype=np.float64).tobytes())
+
+
+@lru_cache(maxsize=256)
+def _factor(noise: Noise, times: bytes) -> Floats:
+    """Return the factor of a covariance for times as bytes, which can be a key."""
+    time = np.frombuffer(times, dtype=np.float64)
+    apart = np.abs(time[:, None] - time[None, :])
+    covariance = noise.white**2 * np.eye(time.size)
+    for size, length in ((noise.slow, noise.slow_length), (noise.missed, noise.missed_length)):
+        if size > 0:
+            covariance = covariance + size**2 * np.exp(-apart / length)
+    found = np.asarray(cholesky(covariance, lower=True), dtype=np.float64)
+    found.flags.writeable = False
+    return found
 
 
 def peaks_of(movements: Sequence[MeasuredMovement]) -> dict[tuple[str, str], float]:
