@@ -1,6 +1,6 @@
 """Noise of a channel, its correlation in time, and the model error."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -89,20 +89,6 @@ def peaks_of(movements: Sequence[MeasuredMovement]) -> dict[tuple[str, str], flo
     return peaks
 
 
-def poorly_followed(
-    noise: Mapping[tuple[str, str], Noise], movements: Sequence[MeasuredMovement]
-) -> dict[tuple[str, str], float]:
-    """Return the channels whose model error is too large for a trustworthy fit.
-
-    Returns
-    -------
-    dict of (channel, drive) to float
-        What it misses, as a share of the largest value of the channel [-].
-    """
-    shares = {key: noise[key].missed / max(peak, 1.0) for key, peak in peaks_of(movements).items()}
-    return {key: share for key, share in shares.items() if share > POOR.get(key[0], MISSED)}
-
-
 def measured_noise(movements: Sequence[MeasuredMovement]) -> dict[tuple[str, str], Noise]:
     """Estimate the noise of each channel from its rest before the onset of motion.
 
@@ -154,9 +140,18 @@ def missed_by_model(residuals: Sequence[Floats], noise: Noise) -> tuple[float, f
     # Below a tenth of the noise's own variance it is not significant.
     if extra <= 0.1 * (noise.white**2 + noise.slow**2):
         return 0.0, BIN
-    below = np.flatnonzero(covariance[1:] < extra * np.exp(-1.0))
-    lag = int(below[0]) + 1 if below.size else covariance.size
-    return float(np.sqrt(extra)), float(np.clip(lag * BIN, BIN, LONGEST))
+    return float(np.sqrt(extra)), _first_below(covariance, extra)
+
+
+def decay_time(row: Floats, variance: float) -> float:
+    """Return the time in which a series with a known variance decays to a third [s]."""
+    return _first_below(_autocovariance([row], mean_removed=False), variance)
+
+
+def _first_below(covariance: Floats, variance: float) -> float:
+    below = np.flatnonzero(covariance[1:] < variance * np.exp(-1.0))
+    lag = int(below[0]) + 1 if below.size else max(covariance.size, 1)
+    return float(np.clip(lag * BIN, BIN, LONGEST))
 
 
 def _split(rests: Sequence[Floats]) -> tuple[float, float, float]:
