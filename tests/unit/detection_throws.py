@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from turnout.detection.signals import Signal
+from turnout.detection.drive_quantities import Signal
 from turnout.detection.throws import Throws
 
 

@@ -94,7 +94,7 @@ def limit_command(
         bool,
         typer.Option(
             "--known-place",
-            help="Add the bound of a detector that is told the place, but not size and state.",
+            help="Add the bound of a detector that knows the place, but not size and state.",
         ),
     ] = False,
     ends: Annotated[
@@ -133,9 +133,9 @@ def limit_command(
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     from turnout.cli.options import opened_panel
     from turnout.cli.sweep import cores
+    from turnout.detection.drive_quantities import signals_of
     from turnout.detection.limit import limit_map
     from turnout.detection.reference import Conditions, reference_study
-    from turnout.detection.signals import signals_of
     from turnout.detection.throws import closing_time, throw_all
     from turnout.detection.what_if import FORMS, check_measures
 

@@ -367,9 +367,9 @@ def index_line(of: Candidates, place: str) -> tuple[float, float, NDArray[np.int
 def _a90(of: Candidates, known: Floats, place: str, rows: Sequence[int]) -> tuple[float, float]:
     """Return a90 of the bound at a place, and its upper 95 % limit after some throws.
 
-    All throws of the day tell what is fixed for the switch, and so the intercept at every place;
-    those at the place whose response lies on the line tell its slope. One at which a drive slips is
-    censored far above the threshold: it says nothing of the slope.
+    All throws of the day determine what is fixed for the switch, and so the intercept at every
+    place; those at the place whose response lies on the line determine its slope. One at which a
+    drive slips is censored far above the threshold: it does not contribute to the slope.
     """
     intercept, slope, on = index_line(of, place)
     if not slope > 0.0:

@@ -10,6 +10,7 @@ from scipy.linalg import solve_triangular
 
 from turnout.core.threads import one_blas_thread
 from turnout.detection.bound import predictive, probability_of_detection
+from turnout.detection.drive_quantities import Signal, noise_of, quantities_of
 from turnout.detection.features import (
     discrepancy_covariance,
     features_of,
@@ -19,7 +20,6 @@ from turnout.detection.features import (
 from turnout.detection.floor import touch_floor, touched
 from turnout.detection.population import local_models
 from turnout.detection.reference import Conditions
-from turnout.detection.signals import Signal, noise_of, quantities_of
 from turnout.detection.throws import Throws
 from turnout.schema.channels import SCHEMA_VERSION
 

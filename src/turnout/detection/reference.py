@@ -8,7 +8,7 @@ history that is known of a switch, and the rates of false alarms.
 from dataclasses import replace
 
 from turnout.detection.conditions import Conditions
-from turnout.detection.signals import stored_channels
+from turnout.detection.drive_quantities import stored_channels
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
 from turnout.study.load_study import load_study

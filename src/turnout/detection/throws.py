@@ -13,6 +13,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.detection.drive_quantities import (
+    FORCE,
+    Signal,
+    amplitudes,
+    force_peaks,
+    read_signals,
+    signals_of,
+)
 from turnout.detection.floor import touch_floor
 from turnout.detection.reference import (
     FIELD_MEAN,
@@ -21,14 +29,6 @@ from turnout.detection.reference import (
     TEMPERATURE,
     reference_study,
     switch_inputs,
-)
-from turnout.detection.signals import (
-    FORCE,
-    Signal,
-    amplitudes,
-    force_peaks,
-    read_signals,
-    signals_of,
 )
 from turnout.panel.load import LoadedPanel
 from turnout.study.design import Axis
@@ -186,7 +186,7 @@ def throw_all(
     sound, states : int
         Sound throws, and how many of their states are thrown with objects.
     channels : str
-        What is looked at: "force", "current", "power" or "all"; throws keep all there is.
+        What is evaluated: "force", "current", "power" or "all"; throws keep all there is.
     workers : int
         Processes.
     report : callable, optional

@@ -1,4 +1,4 @@
-"""What of each drive is looked at: its force, and of a machine its current and power."""
+"""What is recorded of each drive: its force, and of a machine its current and power."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -82,7 +82,7 @@ def signals_of(panel: LoadedPanel, wanted: str = FORCE) -> tuple[Signal, ...]:
 
 
 def stored_channels(panel: LoadedPanel) -> tuple[str, ...]:
-    """Return the channels that throws of a panel keep, whatever is looked at afterwards."""
+    """Return the channels that throws of a panel keep, whatever is evaluated afterwards."""
     return tuple(dict.fromkeys(CHANNELS[item.quantity] for item in signals_of(panel, ALL)))
 
 
@@ -148,7 +148,7 @@ def force_peaks(panel: LoadedPanel, *, scheme: Scheme | None = None) -> Floats:
 
 
 def quantities_of(signals: Sequence[Signal]) -> str:
-    """Return what is looked at, in words.
+    """Return which quantities there are, in words.
 
     Examples
     --------

@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 from tests.unit.detection_throws import toy_throws
 
+from turnout.detection.drive_quantities import (
+    Signal,
+    amplitudes,
+    noise_of,
+    signals_of,
+    stored_channels,
+)
 from turnout.detection.limit import limit_map
 from turnout.detection.reference import Conditions, reference_study
-from turnout.detection.signals import Signal, amplitudes, noise_of, signals_of, stored_channels
 from turnout.detection.throws import Throws
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel, load_panel
