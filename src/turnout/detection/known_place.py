@@ -10,9 +10,9 @@ switch, the best test compares the ratio (Neyman and Pearson 1933)
 
 with a threshold; :math:`s_i` are the signatures of objects of all sizes that were thrown there, in
 the states :math:`i` with friction level :math:`l_i`; the factor :math:`1 \pm \alpha` reaches sizes
-between them. A throw with an object is judged without the signatures of its own state. A real detector
-does not know the place; one with more signatures knows them better. So the limit of what can be
-seen lies between this bound and the linear-Gaussian one.
+between them. A throw with an object is judged without the signatures of its own state. A real
+detector does not know the place; one with more signatures knows them better. So the limit of what
+can be seen lies between this bound and the linear-Gaussian one.
 
 A threshold that sound throws exceed at a small rate :math:`\alpha_0` follows from as many drawn
 throws with and without an object, in the mean :math:`q = (p_0 + p_1) / 2` of their densities:
