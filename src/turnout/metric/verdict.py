@@ -37,6 +37,21 @@ Kind = Literal[
 KINDS: tuple[str, ...] = get_args(Kind)
 """Every kind of verdict."""
 
+# In words that need no knowledge of switches.
+MEANINGS: dict[Kind, str] = {
+    "undetected object": "An object holds the rail open, yet all checks report a locked switch: "
+    "trains could run over it.",
+    "detected by slip": "An object is in the switch, and a drive that slips reports it.",
+    "detected by lock": "An object is in the switch, and the lock reports it: it is not closed.",
+    "detected by TKK": "An object is in the switch, and a sensor reports it: a gap stays open.",
+    "not locked": "The switch does not report a closed end position, though no object keeps it.",
+    "not sound": "The switch closes and locks, but wheels have less room beside its open rail than "
+    "they need.",
+    "sound": "No object is trapped, and the switch closes and locks.",
+    "not judged": "",
+}
+"""What each kind means for trains."""
+
 # What is named first where several things report an object.
 _ORDER: tuple[Kind, ...] = ("detected by slip", "detected by lock", "detected by TKK")
 
@@ -76,6 +91,11 @@ class Verdict:
 
     kind: Kind
     text: str
+
+    @property
+    def meaning(self) -> str:
+        """What it means for trains, in a sentence without terms; empty where it is not judged."""
+        return MEANINGS[self.kind]
 
     @property
     def missed(self) -> bool:
@@ -254,7 +274,7 @@ def _contacts(dataset: "xr.Dataset", count: int) -> list[float]:
 
 def _case(dataset: "xr.Dataset", what: str, contact: float, gone: float, position: str) -> _Case:
     signs: list[tuple[Kind, str]] = []
-    refused, accepted = False, accepted_by(dataset, _last(dataset))
+    refused, accepted = False, ""
     for span, until in _periods(dataset):
         start = -math.inf if span is None else span.start
         if not (contact < min(gone, until) and start < gone):
@@ -273,6 +293,7 @@ def _case(dataset: "xr.Dataset", what: str, contact: float, gone: float, positio
         signs += [sign for sign in found if sign not in signs]
         if rest is not None:
             accepted = f"{accepted_by(rest, span)}{after}"
+    accepted = accepted or accepted_by(dataset, _last(dataset))
     return _Case(what, contact, gone, tuple(signs), refused, accepted)
 
 
@@ -328,7 +349,8 @@ def _judged(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
     if missed:
         what = _join_words([case.what for case in missed])
         stays = "stays" if len(missed) == 1 else "stay"
-        text = f"Undetected object: {what} {stays} in the switch, which {missed[0].accepted}"
+        text = f"Undetected object: {what} {stays} in the switch and nothing reports it: "
+        text += f"the switch {missed[0].accepted}"
         for case in caught:
             text += f"; {case.what} is detected: {'; '.join(reason for _, reason in case.signs)}"
         text += _gone_texts(cases)
