@@ -170,11 +170,11 @@ def throw_rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
 def _of_drives(dataset: xr.Dataset, channel: str, factor: float) -> list[Curve]:
     if channel not in dataset:
         return []
-    rows = [dataset[channel].sel(drive=name).values * factor for name in dataset["drive"].values]
+    rows = factor * dataset[channel].transpose("drive", ...)
     return [
-        Curve(f"Drive {name}", row, number)
-        for number, (name, row) in enumerate(zip(dataset["drive"].values, rows, strict=True))
-        if np.isfinite(row).any()  # a marker among machines has no current
+        Curve(f"Drive {row['drive'].item()}", row.values, number)
+        for number, row in enumerate(rows)
+        if row.notnull().any()  # a marker among machines has no current
     ]
 
 
