@@ -322,13 +322,15 @@ ENERGIES = (
 )
 
 
-def throw_sheet(dataset: xr.Dataset) -> Sheet:
+def throw_sheet(dataset: xr.Dataset, *, title: str | None = None) -> Sheet:
     """Return forces, markers and gaps of a run over time.
 
     Parameters
     ----------
     dataset : xarray.Dataset
         One movement or run, simulated or measured; channels that it lacks are left out.
+    title : str, optional
+        Panel, objects and outcome without one.
 
     Returns
     -------
@@ -357,7 +359,7 @@ def throw_sheet(dataset: xr.Dataset) -> Sheet:
         )
     return Sheet(
         name="throw",
-        title=title_of(dataset),
+        title=title_of(dataset) if title is None else title,
         caption="Forces are those on the rail, positive in the closing direction; shaded is the "
         "time in which the drives are commanded to move.",
         x_label="Time [s]",
