@@ -10,6 +10,7 @@ from scipy.linalg import solve_triangular
 
 from turnout.core.threads import one_blas_thread
 from turnout.detection.bound import predictive, probability_of_detection
+from turnout.detection.drive_quantities import Signal, noise_of, quantities_of
 from turnout.detection.features import (
     discrepancy_covariance,
     features_of,
@@ -87,7 +88,7 @@ class SoundThrows:
     shifts : tuple of ndarray, each of shape (n_features, r)
         What a history makes of the mean, from `Predictive` [N].
     channels : mapping of str to ndarray
-        Features of both drives, and of each alone.
+        Features of all drives, of each alone, and of each quantity where there are several.
     """
 
     means: Floats
@@ -119,7 +120,6 @@ def sound_throws(
         Throws of the same switch whose mean is judged.
     """
     means = window_means(throws.time, closing=closing)
-    drives, windows = len(throws.amplitude), len(means)
     models = local_models(
         features_of(throws.sound, means), switch=throws.switch, level=throws.level
     )
@@ -129,23 +129,38 @@ def sound_throws(
         discrepancy=discrepancy_covariance(
             throws.time, means, amplitude=throws.amplitude, conditions=conditions
         ),
-        noise=noise_covariance(means, drives=drives, conditions=conditions, sampled=sampled),
+        noise=noise_covariance(
+            means,
+            noise=noise_of(throws.signals, conditions),
+            conditions=conditions,
+            sampled=sampled,
+        ),
         fixed_share=conditions.fixed_share,
         level_deviation=conditions.level_deviation,
         history=conditions.history,
         averaged=averaged,
     )
-    channels = {BOTH: np.arange(drives * windows)}
-    for number in range(drives):
-        channels[f"drive {number + 1}"] = np.arange(windows) + number * windows
     return SoundThrows(
         means=means,
         covariances=expected.covariances,
         levels=np.array([item.level for item in models]),
         mean=np.array([item.mean for item in models]),
         shifts=expected.shifts,
-        channels=channels,
+        channels=_channels(throws.signals, windows=len(means)),
     )
+
+
+def _channels(signals: Sequence[Signal], *, windows: int) -> dict[str, NDArray[np.intp]]:
+    """Return the features of all signals, of each drive, and of each quantity if there are more."""
+    of_all = np.arange(len(signals) * windows).reshape(len(signals), windows)
+    drives = dict.fromkeys(item.drive for item in signals)
+    quantities = dict.fromkeys(item.quantity for item in signals)
+    kept = {BOTH: list(range(len(signals)))}
+    for name in drives:
+        kept[f"drive {name}"] = [n for n, item in enumerate(signals) if item.drive == name]
+    for name in quantities if len(quantities) > 1 else ():
+        kept[name] = [n for n, item in enumerate(signals) if item.quantity == name]
+    return {name: of_all[rows].ravel() for name, rows in kept.items()}
 
 
 def _limit_map(
@@ -295,6 +310,7 @@ def _dataset(
             "sound_throws": len(throws.sound),
             "object_throws": int(np.isfinite(throws.force_peak).sum()),
             "amplitude": throws.amplitude.tolist(),
+            "quantities": quantities_of(throws.signals),
             "touch_agreement": float(agree.mean()),
             "bound": "linear-Gaussian: place, size and signature known; optimistic",
         },
