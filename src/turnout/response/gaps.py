@@ -12,6 +12,7 @@ from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, running_edge_distance
 from turnout.response.recovery import (
+    CondensedShapes,
     Ints,
     Motion,
     Parts,
@@ -24,7 +25,8 @@ from turnout.response.recovery import (
 from turnout.response.route import Throw, open_rail, wanted_closed
 
 Floats = NDArray[np.float64]
-
+Place = tuple[str, Floats, Floats]
+"""Rail, places along it and heights of some points [m]."""
 
 MOST_ROWS = 64
 """Rows to so many lines of points are kept in memory, the latest made."""
@@ -53,7 +55,7 @@ def _at_nodes(panel: Panel, rail: str, x: Floats) -> tuple[Floats, Floats]:
     return kept[:2]
 
 
-def stock_gap(panel: Panel, motion: Motion, rail: str, x: Floats) -> Floats:
+def stock_gap(panel: Panel, motion: CondensedShapes, rail: str, x: Floats) -> Floats:
     """Return the gap of the unloaded rail, shape (n,) [m]; NaN without a stock rail."""
     gap = unloaded_gap(panel, motion.shapes.get(rail), rail, x)
     return np.full(np.shape(x), np.nan) if gap is None else gap
@@ -85,7 +87,9 @@ def rail_gap(
     return gap
 
 
-def gap_rows(panel: Panel, motion: Motion, rail: str, x: Floats, z: Floats) -> tuple[Floats, Parts]:
+def gap_rows(
+    panel: Panel, motion: CondensedShapes, rail: str, x: Floats, z: Floats
+) -> tuple[Floats, Parts]:
     """Return open distances of the unloaded rail, and rows by which coordinates lessen them.
 
     Returns
@@ -127,20 +131,29 @@ def drive_and_sensor_gaps(panel: Panel, motion: Motion, time: Floats) -> tuple[F
     at_sensors : ndarray, shape (n_sensors, n_times)
         [m]
     """
+    found = open_distances(panel, motion, gap_places(panel))
+    return split_gaps(panel, np.concatenate(found), time)
+
+
+def gap_places(panel: Panel) -> list[Place]:
+    """Return where `drive_and_sensor_gaps` looks: at the drives on both rails, then at sensors."""
     x = np.array([drive.x for drive in panel.drive.values()])
     z = np.array([drive.height for drive in panel.drive.values()])
-    rails = wanted_closed(panel, time)
+    rails = wanted_closed(panel, np.zeros(1))
     sensors = [(s.rail, np.array([s.x]), np.array([s.height])) for s in panel.sensor.values()]
-    found = open_distances(panel, motion, [*((rail, x, z) for rail, _ in rails), *sensors])
+    return [*((rail, x, z) for rail, _ in rails), *sensors]
+
+
+def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats]:
+    """Return gaps at drives and at sensors of open distances at the `gap_places` one by one."""
+    count = len(panel.drive)
+    first, second, at_sensors = gaps[:count], gaps[count : 2 * count], gaps[2 * count :]
     # at any instant one of the two is wanted closed
-    at_drives = np.where(rails[0][1], found[0], found[1])
-    at_sensors = found[len(rails) :]
-    return at_drives, np.concatenate(at_sensors) if at_sensors else np.empty((0, time.size))
+    at_drives = np.where(wanted_closed(panel, time)[0][1], first, second)
+    return at_drives, at_sensors
 
 
-def open_distances(
-    panel: Panel, motion: Motion, places: Sequence[tuple[str, Floats, Floats]]
-) -> list[Floats]:
+def open_distances(panel: Panel, motion: Motion, places: Sequence[Place]) -> list[Floats]:
     """Return what `rail_gap` does at all instants, for some points of several rails at once.
 
     Parameters
@@ -158,15 +171,15 @@ def open_distances(
     key = tuple((rail, x.tobytes(), z.tobytes()) for rail, x, z in places)
     found = motion.seen.get(key)
     if found is None:
-        found = motion.seen[key] = _seen_together(panel, motion, places)
+        found = motion.seen[key] = seen_together(panel, motion, places)
     start, seen = found
     gap = start[:, np.newaxis] - seen_motion(motion, seen)
     ends = [0, *itertools.accumulate(x.size for _, x, _ in places)]
     return [gap[first:last] for first, last in itertools.pairwise(ends)]
 
 
-def _seen_together(
-    panel: Panel, motion: Motion, places: Sequence[tuple[str, Floats, Floats]]
+def seen_together(
+    panel: Panel, motion: CondensedShapes, places: Sequence[Place]
 ) -> tuple[Floats, Seen]:
     """Return unloaded distances of some points of several rails, and rows that lessen them."""
     found: dict[int, tuple[Floats, Seen]] = {}

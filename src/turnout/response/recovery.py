@@ -16,7 +16,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.condense.condense import BlockModel, folded_stiffness, sum_at_rows
+from turnout.condense.condense import (
+    BlockModel,
+    CondensedRails,
+    folded_stiffness,
+    sum_at_rows,
+)
 from turnout.core.lru_cache import LRUCache
 from turnout.integrate.integration import History
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailShape
@@ -34,36 +39,58 @@ MOST_PRODUCTS = 256
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
-    """All that shapes are recovered from.
+class CondensedShapes:
+    """What shapes are recovered from, but for the run.
 
     Attributes
     ----------
     rails : dict of str to RailBody
         Reduced rails by name.
-    history : History
-        The run, whose model has modes and static shapes of the whole mechanism.
-    slope : ndarray, shape (n_rows,)
-        Stiffness at each row that the linear system holds already [N/m].
     shapes : dict of str to RailShape
         Way of each switch rail from closed to open.
+    condensed : CondensedRails
+        With modes and static shapes of the whole mechanism.
+    n_rows : int
+        Of the mechanism.
+    """
+
+    rails: dict[str, RailBody]
+    shapes: dict[str, RailShape]
+    condensed: CondensedRails
+    n_rows: int
+
+
+@dataclass(frozen=True, slots=True)
+class Motion(CondensedShapes):
+    """All that shapes are recovered from.
+
+    Attributes
+    ----------
+    history : History
+        The run.
+    slope : ndarray, shape (n_rows,)
+        Stiffness at each row that the linear system holds already [N/m].
     seen : dict
         Rows that were recovered before, of this run at these or at other instants.
     """
 
-    rails: dict[str, RailBody]
     history: History
     slope: Floats
-    shapes: dict[str, RailShape] = field(default_factory=dict)
     seen: dict[Hashable, "tuple[Floats, Seen]"] = field(default_factory=dict)
+
+
+def condensed_shapes(mechanism: Mechanism, condensed: CondensedRails) -> CondensedShapes:
+    """Collect what the recovery of shapes needs before a run."""
+    rails = {body.name: body for body in mechanism.rails}
+    return CondensedShapes(rails, mechanism.shapes, condensed, mechanism.rows.shape[0])
 
 
 def recover_motion(mechanism: Mechanism, history: History) -> Motion:
     """Collect what the recovery of shapes needs from a run."""
-    laws = history.laws
-    slope = sum_at_rows(laws, folded_stiffness(laws), mechanism.rows.shape[0])
-    rails = {body.name: body for body in mechanism.rails}
-    return Motion(rails, history, slope, mechanism.shapes)
+    laws, before = history.laws, condensed_shapes(mechanism, history.condensed)
+    slope = sum_at_rows(laws, folded_stiffness(laws), before.n_rows)
+    of_rails = before.rails, before.shapes, before.condensed, before.n_rows
+    return Motion(*of_rails, history, slope)
 
 
 def force_motion(motion: Motion, shapes: Floats, *, at: Ints | None = None) -> Floats:
@@ -202,13 +229,13 @@ class Seen:
     load: Floats
 
 
-def seen_by(motion: Motion, parts: Parts) -> Seen:
+def seen_by(motion: CondensedShapes, parts: Parts) -> Seen:
     """Return rows of some rails in terms of what a run has kept."""
-    blocks = motion.history.condensed.parts
+    blocks = motion.condensed.parts
     ends = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
     count = parts[0][1].shape[0]
     modes, load = np.zeros((count, ends[-1])), np.zeros(count)
-    shapes = np.zeros((count, motion.slope.size))
+    shapes = np.zeros((count, motion.n_rows))
     for body, rows in parts:
         number, first = _block_of(blocks, body)
         part = blocks[number]
@@ -269,7 +296,7 @@ def _motion_at(motion: Motion, parts: Parts, at: Ints) -> Floats:
     force = history.g[at].T * motion.slope[:, np.newaxis]
     np.subtract.at(force, laws.row, history.law_force[at].T)
     np.subtract.at(force, laws.friction_row, history.friction_force[at].T)
-    modal, blocks = history.q[at].T, history.condensed.parts
+    modal, blocks = history.q[at].T, motion.condensed.parts
     ends = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
     moved = np.zeros((parts[0][1].shape[0], at.size))
     for body, rows in parts:
