@@ -66,8 +66,10 @@ def test_a_sweep_stores_the_same_of_a_watched_throw(
     path.write_text(
         'schema_version = 1\nname = "few"\npanel = "sb2"\n[scheme]\nmode = "quick"\n'
         '[set]\n"schedule.end" = "8.412 s"\n[sampling]\ncount = 2\n'
-        '[[variable]]\nkey = "chair.friction_coefficient"\ndistribution = "uniform"\nminimum = 0.1\nmaximum = 0.4\n'
-        '[[variable]]\nkey = "object.size"\ndistribution = "uniform"\nminimum = "5 mm"\nmaximum = "20 mm"\n'
+        '[[variable]]\nkey = "chair.friction_coefficient"\ndistribution = "uniform"\n'
+        "minimum = 0.1\nmaximum = 0.4\n"
+        '[[variable]]\nkey = "object.size"\ndistribution = "uniform"\n'
+        'minimum = "5 mm"\nmaximum = "20 mm"\n'
         '[[variable]]\nkey = "object.at"\ndistribution = "choice"\nvalues = ["x = 3.1 m"]\n',
         encoding="utf-8",
     )

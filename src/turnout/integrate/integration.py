@@ -168,7 +168,7 @@ def _integrate(
     positions = np.ascontiguousarray(inputs(times).T)
     plan = None
     if watch is not None and mechanism.machines is None and not grid.filled_in:
-        plan = plan_watch(watch, times[::stride])
+        plan = plan_watch(watch, scheme.step * stride, grid.n_stored)
     run = prepare(
         arrangement, scheme, positions, grid.n_stored, filled_in=grid.filled_in, plan=plan
     )

@@ -16,10 +16,10 @@ times their displacement, and those of frictions, both with the other sign.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from turnout.condense.condense import CondensedRails
 from turnout.integrate.system import Floats, Ints, System
@@ -173,21 +173,41 @@ class WatchPlan:
         return int(np.count_nonzero(self.kept[:count] >= 0))
 
 
-def plan_watch(watch: Watch, times: NDArray[np.float64]) -> WatchPlan:
-    """Choose the places of the instants at some times [s] in the record of a watched run.
+def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
+    """Choose the places of stored instants in the record of a watched run.
+
+    Parameters
+    ----------
+    watch : Watch
+        What is wanted.
+    interval : float
+        Time between stored instants [s].
+    count : int
+        Of stored instants.
 
     Examples
     --------
     >>> watch = Watch([0], 2, [0.3], 0, lambda rails: (np.zeros((0, 0)),) * 3)
-    >>> plan = plan_watch(watch, 0.1 * np.arange(7))
+    >>> plan = plan_watch(watch, 0.1, 7)
     >>> plan.whole.tolist(), plan.kept.tolist()
     ([-1, -1, -1, 0, -1, -1, 1], [0, -1, 1, 2, 3, -1, 4])
     """
-    count = times.size
-    first = np.searchsorted(times, np.asarray(watch.whole, dtype=np.float64) - TIME_TOLERANCE)
+    return WatchPlan(watch, *_places(tuple(watch.whole), watch.stride, interval, count))
+
+
+@lru_cache(maxsize=16)
+def _places(
+    wanted: tuple[float, ...], stride: int, interval: float, count: int
+) -> tuple[Ints, Ints]:
+    """Return where each instant is stored whole, and where it is kept."""
+    times = interval * np.arange(count, dtype=np.float64)
+    first = np.searchsorted(times, np.array(wanted, dtype=np.float64) - TIME_TOLERANCE)
     whole = np.unique(np.append(first[first < count], count - 1))
-    kept = np.union1d(np.arange(0, count, watch.stride), whole)
-    return WatchPlan(watch, _numbered(whole, count), _numbered(kept, count))
+    kept = np.union1d(np.arange(0, count, stride), whole)
+    places = _numbered(whole, count), _numbered(kept, count)
+    for found in places:
+        found.flags.writeable = False
+    return places
 
 
 def _numbered(chosen: Ints, count: int) -> Ints:

@@ -1,12 +1,14 @@
 """Open distances between switch rails and stock rails, and the flangeway behind them."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.condense.condense import CondensedRails
 from turnout.core.lru_cache import LRUCache
+from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.travel import unloaded_gap
 from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
@@ -17,6 +19,7 @@ from turnout.response.recovery import (
     Motion,
     Parts,
     Seen,
+    condensed_shapes,
     lateral_rows,
     row_motion,
     seen_by,
@@ -171,14 +174,27 @@ def open_distances(panel: Panel, motion: Motion, places: Sequence[Place]) -> lis
     key = tuple((rail, x.tobytes(), z.tobytes()) for rail, x, z in places)
     found = motion.seen.get(key)
     if found is None:
-        found = motion.seen[key] = seen_together(panel, motion, places)
+        found = motion.seen[key] = _seen_together(panel, motion, places)
     start, seen = found
     gap = start[:, np.newaxis] - seen_motion(motion, seen)
     ends = [0, *itertools.accumulate(x.size for _, x, _ in places)]
     return [gap[first:last] for first, last in itertools.pairwise(ends)]
 
 
-def seen_together(
+def watched_gaps(
+    panel: Panel, mechanism: Mechanism
+) -> Callable[[CondensedRails], tuple[Floats, Floats, Floats]]:
+    """Return what `Watch` takes to see the gaps at the `gap_places` of a mechanism."""
+    places = gap_places(panel)
+
+    def seen(condensed: CondensedRails) -> tuple[Floats, Floats, Floats]:
+        start, less = _seen_together(panel, condensed_shapes(mechanism, condensed), places)
+        return -less.modes, -less.shapes, start - less.load
+
+    return seen
+
+
+def _seen_together(
     panel: Panel, motion: CondensedShapes, places: Sequence[Place]
 ) -> tuple[Floats, Seen]:
     """Return unloaded distances of some points of several rails, and rows that lessen them."""

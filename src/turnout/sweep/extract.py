@@ -8,12 +8,10 @@ the movements whole. Other channels need the whole history.
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.condense.condense import CondensedRails
 from turnout.errors import FileError
 from turnout.integrate.integration import History
 from turnout.integrate.watch import Watch, Watched
@@ -21,9 +19,9 @@ from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import LoadedPanel
 from turnout.response.dataset import response_channels
 from turnout.response.drives import machine_signals, machine_slips, moved_throws
-from turnout.response.gaps import drive_and_sensor_gaps, gap_places, seen_together, split_gaps
+from turnout.response.gaps import drive_and_sensor_gaps, split_gaps, watched_gaps
 from turnout.response.labels import contact_labels, flangeway_labels
-from turnout.response.recovery import Motion, condensed_shapes, recover_motion
+from turnout.response.recovery import Motion, recover_motion
 from turnout.response.route import throws
 from turnout.response.save import Save
 from turnout.response.signals import Variable, drive_signals, object_signals
@@ -49,18 +47,9 @@ def watch_of(study: Study, panel: LoadedPanel) -> Callable[[Mechanism], Watch] |
     def watch(mechanism: Mechanism) -> Watch:
         index = mechanism.index
         laws = [*(index.drive[name] for name in panel.drive), *index.object.values()]
-        seen = partial(_gaps_seen, panel, mechanism)
-        return Watch(laws, output_stride(study), ends, count, seen)
+        return Watch(laws, output_stride(study), ends, count, watched_gaps(panel, mechanism))
 
     return watch
-
-
-def _gaps_seen(
-    panel: LoadedPanel, mechanism: Mechanism, condensed: CondensedRails
-) -> tuple[Floats, Floats, Floats]:
-    """Return what modes and forces add to the gaps of the unloaded rails, and these gaps."""
-    start, less = seen_together(panel, condensed_shapes(mechanism, condensed), gap_places(panel))
-    return -less.modes, -less.shapes, start - less.load
 
 
 def extract_signals(study: Study, panel: LoadedPanel, solved: Solved) -> ThrowSignals:
