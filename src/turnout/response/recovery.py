@@ -11,7 +11,7 @@ matrix then gives its nodes.
 """
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,8 @@ Parts = Sequence[tuple[RailBody, Floats]]
 
 UY, RX, PER_NODE = 1, 3, 6
 PLACE_TOLERANCE = 1e-6
+MOST_SEEN = 64
+"""Sets of rows in terms of blocks in memory, the latest used."""
 MOST_PRODUCTS = 256
 """Products of rows with blocks in memory, the latest used."""
 
@@ -229,26 +231,54 @@ class Seen:
     load: Floats
 
 
+# Rails without objects and rows are shared by many throws; named by identity and kept beside.
+_seen = LRUCache[tuple[Seen, object]](MOST_SEEN)
+
+
 def seen_by(motion: CondensedShapes, parts: Parts) -> Seen:
     """Return rows of some rails in terms of what a run has kept."""
     blocks = motion.condensed.parts
+    core = tuple(part.before or part for part in blocks)
+    key = (motion.n_rows, *map(id, core), *((body.first, id(rows)) for body, rows in parts))
+    kept = _seen.get(key)
+    if kept is None:
+        found = _seen_without_objects(core, parts, n_rows=motion.n_rows)
+        if not any(rows.flags.writeable for _, rows in parts):
+            _seen.put(key, (found, (core, parts)))
+    else:
+        found = kept[0]
+    return replace(found, shapes=_with_objects(blocks, parts, found.shapes))
+
+
+def _seen_without_objects(blocks: Sequence[BlockModel], parts: Parts, *, n_rows: int) -> Seen:
+    """Return rows in terms of blocks to which nothing was added."""
     ends = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
     count = parts[0][1].shape[0]
-    modes, load = np.zeros((count, ends[-1])), np.zeros(count)
-    shapes = np.zeros((count, motion.n_rows))
+    modes, load, shapes = np.zeros((count, ends[-1])), np.zeros(count), np.zeros((count, n_rows))
+    for body, rows in parts:
+        number, first = _block_of(blocks, body)
+        part, own = blocks[number], slice(first, first + body.count)
+        of_modes, of_shapes, of_load = _in_block(part, rows, own)
+        modes[:, ends[number] : ends[number + 1]] += of_modes
+        shapes[:, part.block.rows] += of_shapes
+        load += of_load
+    return Seen(modes, shapes, load)
+
+
+def _with_objects(blocks: Sequence[BlockModel], parts: Parts, shapes: Floats) -> Floats:
+    """Return static shapes with those of the ends that were added to the blocks."""
+    found = shapes
     for body, rows in parts:
         number, first = _block_of(blocks, body)
         part = blocks[number]
-        own = slice(first, first + body.count)
-        of_modes, of_shapes, of_load = _in_block(part.before or part, rows, own)
-        modes[:, ends[number] : ends[number + 1]] += of_modes
-        known = of_shapes.shape[1]
-        shapes[:, part.block.rows[:known]] += of_shapes
-        if known < part.block.rows.size:
-            further = part.model.residual_shapes[own, known:]
-            shapes[:, part.block.rows[known:]] += rows @ further
-        load += of_load
-    return Seen(modes, shapes, load)
+        if part.before is None:
+            continue
+        if found is shapes:
+            found = shapes.copy()
+        known = part.before.block.rows.size
+        further = part.model.residual_shapes[first : first + body.count, known:]
+        found[:, part.block.rows[known:]] += rows @ further
+    return found
 
 
 def _block_of(blocks: Sequence[BlockModel], body: RailBody) -> tuple[int, int]:
