@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from turnout.errors import FileError
 from turnout.integrate.integration import History
 from turnout.integrate.watch import Watch, Watched
+from turnout.measurement.chain.recorder import Recorder, clocked, recorded_force
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import LoadedPanel
 from turnout.response.dataset import response_channels
@@ -24,7 +25,7 @@ from turnout.response.labels import contact_labels, flangeway_labels
 from turnout.response.recovery import Motion, recover_motion
 from turnout.response.route import throws
 from turnout.response.save import Save
-from turnout.response.signals import Variable, drive_signals, object_signals
+from turnout.response.signals import Variable, drive_signals, object_memory, object_signals
 from turnout.response.simulate import Solved
 from turnout.study.study import Study
 from turnout.sweep.labels import ThrowSignals, float_values
@@ -52,7 +53,9 @@ def watch_of(study: Study, panel: LoadedPanel) -> Callable[[Mechanism], Watch] |
     return watch
 
 
-def extract_signals(study: Study, panel: LoadedPanel, solved: Solved) -> ThrowSignals:
+def extract_signals(
+    study: Study, panel: LoadedPanel, solved: Solved, *, recorder: Recorder
+) -> ThrowSignals:
     """Return what is stored of a complete throw and what its labels are made of.
 
     Parameters
@@ -63,18 +66,21 @@ def extract_signals(study: Study, panel: LoadedPanel, solved: Solved) -> ThrowSi
         What was thrown.
     solved : Solved
         The throw.
+    recorder : Recorder
+        Of what is kept of forces and currents over time, and of their features.
     """
     given, history, stride = (panel, solved.mechanism), solved.history, output_stride(study)
     every = history if history.watched is None else history.watched
     signals = drive_signals(*given, every) | object_signals(solved.mechanism, every)
-    signals |= contact_labels(solved.mechanism, every)
+    signals |= contact_labels(solved.mechanism, every) | object_memory(solved.mechanism, history)
     machine_slips(history, np.asarray(signals["drive_slipping"][1]))
     signals |= machine_signals(panel, history)
+    recorded = _recorded(signals, every.time, recorder)
     moved = moved_throws(panel, history)
     wanted = study.output.channels
     kept = {
         name: (dims, values[..., ::stride])
-        for name, (dims, values) in signals.items()
+        for name, (dims, values) in (signals | recorded).items()
         if name in wanted and "time" in dims
     }
     motion = recover_motion(solved.mechanism, history)
@@ -90,7 +96,18 @@ def extract_signals(study: Study, panel: LoadedPanel, solved: Solved) -> ThrowSi
         kept |= response_channels(*given, sparse, save=Save(fields=further))
     ends = float_values(last["drive_gap"]), float_values(last["sensor_gap"])
     small = {name: (dims, _to_single_precision(values)) for name, (dims, values) in kept.items()}
-    return ThrowSignals(panel, solved.mechanism, every.time, signals, small, ends, moved)
+    force = float_values(recorded["drive_force"])
+    return ThrowSignals(panel, solved.mechanism, every.time, signals, force, small, ends, moved)
+
+
+def _recorded(signals: Variables, time: Floats, recorder: Recorder) -> Variables:
+    """Return drive forces and motor currents as a recorder gives them."""
+    dims, force = signals["drive_force"]
+    found: Variables = {"drive_force": (dims, recorded_force(np.asarray(force), time, recorder))}
+    if "drive_current" in signals:
+        dims, current = signals["drive_current"]
+        found["drive_current"] = (dims, clocked(np.asarray(current), time, recorder))
+    return found
 
 
 def _watched_gaps(panel: LoadedPanel, watched: Watched) -> tuple[Variables, Variables]:

@@ -203,7 +203,8 @@ def throw_scenario(study: Study, ready: PreparedScenario) -> ThrowResult:
                 raise KeyboardInterrupt
             if outcome.complete:
                 spent = SolverTime(solved.solver_time, solved.processor_time, solved.build_time)
-                extracted = extract_signals(study, ready.panel, solved)
+                recorder = scenario.recorder
+                extracted = extract_signals(study, ready.panel, solved, recorder=recorder)
                 return ThrowResult(scenario, COMPLETE, "", attempts, extracted, spent)
             reason = outcome.message()
             ending = INACCURATE if outcome.code is Code.INACCURATE else FAILED
