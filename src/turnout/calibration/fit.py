@@ -21,6 +21,7 @@ from turnout.calibration.misfit import (
     Misfit,
     effects_after,
     jacobian,
+    shared_corrections,
     update_movement_effects,
 )
 from turnout.calibration.noise import missed_by_model
@@ -387,7 +388,7 @@ def _remaining_series(found: Fit) -> dict[tuple[str, str, str], list[Floats]]:
     """Return by channel, drive and direction what nuisances and gains leave of the residuals."""
     series: dict[tuple[str, str, str], list[Floats]] = {}
     noise = found.misfit.comparison.noise
-    corrections = shared_corrections(found)
+    corrections = shared_corrections(found.local, found.frame)
     for alignment, response, shared in zip(
         found.frame.alignments, found.local.simulated, corrections, strict=True
     ):
@@ -399,28 +400,6 @@ def _remaining_series(found: Fit) -> dict[tuple[str, str, str], list[Floats]]:
             key = (signal.channel, signal.drive, alignment.movement.direction)
             series.setdefault(key, []).append(np.clip(row, -most, most))
     return series
-
-
-def shared_estimates(found: Fit) -> Floats:
-    """Return the likeliest size of all that movements share, in standard deviations, shape (q,)."""
-    shared = found.frame.shared
-    if shared is None:
-        return np.zeros(0)
-    rows = [
-        alignment.whitened(alignment.measured - alignment.reduced(response))
-        for alignment, response in zip(found.frame.alignments, found.local.simulated, strict=True)
-    ]
-    return shared.estimates(np.concatenate(rows))
-
-
-def shared_corrections(found: Fit) -> list[Floats | None]:
-    """Return for each movement what wrong gains add to its measured forces, as estimated [N]."""
-    shared = found.frame.shared
-    if shared is None:
-        return [None] * len(found.frame.alignments)
-    count = len(shared.gains)
-    sizes = shared_estimates(found)[:count]
-    return [block[:, :count] @ sizes for block in shared.plain]
 
 
 def _discrepancies(

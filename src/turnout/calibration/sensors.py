@@ -7,8 +7,8 @@ import numpy as np
 import xarray as xr
 
 from turnout.calibration.comparison import Comparison, Key
-from turnout.calibration.fit import Fit, shared_estimates
-from turnout.calibration.misfit import plain_jacobian
+from turnout.calibration.fit import Fit
+from turnout.calibration.misfit import plain_jacobian, shared_estimates
 
 # A gain this many deviations from where it was stated to be gives a warning.
 LEAVES_PRIOR = 2.0
@@ -118,7 +118,7 @@ def found_gains(found: Fit) -> list[Gain]:
     weak = 1e-6 * np.eye(J.shape[1])
     joint = np.block([[J.T @ J + weak, -J.T @ B], [-B.T @ J, np.eye(B.shape[1]) + B.T @ B]])
     deviations = np.sqrt(np.diag(np.linalg.inv(joint))[J.shape[1] :])
-    values = shared_estimates(found)
+    values = shared_estimates(found.local, found.frame)
     shares = found.misfit.comparison.gains
     return [
         Gain(

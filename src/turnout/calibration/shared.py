@@ -281,7 +281,7 @@ def effective_samples(alignments: Sequence[Alignment], comparison: Comparison) -
     .. math:: n = \sum_c \sigma_c^2 \, 1^T C_c^{-1} 1
 
     with the covariance of noise and of both discrepancies, over all movements together, and the
-    variance of a bin: what all movements share makes none of them count anew.
+    variance of a bin: what all movements share counts once only.
     """
     modes = shared_of(alignments, replace(comparison, gains={}))
     blocks = (
