@@ -134,9 +134,12 @@ def calibrate_command(
 def _print_verdict(calibration: "Calibration", out: Path, *, quiet: bool) -> None:
     if not quiet:
         typer.echo(f"{'written':<12}{out}")
+    from turnout.cli.colour import coloured
+
+    level = "bad" if calibration.distrust else "good"
     for line in verdict_lines(calibration):
         if not quiet or calibration.distrust:
-            typer.echo(line)
+            typer.echo(coloured(line, level) if line.startswith("verdict") else line)
 
 
 class _ProgressLog:

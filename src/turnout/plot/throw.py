@@ -162,7 +162,7 @@ def throw_rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
         ("Drive force\non rail [kN]", forces),
         ("Motor current,\n0.1 s mean [A]", [_averaged(curve, dataset) for curve in currents]),
         ("Power drawn,\n0.1 s mean [W]", [_averaged(curve, dataset) for curve in powers]),
-        ("Marker\nposition [mm]", markers),
+        ("Rod end\nposition [mm]" if powers else "Marker\nposition [mm]", markers),
         ("Gap to stock\nrail [mm]", gaps),
     ]
 
@@ -170,9 +170,11 @@ def throw_rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
 def _of_drives(dataset: xr.Dataset, channel: str, factor: float) -> list[Curve]:
     if channel not in dataset:
         return []
+    rows = [dataset[channel].sel(drive=name).values * factor for name in dataset["drive"].values]
     return [
-        Curve(f"Drive {name}", dataset[channel].sel(drive=name).values * factor, number)
-        for number, name in enumerate(dataset["drive"].values)
+        Curve(f"Drive {name}", row, number)
+        for number, (name, row) in enumerate(zip(dataset["drive"].values, rows, strict=True))
+        if np.isfinite(row).any()  # a marker among machines has no current
     ]
 
 
@@ -320,13 +322,15 @@ ENERGIES = (
 )
 
 
-def throw_sheet(dataset: xr.Dataset) -> Sheet:
+def throw_sheet(dataset: xr.Dataset, *, title: str | None = None) -> Sheet:
     """Return forces, markers and gaps of a run over time.
 
     Parameters
     ----------
     dataset : xarray.Dataset
         One movement or run, simulated or measured; channels that it lacks are left out.
+    title : str, optional
+        Panel, objects and outcome without one.
 
     Returns
     -------
@@ -355,7 +359,7 @@ def throw_sheet(dataset: xr.Dataset) -> Sheet:
         )
     return Sheet(
         name="throw",
-        title=title_of(dataset),
+        title=title_of(dataset) if title is None else title,
         caption="Forces are those on the rail, positive in the closing direction; shaded is the "
         "time in which the drives are commanded to move.",
         x_label="Time [s]",
