@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from turnout.calibration.drive_law.candidates import REACH, Law, Shape, level_key, stiffness_key
 from turnout.calibration.evaluate import Response
 from turnout.calibration.parameter import Parameter, free_parameter
-from turnout.calibration.recorder import trailing_mean
+from turnout.calibration.trailing_mean import trailing_mean
 from turnout.errors import PanelError
 from turnout.panel.load import LoadedPanel
 

@@ -27,7 +27,12 @@ from turnout.calibration.misfit import (
 from turnout.calibration.noise import missed_by_model
 from turnout.calibration.parameter import Parameter, coordinates, values_at
 from turnout.calibration.predict import compared, predicted
-from turnout.calibration.shared import poorly_followed, shared_discrepancy, without_common
+from turnout.calibration.shared import (
+    left_out,
+    poorly_followed,
+    shared_discrepancy,
+    without_common,
+)
 
 Floats = NDArray[np.float64]
 # Steps of a fit; how many more are allowed after one that still lowered the cost by this share and
@@ -367,6 +372,11 @@ def reestimate_noise(found: Fit, first: Misfit) -> Misfit:
         size, length = missed_by_model(rows, noise[key])
         if size > noise[key].missed:
             noise[key] = replace(noise[key], missed=size, missed_length=length)
+    for (channel, drive, direction), (size, length) in discrepancy.items():
+        most = max(row.size for row in series[channel, drive, direction])
+        rest = left_out(most, size=size, length=length)
+        known = noise[channel, drive]
+        noise[channel, drive] = replace(known, white=hypot(known.white, rest))
     scatter = {}
     for name, expected in first.comparison.scatter.items():
         estimates = [v.estimates[name] for v in found.frame.alignments if name in v.estimates]
