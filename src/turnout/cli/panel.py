@@ -145,8 +145,10 @@ def check_command(
         record = check_record(file, panel, found, dataset, pieces)
         print_json("panel check", record, units=CHECK_UNITS)
     else:
+        from turnout.cli.colour import coloured
+
         for line in concern_lines(panel, found) if throw or found else ():
-            typer.echo(line)
+            typer.echo(coloured(line, "look" if found else "good"))
         for piece in pieces:
             typer.echo(f"test piece: {piece_limit_line(piece)}")
     if dataset is not None and (code := end_code(dataset)):

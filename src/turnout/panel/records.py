@@ -335,7 +335,7 @@ class Linkage(Placed):
     height: Length = Field(0.0, ge=-1, le=1, description="z of the connection [m]")
     stiffness: Stiffness = Field(gt=0, description="along the rod [N/m]")
     lost_motion: Length = Field(
-        0.0, ge=0, le=0.5, description="play, half of it to either side of the free length [m]"
+        0.0, ge=0, le=0.1, description="play, half of it to either side of the free length [m]"
     )
 
 
