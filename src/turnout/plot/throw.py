@@ -417,11 +417,8 @@ def _slip_levels(dataset: xr.Dataset) -> tuple[Level, ...]:
     if "saturation_force" not in dataset.coords:
         return ()
     limits = np.unique(dataset["saturation_force"].values) * KILO
-    return tuple(
-        Level(float(side * limit), "slips" if side > 0 else "")
-        for limit in limits
-        for side in (1, -1)
-    )
+    ends = [(limit, "slips") for limit in limits] + [(-limit, "") for limit in limits]
+    return tuple(Level(float(limit), text) for limit, text in ends)
 
 
 def _slip_marks(dataset: xr.Dataset) -> list[Line]:
