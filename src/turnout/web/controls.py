@@ -104,10 +104,10 @@ def _of_values(panel: Panel) -> list[Control]:
         label = f"Drive {name} stiffness"
         key, most = f"drive.{name}.stiffness", max(1500.0, 2 * value)
         found.append(Control(key, label, "kN/m", value, 20.0, most, 5.0, BUSHING))
-    for name in dict.fromkeys(drive.machine for drive in panel.drive.values()):
-        if name is None:
+    for used in dict.fromkeys(drive.machine for drive in panel.drive.values()):
+        if used is None:
             continue
-        machine = panel.machine[name]
+        name, machine = used, panel.machine[used]
         value = machine.supply.voltage or machine.motor.voltage
         key, most = f"machine.{name}.supply.voltage", round(1.3 * machine.motor.voltage)
         least = round(0.3 * machine.motor.voltage)
