@@ -9,10 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from turnout.core.threads import one_blas_thread
-from turnout.detection.bound import (
-    predictive_covariances,
-    probability_of_detection,
-)
+from turnout.detection.bound import predictive, probability_of_detection
 from turnout.detection.features import (
     discrepancy_covariance,
     features_of,
@@ -32,6 +29,8 @@ SIZE_STEP, LARGEST_SIZE = 0.1e-3, 25e-3
 WANTED = 0.9
 """Probability of detection of the size a90 [-]."""
 RESAMPLES = 200
+BOTH = "both drives"
+"""Name of the channel that holds the features of all drives."""
 UNITS = {
     "pod": ("1", "probability of detection"),
     "a90": ("m", "smallest size from which nine of ten objects are detected"),
@@ -83,6 +82,10 @@ class SoundThrows:
         Of a sound throw at each level, given the history [N^2].
     levels : ndarray, shape (n_levels,)
         Friction levels [-].
+    mean : ndarray, shape (n_levels, n_features)
+        Of the population at each level [N].
+    shifts : tuple of ndarray, each of shape (n_features, r)
+        What a history makes of the mean, from `Predictive` [N].
     channels : mapping of str to ndarray
         Features of both drives, and of each alone.
     """
@@ -90,6 +93,8 @@ class SoundThrows:
     means: Floats
     covariances: tuple[Floats, ...]
     levels: Floats
+    mean: Floats
+    shifts: tuple[Floats, ...]
     channels: Mapping[str, NDArray[np.intp]]
 
     def nearest(self, level: Floats) -> NDArray[np.intp]:
@@ -119,7 +124,7 @@ def sound_throws(
         features_of(throws.sound, means), switch=throws.switch, level=throws.level
     )
     sampled = 1.0 / float(throws.time[1] - throws.time[0])
-    covariances = predictive_covariances(
+    expected = predictive(
         models,
         discrepancy=discrepancy_covariance(
             throws.time, means, amplitude=throws.amplitude, conditions=conditions
@@ -130,13 +135,15 @@ def sound_throws(
         history=conditions.history,
         averaged=averaged,
     )
-    channels = {"both drives": np.arange(drives * windows)}
+    channels = {BOTH: np.arange(drives * windows)}
     for number in range(drives):
         channels[f"drive {number + 1}"] = np.arange(windows) + number * windows
     return SoundThrows(
         means=means,
-        covariances=tuple(covariances),
+        covariances=expected.covariances,
         levels=np.array([item.level for item in models]),
+        mean=np.array([item.mean for item in models]),
+        shifts=expected.shifts,
         channels=channels,
     )
 
@@ -312,7 +319,7 @@ def rows_of(dataset: xr.Dataset) -> list[Mapping[str, float | str | None]]:
             one = at.sel(channel=channel)
             for name in ("a90", "a90_low", "a90_high"):
                 value = float(one[name])
-                key = name if channel == "both drives" else f"{name}, {channel}"
+                key = name if channel == BOTH else f"{name}, {channel}"
                 row[key] = value if np.isfinite(value) else None
         rows.append(row)
     return rows

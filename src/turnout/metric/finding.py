@@ -205,7 +205,9 @@ def _slipped(dataset: xr.Dataset) -> list[Finding]:
         return []
     found = slips(dataset)
     if not found:
-        return [Finding("good", "Did a drive slip?", "No", "every drive followed its marker")]
+        machines = "drive_power" in dataset
+        text = "no clutch or bushing slipped" if machines else "every drive followed its marker"
+        return [Finding("good", "Did a drive slip?", "No", text)]
     names = ", ".join(dict.fromkeys(slip.drive for slip in found))
     detail = "; ".join(_slip(dataset, slip) for slip in found)
     return [Finding("look", "Did a drive slip?", f"Yes, drive {names}", detail)]

@@ -243,10 +243,9 @@ def _drives(dataset: xr.Dataset) -> list[tuple[str, str]]:
             left = [_margin(item) for item in margins(dataset) if item.drive == str(name)]
             parts += [f"margin to slip {', '.join(left)}"] if left else []
         lines.append((f"drive {name}", "; ".join(parts)))
-    lines += _machines(dataset)
     if "end_gap" in dataset:
         lines.append(("", "gaps are raw: a held force stretches the bushing (force / stiffness)"))
-    return lines
+    return lines + _machines(dataset)
 
 
 def _machines(dataset: xr.Dataset) -> list[tuple[str, str]]:

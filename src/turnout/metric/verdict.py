@@ -10,11 +10,13 @@ import numpy as np
 from turnout.metric.channel_features import final_value
 from turnout.metric.slip import TIME_TOLERANCE, Slip, Span, movements, slips
 from turnout.metric.summary import format_force
+from turnout.metric.trapped import is_trapped
 from turnout.metric.verdict_words import (
     accepted_by,
     narrow_flangeway,
     nothing_left,
     out_of_control,
+    sizes_left,
     slip_words,
     wide_gaps,
 )
@@ -175,7 +177,8 @@ def _measured_slip(dataset: "xr.Dataset") -> str:
 class _Case:
     """One object: when it was first touched and taken out [s], and what reports it.
 
-    `fate` says what became of it where nothing is left at the end; else it is empty.
+    `fate` says what became of it where nothing is left at the end, else it is empty; `left` is the
+    size that is left of it [m], NaN where all is.
     """
 
     what: str
@@ -185,6 +188,7 @@ class _Case:
     refused: bool
     accepted: str
     fate: str = ""
+    left: float = math.nan
 
     @property
     def touched(self) -> bool:
@@ -194,7 +198,7 @@ class _Case:
     @property
     def trapped(self) -> bool:
         """Whether it was touched and is still there at the end."""
-        return self.touched and math.isinf(self.gone) and not self.fate
+        return bool(is_trapped(self.contact, self.gone, self.left))
 
 
 def _objects(dataset: "xr.Dataset") -> list[dict[str, Any]]:
@@ -204,6 +208,14 @@ def _objects(dataset: "xr.Dataset") -> list[dict[str, Any]]:
 
 def _name(item: dict[str, Any]) -> str:
     return f"{1e3 * item['size']:g} mm at {item['place']}"
+
+
+def _as_met(dataset: "xr.Dataset", items: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return objects with the sizes that a throw of a sequence met; those gone keep their own."""
+    if "object_size" not in dataset or dataset["object_size"].size != len(items):
+        return items
+    sizes = [round(float(size), 4) for size in dataset["object_size"].values]  # to 0.1 mm
+    return [item | {"size": size or item["size"]} for item, size in zip(items, sizes, strict=True)]
 
 
 def _unplaced(dataset: "xr.Dataset") -> str:
@@ -236,17 +248,18 @@ def _largest_opening(dataset: "xr.Dataset", item: dict[str, Any]) -> float:
 
 def _cases(dataset: "xr.Dataset") -> list[_Case]:
     """Judge every object by the movements in which its own rail closes."""
-    items = _objects(dataset)
+    items = _as_met(dataset, _objects(dataset))
     end = float(dataset["time"][-1])
     cases = []
-    fates = nothing_left(dataset, len(items))
-    for item, contact, fate in zip(items, _contacts(dataset, len(items)), fates, strict=True):
+    left, fates = sizes_left(dataset, len(items)), nothing_left(dataset, len(items))
+    contacts = _contacts(dataset, len(items))
+    for item, contact, size, fate in zip(items, contacts, left, fates, strict=True):
         taken = item.get("disappears")
         gone = math.inf if taken is None or taken > end else float(taken)
         instrumented = dataset.attrs.get("instrumented_rail", item.get("rail"))
         position = "closed" if item.get("rail") in (None, instrumented) else "open"
         case = _case(dataset, _name(item), contact, gone, position)
-        cases.append(replace(case, fate=fate))
+        cases.append(replace(case, fate=fate, left=size))
     return cases
 
 
@@ -393,10 +406,10 @@ def _untouched_text(case: _Case) -> str:
     """Say why an object is not what a verdict rests on."""
     if not math.isinf(case.gone):
         return f"{case.what} was taken out at t = {case.gone:.2f} s"
-    if not case.touched:
-        return f"{case.what} is never touched"
     if case.fate:
         return f"{case.what} {case.fate}"
+    if not case.touched:
+        return f"{case.what} is never touched"
     return f"{case.what} is touched only after a slip"
 
 

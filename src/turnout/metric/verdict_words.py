@@ -64,14 +64,19 @@ def _gaps(dataset: "xr.Dataset") -> list[tuple[str, float, float]]:
     return found
 
 
+def sizes_left(dataset: "xr.Dataset", count: int) -> list[float]:
+    """Return the size that is left of each object [m]; NaN where it was not kept."""
+    if "object_left" not in dataset or dataset["object_left"].size != count:
+        return [math.nan] * count
+    return [float(size) for size in dataset["object_left"].values]
+
+
 def nothing_left(dataset: "xr.Dataset", count: int) -> list[str]:
     """Say of each object what became of it where nothing is left of it; empty where some is.
 
     In a throw of a sequence it may have been gone before: its size at the start is 0 then.
     """
-    if "object_left" not in dataset or dataset["object_left"].size != count:
-        return [""] * count
-    left = dataset["object_left"].values
+    left = sizes_left(dataset, count)
     before = np.full(count, math.inf)
     if "object_size" in dataset and dataset["object_size"].size == count:
         before = dataset["object_size"].values
