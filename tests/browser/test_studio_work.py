@@ -26,7 +26,9 @@ def test_the_verdict_is_first_and_green_never_means_missed(screen: Screen) -> No
     page = screen.page
     expected = verdict(sb2_dataset())
     assert expected.missed
-    assert page.locator("#verdict").inner_text() == expected.text
+    head, _, detail = expected.text.partition(": ")
+    assert page.locator("#verdict-meaning").inner_text() == f"{head}: {expected.meaning}"
+    assert page.locator("#verdict-text").inner_text() == detail
     assert page.locator("#verdict").get_attribute("data-level") == "bad"
     assert "missed" in page.evaluate(STATES)
     assert "good" not in page.evaluate(STATES)
@@ -189,6 +191,24 @@ def test_standard_views_turn_the_panel(screen: Screen) -> None:
         page.get_by_role("button", name=name, exact=True).click()
         shots.append(page.locator("#scene").screenshot())
     assert len(set(shots)) == 3
+
+
+def test_a_map_shows_what_reports_an_object(screen: Screen, shots: Path) -> None:
+    page = screen.page
+    page.get_by_role("tab", name="Map").click()
+    page.get_by_label("Sizes [mm]").fill("13, 25")
+    page.get_by_role("button", name="Compute").click()
+    screen.wait("document.querySelectorAll('#map-table tr').length === 3")
+    page.screenshot(path=shots / "map.png")
+    assert "undetected" in page.locator("#map-state").inner_text()
+    screen.forget()
+    page.get_by_role("button", name="25 mm at sleeper 6: detected").click()
+    screen.settled()
+    assert page.input_value("#control-object-size-number") == "25"
+    assert page.locator("#verdict").inner_text().startswith("Detected by")
+    page.get_by_label("Sizes [mm]").fill("thirteen")
+    page.get_by_role("button", name="Compute").click()
+    assert "no list of sizes" in page.locator("#message").inner_text()
 
 
 def test_the_page_measures_how_fast_it_is(screen: Screen) -> None:

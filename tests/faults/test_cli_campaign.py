@@ -53,9 +53,22 @@ def test_a_virtual_campaign_goes_through(tmp_path: Path) -> None:
     assert run("build", folder).exit_code == 0
 
 
+def test_a_virtual_campaign_leaves_out_objects_without_room(tmp_path: Path) -> None:
+    """`campaign virtual --panel sb1` refused its own places: 1 mm of opening at the last ones."""
+    result = run(
+        *("virtual", "--panel", "sb1", "--place", "sleeper 1", "--place", "sleeper 11"),
+        *("--size", "5 mm", "--size", "29 mm"),
+        *("--repeats", "0", "--workers", "1", "--format", "h5", "--out", tmp_path / "virtual"),
+    )
+    assert result.exit_code == 0, result.output
+    assert "left out    no room for 29 mm at sleeper 11" in result.output
+    assert "3 movements" in result.output
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (("--panel", "sb1", "--place", "sleeper 16", "--size", "13 mm"), "larger than the opening"),
         (("--panel", "sb3"), "nearest is 'sb2'"),
         (("--panel", "sb2", "--place", "sleeper 66"), "sleeper '66'"),
         (("--panel", "sb2", "--size", "13"), "write the unit"),
@@ -107,6 +120,18 @@ def test_nothing_usable_is_an_error(tmp_path: Path) -> None:
         path.write_text("nothing", encoding="utf-8")
     assert "no movement is usable" in refused("build", folder)
     assert not (folder / "campaign.nc").exists()
+    checked = run("check", folder)
+    assert checked.exit_code == 1
+    assert "9 in the sheet, 0 usable" in checked.output
+
+
+def test_remarks_come_before_what_was_excluded(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    (folder / "extra.csv").write_text("time,x\n0,1\n", encoding="utf-8")
+    (folder / "sleeper-6_13mm_1.mat").write_bytes(b"nothing")
+    lines = run("check", folder).output.splitlines()
+    starts = [line.split()[0] for line in lines if not line.startswith(" ")]
+    assert starts.index("remarks") < starts.index("excluded")
 
 
 def test_a_missing_channel_map_or_column_is_named(tmp_path: Path) -> None:

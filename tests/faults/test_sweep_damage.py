@@ -421,7 +421,7 @@ def test_matrices_of_a_panel_are_stored_to_the_bit() -> None:
 
 
 def test_no_file_is_unpickled(pytestconfig: pytest.Config) -> None:
-    """Only what the studio's processes hand each other in memory is; no file or page gives it."""
+    """Nor is anything that the studio's processes hand each other."""
     sources = pytestconfig.rootpath / "src" / "turnout"
     texts = {
         path.relative_to(sources).as_posix(): path.read_text(encoding="utf-8")
@@ -435,7 +435,4 @@ def test_no_file_is_unpickled(pytestconfig: pytest.Config) -> None:
         "import shelve",
     )
     found = [name for name, text in texts.items() if any(word in text for word in banned)]
-    assert found == ["web/tasks.py"]
-    assert "pickle.load(" not in texts["web/tasks.py"]
-    assert texts["web/tasks.py"].count("pickle.loads(self._restored[mark])") == 2
-    assert texts["web/tasks.py"].count("pickle.load") == 2
+    assert not found

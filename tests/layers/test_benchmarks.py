@@ -13,8 +13,9 @@ NAMES = sorted(path.stem for path in (Path(__file__).parents[2] / "benchmarks").
 @pytest.mark.parametrize("name", NAMES)
 def test_a_benchmark_loads(name: str) -> None:
     try:
-        import_module(f"benchmarks.{name}")
+        loaded = import_module(f"benchmarks.{name}")
     except ModuleNotFoundError as error:
         if str(error.name).split(".")[0] not in OTHERS:
             raise
         pytest.skip(f"pip install 'turnout[benchmark]' brings {error.name}")
+    assert loaded.__doc__

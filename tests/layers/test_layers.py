@@ -61,6 +61,7 @@ ALLOWED: dict[str, set[str]] = {
         "core",
         "schema",
         "panel",
+        "measurement",
         "integrate",
         "response",
         "calibration",

@@ -92,6 +92,12 @@ def test_a_figure_beside_the_result(tmp_path: Path) -> None:
     assert printed("panel", "show", "sb1", "--plot", figure)["written"] == [str(figure)]
 
 
+def test_a_new_panel(tmp_path: Path, documented: dict[str, set[str]]) -> None:
+    found = printed("panel", "new", tmp_path / "mine.toml", "--from", "sb1")
+    assert set(found) - COMMON == documented["panel new"]
+    assert (found["panel"], found["source"]) == ("mine", "sb1")
+
+
 def test_a_check_gives_the_least_test_piece_of_every_drive(
     documented: dict[str, set[str]],
 ) -> None:

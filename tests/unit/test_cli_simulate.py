@@ -46,6 +46,15 @@ def test_summary_and_files_are_told(tmp_path: Path) -> None:
     assert (tmp_path / "run.svg").read_bytes().startswith(b"<?xml")
 
 
+def test_the_verdict_is_coloured_on_a_terminal_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    arguments = ["simulate", "sb1", *QUICK]
+    plain, shown = (CliRunner().invoke(app, arguments, color=on).stdout for on in (False, True))
+    assert "\x1b[" not in plain
+    assert "\x1b[31m\x1b[1mNot locked\x1b[0m: no object" in shown
+    assert "\nmeaning         The switch does not report" in plain
+
+
 def test_quiet_shows_nothing() -> None:
     result = run("--quiet")
     assert (result.exit_code, result.stdout, result.stderr) == (0, "", "")

@@ -5,9 +5,10 @@ import pytest
 from scipy.stats import norm
 
 from turnout.detection.bound import (
+    Predictive,
     detection_index,
     excess_over_bound,
-    predictive_covariances,
+    predictive,
     probability_of_detection,
 )
 from turnout.detection.features import (
@@ -64,11 +65,12 @@ def test_a_detector_above_the_bound_is_found_out() -> None:
     assert excess_over_bound(cheating, 20_000, bound=bound) < 1e-3
 
 
-def covariances(history: int, *, fixed_share: float = 0.5) -> list[np.ndarray]:
+def expected(history: int, *, fixed_share: float = 0.5) -> Predictive:
     one = Local(
-        level=0.3, sensitivity=np.array([[3.0], [1.0]]), slope=np.zeros(2), within=np.eye(2)
-    )
-    return predictive_covariances(
+        level=0.3, mean=np.zeros(2), sensitivity=np.array([[3.0], [1.0]]), slope=np.zeros(2),
+        within=np.eye(2),
+    )  # fmt: skip
+    return predictive(
         [one],
         discrepancy=4.0 * np.eye(2),
         noise=0.25 * np.eye(2),
@@ -80,15 +82,17 @@ def covariances(history: int, *, fixed_share: float = 0.5) -> list[np.ndarray]:
 
 def test_without_history_it_is_the_covariance_of_the_population() -> None:
     sensitivity = np.array([[3.0], [1.0]])
-    np.testing.assert_allclose(covariances(0)[0], sensitivity @ sensitivity.T + 5.25 * np.eye(2))
+    np.testing.assert_allclose(
+        expected(0).covariances[0], sensitivity @ sensitivity.T + 5.25 * np.eye(2)
+    )
 
 
 def test_history_is_the_closed_form_of_a_repeated_measurement() -> None:
     between = np.array([[3.0], [1.0]]) @ np.array([[3.0, 1.0]]) + 2.0 * np.eye(2)
     within = 3.25 * np.eye(2)
     left = between - between @ np.linalg.solve(between + within / 20, between)
-    np.testing.assert_allclose(covariances(20)[0], left + within, rtol=1e-9)
-    np.testing.assert_allclose(covariances(10**9)[0], within, atol=1e-6)
+    np.testing.assert_allclose(expected(20).covariances[0], left + within, rtol=1e-9)
+    np.testing.assert_allclose(expected(10**9).covariances[0], within, atol=1e-6)
 
 
 def test_local_models_give_back_a_linear_population() -> None:

@@ -18,6 +18,7 @@ from tests.unit.test_cli_json import documented as documented  # noqa: PLC0414 -
 from turnout.api.machine import fit_machines
 from turnout.core.moving_average import moving_average
 from turnout.errors import MachineError, MeasurementError
+from turnout.machine.clutch_fit import slip_estimate, slip_level
 from turnout.machine.current_fit import (
     STEP,
     LoadLine,
@@ -271,6 +272,11 @@ def test_the_command(tmp_path: Path, documented: dict[str, set[str]]) -> None:
         (["--clutch-force", "1=6 kN"], "must be DRIVE='6 kN +- ...'"),
         (["--sister", "1=0.2 A/kN +- 20 mA/kN"], "no --idle 1"),
         (["--series-motor", "0 A"], "more than 0"),
+        (
+            ["--series-motor", "3 A", "--idle", "1=1 A", "--sister", "1=0.2 A/kN +- 20 mA/kN"],
+            "does not rise straight",
+        ),
+        (["--idle", "1=1 A", "--sister", "1=0.2 A/kN +- 20 mA/kN to 4 m"], "--sister"),
     ],
 )
 def test_bad_options(options: list[str], words: str, tmp_path: Path) -> None:
@@ -304,3 +310,98 @@ def test_a_series_motor_gives_back_the_forces_of_its_own_curve() -> None:
     step = anchor.force(1.5, deviation=1e-3).deviation ** 2 - anchor.force(1.5).deviation ** 2
     slope = (anchor.force(1.501).value - anchor.force(1.499).value) / 0.002
     assert step**0.5 == pytest.approx(1e-3 * slope, rel=1e-3)
+
+
+@pytest.mark.parametrize("size", [2, 15, 30, 49, 50, 99])
+def test_a_short_slipping_span_has_an_interval(size: int) -> None:
+    rng = np.random.default_rng(size)
+    level = slip_level("a", number=0, current=2.0 + 0.01 * rng.standard_normal(size), held=None)
+    found = slip_estimate([level])
+    assert found is not None
+    assert math.isfinite(level.deviation)
+    assert found.low < found.value < found.high
+    with pytest.raises(MachineError, match="1 sample"):
+        slip_level("a", number=0, current=np.array([2.0]), held=None)
+
+
+@pytest.mark.parametrize("saturation", [None, 4.0])
+def test_the_idle_error_of_a_gauge_counts_once(saturation: float | None) -> None:
+    """Reference: all three drawn 20,000 times, F = F_s (g(i) - g(i_0))/(g(i_s) - g(i_0))."""
+    slip, idle, force = 2.0, 0.8, 6e3
+    anchor = gauge_anchor(
+        slip_current=slip, slip_deviation=0.01, idle=idle, idle_deviation=0.02, force=force,
+        force_deviation=50.0, saturation_current=saturation,
+    )  # fmt: skip
+
+    def shape(current: Floats) -> Floats:
+        return current if saturation is None else current**2 / (1.0 + current / saturation)
+
+    rng = np.random.default_rng(1)
+    i_s, i_0, f_s = (
+        value + spread * rng.standard_normal(20_000)
+        for value, spread in ((slip, 0.01), (idle, 0.02), (force, 50.0))
+    )
+    for current in (0.9, 1.4, 2.0):
+        at = shape(np.full(1, current))
+        drawn = f_s * (at - shape(i_0)) / (shape(i_s) - shape(i_0))
+        assert anchor.force(current).deviation == pytest.approx(float(drawn.std()), rel=0.03)
+
+
+def test_idle_and_slope_of_a_line_are_correlated() -> None:
+    """The force at the middle of the fitted loads is known better than idle and slope alone say."""
+    rng = np.random.default_rng(2)
+    spans = []
+    for seed in range(6):
+        load = waving(seed)
+        current = IDLE + SLOPE * load * (1.0 + 0.02 * rng.standard_normal())
+        spans.append(span(str(seed), load, current + 2e-3 * rng.standard_normal()))
+    line = line_of(spans)
+    bound = line.idle.deviation * line.slope.deviation
+    assert abs(line.covariance) <= bound * (1.0 + 1e-9)
+    assert line.covariance != 0.0
+
+
+@pytest.mark.parametrize("sister_idle", [None, 1.0, 0.7])
+def test_a_sister_of_a_series_motor(sister_idle: float | None) -> None:
+    """Torque by i^2/(1 + i/i_s): what machines of a type share is its rise with the force."""
+    saturation, idle, reference, per_newton = 6.0, 1.0, 4000.0, 5e-4
+
+    def shape(current: float) -> float:
+        return current**2 / (1.0 + current / saturation)
+
+    def current_of(torque: float) -> float:
+        half = 0.5 * torque / saturation
+        return half + math.sqrt(half**2 + torque)
+
+    from_idle = idle if sister_idle is None else sister_idle
+    rise = (current_of(shape(from_idle) + per_newton * reference) - from_idle) / reference
+    anchor = sister_anchor(
+        slope=rise, spread=0.1 * rise, idle=idle, saturation_current=saturation,
+        reference=reference, sister_idle=sister_idle,
+    )  # fmt: skip
+    for force in (0.0, 1500.0, 4000.0, 5000.0):
+        found = anchor.force(current_of(shape(idle) + per_newton * force))
+        assert found.value == pytest.approx(force, abs=1e-6)
+        assert found.low - 1e-9 <= force <= found.high + 1e-9
+    with pytest.raises(MachineError, match="reference force"):
+        sister_anchor(slope=rise, spread=1e-5, idle=idle, saturation_current=saturation)
+
+
+def test_a_sister_of_a_series_motor_in_a_campaign() -> None:
+    bare = campaign(forces=False)
+    given = {"sister": {"1": (3e-4, 3e-5, 4e3)}, "idle": {"1": 0.8}}
+    found = fit_machines(bare, motor="series", saturation_current=3.0, **given).of("1", "closing")
+    assert found.anchor is not None
+    assert found.force(0.8 + 1.2).value == pytest.approx(4e3)
+    assert 600.0 < found.force(1.1).value < 1000.0  # below the chord's 1000 N
+
+
+def test_the_command_with_a_sister_of_a_series_motor(tmp_path: Path) -> None:
+    file = tmp_path / "campaign.nc"
+    campaign(forces=False).assign_attrs(schema_version=1).to_netcdf(file, engine="h5netcdf")
+    sister = "1=0.3 A/kN +- 0.03 A/kN to 4 kN from 0.9 A"
+    options = ("--series-motor", "3 A", "--idle", "1=0.8 A", "--sister", sister)
+    anchor = printed("machine", "fit", file, *options)["drives"][0]["anchor"]
+    assert anchor["kind"] == "sister machine"
+    assert anchor["series"] == [4000.0, 3.0]
+    assert anchor["slope"] == pytest.approx(3.05e-4, rel=0.02)

@@ -66,6 +66,20 @@ def test_one_throw_without_an_object_tells_nothing() -> None:
     assert place.slipped == 0.031
 
 
+def test_two_throws_without_an_object_are_too_few_to_decide() -> None:
+    """5.2 to 6.0 kN against 3.53 +- 0.085 kN was called not detected."""
+    dataset = campaign(
+        ("sleeper 6", 0.013, 5200.0, False),
+        ("sleeper 6", 0.021, 6000.0, False),
+        ("drive 1", 0.013, 3500.0, False),
+        free=(3470.0, 3590.0),
+    )
+    six, one = place_sizes(dataset, direction="closing")
+    assert np.isnan(six.detectable)
+    assert six.undecided == 0.013
+    assert np.isnan(one.undecided)
+
+
 def test_told_is_where_every_larger_object_is_told_too() -> None:
     dataset = campaign(
         ("sleeper 6", 0.005, 3700.0, False),  # by chance

@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 from tests.unit.simulated import sb2_dataset
 
+from turnout.core.moving_average import moving_average
 from turnout.errors import ResponseError
 from turnout.metric.features import FEATURES, features, movement_features
 
@@ -110,3 +111,34 @@ def test_a_trapped_object_shows_in_the_drive_behind_it() -> None:
 def test_what_has_no_features_is_refused(dataset: xr.Dataset, words: str) -> None:
     with pytest.raises(ResponseError, match=words):
         features(dataset)
+
+
+@pytest.mark.parametrize(("sign", "braking"), [(1.0, 0.0), (-1.0, 0.0), (-1.0, 9.0), (1.0, 9.0)])
+def test_noise_of_a_standing_motor_is_no_motion(sign: float, braking: float) -> None:
+    """A clamp with 10 mA of noise and a zero 5 mA off; an opening drive may be counted negative."""
+    noise = 0.005 + 0.01 * np.random.default_rng(3).standard_normal(TIME.size)
+    after = braking * np.exp(-np.clip(TIME - 1.9, 0.0, None) / 0.02)
+    current = sign * np.where(TIME < 1.9, 1.1, -after) + noise
+    found = named(movement_features(TIME, EFFORT, current=current))
+    assert found["duration"] == pytest.approx(1.9, abs=2e-3)
+    still = named(movement_features(TIME, EFFORT, current=noise))
+    assert np.isnan(still["duration"])
+
+
+def test_the_throw_time_of_a_campaign_is_that_of_the_unfiltered_current() -> None:
+    time = np.arange(-1.0, 4.0, 0.005)
+    raw = np.where((time > 0.0) & (time < 3.3), 1.1, 0.0)
+    raw[(time >= 3.3) & (time < 3.35)] = -9.0
+    noise = 0.01 * np.random.default_rng(4).standard_normal(time.size)
+    rows = {
+        "drive_force": np.interp(time, [0.0, 0.3, 3.3], [0.0, 500.0, 900.0]),
+        "drive_current": moving_average(raw + noise, rate=200.0),
+        "drive_current_unfiltered": raw + noise,
+    }
+    campaign = xr.Dataset(
+        {name: (("movement", "drive", "time"), row[None, None]) for name, row in rows.items()},
+        {"time": time, "drive": ["1"], "movement": ["a"], "direction": ("movement", ["closing"])},
+    )
+    assert float(features(campaign)["duration"][0, 0]) == pytest.approx(3.3, abs=6e-3)
+    filtered = features(campaign.drop_vars("drive_current_unfiltered"))
+    assert float(filtered["duration"][0, 0]) == pytest.approx(3.3, abs=0.06)

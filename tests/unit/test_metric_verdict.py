@@ -42,7 +42,11 @@ def run_with(
 @pytest.mark.parametrize(
     ("states", "kind", "words"),
     [
-        ({}, "undetected object", "13 mm at sleeper 6 stays in the switch, which locks"),
+        (
+            {},
+            "undetected object",
+            "13 mm at sleeper 6 stays in the switch and nothing reports it: the switch locks",
+        ),
         ({}, "undetected object", "2.00 of 5 mm open at Drive 1"),
         ({"slips": "2", "locked": False}, "detected by slip", "Drive 2 slips at 6.00 kN, closing"),
         ({"slips": "2"}, "detected by slip", "Drive 2 slips"),

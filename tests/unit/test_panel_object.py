@@ -19,6 +19,8 @@ PANEL = load_panel("uic60-760-1-15")
         ("sleeper 6", 3.6),
         ("sleeper6", 3.6),
         ("Sleeper 6", 3.6),
+        ("sleeper-6", 3.6),
+        ("sleeper_6", 3.6),
         ("drive 1", 0.3),
         ("drive2", 6.9),
         ("sensor TKK1", 3.6),

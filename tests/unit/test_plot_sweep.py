@@ -80,6 +80,12 @@ def test_an_undetected_object_is_not_a_throw_without_one() -> None:
     assert [STATES[state] for state in end_state(without).values] == ENDS
 
 
+def test_what_broke_and_left_nothing_is_no_undetected_object() -> None:
+    touched = labels().assign(object_touched=("scenario", np.array([1, 1, 1, -1, 0, 1, -1, 1])))
+    gone = touched.assign(object_trapped=("scenario", np.array([0, 1, 1, -1, 0, 1, -1, 1])))
+    assert [STATES[state] for state in end_state(gone).values] == ENDS
+
+
 def test_the_worst_of_a_cell_is_an_undetected_object() -> None:
     twice = xr.concat([labels(), labels()], "scenario")
     touched = np.zeros(16, dtype=int)
@@ -95,7 +101,7 @@ def test_the_legend_separates_no_object_from_an_undetected_one() -> None:
     one = one.assign(object_touched=("scenario", np.array([0, 1, 1, -1, 1, 1, -1, 1])))
     figure = plot_sweep_map(sweep_map(one))
     names = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert "locked, in control, no object touched" in names
+    assert "locked, in control, no object trapped" in names
     assert "U  undetected object" in names
     states = figure.axes[3]
     assert "U" in [text.get_text() for text in states.texts]

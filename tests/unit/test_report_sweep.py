@@ -65,6 +65,15 @@ def test_the_headline_counts_objects_that_nothing_notices() -> None:
     assert told["Not thrown yet"] == "2"
 
 
+def test_an_object_that_is_gone_is_not_counted_as_undetected() -> None:
+    made = labels()
+    trapped = made["object_touched"].values.copy()
+    trapped[0] = 0
+    first, *_ = sweep_findings(made.assign(object_trapped=("scenario", trapped)))
+    assert first.detail.startswith("14 of 23 throws")
+    assert first.detail.endswith("; in 1 of them the object is gone at the end")
+
+
 def test_without_objects_the_headline_says_so() -> None:
     free = labels().assign(object_touched=("scenario", np.zeros(24, dtype=int)))
     assert sweep_findings(free)[0].answer == "No object touched"

@@ -8,8 +8,10 @@ import pytest
 from typer.testing import CliRunner
 
 from turnout.cli.main import app, main
-from turnout.errors import ResponseError
+from turnout.errors import PanelError, ResponseError
 from turnout.integrate.outcome import NotConverged
+from turnout.metric.throw_table import throw_table
+from turnout.metric.verdict import verdict
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.response import sequence
@@ -19,6 +21,8 @@ from turnout.response.simulate import simulate
 from turnout.response.store import open_response, save_response
 
 PANEL = load_panel("uic60-760-1-15")
+FALLS_LATER = 1
+"""Of this seed the first two chances of 0.4 miss and the third does not: 0.51, 0.95, 0.14."""
 
 
 def test_a_spring_is_the_same_at_every_throw() -> None:
@@ -53,6 +57,70 @@ def test_a_stone_that_falls_out_leaves_the_next_throw_free() -> None:
     assert made["object_size"].values.tolist() == [[0.02], [0.0]]
     assert float(made["object_force"][1].max()) == 0.0
     assert np.allclose(made["drive_force"][1], free["drive_force"], atol=1e-6)
+
+
+def test_a_broken_piece_may_fall_in_a_later_throw() -> None:
+    """It breaks in the first throw alone; each throw after it is a chance of its own."""
+    ice = ForeignObject("10 mm", "drive 1", kind="ice")
+    drift = Drift(fall=0.4, seed=FALLS_LATER)
+    made = simulate_sequence(PANEL, throws=4, foreign_object=ice, drift=drift)
+    assert made["object_broken"].values[:, 0].tolist() == [8, 0, 0, 0]
+    assert made["object_size"].values[:, 0] == pytest.approx([0.01, 0.002, 0.002, 0.0], abs=1e-6)
+
+
+def test_the_slip_level_of_every_throw_is_a_coordinate() -> None:
+    made = simulate_sequence(PANEL, throws=3, drift=Drift(clutch=0.1))
+    levels = np.array([drive.saturation_force for drive in PANEL.drive.values()])
+    assert made["saturation_force"].dims == ("throw", "drive")
+    np.testing.assert_allclose(made["saturation_force"], levels * 0.9 ** np.arange(3)[:, None])
+    margins = made["force_margin"].sel(direction="closing").values
+    free = made["saturation_force"] - np.abs(made["drive_force"]).max("time")
+    assert np.all(margins >= free.values - 1e-9)
+    again = made.isel(throw=2)
+    assert again["saturation_force"].dims == ("drive",)
+    assert json.loads(made.attrs["overrides"]) == {}  # those of the panel, not of a throw
+
+
+@pytest.mark.parametrize(
+    ("drift", "said"),
+    [
+        (Drift(friction=0.3), r"friction = 0.3: throw 20 of 20.*friction_coefficient"),
+        (Drift(clutch=1.0), r"clutch = 1: throw 20 of 20.*saturation_force"),
+        (Drift(adjustment="0.2 m"), r"adjustment = 0.2: throw 20 of 20.*over_travel_closed"),
+        (
+            Drift(
+                friction_temperature="-0.2 1/K",
+                temperature=("10 degC", "-20 degC", "10 degC"),
+            ),
+            r"friction_temperature = -0.2: throw 1[01] of 20.*friction_coefficient",
+        ),
+    ],
+)
+def test_a_drift_that_becomes_impossible_is_refused_before_the_first_throw(
+    drift: Drift, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sequence, "solve_placed", None)
+    with pytest.raises(ResponseError, match=said):
+        simulate_sequence(PANEL, throws=20, drift=drift)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [({"chair.friction_coefficient": -1.0}, "at least 0"), ({"schedule.end": 20.0}, "instants")],
+)
+def test_a_throw_that_is_not_possible_keeps_those_before_it(
+    change: dict[str, float], said: str
+) -> None:
+    def changed(number: int) -> dict[str, float]:
+        return change if number == 2 else {}
+
+    with pytest.raises(NotConverged, match=rf"throw 3 of 4 is not possible(?s:.*){said}") as caught:
+        simulate_sequence(load_panel("sb1"), throws=4, change=changed)
+    partial = caught.value.partial
+    assert partial.sizes["throw"] == 2
+    assert partial.attrs["outcome"] == "refused"
+    with pytest.raises((PanelError, ResponseError)):
+        simulate_sequence(load_panel("sb1"), throws=4, change=lambda _: {"chair.1": 1.0})
 
 
 def test_ice_grows_in_frost_and_melts_above() -> None:
@@ -213,6 +281,23 @@ def test_the_command_throws_many_times(tmp_path) -> None:
     assert open_response(out).sizes["throw"] == 2
     shown = CliRunner().invoke(app, ["simulate", "--throws", "2"])
     assert "locked, in control" in shown.stdout
+    assert [row["verdict"] for row in record["throws"]] == ["detected by TKK"] * 2
+
+
+def test_each_throw_of_a_sequence_has_its_verdict() -> None:
+    """Lock and control at the end know nothing of the movement before; a verdict does."""
+    stone = ForeignObject("10 mm", "drive 1", kind="stone")
+    made = simulate_sequence(PANEL, throws=2, foreign_object=stone)
+    assert [row["verdict"] for row in throw_table(made)] == ["sound", "sound"]
+    assert "broke and left nothing" in verdict(made.isel(throw=0)).text
+    assert "was gone before" in verdict(made.isel(throw=1)).text
+    ice = ForeignObject("10 mm", "drive 1", kind="ice")
+    crushed = simulate_sequence(PANEL, throws=2, foreign_object=ice)
+    assert [row["verdict"] for row in throw_table(crushed)] == ["undetected object"] * 2
+    assert "2 mm at drive 1 stays" in verdict(crushed.isel(throw=1)).text
+    other = ForeignObject("20 mm", "drive 1", rail="curved")
+    (row,) = throw_table(simulate_sequence(PANEL, throws=1, foreign_object=other))
+    assert (row["verdict"], row["state"]) == ("detected by slip", "locked, in control")
 
 
 @pytest.mark.parametrize(
@@ -225,7 +310,10 @@ def test_the_command_throws_many_times(tmp_path) -> None:
         (["--throws", "2", "--drift", "friction=1", "--drift", "friction=2"], "is given twice"),
         (["--throws", "2", "--drift", "temperature=-20 degC to"], "give both ends"),
         (["--throws", "2", "--plot", "a.png"], "--plot"),
+        (["--throws", "20", "--drift", "friction=0.3"], "friction = 0.3: throw 20 of 20"),
         (["--object", "20mm icee@sleeper6"], "nearest is 'ice'"),
+        (["--object", "5mm@drive1", "--object", "20mm ise@sleeper6"], '"20mm ise@sleeper6": kind'),
+        (["--set", "link.1.lost_motion=120mm"], "at most 0.1"),
         (["--object", "20mm wood@sleeper6, density=400 kg/m^3"], "for 'snow'"),
         (["--object", "20mm ice@sleeper6, strength=1 Pa"], "must be 500000 to"),
         (["--object", "20mm ice@sleeper6, length=30m"], "must be 0.001 to 10 m"),

@@ -12,7 +12,7 @@ from turnout.study.load_study import load_study
 
 LIBRARY = (
     *("stones", "winter-week", "one-year", "dry-chairs", "worn-clutch", "adjustment-drift"),
-    *("switch-states", "in-drive-faults"),
+    *("switch-states", "in-drive-faults", "measuring-chain"),
 )
 HEAD = """
 schema_version = 1
@@ -118,6 +118,7 @@ def test_library_studies_label_their_throws(name: str) -> None:
         "worn-clutch": {"worn clutch"},
         "adjustment-drift": {"adjustment"},
         "switch-states": {"states of the switch"},
+        "measuring-chain": {"none", "spring"},
         "in-drive-faults": {"none", "worn brush", "dry gear", "worn clutch", "backlash"},
     }
     assert name not in expected or causes == expected[name]

@@ -1,11 +1,15 @@
 """The tables of docs/objects.md are what the program does; one row of each behaviour is thrown."""
 
 import pytest
-from tests.verification.trapped import PAGE, parameter_table, row
+from tests.verification.trapped import PAGE, parameter_table, recorder_table, row
 
 
 def test_the_table_of_parameters_is_up_to_date() -> None:
     assert parameter_table() in PAGE.read_text(encoding="utf-8")
+
+
+def test_the_table_of_the_recorder_is_up_to_date() -> None:
+    assert recorder_table() in PAGE.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,8 @@ tables into the page and measures how long 200 throws with an ice ramp take.
 import time
 from pathlib import Path
 
+from turnout.core.units import Dimension
+from turnout.measurement.chain.recorder import ERRORS
 from turnout.metric.throw_table import throw_table
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
@@ -59,6 +61,17 @@ def parameter_table() -> str:
     return "\n".join(lines) + "\n"
 
 
+def recorder_table() -> str:
+    """Return the table of all errors of a recorder, with ranges and origins."""
+    lines = ["| state | key | usual | allowed | origin |", "|---|---|---|---|---|"]
+    for name, item in ERRORS.items():
+        unit = item.kind.unit if isinstance(item.kind, Dimension) else ""
+        span = f"{item.least:g} to {item.most:g} {unit}".rstrip()
+        cells = (name.replace("_", " "), f"`recorder.{name}`", item.usual, span, item.origin)
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
 def rate() -> str:
     """Return how long throws with a growing ridge of ice take."""
     ice = ForeignObject("5 mm", "sleeper 6", kind="ice", length="2 m")
@@ -82,7 +95,7 @@ def first_report(made: object) -> int:
 
 def main() -> None:
     """Write the tables between their marks in the page."""
-    parts = {"parameters": parameter_table(), "rate": rate()}
+    parts = {"parameters": parameter_table(), "recorder": recorder_table(), "rate": rate()}
     parts |= {place: object_table(place) for place in PLACES}
     text = PAGE.read_text(encoding="utf-8")
     for name, part in parts.items():

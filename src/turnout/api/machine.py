@@ -9,6 +9,7 @@ import xarray as xr
 from turnout.api.campaign import Campaign, dataset_of
 from turnout.calibration.machine_fit import Gauge, MachineFit, Sister
 from turnout.calibration.machine_fit import fit_machines as fit_dataset
+from turnout.errors import MachineError
 
 
 def fit_machines(
@@ -18,7 +19,7 @@ def fit_machines(
     saturation_current: float = math.inf,
     idle: Mapping[str, float] | None = None,
     clutch_force: Mapping[str, tuple[float, float]] | None = None,
-    sister: Mapping[str, tuple[float, float]] | None = None,
+    sister: Mapping[str, tuple[float, ...]] | None = None,
 ) -> MachineFit:
     """Identify machines from the currents of a campaign, per drive and direction.
 
@@ -39,7 +40,8 @@ def fit_machines(
         Force at which the clutch slips, by a gauge, and its standard deviation [N].
     sister : mapping of drive to (float, float), optional
         Rise of the current with the force of a machine of this type, and its spread from machine
-        to machine [A/N].
+        to machine [A/N]. Of series motors, whose current does not rise straight, also the force up
+        to which that rise was taken [N] and, where it differs, the sister's idle current [A].
 
     Returns
     -------
@@ -66,5 +68,12 @@ def fit_machines(
         saturation_current=saturation_current,
         idle=idle,
         gauges={n: Gauge(force=f, deviation=d) for n, (f, d) in (clutch_force or {}).items()},
-        sisters={n: Sister(slope=s, spread=d) for n, (s, d) in (sister or {}).items()},
+        sisters={name: _sister(name, given) for name, given in (sister or {}).items()},
     )
+
+
+def _sister(drive: str, given: tuple[float, ...]) -> Sister:
+    if not 2 <= len(given) <= 4:
+        text = f"drive {drive}: rise, spread and, of series motors, force and idle current"
+        raise MachineError([text], source="sister machine")
+    return Sister(**dict(zip(("slope", "spread", "reference", "idle"), given, strict=False)))

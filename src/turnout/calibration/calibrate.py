@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.calibration.advice import next_lines, next_movements, systematic_errors
+from turnout.calibration.causes import with_causes
 from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import Spread, spread_of
 from turnout.calibration.evaluate import Evaluator
@@ -35,6 +36,7 @@ from turnout.calibration.result_entries import (
     stage_log,
     warnings_from,
 )
+from turnout.calibration.sensors import common_lead, found_gains, lead_text, stated_gains
 from turnout.calibration.stage_progress import (
     CalibrationProgress,
     ProgressReporter,
@@ -139,13 +141,15 @@ def calibrate(
         scatter={p.name: p.scatter for p in plan.parameters if p.scatter > 0},
         uncertainty=uncertainty or Uncertainty(),
     )
+    comparison = replace(comparison, gains=stated_gains(dataset, comparison))
     planned = planned_throws(plan, movements, panel, posterior=posterior, advise=advise)
     per_step = throws_per_step(plan, movements, panel)
     watch = ProgressReporter(report, len(plan.stages), planned=planned, per_step=per_step)
     with Evaluator(panel, folder=folder, workers=workers, scheme=scheme or Scheme()) as evaluator:
         evaluator.on_throw = lambda: watch.report_state(evaluator)
         run = _Run(plan, panel, movements, comparison, evaluator, watch)
-        logs, sweeps, warnings, final = run.stages()
+        logs, sweeps, warnings, final, causes = run.stages()
+        gains = found_gains(final)
         final, slip_warnings = drop_unidentified_slip_levels(final)
         warnings += slip_warnings
         spread = spread_of(final)
@@ -154,6 +158,7 @@ def calibrate(
             *oversized,
             *warnings,
             *warnings_from(final, spread),
+            *(item.warning for item in gains if item.leaves),
         ]
         findings = list(spread.findings)
         if advise:
@@ -175,6 +180,11 @@ def calibrate(
         warnings=tuple(dict.fromkeys(warnings)),
         findings=tuple(findings),
         posterior=sampled,
+        causes=(
+            *causes,
+            *(f"gain: {item.text}" for item in gains if item.is_cause),
+        ),
+        gains=tuple(item.text for item in gains),
     )
     return CalibrationOutcome(
         calibration=calibration,
@@ -226,13 +236,14 @@ class _Run:
     evaluator: Evaluator
     watch: ProgressReporter
 
-    def stages(self) -> tuple[list[StageLog], list[GridSearch], list[str], Fit]:
+    def stages(self) -> tuple[list[StageLog], list[GridSearch], list[str], Fit, list[str]]:
         """Do all stages, each from where the one before ended."""
         values = {item.name: item.start for item in self.plan.parameters}
         scatter = dict(self.comparison.scatter)
         logs: list[StageLog] = []
         sweeps: list[GridSearch] = []
         warnings: list[str] = []
+        causes: list[str] = []
         final: Fit | None = None
         for number, stage in enumerate(self.plan.stages, 1):
             self.watch.stage, self.watch.number = stage.name, number
@@ -250,7 +261,8 @@ class _Run:
                 values = {**values, **swept.values}
             if "fit" in stage.method:
                 last = number == len(self.plan.stages)
-                near = replace(misfit, quick=True)
+                rough = replace(misfit.comparison, gains={})
+                near = replace(misfit, quick=True, comparison=rough)
                 final = fit(
                     near,
                     parameters,
@@ -261,8 +273,15 @@ class _Run:
                 )
                 values = dict(final.values)
                 if last:
-                    start = replace(misfit, base=values)
+                    lead = common_lead(final)
+                    comparison = replace(misfit.comparison, lead=lead)
+                    start = replace(misfit, base=values, comparison=comparison)
                     final = fit(start, parameters, values, near=final, on_step=self.watch.found)
+                    found = with_causes(final, start, self.panel, on_step=self.watch.found)
+                    final, tested = found
+                    causes = [item.line for item in tested]
+                    if lead:
+                        causes.append(lead_text(lead))
                     values = dict(final.values)
                 scatter = dict(final.misfit.comparison.scatter)
             made = self.evaluator.made - before
@@ -270,7 +289,7 @@ class _Run:
         if final is None:
             problem = "no stage was fitted; give one with movements and free parameters"
             raise PanelError([problem], source="stages")
-        return logs, sweeps, warnings, final
+        return logs, sweeps, warnings, final, causes
 
     def _misfit(
         self,

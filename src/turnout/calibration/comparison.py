@@ -37,19 +37,23 @@ class Uncertainty:
     gain : float
         Of the sensitivity of a channel, cross-talk included, from movement to movement [-].
     common_gain, cross_talk : float
-        Of the sensitivity, and of what each channel takes up of each other one, where all
-        movements share it: no residual need show it, so it widens the intervals [-].
+        Of the sensitivity where the channel map states none, and of what each channel takes up of
+        each other one, where all movements share it: no residual need show it, so it widens the
+        intervals [-].
     solver : float
         Of each value, as a share of it, from mesh and step: what a finer twin moved it by [-].
+    scale : float
+        Of the model's forces from mesh and step, where free gains leave them as the only scale [-].
     """
 
     clocked_onset: float = 0.005
     onset: float = 0.05
     zero: float = 20.0
     gain: float = 1e-3
-    common_gain: float = 1e-3
+    common_gain: float = 1e-2
     cross_talk: float = 5e-4
     solver: float = 1.2e-4
+    scale: float = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +72,13 @@ class Comparison:
         Relative standard deviation of parameters from movement to movement.
     uncertainty : Uncertainty
         Of onset, zero, gain and solver.
-    outlying : float
+    gains : mapping of (channel, drive) to float
+        Standard deviation of the sensitivity that all movements share [-]; empty for none.
+    discrepancy : mapping of (channel, drive, direction) to (float, float)
+        Size [N] and correlation time [s] of what the model misses alike in all movements.
+    lead : float
+        How much later than marked movements begin, where all say so [s].
+    outlier_limit : float
         Residuals beyond this many standard deviations count less [-]; infinite far from the fit,
         where they say where to go.
     """
@@ -78,6 +88,9 @@ class Comparison:
     window: tuple[float, float | None] = (0.0, None)
     scatter: Mapping[str, float] = field(default_factory=dict)
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    gains: Mapping[Key, float] = field(default_factory=dict)
+    discrepancy: Mapping[tuple[str, str, str], tuple[float, float]] = field(default_factory=dict)
+    lead: float = 0.0
     outlier_limit: float = float("inf")
 
 
@@ -112,8 +125,8 @@ class Alignment:
         What is compared.
     measured : ndarray, shape (n,)
         All parts in a row.
-    shift : float
-        How much later than marked the movement began, as estimated [s].
+    shift, lead : float
+        How much later than marked the movement began, as estimated, and as expected [s].
     columns : ndarray, shape (n, 1 + s)
         Change of the prediction with the onset [1/s] and with the share of each scattering
         parameter.
@@ -133,6 +146,7 @@ class Alignment:
     parts: list[tuple[Signal, NDArray[np.intp]]]
     measured: Floats
     shift: float
+    lead: float
     columns: Floats
     effects: Mapping[str, float]
     factors: tuple[Floats, ...]
@@ -151,7 +165,10 @@ class Alignment:
         effects : mapping of str to float, optional
             At which the response was simulated; default those of the alignment.
         """
-        places = [self.shift, *(effects if effects is not None else self.effects).values()]
+        places = [
+            self.shift - self.lead,
+            *(effects if effects is not None else self.effects).values(),
+        ]
         return np.asarray(self.predicted(response) - self.columns @ np.array(places))
 
     def effects_from(self, row: Floats) -> dict[str, float]:
@@ -172,9 +189,21 @@ class Alignment:
         clean = self.noise_whitened(row)
         return np.asarray(clean - (self.basis * self.shrink) @ (self.basis.T @ clean))
 
-    def remaining_residuals(self, response: Response) -> list[Floats]:
-        """Return the residuals of each part, less what the nuisances of this movement explain."""
+    def remaining_residuals(
+        self, response: Response, *, shared: Floats | None = None
+    ) -> list[Floats]:
+        """Return the residuals of each part, less what the nuisances of this movement explain.
+
+        Parameters
+        ----------
+        response : Response
+            To the movement.
+        shared : ndarray, shape (n,), optional
+            What is known of all movements, taken off before [N].
+        """
         row = self.measured - self.reduced(response)
+        if shared is not None:
+            row = row - shared
         clean = self.noise_whitened(row)
         explained = 1.0 - (1.0 - self.shrink) ** 2
         clean = clean - self.basis @ (explained * (self.basis.T @ clean))
@@ -258,7 +287,7 @@ def _align(
         (prediction(s.stepped, movement, parts), prediction(s.simulated, movement, parts), s.step)
         for s in sensitivities.values()
     ]
-    shift = 0.0
+    lead = shift = comparison.lead
     for _ in range(ONSET_ITERATIONS):
         turned = (ahead.row(shift + ONSET_STEP) - ahead.row(shift - ONSET_STEP)) / (
             2.0 * ONSET_STEP
@@ -270,13 +299,14 @@ def _align(
             [*(c * s for c, s in zip(columns, scales, strict=True)), *zeros]
         )
         clean = _without_noise(nuisances, factors)
-        places = np.array([shift, *(s.effect for s in sensitivities.values())])
+        places = np.array([shift - lead, *(s.effect for s in sensitivities.values())])
         plain = np.column_stack(columns)
         rest = measured - ahead.row(shift) + plain @ places
         inverse = np.linalg.inv(np.eye(clean.shape[1]) + clean.T @ clean)
         solve = inverse @ clean.T
         found = solve @ _without_noise(rest, factors)
-        before, shift = shift, float(np.clip(found[0] * spread, -MAX_ONSET_SHIFT, MAX_ONSET_SHIFT))
+        before = shift
+        shift = float(np.clip(lead + found[0] * spread, -MAX_ONSET_SHIFT, MAX_ONSET_SHIFT))
         if abs(shift - before) < 1e-4:
             break
     basis, sizes, _ = np.linalg.svd(clean, full_matrices=False)
@@ -285,6 +315,7 @@ def _align(
         parts=parts,
         measured=measured,
         shift=before,
+        lead=lead,
         columns=plain,
         effects={name: s.effect for name, s in sensitivities.items()},
         factors=factors,
@@ -292,7 +323,10 @@ def _align(
         shrink=1.0 - 1.0 / np.sqrt(1.0 + sizes**2),
         estimator=np.array(scales)[:, None] * solve[: len(scales)],
         estimates={
-            name: (float(found[n] * scale), float(np.sqrt(inverse[n, n]) * scale))
+            name: (
+                float(found[n] * scale) + (lead if n == 0 else 0.0),
+                float(np.sqrt(inverse[n, n]) * scale),
+            )
             for n, (name, scale) in enumerate(zip(names, scales, strict=True))
         },
     )

@@ -9,7 +9,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from turnout.calibration.comparison import Key
-from turnout.calibration.fit import SCATTER_WEIGHT, Fit
+from turnout.calibration.fit import SCATTER_WEIGHT, Fit, shared_estimates
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.parameter import Parameter
 
@@ -18,6 +18,8 @@ Floats = NDArray[np.float64]
 UNIDENTIFIED = 0.7
 # Correlation beyond which two parameters are called strongly correlated [-].
 CORRELATED = 0.95
+# Units of values that a scale of all forces changes.
+FORCES = ("N", "N/m")
 NORMAL_95 = float(norm.ppf(0.975))
 
 
@@ -91,7 +93,7 @@ def gain_column(found: Fit, key: Key, *, source: Key | None = None) -> Floats:
                 row[place] = _measured_at(alignment.movement, source, bins)
             first += bins.size
         rows.append(alignment.whitened(row))
-    return np.concatenate(rows)
+    return found.frame.joined(np.concatenate(rows))
 
 
 def _measured_at(movement: MeasuredMovement, source: Key, bins: NDArray[np.intp]) -> Floats:
@@ -164,9 +166,30 @@ def spread_of(found: Fit) -> Spread:
 
 def _of_solver(found: Fit) -> Floats:
     """Return the standard deviation of each coordinate by mesh and step."""
+    comparison = found.misfit.comparison
     values = [(item, found.values[item.name]) for item in found.parameters]
     shares = np.array([abs(value) / item.slope(value) for item, value in values])
-    return np.asarray(found.misfit.comparison.uncertainty.solver * shares)
+    scale = _scale_uncertainty(found)
+    sizes = [
+        np.hypot(comparison.uncertainty.solver, scale if item.unit in FORCES else 0.0)
+        for item in found.parameters
+    ]
+    return np.asarray(np.array(sizes) * shares)
+
+
+def _scale_uncertainty(found: Fit) -> float:
+    """Return the uncertainty of the scale of all forces, where gains are free [-].
+
+    The scale is then that of the model, from weight and stiffness of its rails. A gain that all
+    channels have alike cannot be told from an error of these, so it counts as uncertainty.
+    """
+    comparison, shared = found.misfit.comparison, found.frame.shared
+    if shared is None or not shared.gains:
+        return 0.0
+    sizes = shared_estimates(found)[: len(shared.gains)]
+    gains = [size * comparison.gains[key] for size, key in zip(sizes, shared.gains, strict=True)]
+    alike = float(np.mean(gains)) if min(gains) * max(gains) > 0.0 else 0.0
+    return float(np.hypot(comparison.uncertainty.scale, alike))
 
 
 def _of_sensitivities(found: Fit, estimate: Floats) -> Floats:
@@ -179,9 +202,15 @@ def _of_sensitivities(found: Fit, estimate: Floats) -> Floats:
     estimate : ndarray, shape (p, n)
         Change of the coordinates with the residuals.
     """
-    uncertainty, channels = found.misfit.comparison.uncertainty, force_channels(found)
+    comparison, channels = found.misfit.comparison, force_channels(found)
+    uncertainty = comparison.uncertainty
+    # A gain that is in the likelihood is in the sensitivities already.
     moves = [
-        (uncertainty.common_gain if key == source else uncertainty.cross_talk)
+        (
+            (0.0 if key in comparison.gains else uncertainty.common_gain)
+            if key == source
+            else uncertainty.cross_talk
+        )
         * (estimate @ gain_column(found, key, source=source))
         for key in channels
         for source in channels

@@ -6,6 +6,7 @@ damping, cost :math:`r^T r`.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +23,10 @@ from turnout.calibration.misfit import (
     jacobian,
     update_movement_effects,
 )
-from turnout.calibration.noise import missed_by_model, poorly_followed
+from turnout.calibration.noise import missed_by_model
 from turnout.calibration.parameter import Parameter, coordinates, values_at
 from turnout.calibration.predict import compared, predicted
+from turnout.calibration.shared import poorly_followed, shared_discrepancy, without_common
 
 Floats = NDArray[np.float64]
 # Steps of a fit; how many more are allowed after one that still lowered the cost by this share and
@@ -167,7 +169,7 @@ def fit(
     first, misfit = misfit, replace(misfit, effects=effects)
     for number in range(MAX_PASSES):
         # Finer steps are no remedy for a model of something else.
-        poor = bool(poorly_followed(misfit.comparison.noise, misfit.movements))
+        poor = bool(poorly_followed(misfit.comparison, misfit.movements))
         misfit = replace(misfit, fine=refined and number > 0 and not poor)
         found = _least_squares(
             misfit,
@@ -353,17 +355,14 @@ def reestimate_noise(found: Fit, first: Misfit) -> Misfit:
     first : Misfit
         With the noise of the measurement, and the scatter that was expected.
     """
-    series: dict[Key, list[Floats]] = {}
-    misfit_noise = found.misfit.comparison.noise
-    for alignment, response in zip(found.frame.alignments, found.local.simulated, strict=True):
-        for (signal, _), row in zip(
-            alignment.parts, alignment.remaining_residuals(response), strict=True
-        ):
-            known = misfit_noise[signal.channel, signal.drive].total
-            most = OUTLIER_LIMIT * max(known, MAD_TO_SIGMA * float(np.median(np.abs(row))))
-            series.setdefault((signal.channel, signal.drive), []).append(np.clip(row, -most, most))
+    series = _remaining_series(found)
     noise = dict(first.comparison.noise)
-    for key, rows in series.items():
+    discrepancy = shared_discrepancy(series, noise) if first.comparison.gains else {}
+    own: dict[Key, list[Floats]] = {}
+    for (channel, drive, direction), rows in series.items():
+        shared = (channel, drive, direction) in discrepancy
+        own.setdefault((channel, drive), []).extend(without_common(rows) if shared else rows)
+    for key, rows in own.items():
         size, length = missed_by_model(rows, noise[key])
         if size > noise[key].missed:
             noise[key] = replace(noise[key], missed=size, missed_length=length)
@@ -375,9 +374,61 @@ def reestimate_noise(found: Fit, first: Misfit) -> Misfit:
         # One movement's worth is used up by the common value itself.
         scatter[name] = float(np.sqrt(total / (max(len(estimates) - 1, 0) + SCATTER_WEIGHT)))
     comparison = replace(
-        first.comparison, noise=noise, scatter=scatter, outlier_limit=OUTLIER_LIMIT
+        first.comparison,
+        noise=noise,
+        scatter=scatter,
+        discrepancy=discrepancy,
+        outlier_limit=OUTLIER_LIMIT,
     )
     return replace(found.misfit, comparison=comparison)
+
+
+def _remaining_series(found: Fit) -> dict[tuple[str, str, str], list[Floats]]:
+    """Return by channel, drive and direction what nuisances and gains leave of the residuals."""
+    series: dict[tuple[str, str, str], list[Floats]] = {}
+    noise = found.misfit.comparison.noise
+    corrections = shared_corrections(found)
+    for alignment, response, shared in zip(
+        found.frame.alignments, found.local.simulated, corrections, strict=True
+    ):
+        for (signal, _), row in zip(
+            alignment.parts, alignment.remaining_residuals(response, shared=shared), strict=True
+        ):
+            known = noise[signal.channel, signal.drive].total
+            most = OUTLIER_LIMIT * max(known, MAD_TO_SIGMA * float(np.median(np.abs(row))))
+            key = (signal.channel, signal.drive, alignment.movement.direction)
+            series.setdefault(key, []).append(np.clip(row, -most, most))
+    return series
+
+
+def shared_estimates(found: Fit) -> Floats:
+    """Return the likeliest size of all that movements share, in standard deviations, shape (q,)."""
+    shared = found.frame.shared
+    if shared is None:
+        return np.zeros(0)
+    rows = [
+        alignment.whitened(alignment.measured - alignment.reduced(response))
+        for alignment, response in zip(found.frame.alignments, found.local.simulated, strict=True)
+    ]
+    return shared.estimates(np.concatenate(rows))
+
+
+def shared_corrections(found: Fit) -> list[Floats | None]:
+    """Return for each movement what wrong gains add to its measured forces, as estimated [N]."""
+    shared = found.frame.shared
+    if shared is None:
+        return [None] * len(found.frame.alignments)
+    count = len(shared.gains)
+    sizes = shared_estimates(found)[:count]
+    return [block[:, :count] @ sizes for block in shared.plain]
+
+
+def _discrepancies(
+    *misfits: Misfit,
+) -> list[dict[tuple[str, str, str], tuple[float, float]]]:
+    """Return shared discrepancies with the same keys, of no size where there is none."""
+    keys = [key for misfit in misfits for key in misfit.comparison.discrepancy]
+    return [{key: m.comparison.discrepancy.get(key, (0.0, BIN)) for key in keys} for m in misfits]
 
 
 def _same_noise(before: Misfit, after: Misfit) -> bool:
@@ -387,6 +438,12 @@ def _same_noise(before: Misfit, after: Misfit) -> bool:
     pairs = [
         (before.comparison.noise[key].total, noise.total)
         for key, noise in after.comparison.noise.items()
+    ]
+    pairs += [
+        (hypot(a.total, first[key][0]), hypot(b.total, second[key][0]))
+        for first, second in [_discrepancies(before, after)]
+        for key in first
+        for a, b in [(before.comparison.noise[key[:2]], after.comparison.noise[key[:2]])]
     ]
     pairs += [
         (before.comparison.scatter[name], share) for name, share in after.comparison.scatter.items()

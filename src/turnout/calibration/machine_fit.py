@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from turnout.calibration.comparison import Uncertainty
 from turnout.calibration.running_spans import (
+    LEAST_RUN,
     OVERRUN,
-    RUNNING,
     Ran,
     ran_spans,
     steady_and_slipping,
@@ -60,10 +60,22 @@ class Gauge:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sister:
-    """Rise of the current of a sister machine, and its spread from machine to machine [A/N]."""
+    """What is known of a machine of the same type.
+
+    Attributes
+    ----------
+    slope, spread : float
+        Rise of its current with the force, and the spread of that from machine to machine [A/N].
+    reference : float, optional
+        Of series motors: force up to which the rise was taken [N].
+    idle : float, optional
+        Of series motors: its current without force; default that of the drive itself [A].
+    """
 
     slope: float
     spread: float
+    reference: float | None = None
+    idle: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -216,7 +228,7 @@ def fit_machines(
     }
     lengths = [item.off - item.on for items in ran.values() for item in items]
     if not lengths:
-        text = f"no motor runs: no drive_current is above {RUNNING} A for long"
+        text = f"no motor runs: no drive_current stays above its standstill for {LEAST_RUN:g} s"
         raise MeasurementError([text], source="machine fit")
     usual = {name: _usual_length(ran, name, lengths) for name, _ in ran}
     cut = {key: steady_and_slipping(items, usual[key[0]]) for key, items in ran.items() if items}
@@ -306,8 +318,7 @@ def _anchor(
 ) -> ForceAnchor | None:
     """Return the best anchor there is: forces, then a gauge, then a sister machine.
 
-    `series` is the saturation current of a series motor [A]. Of that a sister's slope says nothing,
-    since the current does not rise straight.
+    `series` is the saturation current of a series motor [A].
     """
     if isinstance(line, LoadLine):
         return ForceAnchor(
@@ -316,6 +327,7 @@ def _anchor(
             slope_deviation=line.slope.deviation,
             idle=line.idle.value,
             idle_deviation=line.idle.deviation,
+            covariance=line.covariance,
             series=None if series is None else (line.reference, series),
         )
     if drive not in idle:
@@ -329,9 +341,16 @@ def _anchor(
             force_deviation=gauges[drive].deviation,
             saturation_current=series,
         )
-    if drive in sisters and series is None:
+    if drive in sisters:
         sister = sisters[drive]
-        return sister_anchor(slope=sister.slope, spread=sister.spread, idle=idle[drive])
+        return sister_anchor(
+            slope=sister.slope,
+            spread=sister.spread,
+            idle=idle[drive],
+            saturation_current=series,
+            reference=sister.reference,
+            sister_idle=sister.idle,
+        )
     return None
 
 

@@ -19,6 +19,7 @@ from turnout.calibration.linearisation import (
 )
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.parameter import Parameter, overrides_of
+from turnout.calibration.shared import Shared, shared_of
 from turnout.errors import SolverError
 
 Floats = NDArray[np.float64]
@@ -91,7 +92,7 @@ class Misfit:
             rows.append(
                 alignment.whitened(alignment.measured - alignment.reduced(response, effects))
             )
-        return np.concatenate(rows) if rows else np.zeros(0)
+        return frame.joined(np.concatenate(rows)) if rows else np.zeros(0)
 
     def effect(self, name: str, number: int) -> float:
         """Return the difference of a movement's own value from the common one [share]."""
@@ -255,10 +256,17 @@ class Frame:
         Common values of the parameters at which the frame was found, in SI.
     alignments : tuple of Alignment
         In the order of the movements.
+    shared : Shared or None
+        What all movements share.
     """
 
     values: Mapping[str, float]
     alignments: tuple[Alignment, ...]
+    shared: Shared | None = None
+
+    def joined(self, rows: Floats) -> Floats:
+        """Return the whitened rows of all movements with what they share made independent too."""
+        return rows if self.shared is None else self.shared.whitened(rows)
 
 
 def framed(local: Linearisation, misfit: Misfit) -> Frame:
@@ -283,7 +291,8 @@ def framed(local: Linearisation, misfit: Misfit) -> Frame:
                 sensitivities=sensitivities,
             )
         )
-    return Frame(values=local.values, alignments=tuple(alignments))
+    shared = shared_of(alignments, misfit.comparison)
+    return Frame(values=local.values, alignments=tuple(alignments), shared=shared)
 
 
 def slopes_of(local: Linearisation, frame: Frame, names: Sequence[str]) -> list[Floats]:
@@ -312,6 +321,11 @@ def jacobian(local: Linearisation, frame: Frame, names: Sequence[str]) -> Floats
     -------
     ndarray, shape (n, len(names))
     """
+    return frame.joined(plain_jacobian(local, frame, names))
+
+
+def plain_jacobian(local: Linearisation, frame: Frame, names: Sequence[str]) -> Floats:
+    """Return the change of the residuals that are whitened movement by movement alone."""
     slopes = slopes_of(local, frame, names)
     rows = [
         -alignment.whitened(slope)

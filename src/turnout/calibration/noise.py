@@ -1,7 +1,8 @@
 """Noise of a channel, its correlation in time, and the model error."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,13 +58,25 @@ class Noise:
         return float(self.total**2 * np.sum(np.linalg.solve(factor, ones) ** 2))
 
     def factor(self, time: Floats) -> Floats:
-        """Return the lower Cholesky factor of the covariance at some times."""
-        apart = np.abs(time[:, None] - time[None, :])
-        covariance = self.white**2 * np.eye(time.size)
-        for size, length in ((self.slow, self.slow_length), (self.missed, self.missed_length)):
-            if size > 0:
-                covariance = covariance + size**2 * np.exp(-apart / length)
-        return np.asarray(cholesky(covariance, lower=True), dtype=np.float64)
+        """Return the lower Cholesky factor of the covariance at some times, read only.
+
+        Movements share their bins, so it is kept: hundreds of alignments ask for a few factors.
+        """
+        return _factor(self, np.asarray(time, dtype=np.float64).tobytes())
+
+
+@lru_cache(maxsize=256)
+def _factor(noise: Noise, times: bytes) -> Floats:
+    """Return the factor of a covariance for times as bytes, which can be a key."""
+    time = np.frombuffer(times, dtype=np.float64)
+    apart = np.abs(time[:, None] - time[None, :])
+    covariance = noise.white**2 * np.eye(time.size)
+    for size, length in ((noise.slow, noise.slow_length), (noise.missed, noise.missed_length)):
+        if size > 0:
+            covariance = covariance + size**2 * np.exp(-apart / length)
+    found = np.asarray(cholesky(covariance, lower=True), dtype=np.float64)
+    found.flags.writeable = False
+    return found
 
 
 def peaks_of(movements: Sequence[MeasuredMovement]) -> dict[tuple[str, str], float]:
@@ -74,20 +87,6 @@ def peaks_of(movements: Sequence[MeasuredMovement]) -> dict[tuple[str, str], flo
             key = (signal.channel, signal.drive)
             peaks[key] = max(peaks.get(key, 0.0), float(np.nanmax(np.abs(signal.values))))
     return peaks
-
-
-def poorly_followed(
-    noise: Mapping[tuple[str, str], Noise], movements: Sequence[MeasuredMovement]
-) -> dict[tuple[str, str], float]:
-    """Return the channels whose model error is too large for a trustworthy fit.
-
-    Returns
-    -------
-    dict of (channel, drive) to float
-        What it misses, as a share of the largest value of the channel [-].
-    """
-    shares = {key: noise[key].missed / max(peak, 1.0) for key, peak in peaks_of(movements).items()}
-    return {key: share for key, share in shares.items() if share > POOR.get(key[0], MISSED)}
 
 
 def measured_noise(movements: Sequence[MeasuredMovement]) -> dict[tuple[str, str], Noise]:
@@ -141,9 +140,18 @@ def missed_by_model(residuals: Sequence[Floats], noise: Noise) -> tuple[float, f
     # Below a tenth of the noise's own variance it is not significant.
     if extra <= 0.1 * (noise.white**2 + noise.slow**2):
         return 0.0, BIN
-    below = np.flatnonzero(covariance[1:] < extra * np.exp(-1.0))
-    lag = int(below[0]) + 1 if below.size else covariance.size
-    return float(np.sqrt(extra)), float(np.clip(lag * BIN, BIN, LONGEST))
+    return float(np.sqrt(extra)), _first_below(covariance, extra)
+
+
+def decay_time(row: Floats, variance: float) -> float:
+    """Return the time in which a series with a known variance decays to a third [s]."""
+    return _first_below(_autocovariance([row], mean_removed=False), variance)
+
+
+def _first_below(covariance: Floats, variance: float) -> float:
+    below = np.flatnonzero(covariance[1:] < variance * np.exp(-1.0))
+    lag = int(below[0]) + 1 if below.size else max(covariance.size, 1)
+    return float(np.clip(lag * BIN, BIN, LONGEST))
 
 
 def _split(rests: Sequence[Floats]) -> tuple[float, float, float]:

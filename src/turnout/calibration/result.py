@@ -114,6 +114,10 @@ class Calibration:
         Versions, scheme, date.
     posterior : mapping of str to object
         Of the sampling, where it was done.
+    causes : tuple of str
+        Why the panel alone does not follow the measurement, in words, the likeliest first.
+    gains : tuple of str
+        The sensitivity of each channel as stated and as found, in words.
     """
 
     parameters: tuple[Fitted, ...]
@@ -131,6 +135,8 @@ class Calibration:
     scatter: Mapping[str, float] = field(default_factory=dict)
     about: Mapping[str, str] = field(default_factory=dict)
     posterior: Mapping[str, Any] = field(default_factory=dict)
+    causes: tuple[str, ...] = ()
+    gains: tuple[str, ...] = ()
 
     @property
     def values(self) -> dict[str, float]:
@@ -188,6 +194,8 @@ def calibration_text(calibration: Calibration) -> str:
         f"distrust = {_list(calibration.distrust)}",
         f"warnings = {_list(calibration.warnings)}",
         f"findings = {_list(calibration.findings)}",
+        f"causes = {_list(calibration.causes)}",
+        f"gains = {_list(calibration.gains)}",
         "",
         "[about]",
         *(f"{_text(key)} = {_text(value)}" for key, value in calibration.about.items()),
@@ -285,6 +293,8 @@ def _read(data: Mapping[str, Any]) -> Calibration:
         noise=data.get("noise", {}),
         scatter=data.get("scatter", {}),
         about=data.get("about", {}),
+        causes=tuple(data.get("causes", ())),
+        gains=tuple(data.get("gains", ())),
         posterior=json.loads(data["posterior"]["json"]) if "posterior" in data else {},
     )
 

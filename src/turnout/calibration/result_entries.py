@@ -10,9 +10,9 @@ from turnout.calibration.covariance import Spread
 from turnout.calibration.fit import Fit
 from turnout.calibration.grid_search import GridSearch
 from turnout.calibration.measured_movements import MeasuredMovement
-from turnout.calibration.noise import poorly_followed
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.result import Fitted, StageLog
+from turnout.calibration.shared import model_error, poorly_followed
 from turnout.calibration.stages import CalibrationPlan, Stage
 from turnout.core.provenance import content_hash
 
@@ -100,9 +100,10 @@ def warnings_from(final: Fit, spread: Spread) -> list[str]:
             )
     for key, noise in final.misfit.comparison.noise.items():
         measured = float(np.hypot(noise.white, noise.slow))
-        if noise.missed > LARGE_MISFIT * measured:
+        missed = model_error(final.misfit.comparison, key)
+        if missed > LARGE_MISFIT * measured:
             found.append(
-                f"{_channel_name(*key)}: model error {noise.missed:.3g} N with a noise of "
+                f"{_channel_name(*key)}: model error {missed:.3g} N with a noise of "
                 f"{measured:.2g} N; uncertainty widened"
             )
     return found
@@ -124,12 +125,13 @@ def distrust_reasons(final: Fit, spread: Spread) -> list[str]:
                 f"{item.name} = {final.values[item.name]:.6g} is at its bound: the best fit lies "
                 "beyond; widen the bound, or look for another cause"
             )
-    noise = final.misfit.comparison.noise
-    for key, share in poorly_followed(noise, final.misfit.movements).items():
+    comparison = final.misfit.comparison
+    for key, share in poorly_followed(comparison, final.misfit.movements).items():
         found.append(
-            f"{_channel_name(*key)}: model error {noise[key].missed:.3g} N, {100 * share:.1f} % of "
-            "the peak; check that this is the panel that was measured, that rods and places are "
-            "named right (channel map, run sheet), and the sensitivity of the channel"
+            f"{_channel_name(*key)}: model error {model_error(comparison, key):.3g} N, "
+            f"{100 * share:.1f} % of the peak; check that this is the panel that was measured, "
+            "that rods and places are named right (channel map, run sheet), and the sensitivity "
+            "of the channel"
         )
     return found
 
@@ -143,7 +145,9 @@ def fitted_parameters(plan: CalibrationPlan, final: Fit, spread: Spread) -> tupl
     """Return every parameter of the plan as it came out of the last stage."""
     places = {item.name: number for number, item in enumerate(final.parameters)}
     found = []
-    for item in plan.parameters:
+    planned = {item.name for item in plan.parameters}
+    causes = [item for item in final.parameters if item.name not in planned]
+    for item in (*plan.parameters, *causes):
         number = places.get(item.name)
         value = final.values[item.name]
         deviation, interval, state = float("nan"), (value, value), "fixed"

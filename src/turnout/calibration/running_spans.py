@@ -7,20 +7,19 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.running_current import LARGEST_ZERO, running_time
 from turnout.machine.clutch_fit import SlipLevel, slip_level
 from turnout.machine.current_fit import STEP, RunningSpan
 
 Floats = NDArray[np.float64]
 
 SHARP = "drive_current_unfiltered"
-RUNNING = 0.35
-"""Current above which a motor runs [A]."""
-LARGEST_ZERO = 0.1
-"""A clamp's zero is never further off; more is the end of another movement [A]."""
 SETTLED = 0.4
 """After the contactor, when the inrush is over [s]."""
 MARGIN = 0.15
 """Before the cut-off, which the moving average spreads [s]."""
+LEAST_RUN = SETTLED + MARGIN
+"""A motor that ran for less shows no steady current [s]."""
 OVERRUN = 1.0
 """A motor that ran longer than the shortest tenth by this slipped until its time-out [s]."""
 SLIP_BAND, LEAST_SLIP = 0.02, 0.5
@@ -83,14 +82,13 @@ def _switched(time: Floats, current: Floats, raw: Floats) -> tuple[Floats, float
     """Return the current freed of sign and zero of its clamp, and when the motor was on [s].
 
     That is read from the unfiltered current; the moving average adds half of its window to either
-    end. None where the motor did not run.
+    end. None where the motor did not run for long enough to be of use.
     """
-    high = np.abs(current) > RUNNING
-    if time.size < 2 or high.sum() * (time[1] - time[0]) < SETTLED + MARGIN:
+    on, off = running_time(time, raw)
+    if not off - on >= LEAST_RUN:
         return None
-    sign = 1.0 if np.median(current[high]) > 0.0 else -1.0
+    sign = 1.0 if np.median(current[(time >= on) & (time <= off)]) > 0.0 else -1.0
     current = sign * current
-    on, off = _running(time, sign * np.where(np.isfinite(raw), raw, 0.0))
     before, after = current[time < on - 0.1], current[time > off + 0.6]
     if before.size and abs(np.median(before)) < LARGEST_ZERO:
         zero = np.full(time.size, np.median(before))
@@ -99,14 +97,6 @@ def _switched(time: Floats, current: Floats, raw: Floats) -> tuple[Floats, float
             zero += (last - zero) * np.clip((time - on) / (off + 0.6 - on), 0.0, 1.0)
         current = current - zero
     return current, on, off
-
-
-def _running(time: Floats, current: Floats) -> tuple[float, float]:
-    """Return start and end of the longest time in which the motor runs [s]."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], current > RUNNING, [0]])))
-    starts, ends = edges[::2], edges[1::2]
-    longest = int(np.argmax(ends - starts))
-    return float(time[starts[longest]]), float(time[ends[longest] - 1])
 
 
 def steady_and_slipping(

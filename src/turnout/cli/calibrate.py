@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from turnout.calibration.stage_progress import CalibrationProgress
 
 SECONDS_BETWEEN_LINES = 2.0
+LEAST_LEFT = 5.0
+"""Below this the time left is not estimated [s]."""
 
 
 def calibrate_command(
@@ -132,9 +134,12 @@ def calibrate_command(
 def _print_verdict(calibration: "Calibration", out: Path, *, quiet: bool) -> None:
     if not quiet:
         typer.echo(f"{'written':<12}{out}")
+    from turnout.cli.colour import coloured
+
+    level = "bad" if calibration.distrust else "good"
     for line in verdict_lines(calibration):
         if not quiet or calibration.distrust:
-            typer.echo(line)
+            typer.echo(coloured(line, level) if line.startswith("verdict") else line)
 
 
 class _ProgressLog:
@@ -152,10 +157,28 @@ class _ProgressLog:
         misfit = "" if state.misfit != state.misfit else f", misfit {state.misfit:.2f}"
         print(
             f"stage {state.stage} ({state.number} of {state.stages}): {state.evaluations} throws"
-            f"{misfit}, {state.seconds:.0f} s, about {state.left:.0f} s left",
+            f"{misfit}, {state.seconds:.0f} s, {_left(state.left)} left",
             file=sys.stderr,
             flush=True,
         )
+
+
+def _left(seconds: float) -> str:
+    """Return a time that is estimated roughly, in words.
+
+    Examples
+    --------
+    >>> _left(2.0), _left(42.0), _left(200.0)
+    ('less than 5 s', 'about 42 s', 'about 3 min')
+    """
+    if seconds < LEAST_LEFT:
+        return f"less than {LEAST_LEFT:g} s"
+    return f"about {seconds:.0f} s" if seconds < 100.0 else f"about {seconds / 60.0:.0f} min"
+
+
+def _scaled(unit: str) -> tuple[float, str]:
+    """Return the factor and unit in which a value of the SI unit is printed."""
+    return {"1": (1.0, ""), "N/m": (1e-3, " kN/m"), "N": (1e-3, " kN")}.get(unit, (1.0, f" {unit}"))
 
 
 def result_lines(calibration: "Calibration") -> list[str]:
@@ -165,17 +188,20 @@ def result_lines(calibration: "Calibration") -> list[str]:
         text = f"{len(stage.movements)} movements, {stage.evaluations} throws, {stage.message}"
         lines.append(f"{'stage':<12}{stage.name}: {text}; misfit {stage.misfit:.2f}")
     for item in calibration.parameters:
-        unit = "" if item.unit == "1" else f" {item.unit}"
+        factor, unit = _scaled(item.unit)
         sure = ""
         if item.state == "fitted":
-            low, high = item.interval
+            low, high = (factor * bound for bound in item.interval)
             sure = (
                 f" ({100 * item.deviation / abs(item.value):.2g} %; 95 %: {low:.5g} ... {high:.5g})"
             )
-        lines.append(f"{item.state + ' ':<12}{item.name} = {item.value:.5g}{unit}{sure}")
+        state = item.state + " " * max(12 - len(item.state), 2)
+        lines.append(f"{state}{item.name} = {factor * item.value:.5g}{unit}{sure}")
     lines += _posterior_lines(calibration)
     for name, share in calibration.scatter.items():
         lines.append(f"{'scatter':<12}{name}: {100 * share:.1f} % from movement to movement")
+    lines += [f"{'gain':<12}{text}" for text in calibration.gains]
+    lines += [f"{'cause':<12}{text}" for text in calibration.causes]
     lines += [f"{'finding':<12}{text}" for text in calibration.findings]
     lines += [f"{'warning':<12}{text}" for text in calibration.warnings]
     return lines

@@ -7,6 +7,7 @@ import typer
 
 from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
+    FINDINGS,
     CalibrationOption,
     PanelOption,
     QuietOption,
@@ -62,7 +63,10 @@ def check_command(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Check a run sheet against its files, and the quality of every movement."""
+    """Check a run sheet against its files, and the quality of every movement.
+
+    Exit code 1 if no movement is usable.
+    """
     campaign = built_campaign(
         folder, channels, strict=strict, allow_outside=allow_outside, quiet=quiet
     )
@@ -72,6 +76,8 @@ def check_command(
         print_json("campaign check", campaign_record(campaign))
     elif not quiet:
         _print_campaign(campaign, remarks=True)
+    if campaign.dataset is None:
+        raise typer.Exit(FINDINGS)
 
 
 @app.command("build", short_help="Build one dataset of all usable movements.")
@@ -281,11 +287,14 @@ def _make(
             "movements": len(made.thrown),
             "slips": slips,
             "mistakes": made.mistakes,
+            "oversized": made.oversized,
             "failures": made.failures,
         }
         print_json("campaign virtual", record, written=[out])
     elif not quiet:
         typer.echo(f"{'thrown':<12}{len(made.thrown)} movements, {slips} of them with slip")
+        if made.oversized:
+            typer.echo(f"{'left out':<12}no room for {', '.join(made.oversized)}")
         for mistake in made.mistakes:
             typer.echo(f"{'mistyped':<12}{mistake}")
         typer.echo(
@@ -383,15 +392,15 @@ def _print_campaign(campaign: "BuiltCampaign", *, remarks: bool) -> None:
     typer.echo(f"{'movements':<12}{len(sheet.runs)} in the sheet, {usable} usable")
     if campaign.reused:
         typer.echo(f"{'':<12}{campaign.reused} taken from the cache")
-    for who, reasons in excluded_movements(campaign):
-        for number, reason in enumerate(reasons):
-            typer.echo(f"{'excluded' if number == 0 else '':<12}{who}: {reason}")
     shown = campaign.remarks if remarks else campaign.remarks[:MOST_REMARKS]
     for number, text in enumerate(shown):
         typer.echo(f"{'remarks' if number == 0 else '':<12}{text}")
     if len(shown) < len(campaign.remarks):
         more = len(campaign.remarks) - len(shown)
         typer.echo(f"{'':<12}and {more} more; `turnout campaign check` shows all")
+    for who, reasons in excluded_movements(campaign):
+        for number, reason in enumerate(reasons):
+            typer.echo(f"{'excluded' if number == 0 else '':<12}{who}: {reason}")
 
 
 def excluded_movements(campaign: "BuiltCampaign") -> list[tuple[str, tuple[str, ...]]]:

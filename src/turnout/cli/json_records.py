@@ -47,7 +47,8 @@ def run_record(dataset: "xr.Dataset") -> tuple[Record, dict[str, str]]:
     from turnout.metric.summary import numerical_share, residual_share
     from turnout.metric.verdict import verdict
 
-    found = key_figures(dataset) if dataset.sizes.get("time", 0) else []
+    figures = key_figures(dataset) if dataset.sizes.get("time", 0) else []
+    judged = verdict(dataset)
     attributes = dataset.attrs
     balanced = float(attributes.get("energy_scale", 0.0)) > 0 and "energy_residual" in dataset
     record = {
@@ -58,15 +59,15 @@ def run_record(dataset: "xr.Dataset") -> tuple[Record, dict[str, str]]:
         "complete": bool(attributes["complete"]),
         "outcome": attributes["outcome"],
         "outcome_message": attributes["outcome_message"],
-        "verdict": asdict(verdict(dataset)),
-        "figures": {item.key: item.value for item in found},
-        "labels": {item.key: item.label for item in found},
+        "verdict": {**asdict(judged), "meaning": judged.meaning},
+        "figures": {item.key: item.value for item in figures},
+        "labels": {item.key: item.label for item in figures},
         "energy_scale": attributes.get("energy_scale"),
         "energy_residual_share": residual_share(dataset) if balanced else None,
         "numerical_dissipation_share": numerical_share(dataset) if balanced else None,
         "wall_time": attributes.get("wall_time"),
     }
-    return record, {**RUN_UNITS, **{item.key: item.unit for item in found}}
+    return record, {**RUN_UNITS, **{item.key: item.unit for item in figures}}
 
 
 def panel_record(panel: "LoadedPanel", thrown: "Thrown | None" = None) -> Record:

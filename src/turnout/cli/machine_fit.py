@@ -58,7 +58,9 @@ SisterOption = Annotated[
         "--sister",
         metavar="DRIVE=RISE+-SPREAD",
         help="Anchor: rise of the current of a machine of this type, and its spread from machine "
-        "to machine: 1='0.21 A/kN +- 0.02 A/kN'.",
+        "to machine: 1='0.21 A/kN +- 0.02 A/kN'. Of series motors with the force up to which it "
+        "was taken, and the sister's idle current if it differs: "
+        "1='0.21 A/kN +- 0.02 A/kN to 4 kN from 0.9 A'.",
     ),
 ]
 
@@ -85,7 +87,10 @@ def fit_command(
     saturation = _saturation(series_motor, problems)
     idles = dict(_pairs("--idle", idle, CURRENT, problems, spread=False))
     gauges = dict(_pairs("--clutch-force", clutch_force, FORCE, problems))
-    sisters = dict(_pairs("--sister", sister, CURRENT_PER_FORCE, problems))
+    series = series_motor is not None
+    ranges = dict(_ranges(sister, problems, series=series))
+    bare = [text.partition(" to ")[0] for text in sister]
+    sisters = dict(_pairs("--sister", bare, CURRENT_PER_FORCE, problems))
     for name in {*gauges, *sisters} - set(idles):
         problems.append(
             f"drive {name} has an anchor but no --idle {name}='...': the current with the rod off"
@@ -99,11 +104,11 @@ def fit_command(
 
     fit = fit_machines(
         dataset,
-        kind="linear" if series_motor is None else "series",
+        kind="series" if series else "linear",
         saturation_current=saturation,
         idle={name: value for name, (value, _) in idles.items()},
         gauges={n: Gauge(force=value, deviation=d) for n, (value, d) in gauges.items()},
-        sisters={n: Sister(slope=value, spread=d) for n, (value, d) in sisters.items()},
+        sisters={n: Sister(slope=v, spread=d, **ranges[n]) for n, (v, d) in sisters.items()},
     )
     if as_json:
         print_json("machine fit", fit_record(fit), units=FIT_UNITS)
@@ -152,6 +157,31 @@ def _pairs(
             problems.append(f'{option} "{text}": {error}')
             continue
         yield name.strip(), (number, width)
+
+
+def _ranges(
+    texts: Sequence[str], problems: list[str], *, series: bool
+) -> Iterator[tuple[str, dict[str, float]]]:
+    """Yield of each sister the force up to which its rise was taken, and its idle current."""
+    from turnout.core.units import CURRENT, FORCE, parse_quantity
+
+    for text in texts:
+        head, to, rest = text.partition(" to ")
+        force, from_word, current = rest.partition(" from ")
+        given = {}
+        if series and not to:
+            problems.append(
+                f'--sister "{text}": the current of a series motor does not rise straight; add the '
+                "force up to which the rise was taken, such as ' to 4 kN'"
+            )
+        try:
+            if to:
+                given["reference"] = parse_quantity(force.strip(), FORCE)
+            if from_word:
+                given["idle"] = parse_quantity(current.strip(), CURRENT)
+        except ValueError as error:
+            problems.append(f'--sister "{text}": {error}')
+        yield head.partition("=")[0].strip(), given
 
 
 def fit_record(fit: "MachineFit") -> dict[str, Any]:
@@ -213,7 +243,9 @@ def _drive_rows(item: "DriveFit") -> Iterator[tuple[str, str]]:
 
     if isinstance(item.line, LoadLine):
         yield "idle current", _stated(item.line.idle, "A", 4)
-        yield "rise", _stated(item.line.slope, "A/kN", 4, scale=1e3)
+        rise = _stated(item.line.slope, "A/kN", 4, scale=1e3)
+        chord = item.anchor.series if item.anchor is not None else None
+        yield "rise", rise + (f", from no force to {chord[0] / 1e3:.2f} kN" if chord else "")
         if item.line.slope_driven_back is not None:
             yield "  driven back", _stated(item.line.slope_driven_back, "A/kN", 4, scale=1e3)
     else:

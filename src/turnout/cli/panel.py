@@ -8,6 +8,7 @@ import typer
 from turnout.cli.json_output import JsonOption, print_json, print_library
 from turnout.cli.modes import modes_command
 from turnout.cli.options import (
+    DEFAULT_PANEL,
     FIGURES,
     FINDINGS,
     CalibrationOption,
@@ -20,9 +21,10 @@ from turnout.cli.options import (
     print_schema,
     write_and_report,
 )
+from turnout.errors import FileError
 
 app = typer.Typer(
-    help="Switch panels: list, show, check, sections, modes, export, schema.",
+    help="Switch panels: list, show, new, check, sections, modes, export, schema.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -83,6 +85,33 @@ def show_command(
         raise typer.Exit(code)
 
 
+@app.command("new", short_help="Write a panel file to edit, with every key explained.")
+def new_command(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE.toml", help="Panel file to write; must not exist.")
+    ],
+    source: Annotated[
+        str,
+        typer.Option("--from", metavar="PANEL", help="Library panel or panel file to start from."),
+    ] = DEFAULT_PANEL,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a panel file to edit: another panel's values and origins, each key explained.
+
+    Optional keys stand there as comments with their defaults. The name of the panel is that of the
+    file.
+    """
+    check_outputs({"FILE.toml": file}, {"FILE.toml": (".toml",)})
+    if file.exists():
+        message = f"{file}: exists already, nothing was written; name another file"
+        raise FileError(message)
+    from turnout.panel.new_panel import new_panel_text
+
+    write_and_report(file, new_panel_text(source, target=file), quiet=as_json)
+    if as_json:
+        print_json("panel new", {"panel": file.stem, "source": source}, written=[file])
+
+
 @app.command("check", short_help="Check a panel file, and warn about small margins.")
 def check_command(
     file: Annotated[str, typer.Argument(metavar="FILE", help="Panel file (.toml).")],
@@ -116,8 +145,10 @@ def check_command(
         record = check_record(file, panel, found, dataset, pieces)
         print_json("panel check", record, units=CHECK_UNITS)
     else:
+        from turnout.cli.colour import coloured
+
         for line in concern_lines(panel, found) if throw or found else ():
-            typer.echo(line)
+            typer.echo(coloured(line, "look" if found else "good"))
         for piece in pieces:
             typer.echo(f"test piece: {piece_limit_line(piece)}")
     if dataset is not None and (code := end_code(dataset)):

@@ -133,21 +133,22 @@ def throw_rows(dataset: "xr.Dataset") -> list[dict[str, Any]]:
 
 def print_sequence(dataset: "xr.Dataset", written: Sequence[Path]) -> None:
     """Print a table of the throws, of many only some."""
-    rows = throw_rows(dataset)
-    every = max(1, -(-len(rows) // MOST_ROWS))
+    count = dataset.sizes["throw"]
+    every = max(1, -(-count // MOST_ROWS))
+    shown = [*range(0, count - 1, every), count - 1]
     typer.echo(
-        f"{'throw':>6} {'size':>10} {'left':>10} {'object':>9} {'drives':>14}  lock, control"
+        f"{'throw':>6} {'size':>10} {'left':>10} {'object':>9} {'drives':>14}  "
+        f"{'verdict':<18}lock, control"
     )
-    shown = rows[::every]
-    for row in shown if shown[-1:] == rows[-1:] else [*shown, rows[-1]]:
+    for row in throw_rows(dataset.isel(throw=shown)):
         size = "+".join(f"{1e3 * value:.1f}" for value in row["size"]) or "-"
         left = "+".join(f"{1e3 * value:.1f}" for value in row["left"]) or "-"
         peak = 1e-3 * row["object_force_peak"]
         drives = "/".join(f"{1e-3 * value:.2f}" for value in row["drive_force_end"])
         typer.echo(
             f"{row['throw']:>6} {size:>7} mm {left:>7} mm {peak:>6.2f} kN {drives:>11} kN  "
-            f"{row['state']}"
+            f"{row['verdict']:<18}{row['state']}"
         )
-    typer.echo(f"{len(rows)} throws, {dataset.attrs['wall_time']:.1f} s")
+    typer.echo(f"{count} throws, {dataset.attrs['wall_time']:.1f} s")
     for path in written:
         typer.echo(f"{'written':<16}{path} ({-(-path.stat().st_size // 1000)} kB)")

@@ -334,11 +334,19 @@ def _write(
 
 
 def _print_summary(dataset: "xr.Dataset", written: list[Path]) -> None:
+    from turnout.cli.colour import coloured
+    from turnout.metric.finding import headline
     from turnout.metric.summary import summary
     from turnout.metric.verdict import verdict
 
-    typer.echo(f"{'verdict':<16}{verdict(dataset).text}")
+    found = verdict(dataset)
+    judged = headline(found, dataset)
+    level = "look" if judged is None else judged.level
+    typer.echo(f"{'verdict':<16}{coloured(found.text, level)}")
+    if found.meaning:
+        typer.echo(f"{'meaning':<16}{found.meaning}")
     for heading, text in summary(dataset):
-        typer.echo(f"{heading:<16}{text}")
+        fault = heading == "WARNING" or text.startswith(("NO,", "NOT ", "INACCURATE"))
+        typer.echo(f"{heading:<16}{coloured(text, 'bad') if fault else text}")
     for path in written:
         typer.echo(f"{'written':<16}{path} ({math.ceil(path.stat().st_size / 1000)} kB)")

@@ -96,7 +96,10 @@ def validate_command(
         typer.echo(line)
     files = [] if out is None else _write(out, found, verdict, place=place, quiet=as_json)
     if not as_json:
-        typer.echo(verdict.text)
+        from turnout.cli.colour import coloured
+
+        level = "good" if verdict.accepted else "bad" if verdict.reasons else "look"
+        typer.echo(coloured(verdict.text, level))
     compared = None
     if laws is not None:
         compared = _compared_laws(

@@ -19,6 +19,7 @@ RAILS = ("section", "beam", "reduction", "mechanism")
 THROWS = (
     *("scheme.py", "core", "kernels", "schema", "panel", "section", "beam", "reduction", "law"),
     *("machine", "mechanism", "condense", "integrate", "response", "metric", "study", "sweep"),
+    "measurement/chain/recorder.py",
 )
 """Sources that compute or change a number that a sweep stores."""
 

@@ -9,8 +9,16 @@ Path = tuple[str, ...]
 
 
 @dataclass(slots=True)
-class _Layout:
-    """Where values and tables are in a text: start and end of values, end of header lines."""
+class TomlLayout:
+    """Where values and tables are in a text.
+
+    Attributes
+    ----------
+    values : dict
+        First character of each value and the one behind it, by key path, inline tables included.
+    headers : dict
+        First character behind the line of each table's header, by key path.
+    """
 
     values: dict[Path, tuple[int, int]] = field(default_factory=dict)
     headers: dict[Path, int] = field(default_factory=dict)
@@ -40,7 +48,7 @@ def with_value(text: str, path: Path, literal: str, *, comment: str = "") -> str
     >>> with_value("[a]\n", ("a", "b"), "2")
     '[a]\nb = 2\n'
     """
-    layout = _read(text)
+    layout = read_layout(text)
     note = f"  # {comment}" if comment else ""
     if path in layout.values:
         start, end = layout.values[path]
@@ -65,8 +73,15 @@ def _written(path: Path) -> str:
     return ".".join(part if part and not part.strip(plain) else f'"{part}"' for part in quoted)
 
 
-def _read(text: str) -> _Layout:
-    layout = _Layout()
+def read_layout(text: str) -> TomlLayout:
+    r"""Find values and tables in a TOML text.
+
+    Examples
+    --------
+    >>> read_layout("[a]\nb = 12\n").values
+    {('a', 'b'): (8, 10)}
+    """
+    layout = TomlLayout()
     table: Path = ()
     stream = tokens(text)
     for token in stream:
@@ -100,7 +115,7 @@ def _key(first: Token, stream: Iterator[Token]) -> Path:
     return tuple(path)
 
 
-def _value(stream: Iterator[Token], path: Path, layout: _Layout) -> None:
+def _value(stream: Iterator[Token], path: Path, layout: TomlLayout) -> None:
     """Note a value and, in an inline table, the values one level below."""
     found: list[Token] = []
     depth = 0
@@ -118,7 +133,7 @@ def _value(stream: Iterator[Token], path: Path, layout: _Layout) -> None:
         _inline(found[1:-1], path, layout)
 
 
-def _inline(inner: list[Token], path: Path, layout: _Layout) -> None:
+def _inline(inner: list[Token], path: Path, layout: TomlLayout) -> None:
     stream = iter(inner)
     for token in stream:
         key = _key(token, stream)

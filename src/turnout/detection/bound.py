@@ -10,6 +10,7 @@ optimistic.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -55,7 +56,24 @@ def probability_of_detection(index: ArrayLike, *, false_alarm_rate: float) -> Fl
     return np.asarray(norm.cdf(np.asarray(index, dtype=np.float64) - threshold))
 
 
-def predictive_covariances(
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Predictive:
+    r"""What is expected of the next sound throw of a switch at each level.
+
+    Attributes
+    ----------
+    covariances : tuple of ndarray, each of shape (n_features, n_features)
+        About what the history says of the switch [N^2].
+    shifts : tuple of ndarray, each of shape (n_features, r)
+        :math:`B`: what a history says moves the mean by :math:`B u`, with :math:`u \sim N(0, I)`
+        over switches [N]. Without a history r is 0.
+    """
+
+    covariances: tuple[Floats, ...]
+    shifts: tuple[Floats, ...]
+
+
+def predictive(
     models: Sequence[Local],
     *,
     discrepancy: Floats,
@@ -64,13 +82,13 @@ def predictive_covariances(
     level_deviation: float,
     history: int,
     averaged: int = 1,
-) -> list[Floats]:
-    r"""Return the covariance of the next sound throw of a switch at each level.
+) -> Predictive:
+    r"""Return what is expected of the next sound throw of a switch at each level.
 
     Exact conditioning of the linear-Gaussian model: what is fixed for a switch,
     :math:`(\theta, \delta)` with the fixed part of the discrepancy :math:`\delta`, has a normal
     prior; each throw of the history, at friction levels spread as in the population, gives
-    :math:`y = m(l) + G(l)\,\theta + \delta + e`. Without a history it is the covariance of the
+    :math:`y = m(l) + G(l)\,\theta + \delta + e`. Without a history the covariance is that of the
     population at that level.
 
     Parameters
@@ -87,11 +105,6 @@ def predictive_covariances(
         Sound throws that are known.
     averaged : int
         Throws whose mean is judged: what is fixed for a switch stays, the rest is divided.
-
-    Returns
-    -------
-    list of ndarray, each of shape (n_features, n_features)
-        [N^2]
     """
     fixed = fixed_share * discrepancy
     inputs = models[0].sensitivity.shape[1]
@@ -112,7 +125,22 @@ def predictive_covariances(
         for way, error in zip(maps, own, strict=True):
             known = conditioned(known, way=way, error=error / share)
     found = [way @ known @ way.T + error / averaged for way, error in zip(maps, own, strict=True)]
-    return [0.5 * (item + item.T) for item in found]
+    said = _root(prior - known) if history else np.zeros((len(prior), 0))
+    return Predictive(
+        covariances=tuple(0.5 * (item + item.T) for item in found),
+        shifts=tuple(way @ said for way in maps),
+    )
+
+
+def _root(covariance: Floats) -> Floats:
+    """Return a matrix whose product with its own transpose is a covariance, shape (n, r)."""
+    values, directions = np.linalg.eigh(covariance)
+    kept = values > ROUNDING * values[-1]
+    return np.asarray(directions[:, kept] * np.sqrt(values[kept]))
+
+
+ROUNDING = 1e-15
+"""Share of the largest eigenvalue below which one is rounding."""
 
 
 def conditioned(prior: Floats, *, way: Floats, error: Floats) -> Floats:

@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from turnout.core.threads import one_blas_thread
-from turnout.detection.bound import (
-    predictive_covariances,
-    probability_of_detection,
-)
+from turnout.detection.bound import predictive, probability_of_detection
+from turnout.detection.drive_quantities import Signal, noise_of, quantities_of
 from turnout.detection.features import (
     discrepancy_covariance,
     features_of,
@@ -32,6 +30,8 @@ SIZE_STEP, LARGEST_SIZE = 0.1e-3, 25e-3
 WANTED = 0.9
 """Probability of detection of the size a90 [-]."""
 RESAMPLES = 200
+BOTH = "both drives"
+"""Name of the channel that holds the features of all drives."""
 UNITS = {
     "pod": ("1", "probability of detection"),
     "a90": ("m", "smallest size from which nine of ten objects are detected"),
@@ -83,13 +83,19 @@ class SoundThrows:
         Of a sound throw at each level, given the history [N^2].
     levels : ndarray, shape (n_levels,)
         Friction levels [-].
+    mean : ndarray, shape (n_levels, n_features)
+        Of the population at each level [N].
+    shifts : tuple of ndarray, each of shape (n_features, r)
+        What a history makes of the mean, from `Predictive` [N].
     channels : mapping of str to ndarray
-        Features of both drives, and of each alone.
+        Features of all drives, of each alone, and of each quantity where there are several.
     """
 
     means: Floats
     covariances: tuple[Floats, ...]
     levels: Floats
+    mean: Floats
+    shifts: tuple[Floats, ...]
     channels: Mapping[str, NDArray[np.intp]]
 
     def nearest(self, level: Floats) -> NDArray[np.intp]:
@@ -114,31 +120,47 @@ def sound_throws(
         Throws of the same switch whose mean is judged.
     """
     means = window_means(throws.time, closing=closing)
-    drives, windows = len(throws.amplitude), len(means)
     models = local_models(
         features_of(throws.sound, means), switch=throws.switch, level=throws.level
     )
     sampled = 1.0 / float(throws.time[1] - throws.time[0])
-    covariances = predictive_covariances(
+    expected = predictive(
         models,
         discrepancy=discrepancy_covariance(
             throws.time, means, amplitude=throws.amplitude, conditions=conditions
         ),
-        noise=noise_covariance(means, drives=drives, conditions=conditions, sampled=sampled),
+        noise=noise_covariance(
+            means,
+            noise=noise_of(throws.signals, conditions),
+            conditions=conditions,
+            sampled=sampled,
+        ),
         fixed_share=conditions.fixed_share,
         level_deviation=conditions.level_deviation,
         history=conditions.history,
         averaged=averaged,
     )
-    channels = {"both drives": np.arange(drives * windows)}
-    for number in range(drives):
-        channels[f"drive {number + 1}"] = np.arange(windows) + number * windows
     return SoundThrows(
         means=means,
-        covariances=tuple(covariances),
+        covariances=expected.covariances,
         levels=np.array([item.level for item in models]),
-        channels=channels,
+        mean=np.array([item.mean for item in models]),
+        shifts=expected.shifts,
+        channels=_channels(throws.signals, windows=len(means)),
     )
+
+
+def _channels(signals: Sequence[Signal], *, windows: int) -> dict[str, NDArray[np.intp]]:
+    """Return the features of all signals, of each drive, and of each quantity if there are more."""
+    of_all = np.arange(len(signals) * windows).reshape(len(signals), windows)
+    drives = dict.fromkeys(item.drive for item in signals)
+    quantities = dict.fromkeys(item.quantity for item in signals)
+    kept = {BOTH: list(range(len(signals)))}
+    for name in drives:
+        kept[f"drive {name}"] = [n for n, item in enumerate(signals) if item.drive == name]
+    for name in quantities if len(quantities) > 1 else ():
+        kept[name] = [n for n, item in enumerate(signals) if item.quantity == name]
+    return {name: of_all[rows].ravel() for name, rows in kept.items()}
 
 
 def _limit_map(
@@ -288,6 +310,7 @@ def _dataset(
             "sound_throws": len(throws.sound),
             "object_throws": int(np.isfinite(throws.force_peak).sum()),
             "amplitude": throws.amplitude.tolist(),
+            "quantities": quantities_of(throws.signals),
             "touch_agreement": float(agree.mean()),
             "bound": "linear-Gaussian: place, size and signature known; optimistic",
         },
@@ -312,7 +335,7 @@ def rows_of(dataset: xr.Dataset) -> list[Mapping[str, float | str | None]]:
             one = at.sel(channel=channel)
             for name in ("a90", "a90_low", "a90_high"):
                 value = float(one[name])
-                key = name if channel == "both drives" else f"{name}, {channel}"
+                key = name if channel == BOTH else f"{name}, {channel}"
                 row[key] = value if np.isfinite(value) else None
         rows.append(row)
     return rows

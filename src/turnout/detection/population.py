@@ -29,6 +29,8 @@ class Local:
     ----------
     level : float
         [-]
+    mean : ndarray, shape (n_features,)
+        :math:`m` [N].
     sensitivity : ndarray, shape (n_features, n_inputs)
         :math:`G` [N].
     slope : ndarray, shape (n_features,)
@@ -38,6 +40,7 @@ class Local:
     """
 
     level: float
+    mean: Floats
     sensitivity: Floats
     slope: Floats
     within: Floats
@@ -85,6 +88,7 @@ def local_models(
         models.append(
             Local(
                 level=float(centre),
+                mean=np.polynomial.chebyshev.chebval(place, of_mean),
                 sensitivity=np.tensordot(
                     np.polynomial.chebyshev.chebvander(np.array([place]), SENSITIVITY_DEGREE)[0],
                     of_switch,

@@ -7,12 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.errors import MachineError
 from turnout.machine.current_fit import BLOCK, Estimate
 
 Floats = NDArray[np.float64]
 
 LEAST_TREND = 5
 """Movements in which a clutch slipped, without which no trend is stated."""
+BLOCKS, SHORTEST_BLOCK = 4, 10
+"""A span is cut into at least so many blocks, unless they would be shorter than so many samples:
+those of a moving average over 0.1 s repeat each other."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,9 +30,10 @@ class SlipLevel:
     number : int
         Its place among the movements of the campaign.
     current, deviation : float
-        Mean of the slipping span and its standard deviation, from blocks of half a second [A].
+        Mean of the slipping span and its standard deviation, from blocks of half a second or, in
+        a short span, of a quarter of it [A].
     blocks : int
-        So many blocks.
+        So many blocks; 2 where the span is too short for them.
     held : float
         Force that the standing gear holds meanwhile, NaN where none was measured [N].
     """
@@ -42,16 +47,29 @@ class SlipLevel:
 
 
 def slip_level(name: str, *, number: int, current: Floats, held: Floats | None) -> SlipLevel:
-    """Return the mean current of a slipping span, at every `STEP`."""
-    blocks = [current[k : k + BLOCK].mean() for k in range(0, current.size - BLOCK + 1, BLOCK)]
-    many = len(blocks) > 1
-    deviation = float(np.std(blocks, ddof=1) / math.sqrt(len(blocks))) if many else math.nan
+    """Return the mean current of a slipping span, at every `STEP`.
+
+    A span of less than 0.2 s counts as one value with the scatter of its samples.
+
+    Raises
+    ------
+    MachineError
+        With fewer than two samples.
+    """
+    if current.size < 2:
+        text = f"{name}: {current.size} sample of slip current shows no scatter; needs at least two"
+        raise MachineError([text], source="slip current")
+    length = min(BLOCK, max(current.size // BLOCKS, SHORTEST_BLOCK))
+    blocks = [current[k : k + length].mean() for k in range(0, current.size - length + 1, length)]
+    deviation = float(np.std(current, ddof=1))
+    if len(blocks) > 1:
+        deviation = float(np.std(blocks, ddof=1) / math.sqrt(len(blocks)))
     return SlipLevel(
         name=name,
         number=number,
         current=float(current.mean()),
         deviation=deviation,
-        blocks=len(blocks),
+        blocks=max(len(blocks), 2),
         held=float(np.mean(held)) if held is not None else math.nan,
     )
 

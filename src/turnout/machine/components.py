@@ -114,7 +114,9 @@ class Clutch(Record):
     """Friction clutch: elastic until it slips, and it remembers by how much it slipped."""
 
     torque: Torque = Field(gt=0, description="while it slips, new and at ambient [N m]")
-    stiffness: AngularStiffness = Field(gt=0, le=1e7, description="[N m/rad]")
+    stiffness: AngularStiffness = Field(
+        gt=0, le=1e7, description="of the clutch before it slips [N m/rad]"
+    )
     static_ratio: float = Field(1.0, ge=1, le=3, description="breakaway torque over torque [-]")
     worn: float = Field(0.0, ge=0, le=0.9, description="share of the torque lost so far [-]")
     wear: PerEnergy = Field(0.0, ge=0, description="share of the torque lost per heat [1/J]")
@@ -133,7 +135,7 @@ class Gear(Record):
     """All between the clutch and the rod, seen from the shaft."""
 
     inertia: Inertia = Field(gt=0, description="of all behind the clutch [kg m^2]")
-    drag: RotationalDrag = Field(0.0, ge=0, description="[N m s/rad]")
+    drag: RotationalDrag = Field(0.0, ge=0, description="behind the clutch [N m s/rad]")
     efficiency: float = Field(gt=0.05, le=1, description="where it drives the load [-]")
     back_efficiency: float | None = Field(
         None,
@@ -185,7 +187,7 @@ class Stroke(Record):
 class Rod(Record):
     """Rod between machine and rail."""
 
-    stiffness: Stiffness = Field(gt=0, description="[N/m]")
+    stiffness: Stiffness = Field(gt=0, description="along the rod [N/m]")
     play: Length = Field(0.0, ge=0, description="lost motion between machine and rail [m]")
 
 
@@ -235,7 +237,9 @@ class Circuit(Record):
 class Supply(Record):
     """What feeds the machine, as it is and not as it is rated."""
 
-    voltage: Voltage | None = Field(None, gt=0, description="default the motor's rated one [V]")
+    voltage: Voltage | None = Field(
+        None, gt=0, description="at its terminals; default the motor's rated one [V]"
+    )
     line_resistance: Resistance = Field(0.0, ge=0, description="of the line there and back [ohm]")
     shared_resistance: Resistance = Field(
         0.0, ge=0, description="of what several machines share [ohm]"

@@ -118,6 +118,8 @@ class LoadLine:
     slope : Estimate
         Rise of the current with a force that is driven; of a series motor from no force to
         `reference` [A/N].
+    covariance : float
+        Of the errors of slope and idle current [A^2/N].
     slope_driven_back : Estimate or None
         With a force that drives the machine back [A/N]; None where there was too little of it.
     lag, lag_coil : float
@@ -131,6 +133,7 @@ class LoadLine:
 
     idle: Estimate
     slope: Estimate
+    covariance: float
     slope_driven_back: Estimate | None
     lag: float
     lag_coil: float
@@ -226,11 +229,12 @@ def fit_load_line(
     whole, count = _summed(parts), len(parts)
     values, lag, rss = solved(whole)
     without = np.array([solved(_less(whole, part))[0] for part in parts])
-    spread = np.sqrt((count - 1) / count * ((without - without.mean(axis=0)) ** 2).sum(axis=0))
-    shifted = solved(_summed(sums(cross_talk)))[0] if cross_talk else values
+    apart = without - without.mean(axis=0)
+    spread = np.sqrt((count - 1) / count * (apart**2).sum(axis=0))
+    common = (solved(_summed(sums(cross_talk)))[0] if cross_talk else values) - values
     found = [
-        Estimate.of(float(v), float(s), count, common=abs(float(c - v)))
-        for v, s, c in zip(values, spread, shifted, strict=True)
+        Estimate.of(float(v), float(s), count, common=abs(float(c)))
+        for v, s, c in zip(values, spread, common, strict=True)
     ]
     if not found[1].deviation <= LEAST_SHARE * abs(found[1].value):
         reason = f"the slope is {1e3 * found[1].value:.3f} A/kN with a deviation as large"
@@ -238,6 +242,7 @@ def fit_load_line(
     return LoadLine(
         idle=found[0],
         slope=found[1],
+        covariance=float((count - 1) / count * (apart[:, 0] @ apart[:, 1]) + common[0] * common[1]),
         slope_driven_back=found[2] if back and kind == "linear" else None,
         lag=float(lag[0]),
         lag_coil=float(lag[1]),
@@ -253,12 +258,16 @@ def _shape_of(
     """Return torque per constant as a function of the current, and the inverse."""
     if kind == "linear":
         return lambda i: i, lambda t: t
+    return (
+        lambda i: i * np.abs(i) / (1.0 + np.abs(i) / saturation_current),
+        lambda t: series_current(max(t, 0.0), saturation_current),
+    )
 
-    def current_of(torque: float) -> float:
-        half = 0.5 * max(torque, 0.0) / saturation_current
-        return half + math.sqrt(half**2 + max(torque, 0.0))
 
-    return lambda i: i * np.abs(i) / (1.0 + np.abs(i) / saturation_current), current_of
+def series_current(torque: float, saturation_current: float) -> float:
+    """Return the current at which a series motor's torque i^2/(1 + i/i_s) has a value, >= 0."""
+    half = 0.5 * torque / saturation_current
+    return half + math.sqrt(half**2 + torque)
 
 
 def _drives_back(used: Sequence[tuple[RunningSpan, Flags]]) -> bool:

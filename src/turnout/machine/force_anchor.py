@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from turnout.errors import MachineError
-from turnout.machine.current_fit import Estimate
+from turnout.machine.current_fit import Estimate, series_current
 
 AnchorKind = Literal["force at the drive", "clutch-force gauge", "sister machine"]
 REACH = 1.96
@@ -28,6 +28,12 @@ class ForceAnchor:
         Rise of the current with the force, and its standard deviation [A/N].
     idle, idle_deviation : float
         Current without force [A].
+    covariance : float
+        Of slope and idle current, whose errors go together where both come from one fit or one
+        from the other [A^2/N].
+    scale_deviation : float
+        Part of the slope's deviation that scales all forces alike, as a share of it: an error of
+        the gauge that they come from [-].
     series : tuple of float or None
         Of a series motor, whose torque goes by i^2/(1 + i/i_s): the force at the end of the chord
         that `slope` is [N], and i_s [A]. None: the current rises straight.
@@ -38,6 +44,8 @@ class ForceAnchor:
     slope_deviation: float
     idle: float
     idle_deviation: float
+    covariance: float = 0.0
+    scale_deviation: float = 0.0
     series: tuple[float, float] | None = None
 
     def force(self, current: float, *, deviation: float = 0.0) -> Estimate:
@@ -54,6 +62,11 @@ class ForceAnchor:
         >>> force = anchor.force(1.4)
         >>> round(force.value), round(force.deviation)
         (3000, 60)
+
+        Notes
+        -----
+        dF/di_0 and dF/dslope are both negative, of which the code carries the opposites: the sign
+        of their product in the covariance's term is the same.
         """
         reference, saturation = self.series or (1.0, 0.0)
         top = self.idle + self.slope * reference
@@ -63,11 +76,13 @@ class ForceAnchor:
         above, whole = torques[0] - torques[1], torques[2] - torques[1]
         force = reference * above / whole
         by_idle = (rises[1] * whole + above * (rises[2] - rises[1])) * reference / whole**2
-        spread = math.hypot(
-            deviation * reference * rises[0] / whole,
-            self.idle_deviation * by_idle,
-            self.slope_deviation * force * reference * rises[2] / whole,
-        )
+        by_slope = force * reference * rises[2] / whole
+        variance = (deviation * reference * rises[0] / whole) ** 2
+        bent = self.slope_deviation**2 - (self.slope * self.scale_deviation) ** 2
+        variance += (self.idle_deviation * by_idle) ** 2 + max(bent, 0.0) * by_slope**2
+        variance += (self.scale_deviation * force) ** 2
+        variance += 2.0 * self.covariance * by_idle * by_slope
+        spread = math.sqrt(max(variance, 0.0))
         return Estimate(force, spread, force - REACH * spread, force + REACH * spread, 1)
 
 
@@ -123,12 +138,21 @@ def gauge_anchor(
         slope_deviation=slope * relative,
         idle=idle,
         idle_deviation=idle_deviation,
+        scale_deviation=force_deviation / force,
+        covariance=-(idle_deviation**2) / force,  # slope = (i_s - i_0)/F falls as i_0 rises
         series=None if saturation_current is None else (force, saturation_current),
     )
 
 
 def sister_anchor(
-    *, slope: float, spread: float, idle: float, idle_deviation: float = 0.0
+    *,
+    slope: float,
+    spread: float,
+    idle: float,
+    idle_deviation: float = 0.0,
+    saturation_current: float | None = None,
+    reference: float | None = None,
+    sister_idle: float | None = None,
 ) -> ForceAnchor:
     """Return the anchor that a machine of the same type gives.
 
@@ -139,11 +163,23 @@ def sister_anchor(
         machine [A/N].
     idle, idle_deviation : float
         Current of this machine without force [A].
+    saturation_current : float, optional
+        Of series motors [A]; left out, the current rises straight.
+    reference : float, optional
+        Of series motors: force up to which `slope` is the mean rise from no force [N].
+    sister_idle : float, optional
+        Of series motors: current of the sister without force; default that of this machine [A].
 
     Raises
     ------
     MachineError
-        When the slope is not positive, or no spread is given: sister machines are never equal.
+        When the slope is not positive, no spread is given (sister machines are never equal), or
+        a series motor lacks the reference force.
+
+    Notes
+    -----
+    What two series motors of a type share is the rise of g(i) = i^2/(1 + i/i_s) with the force, not
+    that of the current, which is smaller the higher the current already is.
     """
     if not (slope > 0.0 and spread > 0.0 and idle > 0.0):
         text = (
@@ -151,10 +187,29 @@ def sister_anchor(
             "three must be above 0; the spread is that from machine to machine"
         )
         raise MachineError([text], source="sister machine")
+    series = None
+    if saturation_current is not None:
+        if reference is None or not reference > 0.0:
+            text = (
+                "the current of a series motor does not rise straight: give the reference force "
+                "up to which the sister's rise was taken, such as 'to 4 kN'"
+            )
+            raise MachineError([text], source="sister machine")
+        start = idle if sister_idle is None else sister_idle
+        top = start + slope * reference
+        shape, rise = _motor_shape(top, saturation_current)
+        torque = shape - _motor_shape(start, saturation_current)[0]
+        own_top = series_current(
+            _motor_shape(idle, saturation_current)[0] + torque, saturation_current
+        )
+        spread *= rise / _motor_shape(own_top, saturation_current)[1]
+        slope = (own_top - idle) / reference
+        series = (reference, saturation_current)
     return ForceAnchor(
         kind="sister machine",
         slope=slope,
         slope_deviation=spread,
         idle=idle,
         idle_deviation=idle_deviation,
+        series=series,
     )

@@ -12,6 +12,8 @@ END_WINDOW = 0.3
 # Share of throws without an object that may be taken for one with: three standard deviations of a
 # distribution that is known, more of one that is known from a few throws.
 FALSE_ALARM_RATE = 0.00135
+# The same rate in standard deviations of a distribution that is known.
+KNOWN_SCATTER = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +49,9 @@ class PlaceSizes:
         the movement, than the scatter of throws without one explains.
     slipped : float
         Smallest that made a drive slip.
+    undecided : float
+        Where none is detectable: the smallest whose end force lies beyond three standard deviations
+        of the throws without an object, which are too few to say that this is no chance.
     """
 
     place: str
@@ -54,6 +59,7 @@ class PlaceSizes:
     largest: float
     detectable: float
     slipped: float
+    undecided: float = math.nan
 
 
 def object_places(dataset: xr.Dataset) -> list[str]:
@@ -137,10 +143,14 @@ def place_sizes(dataset: xr.Dataset, *, direction: str) -> list[PlaceSizes]:
     scatter = repeat_scatter(dataset, direction=direction)
     sign = 1.0 if direction == "closing" else -1.0
     outside = np.zeros(dataset.sizes["movement"], dtype=bool)
+    beyond = np.zeros(dataset.sizes["movement"], dtype=bool)
     for drive in scatter:
         ends = end_values(dataset["drive_force"].sel(drive=drive.drive))
         # A comparison with an unknown threshold is false: no size is detectable then.
         outside |= sign * (ends - drive.mean) > drive.threshold
+        # A single throw without an object says nothing of the scatter, so any difference is open.
+        known = KNOWN_SCATTER * np.nan_to_num(drive.deviation)
+        beyond |= sign * (ends - drive.mean) > known
     slipped = dataset["slipped"].values.astype(bool) if "slipped" in dataset.coords else None
     found = []
     for place in object_places(dataset):
@@ -151,6 +161,7 @@ def place_sizes(dataset: xr.Dataset, *, direction: str) -> list[PlaceSizes]:
         size = dataset["size"].values[here]
         hidden = size[~outside[here]].max(initial=0.0)
         detectable = size[size > hidden].min(initial=np.inf)
+        open_sizes = size[beyond[here]] if not np.isfinite(detectable) else size[:0]
         slips = size[slipped[here]] if slipped is not None else size[:0]
         found.append(
             PlaceSizes(
@@ -159,6 +170,7 @@ def place_sizes(dataset: xr.Dataset, *, direction: str) -> list[PlaceSizes]:
                 float(size.max()),
                 float(detectable) if np.isfinite(detectable) else float("nan"),
                 float(slips.min()) if slips.size else float("nan"),
+                float(open_sizes.min()) if open_sizes.size else float("nan"),
             )
         )
     return found

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.moving_average import WINDOW, moving_average
+from turnout.core.running_current import running_time
 from turnout.errors import ResponseError
 from turnout.metric.slip import TIME_TOLERANCE, Span, movements
 
@@ -106,7 +107,7 @@ def features(dataset: "xr.Dataset") -> "xr.Dataset":
         spans=spans,
         limits=_limits(dataset),
         travel=_rows(dataset, "drive_displacement"),
-        current=_rows(dataset, "drive_current"),
+        current=_currents(dataset),
     )
     drives = dataset["drive"].to_numpy()
     coordinates = {"drive": drives, "direction": np.array(DIRECTIONS)}
@@ -135,7 +136,7 @@ def run_features(
     limits : ndarray, shape (n_drives,)
         Force at which each drive slips [N].
     travel, current : ndarray, shape (n_drives, n_times), optional
-        Of the markers, positive closing [m], and of the motors [A].
+        Of the markers, positive closing [m], and of the motors, of either sign [A].
 
     Returns
     -------
@@ -179,7 +180,8 @@ def movement_features(
     travel : ndarray, shape (n,), optional
         Displacement of the marker in that direction [m].
     current : ndarray, shape (n,), optional
-        Of the motor; marks the end of a movement where the marker is not known [A].
+        Of the motor, of either sign; its cut-off is the end of a movement where the marker is not
+        known, see `turnout.core.running_current` [A].
     limit : float
         Force at which the drive slips [N].
     length : float
@@ -275,9 +277,8 @@ def _durations(
         arrived = elapsed[np.minimum(last + 1, elapsed.size - 1)]
         return np.where(moving.any(axis=1), arrived, 0.0)
     if current is not None:
-        running = (current > 0) & (elapsed >= 0)
-        last = elapsed.size - 1 - np.argmax(running[:, ::-1], axis=1)
-        return np.where(running.any(axis=1), elapsed[last], np.nan)
+        moves = elapsed >= 0.0
+        return np.array([running_time(elapsed[moves], row[moves])[1] for row in current])
     return lengths
 
 
@@ -286,7 +287,7 @@ def _of_campaign(dataset: "xr.Dataset") -> "xr.Dataset":
     time, limits = dataset["time"].to_numpy(), _limits(dataset)
     signs = np.where(dataset["direction"].to_numpy() == "closing", 1.0, -1.0)
     force = dataset["drive_force"].transpose("movement", "drive", "time").to_numpy()
-    travel, current = _rows(dataset, "drive_displacement"), _rows(dataset, "drive_current")
+    travel, current = _rows(dataset, "drive_displacement"), _currents(dataset)
     values = np.full((len(FEATURES), *force.shape[:2]), np.nan)
     for number, sign in enumerate(signs):
         for row in range(force.shape[1]):
@@ -328,3 +329,9 @@ def _limits(dataset: "xr.Dataset") -> Floats:
 def _rows(dataset: "xr.Dataset", name: str) -> Floats | None:
     """Return a channel with drive and time last; None where it is not there."""
     return dataset[name].transpose(..., "drive", "time").to_numpy() if name in dataset else None
+
+
+def _currents(dataset: "xr.Dataset") -> Floats | None:
+    """Return the currents as recorded: a filter spreads the braking current over the cut-off."""
+    sharp = _rows(dataset, "drive_current_unfiltered")
+    return sharp if sharp is not None else _rows(dataset, "drive_current")

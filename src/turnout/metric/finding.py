@@ -35,12 +35,15 @@ class Finding:
         In a word or two.
     detail : str
         Which, where, when, by what margin.
+    meaning : str
+        What it means for trains, in a sentence without terms; of the headline alone.
     """
 
     level: Level
     question: str
     answer: str
     detail: str
+    meaning: str = ""
 
 
 def findings(dataset: xr.Dataset) -> list[Finding]:
@@ -73,7 +76,10 @@ def findings(dataset: xr.Dataset) -> list[Finding]:
 
 
 # What accepts a movement; not good while an object is trapped.
-_ACCEPTS = ("Locked?", "In control?", "Did a drive slip?")
+_ACCEPTS = (
+    *("Locked?", "In control?", "Did a drive slip?"),
+    *("Least margin to slip", "Least flangeway"),
+)
 
 
 def _without_praise(found: list[Finding]) -> list[Finding]:
@@ -141,17 +147,17 @@ def headline(found: Verdict, dataset: xr.Dataset) -> Finding | None:
             return None
         return Finding("look", HEADLINE, "Not judged", detail)
     if found.missed:
-        return Finding("bad", HEADLINE, UNDETECTED, detail)
+        return Finding("bad", HEADLINE, UNDETECTED, detail, found.meaning)
     if found.kind.startswith("detected"):
-        return Finding("good", HEADLINE, "Object detected", detail)
+        return Finding("good", HEADLINE, "Object detected", detail, found.meaning)
     if _objects(dataset) and not bool(dataset.get("object_touched", True)):
         return Finding("look", HEADLINE, "Object never touched", detail)
     locked, control = is_locked(dataset), is_in_control(dataset)
     if found.kind == "sound":
         answer = "Locked" if control is None else "Locked and in control"
-        return Finding("good", HEADLINE, answer, detail)
+        return Finding("good", HEADLINE, answer, detail, found.meaning)
     answer = _refusal(locked, control) if locked is False or control is False else "not sound"
-    return Finding("bad", HEADLINE, _capital(answer), detail)
+    return Finding("bad", HEADLINE, _capital(answer), detail, found.meaning)
 
 
 def _refusal(locked: bool | None, control: bool | None) -> str:
@@ -199,7 +205,9 @@ def _slipped(dataset: xr.Dataset) -> list[Finding]:
         return []
     found = slips(dataset)
     if not found:
-        return [Finding("good", "Did a drive slip?", "No", "every drive followed its marker")]
+        machines = "drive_power" in dataset
+        text = "no clutch or bushing slipped" if machines else "every drive followed its marker"
+        return [Finding("good", "Did a drive slip?", "No", text)]
     names = ", ".join(dict.fromkeys(slip.drive for slip in found))
     detail = "; ".join(_slip(dataset, slip) for slip in found)
     return [Finding("look", "Did a drive slip?", f"Yes, drive {names}", detail)]

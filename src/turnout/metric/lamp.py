@@ -81,7 +81,7 @@ def lamps(dataset: xr.Dataset) -> list[Lamp]:
         for name in dataset["drive"].values:
             drive = dataset["drive_slipping"].sel(drive=name)
             on = drive.values.astype(bool)
-            rule = f"its force has reached {float(drive['saturation_force']) / 1e3:g} kN"
+            rule = f"its force has reached {float(drive['saturation_force']) / 1e3:.4g} kN"
             always = np.ones_like(rest)
             words = ("slips", "holds")
             found.append(Lamp("slip", f"drive {name}", on, False, always, words, rule))

@@ -210,8 +210,9 @@ def _state(dataset: xr.Dataset) -> list[tuple[str, str]]:
         answer = "yes" if final_value(dataset["locked"]) else "NO"
         lines.append(("locked", f"{answer}, at the end, by the rule '{rule}'"))
     if "in_control" in dataset and "sensor_gap" in dataset:
+        own = dataset[["in_control", "sensor_gap"]]
         for name in dataset["sensor"].values:
-            sensor = dataset.sel(sensor=name)
+            sensor = own.sel(sensor=name)
             answer = "yes" if final_value(sensor["in_control"]) else "NO"
             gap, limit = final_value(sensor["sensor_gap"]), sensor["sensor_limit"]
             lines.append(
@@ -242,10 +243,9 @@ def _drives(dataset: xr.Dataset) -> list[tuple[str, str]]:
             left = [_margin(item) for item in margins(dataset) if item.drive == str(name)]
             parts += [f"margin to slip {', '.join(left)}"] if left else []
         lines.append((f"drive {name}", "; ".join(parts)))
-    lines += _machines(dataset)
     if "end_gap" in dataset:
         lines.append(("", "gaps are raw: a held force stretches the bushing (force / stiffness)"))
-    return lines
+    return lines + _machines(dataset)
 
 
 def _machines(dataset: xr.Dataset) -> list[tuple[str, str]]:

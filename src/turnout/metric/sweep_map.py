@@ -33,15 +33,16 @@ def end_state(labels: xr.Dataset) -> xr.DataArray:
     ----------
     labels : xarray.Dataset
         Of a sweep, with the dimension scenario: `outcome`, `slipped`, `slipped_free`, `end_locked`
-        and, where the panel has sensors, `end_in_control`; `object_touched` separates an
-        undetected object from a throw without one.
+        and, where the panel has sensors, `end_in_control`; `object_trapped` separates an
+        undetected object from a throw without one. Sweeps that lack it were made before it was
+        stored: `object_touched` stands for it, and counts what broke and left nothing too.
 
     Returns
     -------
     xarray.DataArray of int
         A place in `STATES` for each scenario; of several that hold the worst. A slip counts as one
         without an object when a drive slips before any object is touched. An undetected object
-        was touched, and yet the throw ends locked, in control and without slip.
+        was touched and is still there, and yet the throw ends locked, in control and without slip.
 
     Examples
     --------
@@ -64,12 +65,20 @@ def end_state(labels: xr.Dataset) -> xr.DataArray:
         state[~controlled.all(axis=1)] = NOT_IN_CONTROL
     state[labels["slipped"].to_numpy() > 0] = SLIPS
     state[labels["slipped_free"].to_numpy() > 0] = SLIPS_FREE
-    if "object_touched" in labels:
-        touched = labels["object_touched"].to_numpy() > 0
-        state[touched & (state == LOCKED)] = UNDETECTED
+    trapped = trapped_objects(labels)
+    if trapped is not None:
+        state[trapped & (state == LOCKED)] = UNDETECTED
     state[outcome != "complete"] = FAILED
     state[outcome == "skipped"] = NOT_THROWN
     return xr.DataArray(state, dims="scenario", name="state", attrs={"states": list(STATES)})
+
+
+def trapped_objects(labels: xr.Dataset) -> NDArray[np.bool_] | None:
+    """Return in which throws an object is trapped at the end; None where that was not stored."""
+    for name in ("object_trapped", "object_touched"):
+        if name in labels:
+            return np.asarray(labels[name].to_numpy() > 0)
+    return None
 
 
 def sweep_map(

@@ -4,6 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from turnout.metric.verdict import verdict
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -21,9 +23,11 @@ def throw_table(dataset: "xr.Dataset") -> list[dict[str, Any]]:
     list of dict
         `throw`; `size` before and `left` after it of each object, `broken` in it [m];
         `object_force_peak`, `drive_force_end` and least `force_margin` of each drive [N]; `locked`,
-        `in_control` of each sensor, and `state` in words.
+        `in_control` of each sensor, and `state` in words, at the end; `verdict`, its kind, which
+        judges the movements before it too.
     """
     found = []
+    dataset = dataset.load()
     for number in range(dataset.sizes["throw"]):
         one = dataset.isel(throw=number)
         controls = one["in_control"].values[:, -1].tolist() if "in_control" in one else []
@@ -40,6 +44,7 @@ def throw_table(dataset: "xr.Dataset") -> list[dict[str, Any]]:
             "locked": locked,
             "in_control": controls,
             "state": _state(locked, dict(zip(names, controls, strict=True))),
+            "verdict": verdict(one).kind,
         }
         if "throw_temperature" in one:
             row["temperature"] = float(one["throw_temperature"])

@@ -10,11 +10,13 @@ import numpy as np
 from turnout.metric.channel_features import final_value
 from turnout.metric.slip import TIME_TOLERANCE, Slip, Span, movements, slips
 from turnout.metric.summary import format_force
+from turnout.metric.trapped import is_trapped
 from turnout.metric.verdict_words import (
     accepted_by,
     narrow_flangeway,
     nothing_left,
     out_of_control,
+    sizes_left,
     slip_words,
     wide_gaps,
 )
@@ -34,6 +36,21 @@ Kind = Literal[
 ]
 KINDS: tuple[str, ...] = get_args(Kind)
 """Every kind of verdict."""
+
+# In words that need no knowledge of switches.
+MEANINGS: dict[Kind, str] = {
+    "undetected object": "An object holds the rail open, yet all checks report a locked switch: "
+    "trains could run over it.",
+    "detected by slip": "An object is in the switch, and a drive that slips reports it.",
+    "detected by lock": "An object is in the switch, and the lock reports it: it is not closed.",
+    "detected by TKK": "An object is in the switch, and a sensor reports it: a gap stays open.",
+    "not locked": "The switch does not report a closed end position, though no object keeps it.",
+    "not sound": "The switch closes and locks, but wheels have less room beside its open rail than "
+    "they need.",
+    "sound": "No object is trapped, and the switch closes and locks.",
+    "not judged": "",
+}
+"""What each kind means for trains."""
 
 # What is named first where several things report an object.
 _ORDER: tuple[Kind, ...] = ("detected by slip", "detected by lock", "detected by TKK")
@@ -74,6 +91,11 @@ class Verdict:
 
     kind: Kind
     text: str
+
+    @property
+    def meaning(self) -> str:
+        """What it means for trains, in a sentence without terms; empty where it is not judged."""
+        return MEANINGS[self.kind]
 
     @property
     def missed(self) -> bool:
@@ -155,7 +177,8 @@ def _measured_slip(dataset: "xr.Dataset") -> str:
 class _Case:
     """One object: when it was first touched and taken out [s], and what reports it.
 
-    `fate` says what became of it where nothing is left at the end; else it is empty.
+    `fate` says what became of it where nothing is left at the end, else it is empty; `left` is the
+    size that is left of it [m], NaN where all is.
     """
 
     what: str
@@ -165,6 +188,7 @@ class _Case:
     refused: bool
     accepted: str
     fate: str = ""
+    left: float = math.nan
 
     @property
     def touched(self) -> bool:
@@ -174,7 +198,7 @@ class _Case:
     @property
     def trapped(self) -> bool:
         """Whether it was touched and is still there at the end."""
-        return self.touched and math.isinf(self.gone) and not self.fate
+        return bool(is_trapped(self.contact, self.gone, self.left))
 
 
 def _objects(dataset: "xr.Dataset") -> list[dict[str, Any]]:
@@ -184,6 +208,14 @@ def _objects(dataset: "xr.Dataset") -> list[dict[str, Any]]:
 
 def _name(item: dict[str, Any]) -> str:
     return f"{1e3 * item['size']:g} mm at {item['place']}"
+
+
+def _as_met(dataset: "xr.Dataset", items: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return objects with the sizes that a throw of a sequence met; those gone keep their own."""
+    if "object_size" not in dataset or dataset["object_size"].size != len(items):
+        return items
+    sizes = [round(float(size), 4) for size in dataset["object_size"].values]  # to 0.1 mm
+    return [item | {"size": size or item["size"]} for item, size in zip(items, sizes, strict=True)]
 
 
 def _unplaced(dataset: "xr.Dataset") -> str:
@@ -216,17 +248,18 @@ def _largest_opening(dataset: "xr.Dataset", item: dict[str, Any]) -> float:
 
 def _cases(dataset: "xr.Dataset") -> list[_Case]:
     """Judge every object by the movements in which its own rail closes."""
-    items = _objects(dataset)
+    items = _as_met(dataset, _objects(dataset))
     end = float(dataset["time"][-1])
     cases = []
-    fates = nothing_left(dataset, len(items))
-    for item, contact, fate in zip(items, _contacts(dataset, len(items)), fates, strict=True):
+    left, fates = sizes_left(dataset, len(items)), nothing_left(dataset, len(items))
+    contacts = _contacts(dataset, len(items))
+    for item, contact, size, fate in zip(items, contacts, left, fates, strict=True):
         taken = item.get("disappears")
         gone = math.inf if taken is None or taken > end else float(taken)
         instrumented = dataset.attrs.get("instrumented_rail", item.get("rail"))
         position = "closed" if item.get("rail") in (None, instrumented) else "open"
         case = _case(dataset, _name(item), contact, gone, position)
-        cases.append(replace(case, fate=fate))
+        cases.append(replace(case, fate=fate, left=size))
     return cases
 
 
@@ -241,7 +274,7 @@ def _contacts(dataset: "xr.Dataset", count: int) -> list[float]:
 
 def _case(dataset: "xr.Dataset", what: str, contact: float, gone: float, position: str) -> _Case:
     signs: list[tuple[Kind, str]] = []
-    refused, accepted = False, accepted_by(dataset, _last(dataset))
+    refused, accepted = False, ""
     for span, until in _periods(dataset):
         start = -math.inf if span is None else span.start
         if not (contact < min(gone, until) and start < gone):
@@ -260,6 +293,7 @@ def _case(dataset: "xr.Dataset", what: str, contact: float, gone: float, positio
         signs += [sign for sign in found if sign not in signs]
         if rest is not None:
             accepted = f"{accepted_by(rest, span)}{after}"
+    accepted = accepted or accepted_by(dataset, _last(dataset))
     return _Case(what, contact, gone, tuple(signs), refused, accepted)
 
 
@@ -315,7 +349,8 @@ def _judged(dataset: "xr.Dataset", cases: list[_Case]) -> Verdict:
     if missed:
         what = _join_words([case.what for case in missed])
         stays = "stays" if len(missed) == 1 else "stay"
-        text = f"Undetected object: {what} {stays} in the switch, which {missed[0].accepted}"
+        text = f"Undetected object: {what} {stays} in the switch and nothing reports it: "
+        text += f"the switch {missed[0].accepted}"
         for case in caught:
             text += f"; {case.what} is detected: {'; '.join(reason for _, reason in case.signs)}"
         text += _gone_texts(cases)
@@ -371,10 +406,10 @@ def _untouched_text(case: _Case) -> str:
     """Say why an object is not what a verdict rests on."""
     if not math.isinf(case.gone):
         return f"{case.what} was taken out at t = {case.gone:.2f} s"
-    if not case.touched:
-        return f"{case.what} is never touched"
     if case.fate:
         return f"{case.what} {case.fate}"
+    if not case.touched:
+        return f"{case.what} is never touched"
     return f"{case.what} is touched only after a slip"
 
 

@@ -55,13 +55,20 @@ def _gaps(dataset: "xr.Dataset") -> list[tuple[str, float, float]]:
     """Return drive, gap and limit at the end [m], where the lock rule looks at gaps."""
     if "drive_gap" not in dataset or dataset.attrs.get("lock_rule") == "no slip":
         return []
-    gaps = final_value(dataset["drive_gap"])
+    gaps = final_value(dataset["drive_gap"]).values
     found = []
-    for drive in dataset["drive"].values:
-        gap, limit = float(gaps.sel(drive=drive)), _gap_limit(dataset, str(drive))
+    for name, gap in zip(dataset["drive"].values, gaps.tolist(), strict=True):
+        limit = _gap_limit(dataset, str(name))
         if not math.isnan(gap + limit):
-            found.append((str(drive), gap, limit))
+            found.append((str(name), gap, limit))
     return found
+
+
+def sizes_left(dataset: "xr.Dataset", count: int) -> list[float]:
+    """Return the size that is left of each object [m]; NaN where it was not kept."""
+    if "object_left" not in dataset or dataset["object_left"].size != count:
+        return [math.nan] * count
+    return [float(size) for size in dataset["object_left"].values]
 
 
 def nothing_left(dataset: "xr.Dataset", count: int) -> list[str]:
@@ -69,9 +76,7 @@ def nothing_left(dataset: "xr.Dataset", count: int) -> list[str]:
 
     In a throw of a sequence it may have been gone before: its size at the start is 0 then.
     """
-    if "object_left" not in dataset or dataset["object_left"].size != count:
-        return [""] * count
-    left = dataset["object_left"].values
+    left = sizes_left(dataset, count)
     before = np.full(count, math.inf)
     if "object_size" in dataset and dataset["object_size"].size == count:
         before = dataset["object_size"].values
@@ -119,22 +124,19 @@ def accepted_by(dataset: "xr.Dataset", span: Span | None) -> str:
     if gaps:
         drive, gap, limit = max(gaps, key=lambda row: row[1] / row[2])
         parts.append(f"{1e3 * gap:.2f} of {1e3 * limit:g} mm open at Drive {drive}")
-    forces = abs(final_value(dataset["drive_force"])) if "drive_force" in dataset else None
-    if forces is not None:
-        drive = _largest(forces / dataset["saturation_force"], "drive")
-        level = dataset["saturation_force"].sel(drive=drive)
+    if "drive_force" in dataset:
+        forces = np.abs(final_value(dataset["drive_force"]).values)
+        levels = dataset["saturation_force"].values
+        most = int(np.argmax(forces / levels))
         parts.append(
-            f"Drive {drive} holds {format_force(forces.sel(drive=drive))} of {format_force(level)}"
+            f"Drive {dataset['drive'].values[most]} holds {format_force(forces[most])} "
+            f"of {format_force(levels[most])}"
         )
     words = f"locks ({', '.join(parts)})" if parts else "locks"
     if "in_control" not in dataset or (span is not None and span.to != "closed"):
         return words
     if "sensor_gap" not in dataset:
         return f"{words} and is in control"
-    nearest = _largest(final_value(dataset["sensor_gap"]) / dataset["sensor_limit"], "sensor")
+    open_share = final_value(dataset["sensor_gap"]).values / dataset["sensor_limit"].values
+    nearest = str(dataset["sensor"].values[int(np.argmax(open_share))])
     return f"{words} and is in control ({_sensor(dataset, nearest)})"
-
-
-def _largest(values: "xr.DataArray", dimension: str) -> str:
-    """Return the member of a dimension at which values are largest."""
-    return str(values[dimension].values[int(np.argmax(values.values))])

@@ -158,6 +158,8 @@ class PlacedObject:
         Parameters of its kind, 0 for those that it does not have [SI].
     lost, deepest : float
         What broke off before, and the largest compression of what is left [m].
+    broken : int
+        How often it broke before.
     whole : str
         Name of the object that this is a part of; empty for a whole one.
     """
@@ -179,6 +181,7 @@ class PlacedObject:
     piece: float = 0.0
     lost: float = 0.0
     deepest: float = 0.0
+    broken: int = 0
     whole: str = ""
 
 

@@ -319,8 +319,18 @@ def panel_from_document(
 
 
 def _open(name_or_path: str | Path) -> TomlFile:
+    found = panel_source(name_or_path)
+    return (
+        read_toml(found)
+        if isinstance(found, Path)
+        else parse_toml(library_text(found), source=found)
+    )
+
+
+def panel_source(name_or_path: str | Path) -> str | Path:
+    """Return the path of a panel file, or the name of a library panel, which may not exist."""
     if isinstance(name_or_path, Path):
-        return read_toml(name_or_path)
+        return name_or_path
     if not isinstance(name_or_path, str):
         message = (
             f"load_panel() takes the name of a library panel or a path, not {name_or_path!r}; "
@@ -329,8 +339,8 @@ def _open(name_or_path: str | Path) -> TomlFile:
         raise FileError(message)
     name = name_or_path.strip()
     if name.endswith(".toml") or "/" in name or "\\" in name:
-        return read_toml(user_path(name))
-    return parse_toml(library_text(name), source=name)
+        return user_path(name)
+    return name
 
 
 __all__ = [
@@ -340,4 +350,5 @@ __all__ = [
     "load_panel",
     "panel_from_document",
     "panel_from_file",
+    "panel_source",
 ]

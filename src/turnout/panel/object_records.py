@@ -14,8 +14,12 @@ class ObjectDefaults(Record):
     rail: str = Field(description="switch rail that traps it")
     height: Length = Field(ge=-1, le=1, description="z of its contact with the switch rail [m]")
     stiffness: Stiffness = Field(gt=0, description="in compression only [N/m]")
-    appears: Time | None = Field(None, ge=0, description="default: onset of the last closing [s]")
-    disappears: Time | None = Field(None, gt=0, description="default: it stays [s]")
+    appears: Time | None = Field(
+        None, ge=0, description="when it is placed; default onset of the last closing [s]"
+    )
+    disappears: Time | None = Field(
+        None, gt=0, description="when it is taken away; default it stays [s]"
+    )
 
 
 class PanelObject(Record):

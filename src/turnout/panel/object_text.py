@@ -99,11 +99,13 @@ def parse_objects(texts: Iterable[str]) -> list[ForeignObject]:
     """
     found: list[ForeignObject] = []
     problems: list[str] = []
-    for text in texts:
+    given = list(texts)
+    for text in given:
         try:
             found.append(parse_object(text))
         except PanelError as error:
-            problems += error.problems
+            named = [item if text in item else f'"{text}": {item}' for item in error.problems]
+            problems += named if len(given) > 1 else error.problems
     if problems:
         raise PanelError(problems, source="foreign object")
     return found

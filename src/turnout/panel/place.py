@@ -10,6 +10,8 @@ from turnout.core.units import LENGTH, parse_quantity
 
 PLACE_FAMILIES = ("sleeper", "drive", "sensor", "chair", "stud", "stop", "link", "fastening")
 _NAMED = re.compile("|".join(PLACE_FAMILIES), re.IGNORECASE)
+# May stand between family and name.
+_BETWEEN = "-_:#. "
 _FORMS = "'sleeper 6', 'drive 1', 'sensor TKK1' or 'TKK1', 'chair 5' or 'x = 3.6 m'"
 
 
@@ -55,6 +57,8 @@ def find_place(families: Mapping[str, Mapping[str, Any]], at: str) -> Place:
         message = f"is not the name of one place only; write {whole}"
         raise ValueError(message)
     name = text[named.end() :].strip() if named else ""
+    if named and name not in families.get(named[0].lower(), {}):
+        name = name.lstrip(_BETWEEN)
     if not named or not name:
         message = f"is not a place; write {_FORMS}{nearest(text, _place_names(families))}"
         raise ValueError(message)

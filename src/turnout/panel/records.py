@@ -293,7 +293,7 @@ class Stop(OnRails):
     """Unilateral lateral contact of the switch rail with the stock rail or a stud."""
 
     height: Length = Field(ge=-1, le=1, description="z of the contact [m]")
-    stiffness: Stiffness = Field(gt=0, description="[N/m]")
+    stiffness: Stiffness = Field(gt=0, description="of the contact, in compression only [N/m]")
     clearance: Length = Field(0.0, description="added to the stock rail gap at this place [m]")
 
 
@@ -333,9 +333,9 @@ class Linkage(Placed):
     """A rod that transmits motion: stiff, with an adjustable length and play."""
 
     height: Length = Field(0.0, ge=-1, le=1, description="z of the connection [m]")
-    stiffness: Stiffness = Field(gt=0, description="[N/m]")
+    stiffness: Stiffness = Field(gt=0, description="along the rod [N/m]")
     lost_motion: Length = Field(
-        0.0, ge=0, le=0.5, description="play, half of it to either side of the free length [m]"
+        0.0, ge=0, le=0.1, description="play, half of it to either side of the free length [m]"
     )
 
 

@@ -188,7 +188,7 @@ def _legend(cells: xr.Dataset) -> list[Any]:
 def _name(state: int, found: Sequence[int]) -> str:
     """Return the name of a state; beside undetected objects say that the others have none."""
     if state == LOCKED and UNDETECTED in found:
-        return f"{STATES[LOCKED]}, no object touched"
+        return f"{STATES[LOCKED]}, no object trapped"
     return STATES[state]
 
 

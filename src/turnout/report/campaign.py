@@ -26,6 +26,7 @@ KILO, MILLI = 1e-3, 1e3
 # Points of a line; a campaign has hundreds of lines.
 MOST_POINTS = 260
 DIRECTIONS = ("closing", "opening")
+TOO_FEW = "too few throws without an object"
 
 
 def campaign_page(
@@ -131,20 +132,27 @@ def _detected(dataset: xr.Dataset, direction: str) -> Finding:
     """Return the smallest size detected at every place, and the places without detection."""
     results = place_sizes(dataset, direction=direction)
     question = f"Smallest size detected by the drives, {direction}"
-    undetected = [item.place for item in results if math.isnan(item.detectable)]
+    hidden = [item for item in results if math.isnan(item.detectable)]
+    undetected = [item.place for item in hidden if math.isnan(item.undecided)]
+    open_places = [item.place for item in hidden if not math.isnan(item.undecided)]
     rule = "detection threshold at 0.14 % false alarms"
     if all(math.isnan(item.deviation) for item in repeat_scatter(dataset, direction=direction)):
-        detail = "fewer than two throws without an object to compare with"
+        detail = f"{TOO_FEW} to compare with: fewer than two"
         return Finding("look", question, "Unknown", detail)
     known = [item for item in results if not math.isnan(item.detectable)]
+    if not known and open_places:
+        detail = f"{TOO_FEW} to decide at {', '.join(open_places)}; {rule}"
+        return Finding("look", question, "Unknown", detail)
     if not known:
         return Finding("bad", question, "None", f"no object is detected at any place; {rule}")
     worst = max(known, key=lambda item: item.detectable)
     detail = f"at {len(known)} of {len(results)} places, largest at {worst.place}; {rule}"
     if undetected:
         detail += f"; not detected at {', '.join(undetected)}"
+    if open_places:
+        detail += f"; {TOO_FEW} to decide at {', '.join(open_places)}"
     answer = f"{MILLI * worst.detectable:g} mm"
-    return Finding("look" if undetected else "good", question, answer, detail)
+    return Finding("look" if hidden else "good", question, answer, detail)
 
 
 def _slips(dataset: xr.Dataset, direction: str) -> Finding:
@@ -167,8 +175,8 @@ def _sizes_table(results: Sequence[PlaceSizes]) -> Table:
         return "none" if math.isnan(value) else f"{MILLI * value:g} mm"
 
     rows = [
-        (item.place, f"{size(item.smallest)} to {size(item.largest)}", size(item.detectable),
-         size(item.slipped))
+        (item.place, f"{size(item.smallest)} to {size(item.largest)}",
+         size(item.detectable) if math.isnan(item.undecided) else TOO_FEW, size(item.slipped))
         for item in results
     ]  # fmt: skip
     columns = ("Place", "Sizes thrown", "Smallest detectable size", "Smallest size with slip")

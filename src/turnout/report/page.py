@@ -191,6 +191,7 @@ def _findings(found: Sequence[Finding]) -> str:
         return ""
     first, *others = found
     asked = "" if first.question == HEADLINE else f"<span>{escape(first.question)}</span>"
+    meaning = f"<p>{_words(first.meaning)}</p>" if first.meaning else ""
     cards = "".join(
         f"<li class='card {item.level}'><div class='question'>{escape(item.question)}</div>"
         f"<div class='answer'>{_words(item.answer)}</div>"
@@ -199,7 +200,7 @@ def _findings(found: Sequence[Finding]) -> str:
     )
     return (
         f"<div class='outcome {first.level}'>{asked}<strong>{escape(first.answer)}</strong>"
-        f"{_words(first.detail)}</div><ul class='cards'>{cards}</ul>"
+        f"{meaning}{_words(first.detail)}</div><ul class='cards'>{cards}</ul>"
     )
 
 

@@ -18,6 +18,7 @@ from turnout.metric.sweep_map import (
     UNDETECTED,
     end_state,
     sweep_map,
+    trapped_objects,
 )
 from turnout.plot.draw import draw_sheet
 from turnout.plot.sheet import Line, Row, Sheet
@@ -115,8 +116,11 @@ def sweep_findings(labels: xr.Dataset) -> list[Finding]:
         touched = ended & (labels["object_touched"].to_numpy() > 0)
         silent = state == UNDETECTED
         count, of = int(silent.sum()), int(touched.sum())
+        trapped = trapped_objects(labels)
+        gone = 0 if trapped is None else int((touched & ~trapped).sum())
         detail = (
             f"{count} of {of} throws that touch an object end locked and in control, without slip"
+            + (f"; in {gone} of them the object is gone at the end" if gone else "")
         )
         answer = f"{100 * count / of:.3g} % of touched objects" if of else "No object touched"
         found.append(Finding("bad" if count else "good", "Undetected objects", answer, detail))

@@ -9,7 +9,7 @@ from turnout.metric.finding import Finding, findings
 from turnout.plot.draw import draw_sheet
 from turnout.plot.sheet import Sheet
 from turnout.plot.style import rendered, title_of
-from turnout.plot.throw import throw_sheet
+from turnout.plot.throw_sheet import throw_sheet
 from turnout.report.campaign import campaign_findings
 from turnout.report.page import data_address
 from turnout.report.sweep import sweep_findings
@@ -31,7 +31,7 @@ class View:
         """Return the findings as lines of text."""
         lines = [self._title()]
         lines += [
-            f"  {_sign(item)[0]} {item.question} {item.answer}: {item.detail}"
+            f"  {_sign(item)[0]} {item.question} {item.answer}: {_detail(item)}"
             for item in self._findings()
         ]
         return "\n".join(lines)
@@ -43,7 +43,7 @@ class View:
             f"<tr style='background:none'><td style='{cell};color:{_sign(item)[1]}'>"
             f"<b>{_sign(item)[0]}</b></td><td style='{cell}'>{escape(item.question)}</td>"
             f"<td style='{cell};color:{_sign(item)[1]}'><b>{escape(item.answer)}</b></td>"
-            f"<td style='{cell}'>{escape(item.detail)}</td></tr>"
+            f"<td style='{cell}'>{escape(_detail(item))}</td></tr>"
             for item in self._findings()
         )
         return (
@@ -129,6 +129,10 @@ def kind_of(dataset: xr.Dataset) -> str:
     if "movement" in dataset.dims:
         return "campaign"
     return "recording" if "channel_map_hash" in dataset.attrs else "run"
+
+
+def _detail(item: Finding) -> str:
+    return f"{item.detail}. {item.meaning}" if item.meaning else item.detail
 
 
 def _sign(item: Finding) -> tuple[str, str]:

@@ -6,11 +6,12 @@ Rates are constant, a temperature may take a course. Usual values and origins: d
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
 from turnout.core.units import LENGTH, TEMPERATURE, TEMPERATURE_COEFFICIENT, parse_quantity
-from turnout.errors import ResponseError
+from turnout.errors import PanelError, ResponseError
 from turnout.integrate.integration import History
 from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.object_laws import named_obstructions
@@ -45,7 +46,7 @@ class Drift:
     melting : float or str
         Taken from ice and snow after each throw, for each kelvin above the melting point [m].
     fall : float
-        Chance that what has broken falls out after a throw [-].
+        Chance after each throw that what has broken, in it or before, falls out [-].
     friction : float
         Added after each throw to the factor of the friction of all chairs [-].
     friction_temperature : float or str
@@ -108,14 +109,14 @@ class Drift:
         if self.temperature is None:
             return [f"{shown}: needs temperature, such as -20 degC to 5 degC"]
         course = np.atleast_1d(np.asarray(self.temperature, dtype=float))
-        least = course[np.argmin(self._temperature_factor(course))]
-        if self._temperature_factor(least) < 0.0:
+        least = course[np.argmin(self.temperature_factor(course))]
+        if self.temperature_factor(least) < 0.0:
             warm = f"{least - MELTING:g} degC"
             return [f"{shown}: friction would be negative at {warm}; take a smaller one"]
         return []
 
-    def _temperature_factor(self, temperature: np.ndarray) -> np.ndarray:
-        """Return the factor of friction, 1 + k (T - T0), at temperatures [K]."""
+    def temperature_factor(self, temperature: np.ndarray) -> np.ndarray:
+        """Return the factor of the chairs' friction, 1 + k (T - T0), at temperatures [K]."""
         above = temperature - float(self.friction_reference)
         return np.asarray(1.0 + float(self.friction_temperature) * above)
 
@@ -134,7 +135,7 @@ class Drift:
         found: dict[str, object] = {}
         factor = 1.0 + self.friction * number
         if self.friction_temperature and temperature is not None:
-            factor *= float(self._temperature_factor(np.asarray(temperature)))
+            factor *= float(self.temperature_factor(np.asarray(temperature)))
         if factor != 1.0:
             values = {name: chair.friction_coefficient for name, chair in panel.chair.items()}
             if len(set(values.values())) == 1:
@@ -154,6 +155,51 @@ class Drift:
                     torque = panel.machine[drive.machine].clutch.torque
                     found[f"machine.{drive.machine}.clutch.torque"] = torque * left
         return found
+
+
+# What changes the same values of the panel.
+_CAUSES = (("friction", "friction_temperature"), ("clutch",), ("adjustment",))
+
+
+def check_drift(panel: LoadedPanel, drift: Drift, throws: int) -> None:
+    """Refuse a drift that leads to a switch that cannot be, before the first throw.
+
+    Rates are constant, so what they change is extreme at the last throw; friction that follows the
+    temperature may be so at any.
+
+    Raises
+    ------
+    ResponseError
+        Naming rate, throw, and what the panel does not allow.
+    """
+    problems = []
+    for names in _CAUSES:
+        given = [name for name in names if getattr(drift, name)]
+        others = [name for cause in _CAUSES if cause != names for name in cause]
+        none: dict[str, Any] = dict.fromkeys(others, 0.0)
+        alone = replace(drift, **none)
+        temperatures = drift.temperatures(throws)
+        for number in _extremes(alone, temperatures, throws) if given else ():
+            warmth = None if temperatures is None else float(temperatures[number])
+            try:
+                panel.with_overrides(alone.overrides(panel, number, warmth))
+            except PanelError as error:
+                rates = ", ".join(f"{name} = {getattr(drift, name):g}" for name in given)
+                problems.append(
+                    f"drift: {rates}: throw {number + 1} of {throws} is not possible: "
+                    f"{error.problems[0]}; take a smaller rate or fewer throws"
+                )
+                break
+    if problems:
+        raise ResponseError("\n".join(problems))
+
+
+def _extremes(drift: Drift, temperatures: np.ndarray | None, throws: int) -> list[int]:
+    """Return the throws at which what drifts is extreme, counted from 0."""
+    factor = 1.0 + drift.friction * np.arange(throws)
+    if drift.friction_temperature and temperatures is not None:
+        factor *= drift.temperature_factor(temperatures)
+    return sorted({int(np.argmin(factor)), int(np.argmax(factor)), throws - 1})
 
 
 def _read(name: str, value: object) -> object:
@@ -226,10 +272,10 @@ def aged_objects(
         if row is None:
             found.append(item)
             continue
-        broken = history.obstructions.broken[row] > 0
+        broken = item.broken + int(history.obstructions.broken[row])
         if broken and drift.fall > 0.0 and random.random() < drift.fall:
             continue
-        after = _remembered(item, history, row, float(dents[row]))
+        after = replace(_remembered(item, history, row, float(dents[row])), broken=broken)
         after = _weathered(after, drift, temperature, densities.get(item.name, 0.0))
         opening = largest_opening(panel, item.rail, item.x)
         room = (math.inf if opening is None else opening) + after.lost

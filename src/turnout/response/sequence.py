@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from turnout.core.threads import one_blas_thread
-from turnout.errors import ResponseError
+from turnout.errors import ResponseError, TurnoutError
 from turnout.integrate.outcome import Code, NotConverged, Outcome
 from turnout.mechanism.object_laws import dent_of
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, divided, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.response.dataset import coordinates_of, describe_run, response_channels
-from turnout.response.drift import Drift, aged_objects
+from turnout.response.drift import Drift, aged_objects, check_drift
 from turnout.response.save import Save
 from turnout.response.signals import Variable
 from turnout.response.simulate import Solved, as_objects, solve_placed
@@ -79,16 +79,18 @@ def simulate_sequence(
     -------
     xarray.Dataset
         Channels and labels as of `simulate` with the dimension `throw` in front, and what was
-        different: `throw_temperature`, `object_size` before each throw.
+        different: `throw_temperature`, `object_size` before each throw. Coordinates that change
+        from throw to throw, such as `saturation_force`, have the dimension `throw` too.
 
     Raises
     ------
     ResponseError
-        When a number of throws makes no sense.
+        When a number of throws makes no sense, or a drift leads to a switch that cannot be.
     PanelError
         When an object does not fit the panel.
     NotConverged
-        When a throw ends early or Ctrl-C is pressed, with the throws until then as ``partial``.
+        When a throw ends early or is not possible, or Ctrl-C is pressed, with the throws until then
+        as ``partial``; the first throw raises what is wrong with it.
 
     Examples
     --------
@@ -109,7 +111,9 @@ def simulate_sequence(
     save = save or KEPT
     if save.interval is not None:
         chosen = replace(chosen, output_interval=save.interval)
-    series = _Series(panel, objects, chosen, save, drift or Drift(), throws)
+    drift = drift or Drift()
+    check_drift(panel, drift, throws)
+    series = _Series(panel, objects, chosen, save, drift, throws)
     began = time.perf_counter()
     outcome = _throw_all(series, change, report)
     dataset = series.dataset(outcome, wall_time=time.perf_counter() - began)
@@ -130,7 +134,7 @@ class _Series:
     throws: int
     kept: list[dict[str, Variable]] = field(default_factory=list)
     sizes: list[np.ndarray] = field(default_factory=list)
-    coordinates: dict[str, Variable] = field(default_factory=dict)
+    coordinates: list[dict[str, Variable]] = field(default_factory=list)
     attributes: dict[str, Any] = field(default_factory=dict)
     names: tuple[str, ...] = ()
 
@@ -139,15 +143,18 @@ class _Series:
         with one_blas_thread():
             channels = response_channels(panel, solved.mechanism, solved.history, save=self.save)
         present = tuple(solved.mechanism.index.object_parts)
+        coordinates = coordinates_of(
+            channels, panel, solved.mechanism, time=solved.history.time, save=self.save
+        )
+        if self.kept and solved.history.time.size != self.coordinates[0]["time"][1].size:
+            message = "it has other instants than the first; keep schedule.end for all throws"
+            raise ResponseError(message)
         if not self.kept:
-            given = (panel, solved.mechanism)
-            self.coordinates = coordinates_of(
-                channels, *given, time=solved.history.time, save=self.save
-            )
             self.attributes = describe_run(
-                *given, solved.history, scheme=self.scheme, objects=self.objects,
-                wall_time=0.0, solver_time=0.0,
+                self.panel, solved.mechanism, solved.history, scheme=self.scheme,
+                objects=self.objects, wall_time=0.0, solver_time=0.0,
             )  # fmt: skip
+        self.coordinates.append(coordinates)
         self.kept.append({n: self._spread(v, present) for n, v in channels.items()})
         self.sizes.append(_sizes(parts, self.names))
 
@@ -165,23 +172,24 @@ class _Series:
         """Return all throws as one dataset."""
         import xarray as xr
 
-        count = len(self.sizes)  # Ctrl-C may have come between the two lists
-        del self.kept[count:]
+        count = len(self.sizes)  # Ctrl-C may have come between the lists
+        del self.kept[count:], self.coordinates[count:]
         channels: dict[str, Variable] = {}
         for name in dict.fromkeys(name for kept in self.kept for name in kept):
             dims, first = next(kept[name] for kept in self.kept if name in kept)
             blank = np.zeros(first.shape, dtype=first.dtype)
             stacked = np.stack([kept.get(name, (dims, blank))[1] for kept in self.kept])
             channels[name] = (("throw", *dims), stacked)
+        coordinates = _joined(self.coordinates)
         if self.names and count:
             channels["object_size"] = (("throw", "object"), np.array(self.sizes))
             names = np.array(self.names, dtype=np.str_)
-            self.coordinates["object"] = (("object",), names)
+            coordinates["object"] = (("object",), names)
         temperatures = self.drift.temperatures(self.throws)
         if temperatures is not None:
             channels["throw_temperature"] = (("throw",), temperatures[:count])
-        self.coordinates["throw"] = (("throw",), np.arange(1, count + 1))
-        made: xr.Dataset = check_schema(label(xr.Dataset(channels, self.coordinates)))
+        coordinates["throw"] = (("throw",), np.arange(1, count + 1))
+        made: xr.Dataset = check_schema(label(xr.Dataset(channels, coordinates)))
         drift = {item.name: getattr(self.drift, item.name) for item in fields(Drift)}
         return made.assign_attrs(
             {
@@ -189,12 +197,40 @@ class _Series:
                 "title": f"{count} throws of {self.panel.name}",
                 "throws": self.throws,
                 "drift": json.dumps(drift),
-                "outcome": outcome.code.name.lower().replace("_", " "),
+                "outcome": "refused"
+                if isinstance(outcome, _Refused)
+                else outcome.code.name.lower().replace("_", " "),
                 "outcome_message": outcome.message(),
                 "complete": outcome.complete,
                 "wall_time": wall_time,
             }
         )
+
+
+def _joined(made: Sequence[dict[str, Variable]]) -> dict[str, Variable]:
+    """Return coordinates of all throws: once where they stay, else with "throw" in front."""
+    found: dict[str, Variable] = {}
+    for name, (dims, first) in made[0].items() if made else ():
+        values = [each[name][1] for each in made if name in each]
+        stays = len(values) < len(made) or name in ("object", "time")
+        unknown = first.dtype.kind == "f"  # NaN is equal to itself here
+        same = (np.array_equal(first, value, equal_nan=unknown) for value in values)
+        if stays or all(same):
+            found[name] = (dims, first)
+        else:
+            found[name] = (("throw", *dims), np.stack(values))
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Refused(Outcome):
+    """The end of a sequence by a throw that is not possible, and why."""
+
+    reason: str = ""
+
+    def message(self) -> str:
+        """Return which throw is not possible, and why."""
+        return self.reason
 
 
 def _throw_all(
@@ -231,6 +267,11 @@ def _throw_all(
                 report(number + 1, series.throws)
     except KeyboardInterrupt:
         return Outcome(Code.INTERRUPTED, 0.0, number, 0.0)
+    except TurnoutError as error:
+        if not series.sizes:
+            raise
+        text = f"throw {number + 1} of {series.throws} is not possible: {error}"
+        return _Refused(Code.NOT_CONVERGED, 0.0, number, 0.0, reason=text)
     return outcome
 
 

@@ -382,6 +382,8 @@ def schema_problems(dataset: "xr.Dataset") -> list[str]:
             near = nearest_channel(str(name))
             problems.append(f"{name}: no such channel{near}")
             continue
+        if name in COORDINATES and variable.dims[:1] == ("throw",):  # it changed on the way
+            channel = replace(channel, dims=("throw", *channel.dims))
         problems += _departures(channel, variable)
     if "time" in dataset.coords:
         time = dataset["time"].values

@@ -1,8 +1,9 @@
 """One throw of a study: what is changed, what is trapped, and what it is filed under."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from turnout.measurement.chain.recorder import Recorder
 from turnout.panel.foreign_object import ForeignObject
 
 Value = float | str | bool
@@ -28,6 +29,8 @@ class Scenario:
         Group that must stay together when data are split for training and test.
     seed : int
         Of whatever else is left to chance in this throw.
+    recorder : Recorder
+        What records forces and currents.
     """
 
     index: int
@@ -37,6 +40,7 @@ class Scenario:
     inputs: Mapping[str, Value]
     condition: str
     seed: int
+    recorder: Recorder = field(default_factory=Recorder)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

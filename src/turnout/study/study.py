@@ -19,11 +19,14 @@ from turnout.study.variable import (
     LABEL,
     LABELS,
     OBJECT_KEYS,
+    RECORDER_KEYS,
     TEMPERATURE_KEY,
     Variable,
     apply_factors,
     foreign_objects,
     format_value,
+    recorder_of,
+    set_items,
 )
 
 DIGEST_FIELDS = ("scheme", "output", "design", "variables", "fields", "law", "rule", "split")
@@ -148,6 +151,7 @@ class Study:
             name=self._name(index, state=state, axis_values=axis_values),
             overrides=self._overrides(inputs, drawn),
             foreign_objects=objects,
+            recorder=recorder_of(by_key),
             inputs=inputs,
             condition=self._condition(inputs, state),
             seed=_scenario_seed(self.seed, index),
@@ -178,7 +182,8 @@ class Study:
         values: dict[str, Value] = {}
         factors: list[tuple[str, float]] = []
         for name, variable in self.variables.items():
-            if variable.key in OBJECT_KEYS or variable.key.startswith(LABEL):
+            special = variable.key in OBJECT_KEYS or variable.key in RECORDER_KEYS
+            if special or variable.key.startswith(LABEL):
                 continue
             if variable.key == TEMPERATURE_KEY:
                 law = self.law or TemperatureLaw()
@@ -196,7 +201,7 @@ class Study:
                 factors += members.items()
             else:
                 values |= members
-        return apply_factors(self.panel, values, factors)
+        return apply_factors(self.panel, set_items(self.panel, values), factors)
 
 
 def _labels(by_key: Mapping[str, Value], objects: Sequence[ForeignObject]) -> dict[str, Value]:

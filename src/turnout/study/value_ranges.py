@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 
 from turnout.core.problems import show_value
 from turnout.errors import PanelError
+from turnout.measurement.chain.recorder import recorder_faults
 from turnout.panel.foreign_object import object_faults
 from turnout.panel.load import LoadedPanel
 from turnout.study.design import Axis, Drawn
@@ -13,10 +14,12 @@ from turnout.study.scenario import Value
 from turnout.study.variable import (
     LABEL,
     OBJECT_KEYS,
+    RECORDER_KEYS,
     TEMPERATURE_KEY,
     Variable,
     apply_factors,
     foreign_objects,
+    set_items,
 )
 
 # An axis with more values than this is checked at its ends and some between.
@@ -83,12 +86,19 @@ def limit_faults(
             numbers = [float(item) for item in values]
             faults = law.faults(min(numbers), max(numbers)) if law else []
             problems += [f"temperature_law: {text}" for text in faults]
+        elif variable.key in RECORDER_KEYS:
+            what = variable.key.partition(".")[2]
+            problems += [
+                f"variable {name} = {show_value(value)}: {text}"
+                for value in _checked_values(values)
+                for text in recorder_faults(what, float(value))
+            ]
         elif variable.key not in OBJECT_KEYS and not variable.key.startswith(LABEL):
             for value in _checked_values(values):
                 changes = (
                     apply_factors(panel, {}, [(variable.key, float(value))])
                     if variable.factor
-                    else {variable.key: value}
+                    else set_items(panel, {variable.key: value})
                 )
                 problems += _panel_faults(panel, changes, f"variable {name}")
     for field in fields:

@@ -1,6 +1,7 @@
 """Variables of a study, and the overrides and foreign objects that their values stand for.
 
-A variable is a key of the panel, of the foreign object (`OBJECT_KEYS`), or the temperature.
+A variable is a key of the panel, of the foreign object (`OBJECT_KEYS`), of the recorder
+(`RECORDER_KEYS`), or the temperature.
 """
 
 import types
@@ -20,6 +21,7 @@ from turnout.core.units import (
     is_finite,
     parse_quantity,
 )
+from turnout.measurement.chain.recorder import ERRORS, Recorder
 from turnout.panel.document import FAMILIES
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.keys import field_at, known_keys
@@ -43,6 +45,10 @@ OBJECT_KEYS: dict[str, Dimension | type] = {
     **{f"object.{name}": dimension for name, dimension in DIMENSIONS.items()},
     "object.piece": float,
 }
+RECORDER_KEYS: dict[str, Dimension | type] = {
+    f"recorder.{name}": error.kind for name, error in ERRORS.items()
+}
+"""Of what records the throw; they change what is kept of forces and currents, not the throw."""
 LABEL = "label."
 """What begins with this changes nothing: the cause, place or size that a throw is labelled with."""
 CAUSE, _, _ = LABELS = tuple(f"{LABEL}{name}" for name in ("cause", "place", "size"))
@@ -98,7 +104,7 @@ def value_kind(panel: LoadedPanel, key: str, *, factor: bool = False) -> Dimensi
     """Return what the values of a key are; ValueError where nothing of that name can vary.
 
     A list, such as the gaps of `rail.fit_gap.value`, can be multiplied as a whole by a factor, but
-    not be set.
+    not be set; each of its items can, by its number: `chair.friction_factor.2`.
 
     Examples
     --------
@@ -106,17 +112,21 @@ def value_kind(panel: LoadedPanel, key: str, *, factor: bool = False) -> Dimensi
     >>> value_kind(load_panel("sb1"), "drive.1.stiffness").name
     'stiffness'
     """
-    if key in OBJECT_KEYS:
-        return OBJECT_KEYS[key]
+    for special in (OBJECT_KEYS, RECORDER_KEYS):
+        if key in special:
+            return special[key]
     if key == TEMPERATURE_KEY:
         return TEMPERATURE
     if key.startswith(LABEL) and key != LABEL:
         return str
+    item = list_item(key)
+    if item is not None and not factor:
+        return _kind_of_item(panel, *item)
     path = tuple(key.split("."))
     info = field_at(path) if path[0] != "schema_version" else None
     kind = _kind_of_field(info, factor=factor) if info is not None else None
     if kind is None:
-        names = [*OBJECT_KEYS, TEMPERATURE_KEY, *variable_keys(panel)]
+        names = [*OBJECT_KEYS, *RECORDER_KEYS, TEMPERATURE_KEY, *variable_keys(panel)]
         message = f"no value of this name can vary in panel {panel.name}{nearest(key, names)}"
         raise ValueError(message)
     return kind
@@ -133,6 +143,64 @@ def _kind_of_field(info: Any, *, factor: bool) -> Dimension | type | None:
     if forms & {str, typing.Literal} and float not in forms:
         return str
     return next((kind for kind in (bool, float) if kind in forms), None)
+
+
+def list_item(key: str) -> tuple[str, int] | None:
+    """Return the list that a key names an item of, and its number from 1; None for other keys.
+
+    Examples
+    --------
+    >>> list_item("chair.5.friction_factor.2")
+    ('chair.5.friction_factor', 2)
+    >>> list_item("drive.2.stiffness"), list_item("movement.return.extra_time.2")
+    (None, None)
+    """
+    whole, _, number = key.rpartition(".")
+    if not whole or not number.isdigit():
+        return None
+    info = field_at(tuple(whole.split(".")))
+    if info is None:
+        return None
+    forms = {typing.get_origin(form) or form for form in _alternatives(info.annotation)}
+    return (whole, int(number)) if forms & {list, tuple} else None
+
+
+def _kind_of_item(panel: LoadedPanel, key: str, number: int) -> Dimension | type:
+    """Return what an item of a list is; ValueError where the panel has no such list or item."""
+    for full, items in values_at(panel, key).items():
+        known = items if isinstance(items, list | tuple) else ()
+        if not 1 <= number <= len(known):
+            has = f"has {len(known)} items" if known else "is not given"
+            message = f"{full} {has}, so there is no item {number}; give the list under [set]"
+            raise ValueError(message)
+        if not isinstance(known[0], int | float):
+            message = f"{full} is no list of numbers"
+            raise ValueError(message)
+    info = field_at(tuple(key.split(".")))
+    return (dimension_of(info) if info is not None else None) or float
+
+
+def set_items(panel: LoadedPanel, values: Mapping[str, Value]) -> dict[str, Any]:
+    """Return values by key in which items of lists have become the lists with these items.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        Has the other items.
+    values : mapping
+        Values by key, in SI.
+    """
+    found: dict[str, Any] = {}
+    for key, value in values.items():
+        item = list_item(key)
+        if item is None:
+            found[key] = value
+            continue
+        for full, items in values_at(panel, item[0]).items():
+            changed = list(found.get(full, items))
+            changed[item[1] - 1] = value
+            found[full] = tuple(changed)
+    return found
 
 
 def _alternatives(annotation: Any) -> Iterator[Any]:
@@ -262,6 +330,19 @@ def foreign_objects(by_key: Mapping[str, Value]) -> tuple[ForeignObject, ...]:
         if f"object.{name}" in by_key
     }
     return (replace(item, **chosen),)  # type: ignore[arg-type]
+
+
+def recorder_of(by_key: Mapping[str, Value]) -> Recorder:
+    """Return the recorder of a scenario; perfect where no key of it varies.
+
+    Examples
+    --------
+    >>> recorder_of({"recorder.clock_rate": 5e-5, "object.size": 0.013}).clock_rate
+    5e-05
+    """
+    return Recorder(
+        **{name: float(by_key[key]) for name in ERRORS if (key := f"recorder.{name}") in by_key}
+    )
 
 
 def format_value(variable: Variable, value: Value) -> str:

@@ -19,7 +19,7 @@ from turnout.study.distribution import (
 )
 from turnout.study.scenario import Value
 from turnout.study.study_file import FieldRecord, TogetherRecord, VariableRecord
-from turnout.study.variable import Variable, value_kind
+from turnout.study.variable import OBJECT_KEYS, RECORDER_KEYS, Variable, value_kind
 
 CHOICE = "choice"
 MEMBER_GROUPS = {"every sleeper": "sleeper", "every drive": "drive"}
@@ -107,11 +107,8 @@ def _add_variable(parsed: ParsedStudy, record: VariableRecord, *, where: str) ->
     except ValueError as error:
         parsed.add_problem(where, f'.key = "{record.key}": {error}')
         return None
-    if (
-        record.factor
-        and kind is not float
-        and (not isinstance(kind, Dimension) or "object." in record.key)
-    ):
+    special = record.key in OBJECT_KEYS or record.key in RECORDER_KEYS
+    if record.factor and (special or not (kind is float or isinstance(kind, Dimension))):
         parsed.add_problem(where, f'.factor: "{record.key}" has no number that can be multiplied')
         return None
     name = record.name or (f"{record.key}.factor" if record.factor else record.key)

@@ -13,6 +13,7 @@ from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import Mechanism
 from turnout.metric.features import FEATURES, run_features
 from turnout.metric.slip import Span
+from turnout.metric.trapped import is_trapped
 from turnout.panel.load import LoadedPanel
 from turnout.response.labels import control_states, force_margins
 from turnout.response.route import Throw
@@ -24,6 +25,7 @@ Variables = dict[str, Variable]
 LABELS = {
     "object_force_peak": ("N", "largest force on foreign objects"),
     "object_force_end": ("N", "force on foreign objects at the end"),
+    "object_trapped": ("1", "whether a foreign object was touched and is still there at the end"),
     "slipped": ("1", "whether a drive slipped in the last movement"),
     "slipped_free": ("1", "whether a drive slipped before any object was touched"),
     "end_locked": ("1", "lock rule met at the end"),
@@ -45,7 +47,10 @@ class ThrowSignals:
     time : ndarray, shape (n_times,)
         Every instant that the solver kept [s].
     signals : dict
-        Forces of drives and objects at these, what was touched when, and flangeways.
+        Forces of drives and objects at these, what was touched when and what is left of it, and
+        flangeways.
+    recorded_force : ndarray, shape (n_drives, n_times)
+        Drive forces as they were recorded, of which features are made [N].
     kept : dict
         Histories at the rate of the study.
     end_gaps : tuple of ndarray
@@ -58,6 +63,7 @@ class ThrowSignals:
     mechanism: Mechanism
     time: Floats
     signals: Variables
+    recorded_force: Floats
     kept: Variables
     end_gaps: tuple[Floats, Floats]
     moved: tuple[Throw, ...]
@@ -90,7 +96,7 @@ def compute_labels(runs: Sequence[ThrowSignals]) -> list[Variables]:
         features = _drive_features(together, spans[numbers[0]])
         for number, item, values in zip(numbers, together, features, strict=True):
             labels = values | object_labels(item.time, item.signals, spans=spans[number])
-            found[number] = labels | _state_labels(item)
+            found[number] = labels | _state_labels(item) | _trapped_label(item)
     return found
 
 
@@ -102,7 +108,7 @@ def _drive_features(runs: Sequence[ThrowSignals], spans: tuple[Span, ...]) -> li
     """Return the features of each drive and movement, the drives of all throws at once."""
     found = run_features(
         runs[0].time,
-        np.concatenate([item.signals["drive_force"][1] for item in runs]).astype(np.float64),
+        np.concatenate([item.recorded_force for item in runs]),
         spans=spans,
         limits=np.array(
             [slip_force(item.panel, name) for item in runs for name in item.panel.drive]
@@ -138,6 +144,20 @@ def _state_labels(item: ThrowSignals) -> Variables:
         f"end_{name}": (dims[:-1], np.asarray(values[..., -1]))
         for name, (dims, values) in states.items()
     }
+
+
+def _trapped_label(item: ThrowSignals) -> Variables:
+    """Return whether an object that was touched is still there at the end."""
+    groups = item.mechanism.index.object_laws.values()
+    contact = item.signals.get("object_contact_time", item.signals["contact_time"])
+    taken = np.array([item.mechanism.laws.disappears[own[0]] for own in groups])
+    left = item.signals.get("object_left", (("object",), np.full(taken.size, np.nan)))
+    trapped = is_trapped(
+        np.broadcast_to(float_values(contact), taken.shape),
+        np.where(taken > item.time[-1], np.inf, taken),
+        float_values(left),
+    )
+    return {"object_trapped": ((), np.asarray(trapped.any()))}
 
 
 def object_labels(time: Floats, every: Variables, *, spans: Sequence[Span]) -> Variables:

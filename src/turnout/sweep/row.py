@@ -17,6 +17,7 @@ from turnout.core.threads import one_blas_thread
 from turnout.errors import FileError, PanelError, TurnoutError
 from turnout.integrate.integration import History
 from turnout.integrate.outcome import Code
+from turnout.measurement.chain.recorder import Recorder, clocked, recorded_force
 from turnout.panel.foreign_object import PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.response.dataset import coordinates_of, response_channels
@@ -25,7 +26,7 @@ from turnout.response.gaps import drive_and_sensor_gaps
 from turnout.response.labels import contact_labels, flangeway_labels
 from turnout.response.recovery import Motion, recover_motion
 from turnout.response.save import Save
-from turnout.response.signals import Variable, drive_signals, object_signals
+from turnout.response.signals import Variable, drive_signals, object_memory, object_signals
 from turnout.response.simulate import Solved, solve_placed
 from turnout.scheme import Scheme
 from turnout.study.scenario import Scenario
@@ -207,7 +208,8 @@ def throw_scenario(study: Study, ready: PreparedScenario) -> ThrowResult:
                 raise KeyboardInterrupt
             if outcome.complete:
                 spent = SolverTime(solved.solver_time, solved.processor_time, solved.build_time)
-                extracted = extract_signals(study, ready.panel, solved)
+                recorder = scenario.recorder
+                extracted = extract_signals(study, ready.panel, solved, recorder=recorder)
                 return ThrowResult(scenario, COMPLETE, "", attempts, extracted, spent)
             reason = outcome.message()
             ending = INACCURATE if outcome.code is Code.INACCURATE else FAILED
@@ -220,7 +222,9 @@ def throw_scenario(study: Study, ready: PreparedScenario) -> ThrowResult:
     return ThrowResult(scenario, ending, reason, attempts, None, SolverTime())
 
 
-def extract_signals(study: Study, panel: LoadedPanel, solved: Solved) -> ThrowSignals:
+def extract_signals(
+    study: Study, panel: LoadedPanel, solved: Solved, *, recorder: Recorder
+) -> ThrowSignals:
     """Return what is stored of a complete throw and what its labels are made of.
 
     Parameters
@@ -231,18 +235,21 @@ def extract_signals(study: Study, panel: LoadedPanel, solved: Solved) -> ThrowSi
         What was thrown.
     solved : Solved
         The throw.
+    recorder : Recorder
+        Of what is kept of forces and currents over time, and of their features.
     """
     given, every, stride = (panel, solved.mechanism), solved.history, output_stride(study)
     signals = drive_signals(*given, every) | object_signals(solved.mechanism, every)
-    signals |= contact_labels(solved.mechanism, every)
+    signals |= contact_labels(solved.mechanism, every) | object_memory(solved.mechanism, every)
     machine_slips(every, np.asarray(signals["drive_slipping"][1]))
     signals |= machine_signals(panel, every)
+    recorded = _recorded(signals, every.time, recorder)
     moved = moved_throws(panel, every)
     wanted = study.output.channels
     sparse = select_instants(every, slice(None, None, stride))
     kept = {
         name: (dims, values[..., ::stride])
-        for name, (dims, values) in signals.items()
+        for name, (dims, values) in (signals | recorded).items()
         if name in wanted and "time" in dims
     }
     motion = recover_motion(solved.mechanism, every)
@@ -259,7 +266,18 @@ def extract_signals(study: Study, panel: LoadedPanel, solved: Solved) -> ThrowSi
         found = _gap_signals(panel, replace(motion, history=last))
     ends = float_values(found["drive_gap"])[:, -1:], float_values(found["sensor_gap"])[:, -1:]
     small = {name: (dims, _to_single_precision(values)) for name, (dims, values) in kept.items()}
-    return ThrowSignals(panel, solved.mechanism, every.time, signals, small, ends, moved)
+    force = float_values(recorded["drive_force"])
+    return ThrowSignals(panel, solved.mechanism, every.time, signals, force, small, ends, moved)
+
+
+def _recorded(signals: Variables, time: Floats, recorder: Recorder) -> Variables:
+    """Return drive forces and motor currents as a recorder gives them."""
+    dims, force = signals["drive_force"]
+    found: Variables = {"drive_force": (dims, recorded_force(np.asarray(force), time, recorder))}
+    if "drive_current" in signals:
+        dims, current = signals["drive_current"]
+        found["drive_current"] = (dims, clocked(np.asarray(current), time, recorder))
+    return found
 
 
 def _gap_signals(panel: LoadedPanel, motion: Motion) -> Variables:

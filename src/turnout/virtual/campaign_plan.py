@@ -127,6 +127,27 @@ def default_places(panel: LoadedPanel) -> tuple[str, ...]:
     return tuple(place for _, place in sorted(named, key=lambda pair: pair[0]))
 
 
+def places_with_room(panel: LoadedPanel, *, size: float) -> tuple[str, ...]:
+    """Return the sleepers and drives where an object of a size [m] fits between the rails.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> len(default_places(load_panel("sb1"))), len(places_with_room(load_panel("sb1"), size=0.01))
+    (18, 15)
+    """
+    return tuple(place for place in default_places(panel) if has_room(panel, size, place))
+
+
+def has_room(panel: LoadedPanel, size: float, place: str) -> bool:
+    """Return whether an object of a size [m] fits between the rails at a place."""
+    try:
+        resolve_objects(panel, [ForeignObject(size, place)])
+    except PanelError:
+        return False
+    return True
+
+
 def virtual_plan(
     panel: LoadedPanel,
     *,
@@ -189,7 +210,7 @@ def virtual_plan(
         build_up_lag=0.25 if soft_build_up else 0.0,
     )
     return CampaignPlan(
-        places=tuple(named) or default_places(panel),
+        places=tuple(named) or places_with_room(panel, size=min(metres, default=min(SIZES))),
         sizes=tuple(sorted(metres)) or SIZES,
         formats=tuple(f".{name.lower().removeprefix('.')}" for name in formats),
         object_free=object_free,
@@ -201,7 +222,7 @@ def virtual_plan(
 
 
 def check_plan(plan: CampaignPlan, panel: LoadedPanel) -> None:
-    """Refuse a plan that does not fit a panel: drives, places, sizes that it has no room for.
+    """Refuse a plan that does not fit a panel: drives, places, places without room for any size.
 
     Raises
     ------
@@ -217,7 +238,7 @@ def check_plan(plan: CampaignPlan, panel: LoadedPanel) -> None:
     problems: list[str] = []
     for place in plan.places:
         try:
-            resolve_objects(panel, [ForeignObject(max(plan.sizes), place)])
+            resolve_objects(panel, [ForeignObject(min(plan.sizes), place)])
         except PanelError as error:
             problems += error.problems
     if problems:

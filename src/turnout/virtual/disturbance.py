@@ -1,4 +1,4 @@
-"""What a measuring chain adds to a signal: noise, drift, mains hum, cross-talk, quantisation."""
+"""What a measuring chain adds: noise, drift, mains hum, cross-talk, quantisation, a wrong clock."""
 
 from dataclasses import dataclass
 
@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.errors import FileError
+from turnout.measurement.chain.recorder import Recorder, clocked, recorder_faults
 
 CHANNELS = ("drive_force", "drive_current", "object_force")
 
@@ -51,6 +52,9 @@ class Disturbance:
         Share of each force bridge that its neighbour sees.
     mains : float
         Frequency of the mains [Hz].
+    clock_rate, clock_offset : float
+        Share by which the recorder's clock runs fast, and what it shows at time zero [s]; 0 unless
+        it is wrong, see `turnout.measurement.chain.recorder`.
     """
 
     # A bridge of 0.37 mV/V at 6 kN: 5 N are 0.3 uV/V; 24 kN over 16 bits.
@@ -59,6 +63,15 @@ class Disturbance:
     object_force: Transducer = Transducer(noise=5.0, drift=3.0, hum=8.0, step=40e3 / 2**16)
     cross_talk: float = 5e-4
     mains: float = 50.0
+    clock_rate: float = 0.0
+    clock_offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse a clock that cannot be."""
+        for name in ("clock_rate", "clock_offset"):
+            for text in recorder_faults(name, getattr(self, name)):
+                message = f"{name} = {getattr(self, name)}: {text}"
+                raise FileError(message)
 
 
 QUIET = Disturbance(
@@ -99,6 +112,7 @@ def add_disturbance(
     chosen = disturbance or Disturbance()
     time = dataset["time"].values
     seen = dataset.copy()
+    recorder = Recorder(clock_rate=chosen.clock_rate, clock_offset=chosen.clock_offset)
     mixed = _add_cross_talk(dataset, chosen.cross_talk)
     for name in CHANNELS:
         if name not in dataset:
@@ -106,7 +120,7 @@ def add_disturbance(
         kind: Transducer = getattr(chosen, name)
         rows = [
             _disturb_channel(row, time, kind=kind, mains=chosen.mains, rng=rng)
-            for row in np.atleast_2d(mixed[name].values)
+            for row in clocked(np.atleast_2d(mixed[name].values), time, recorder)
         ]
         values = np.array(rows).reshape(dataset[name].shape)
         seen[name] = (dataset[name].dims, values, dataset[name].attrs)

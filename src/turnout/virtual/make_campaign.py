@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ from turnout.virtual.campaign_files import (
     synthetic_note,
     true_sheet_row,
 )
-from turnout.virtual.campaign_plan import CampaignPlan, Case, check_plan, series_of
+from turnout.virtual.campaign_plan import CampaignPlan, Case, check_plan, has_room, series_of
 from turnout.virtual.record_throw import DIRECTIONS
 from turnout.virtual.series import (
     STATE,
@@ -55,11 +55,14 @@ class VirtualCampaign:
         Made in the run sheet on purpose.
     failures : tuple of str
         Throws that the solver did not finish; their series end there.
+    oversized : tuple of str
+        Places and sizes of the plan that were not thrown, as the rails leave no room for them.
     """
 
     thrown: tuple[WrittenThrow, ...]
     mistakes: tuple[str, ...]
     failures: tuple[str, ...]
+    oversized: tuple[str, ...] = ()
 
 
 def make_virtual_campaign(
@@ -112,10 +115,24 @@ def make_virtual_campaign(
     note = synthetic_note(panel.name, machines=machines, drives=len(panel.drive))
     map_text = channel_map_text(list(panel.drive), note=note)
     write_atomic(folder / CHANNELS, map_text)
-    series = series_of(plan, directions)
+    series, oversized = _with_room(panel, series_of(plan, directions))
     jobs = _jobs(panel, plan, series, folder, map_text=map_text, note=note)
     run_jobs(jobs, folder=folder, workers=workers, report=report)
-    return _finish(panel, plan, series, folder, note=note)
+    return replace(_finish(panel, plan, series, folder, note=note), oversized=oversized)
+
+
+def _with_room(
+    panel: LoadedPanel, series: Sequence[Sequence[Case]]
+) -> tuple[list[list[Case]], tuple[str, ...]]:
+    """Return series without objects larger than the opening, and what was left out."""
+    fits = {
+        (case.place, case.size): case.size == 0.0 or has_room(panel, case.size, case.place)
+        for cases in series
+        for case in cases
+    }
+    kept = [[case for case in cases if fits[case.place, case.size]] for cases in series]
+    out = tuple(f"{1e3 * size:g} mm at {place}" for (place, size), fit in fits.items() if not fit)
+    return [cases for cases in kept if cases], out
 
 
 def _claim(folder: Path, panel: LoadedPanel, plan: CampaignPlan) -> None:

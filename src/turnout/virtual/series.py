@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from turnout.core.files import write_atomic
+from turnout.core.running_current import running_time
 from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
@@ -213,8 +214,8 @@ def _without_idle_cell(true: xr.Dataset, case: Case) -> xr.Dataset:
 def _true_piece(true: xr.Dataset, case: Case) -> RecordedThrow:
     """Cut the truth as a build cuts a recording."""
     time = true["time"].values
-    running = (true["drive_current"].values > 0).any(axis=0)
-    onset, end = float(true.attrs["onset"]), float(time[np.flatnonzero(running)[-1]])
+    offs = [running_time(time, row)[1] for row in true["drive_current"].values]
+    onset, end = float(true.attrs["onset"]), float(np.nanmax(offs))
     kept = true.sel(time=slice(onset - AROUND, end + AROUND)).drop_attrs()
     throw = _throw(onset=onset, end=end, direction=case.direction, count=kept.sizes["time"])
     return RecordedThrow(kept, throw, "", ())

@@ -20,7 +20,14 @@ from turnout.report.page import plotly_script
 from turnout.web.guard import LARGEST_UPLOAD, TooLargeError
 from turnout.web.measured import campaign_file, plain_name
 from turnout.web.process import without_folders
-from turnout.web.question import CHECK_TIME_LIMIT, TIME_LIMIT, Reply, Superseded, Task
+from turnout.web.question import (
+    CHECK_TIME_LIMIT,
+    MAP_TIME_LIMIT,
+    TIME_LIMIT,
+    Reply,
+    Superseded,
+    Task,
+)
 from turnout.web.studio import Studio
 from turnout.web.tasks import LARGEST_PANEL
 from turnout.web.throw import FILES
@@ -30,6 +37,7 @@ PAGE = str(files("turnout.web").joinpath("page"))
 LIVE = "live"
 # Of a question in JSON [bytes]: a panel's mark, an object and forty settings take a few thousand.
 LARGEST_QUESTION = 200_000
+LONGEST_JOB = 40
 _log = logging.getLogger("turnout")
 
 
@@ -63,6 +71,9 @@ def studio_app(studio: Studio, worker: Worker, *, largest: int = LARGEST_UPLOAD)
             Route("/api/panel/again", desk.panel_again, methods=["POST"]),
             Route("/api/panel/concerns", desk.concerns, methods=["POST"]),
             Route("/api/run", desk.run, methods=["POST"]),
+            Route("/api/map", desk.map, methods=["POST"]),
+            Route("/api/job/{job}", desk.job),
+            Route("/api/job/{job}/stop", desk.stop, methods=["POST"]),
             Route("/api/file/{kind}", desk.file, methods=["POST"]),
             Route("/api/recording", desk.recording, methods=["POST"]),
             Route("/api/measured/{mark}", desk.measured, methods=["POST"]),
@@ -132,6 +143,16 @@ class _Addresses:
     async def concerns(self, request: Request) -> Response:
         return await self._forward("panel/concerns", request, seconds=CHECK_TIME_LIMIT)
 
+    async def map(self, request: Request) -> Response:
+        return await self._forward("map", request, seconds=MAP_TIME_LIMIT)
+
+    async def job(self, request: Request) -> Response:
+        return JSONResponse({"share": self.worker.share(request.path_params["job"])})
+
+    async def stop(self, request: Request) -> Response:
+        self.worker.stop(request.path_params["job"])
+        return JSONResponse({})
+
     async def run(self, request: Request) -> Response:
         return await self._forward("run", request, kind=LIVE)
 
@@ -182,7 +203,8 @@ class _Addresses:
         parts: list[bytes] = []
         await _received(request, most, parts.append)
         limit = TIME_LIMIT if seconds is None else seconds
-        task = Task(name, b"".join(parts), options, limit)
+        job = request.query_params.get("job", "")[:LONGEST_JOB]
+        task = Task(name, b"".join(parts), options, limit, job=job)
         return _response(await self.worker.answer(task, kind=kind))
 
 

@@ -20,6 +20,7 @@ STIFFNESS = "Force for each millimetre by which the object is compressed."
 FRICTION = "Friction coefficient of the rail foot on every slide chair; higher when dry or rusty."
 BUSHING = "Force of the bushing between drive rod and rail for each metre that it yields."
 DURATION = "Time that the drives take for this movement."
+SUPPLY = "Voltage that feeds the point machine; a lower one makes the throw slower."
 DELAY = "Time by which this drive takes longer than the others in the last movement."
 
 
@@ -103,6 +104,14 @@ def _of_values(panel: Panel) -> list[Control]:
         label = f"Drive {name} stiffness"
         key, most = f"drive.{name}.stiffness", max(1500.0, 2 * value)
         found.append(Control(key, label, "kN/m", value, 20.0, most, 5.0, BUSHING))
+    for used in dict.fromkeys(drive.machine for drive in panel.drive.values()):
+        if used is None:
+            continue
+        name, machine = used, panel.machine[used]
+        value = machine.supply.voltage or machine.motor.voltage
+        key, most = f"machine.{name}.supply.voltage", round(1.3 * machine.motor.voltage)
+        least = round(0.3 * machine.motor.voltage)
+        found.append(Control(key, f"Supply of {name}", "V", value, least, most, 1.0, SUPPLY))
     return found
 
 
@@ -110,12 +119,13 @@ def _of_times(panel: Panel) -> list[Control]:
     """Return durations of movements, and drive delays of the last one."""
     found = []
     ordered = ordered_movements(panel)
+    timed = any(drive.machine is None for drive in panel.drive.values())
     until = [movement.start for _, movement in ordered][1:] + [panel.schedule.end]
     for (name, movement), end in zip(ordered, until, strict=True):
         extra = max(movement.extra_time.values(), default=0.0)
         most = round(end - movement.start - max(extra, MOST_EXTRA), 2)
         least = max(SHORTEST, 2 * movement.ramp)
-        if movement.shape == "table" or most < max(movement.duration, least):
+        if not timed or movement.shape == "table" or most < max(movement.duration, least):
             continue
         key, label = f"movement.{name}.duration", f"Duration of '{name}'"
         value = movement.duration

@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -39,6 +40,8 @@ Prepare = Callable[[], Answering]
 # replies and holds more than this [bytes].
 FIRST_ANSWERS, GROWTH, MEMORY_AT_REST = 20, 1.3, 800_000_000
 _READY = b"ready"
+# Begins a message that says how much is done; replies begin with a brace.
+_PROGRESS = b"%"
 _log = logging.getLogger("turnout")
 # Directories before the last part of an absolute path, of Linux, macOS or Windows.
 _FOLDERS = re.compile(r"(?<![\w.~/\\])(?:[A-Za-z]:)?(?:[/\\][^\s/\\'\"<>|:;,()\[\]]+)*[/\\](?=\w)")
@@ -73,6 +76,8 @@ class Process:
         self._sending = threading.Lock()
         self._started = self._killed = self._gone = False
         self._number = 0
+        self.share = 0.0
+        """Done of the present task, as far as it says."""
 
     @property
     def pid(self) -> int | None:
@@ -115,10 +120,13 @@ class Process:
             When it ends first, of itself or through `kill`.
         """
         self._number += 1
+        self.share = 0.0
         try:
             with self._sending:
                 self._ours.send((self._number, task))
-            return Reply.unpacked(self._ours.recv_bytes())
+            while (message := self._ours.recv_bytes()).startswith(_PROGRESS):
+                self.share = float(message[1:])
+            return Reply.unpacked(message)
         except (EOFError, OSError):
             raise EndedError(self._ended()) from None
 
@@ -221,10 +229,15 @@ def _listen(connection: Connection, tasks: "queue.SimpleQueue[tuple[Task, Questi
         except (EOFError, OSError):
             os._exit(0)
         if task is not None:
-            present, question = number, Question()
+            present, question = number, Question(send=partial(_send_share, connection))
             tasks.put((task, question))
         elif number == present:
             question.overtaken.set()
+
+
+def _send_share(connection: Connection, share: float) -> None:
+    with suppress(OSError):
+        connection.send_bytes(_PROGRESS + f"{share:.4f}".encode())
 
 
 def _answered(answering: Answering, task: Task, question: Question) -> Reply:

@@ -3,7 +3,7 @@
 import json
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -14,11 +14,15 @@ TIME_LIMIT = 10.0
 """Of a reply [s], from when a process starts on it."""
 CHECK_TIME_LIMIT = 60.0
 """Of the check of a panel [s], which for the default panel takes 7 s."""
+MAP_TIME_LIMIT = 600.0
+"""Of a map of objects [s], which for the default panel takes 10 s."""
 MEMORY_LIMIT = 2_000_000_000
 """Of a reply, above the memory of an idle process [bytes]."""
 
 # A throw that has run longer than this is stopped by a newer request [s].
 PATIENCE = 0.5
+# Between two reports of progress [s].
+REPORT_INTERVAL = 0.2
 
 
 class Superseded(Exception):  # noqa: N818 - it is no error
@@ -35,15 +39,28 @@ class UnknownMarkError(FileError):
 
 @dataclass(eq=False)
 class Question:
-    """State of a running request: start time, and whether a newer one supersedes it."""
+    """State of a running request: start time, and whether a newer one supersedes it.
+
+    `send` takes the share that is done to the server.
+    """
 
     overtaken: threading.Event = field(default_factory=threading.Event)
     began: float = float("inf")
+    send: Callable[[float], None] | None = None
+    reported: float = 0.0
 
     def check(self, _done: int = 0, _total: int = 0) -> None:
         """Stop a superseded run; pass this to `simulate` as its report."""
         if self.overtaken.is_set() and time.monotonic() - self.began > PATIENCE:
             raise KeyboardInterrupt
+
+    def progress(self, done: int, total: int) -> None:
+        """Stop a superseded run, and say now and then how much of it is done."""
+        self.check()
+        now = time.monotonic()
+        if self.send is not None and total and now - self.reported > REPORT_INTERVAL:
+            self.reported = now
+            self.send(done / total)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +79,9 @@ class Task:
         Time limit [s].
     restored : tuple of (str, bytes)
         Marks with their content from earlier replies.
+    job : str
+        Name under which its progress can be read, and by which it can be stopped; it then runs in
+        the process that the sliders do not use.
     """
 
     name: str
@@ -69,6 +89,7 @@ class Task:
     options: Mapping[str, str] = field(default_factory=dict)
     seconds: float = TIME_LIMIT
     restored: tuple[tuple[str, bytes], ...] = ()
+    job: str = ""
 
     def with_restored(self, mark: str, kept: bytes) -> Self:
         """Return the task with the content of a mark."""

@@ -34,6 +34,14 @@ class RunRequest(PageRequest):
     preview: bool = Field(default=False, description="whether quick mode is sufficient")
 
 
+class MapRequest(PageRequest):
+    """Objects of several sizes at several places, thrown one by one."""
+
+    run: RunRequest = Field(description="panel, changes, kind and stiffness of the object")
+    places: list[str] = Field(min_length=1, max_length=60, description="such as 'sleeper 6'")
+    sizes: list[str] = Field(min_length=1, max_length=20, description="such as '13 mm'")
+
+
 class FileRequest(PageRequest):
     """A file made of a throw, with another one drawn behind it."""
 

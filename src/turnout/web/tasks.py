@@ -3,7 +3,7 @@
 Only this process parses what the page sends, so bad content cannot block the server.
 """
 
-import pickle
+import json
 import secrets
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -28,10 +28,11 @@ from turnout.panel.load import (
     panel_from_file,
 )
 from turnout.plot.sheet import sheet_record
-from turnout.plot.throw import throw_sheet
+from turnout.plot.throw_sheet import throw_sheet
 from turnout.response.simulate import simulate
 from turnout.scheme import Scheme
 from turnout.web.controls import described, measured_record
+from turnout.web.kept import measured_from_bytes, measured_to_bytes
 from turnout.web.measured import (
     Measured,
     channel_map_of,
@@ -43,8 +44,16 @@ from turnout.web.measured import (
     sent_recording,
     shifted,
 )
+from turnout.web.object_map import object_map
 from turnout.web.question import Question, Reply, Task, UnknownMarkError
-from turnout.web.request import FileRequest, MarkRequest, PanelRequest, RunRequest, read_request
+from turnout.web.request import (
+    FileRequest,
+    MapRequest,
+    MarkRequest,
+    PanelRequest,
+    RunRequest,
+    read_request,
+)
 from turnout.web.scenario import command_line, panel_toml, python_script
 from turnout.web.throw import (
     FILE_KEYS,
@@ -113,6 +122,7 @@ class TaskHandler:
             "panel/again": self._panel_again,
             "panel/concerns": self._concerns,
             "run": self._run,
+            "map": self._map,
             "file": self._file,
             "recording": self._recording,
             "measured": self._measured,
@@ -131,19 +141,20 @@ class TaskHandler:
         if name not in names:
             message = f"no library panel is called '{name}'; there are {', '.join(names)}"
             raise FileError(message)
-        return self._shown(load_panel(name), ("library", name, library_text(name).encode()))
+        return self._shown(load_panel(name), ("library", name, library_text(name)))
 
     def _send_panel(self, task: Task, _question: Question) -> Reply:
         """Check a panel file that the page sent as `turnout panel check` does."""
         name = plain_name(task.options["name"], "panel.toml")
-        return self._shown(_sent_panel(task.content, name), ("sent", name, task.content))
+        panel = _sent_panel(task.content, name)
+        return self._shown(panel, ("sent", name, decode(task.content, source=name)))
 
-    def _shown(self, panel: LoadedPanel, origin: tuple[str, str, bytes]) -> Reply:
+    def _shown(self, panel: LoadedPanel, origin: tuple[str, str, str]) -> Reply:
         mark = panel.hash[:16]
         self._panels.put(mark, panel)
-        self._texts.put(mark, origin[2].decode("utf-8-sig"))
+        self._texts.put(mark, origin[2])
         reply = Reply.of(described(panel, mark))
-        return Reply(reply.content, kept=((mark, pickle.dumps(origin)),))
+        return Reply(reply.content, kept=((mark, json.dumps(origin).encode()),))
 
     def _panel_again(self, task: Task, _question: Question) -> Reply:
         mark = read_request(MarkRequest, task.content).panel
@@ -156,10 +167,10 @@ class TaskHandler:
             return first
         found = self._panels.get(mark)
         if found is None and mark in self._restored:
-            kind, name, content = pickle.loads(self._restored[mark])
-            panel = load_panel(name) if kind == "library" else _sent_panel(content, name)
+            kind, name, text = json.loads(self._restored[mark])
+            panel = load_panel(name) if kind == "library" else _sent_panel(text.encode(), name)
             found = self._panels.put(mark, panel)
-            self._texts.put(mark, content.decode("utf-8-sig"))
+            self._texts.put(mark, text)
         if found is None:
             raise UnknownMarkError(mark, "this panel is no longer loaded; open it again")
         return found
@@ -174,7 +185,7 @@ class TaskHandler:
     def _concerns(self, task: Task, question: Question) -> Reply:
         """Simulate a panel without an object and return the warnings of `turnout panel check`."""
         request = read_request(MarkRequest, task.content)
-        panel, dataset = self._thrown(RunRequest(panel=request.panel), question)
+        panel, dataset = self._thrown(RunRequest(panel=request.panel), question, report=True)
         return Reply.of({"lines": concern_lines(panel, panel_concerns(panel, dataset))})
 
     def _run(self, task: Task, question: Question) -> Reply:
@@ -189,13 +200,21 @@ class TaskHandler:
         self._ahead = deque(partial(made_ready, panel, near) for near in around)
         return Reply(reply.content, ahead=bool(self._ahead))
 
-    def _thrown(self, request: RunRequest, question: Question) -> tuple[LoadedPanel, xr.Dataset]:
+    def _map(self, task: Task, question: Question) -> Reply:
+        """Throw objects of several sizes at several places."""
+        request = read_request(MapRequest, task.content)
+        panel = changed_panel(self._panel(request.run.panel), request.run)
+        return Reply.of(object_map(panel, request, question))
+
+    def _thrown(
+        self, request: RunRequest, question: Question, *, report: bool = False
+    ) -> tuple[LoadedPanel, xr.Dataset]:
         """Simulate the requested throw, or return it from the cache."""
         panel = changed_panel(self._panel(request.panel), request)
         key = request.model_dump_json()
         found = self._runs.get(key)
         if found is None:
-            found = self._runs.put(key, thrown(panel, request, question))
+            found = self._runs.put(key, thrown(panel, request, question, report=report))
         return panel, found
 
     def _one_ahead(self, _task: Task, _question: Question) -> Reply:
@@ -243,7 +262,7 @@ class TaskHandler:
             self._sent.put(mark, item)
         movements = [measured_record(mark, item) for mark, item in marks.items()]
         content = Reply.of({"lines": lines, "movements": movements}).content
-        return Reply(content, kept=tuple((m, pickle.dumps(item)) for m, item in marks.items()))
+        return Reply(content, kept=tuple((m, measured_to_bytes(item)) for m, item in marks.items()))
 
     def _measured(self, task: Task, question: Question) -> Reply:
         """Return a measured movement on the time of a run."""
@@ -258,7 +277,7 @@ class TaskHandler:
         """Return a measured movement by its mark."""
         found = self._opening.campaign.get(mark) or self._sent.get(mark)
         if found is None and mark in self._restored:
-            found = self._sent.put(mark, pickle.loads(self._restored[mark]))
+            found = self._sent.put(mark, measured_from_bytes(self._restored[mark]))
         if found is None:
             message = "this movement is no longer loaded; send its recording again"
             raise UnknownMarkError(mark, message)

@@ -21,7 +21,8 @@ from turnout.panel.model import Panel
 from turnout.plot.moving_plan import FRAMES, motion_record
 from turnout.plot.sheet import MOST_POINTS, sheet_record
 from turnout.plot.style import rendered
-from turnout.plot.throw import plot_throw, throw_sheet
+from turnout.plot.throw import plot_throw
+from turnout.plot.throw_sheet import throw_sheet
 from turnout.response.placed import check_placed
 from turnout.response.save import Save
 from turnout.response.simulate import prepare, simulate
@@ -48,7 +49,9 @@ def changed_panel(panel: LoadedPanel, request: RunRequest) -> LoadedPanel:
     return panel.with_overrides(request.settings, si=False) if request.settings else panel
 
 
-def thrown(panel: LoadedPanel, request: RunRequest, question: Question) -> xr.Dataset:
+def thrown(
+    panel: LoadedPanel, request: RunRequest, question: Question, *, report: bool = False
+) -> xr.Dataset:
     """Simulate a throw, unless a newer request supersedes it.
 
     Parameters
@@ -59,6 +62,8 @@ def thrown(panel: LoadedPanel, request: RunRequest, question: Question) -> xr.Da
         Gives the object and whether it is a preview.
     question : Question
         Signals when to stop.
+    report : bool
+        Whether to say how much is done.
 
     Returns
     -------
@@ -79,7 +84,7 @@ def thrown(panel: LoadedPanel, request: RunRequest, question: Question) -> xr.Da
             scheme=PREVIEW if request.preview else Scheme(),
             save=PREVIEW_KEPT if request.preview else None,
             throw=False,
-            report=question.check,
+            report=question.progress if report else question.check,
         )
     except KeyboardInterrupt:
         raise Superseded from None
@@ -154,7 +159,7 @@ def answer(panel: Panel, dataset: xr.Dataset, *, preview: bool = False) -> dict[
         "summary": [list(line) for line in summary(dataset)],
         "lamps": _lamps(dataset, motion["at"]),
         "figures": [_figure(item) for item in key_figures(dataset)],
-        "sheet": sheet_record(throw_sheet(dataset), most=points),
+        "sheet": sheet_record(throw_sheet(dataset, title=""), most=points),
         "motion": motion,
     }
 
@@ -164,7 +169,13 @@ def _verdict(dataset: xr.Dataset) -> dict[str, Any]:
     found = verdict(dataset)
     told = headline(found, dataset)
     level = "look" if told is None else told.level
-    return {"kind": found.kind, "text": found.text, "level": level, "missed": found.missed}
+    return {
+        "kind": found.kind,
+        "text": found.text,
+        "meaning": found.meaning,
+        "level": level,
+        "missed": found.missed,
+    }
 
 
 def _limit(item: LimitCheck) -> dict[str, Any]:
@@ -178,7 +189,7 @@ def _limit(item: LimitCheck) -> dict[str, Any]:
     return {
         "key": item.key,
         "label": item.label,
-        "text": f"{number(item.value)} {between} {item.limit / factor:g} {unit}",
+        "text": f"{number(item.value)} {between} {item.limit / factor:.4g} {unit}",
         "margin": f"{number(abs(item.margin))} {left}",
         "share": item.margin / item.limit,
         "passed": item.passed,

@@ -71,6 +71,7 @@ class Worker:
         self._idle: list[Process] = []
         self._waiting: deque[_Waiting] = deque()
         self._newest: dict[str, _Waiting] = {}
+        self._jobs: dict[str, _Waiting] = {}
         self._kept: OrderedDict[str, bytes] = OrderedDict()
         self._background: set[asyncio.Task[None]] = set()
         self._last: Process | None = None
@@ -100,6 +101,8 @@ class Worker:
             text = f"{MOST_WAITING} requests are queued already; try again later"
             return Reply.refused(text, status=503)
         request = _Waiting(task, asyncio.get_running_loop().create_future())
+        if task.job:
+            self._jobs[task.job] = request
         if kind is not None:
             if (before := self._newest.get(kind)) is not None:
                 self._overtake(before)
@@ -109,6 +112,20 @@ class Worker:
         finally:
             if kind is not None and self._newest.get(kind) is request:
                 del self._newest[kind]
+            if self._jobs.get(task.job) is request:
+                del self._jobs[task.job]
+
+    def share(self, job: str) -> float | None:
+        """Return how much of a job is done; None where none of that name is at work."""
+        request = self._jobs.get(job)
+        if request is None:
+            return None
+        return 0.0 if request.process is None else request.process.share
+
+    def stop(self, job: str) -> None:
+        """Stop a job, which then ends as superseded."""
+        if (request := self._jobs.get(job)) is not None:
+            self._overtake(request)
 
     async def _answered(self, request: _Waiting) -> Reply:
         """Wait for a process and send; retry once if the process ended."""
@@ -198,7 +215,7 @@ class Worker:
             if request.turn.done():
                 self._waiting.popleft()
                 continue
-            process = self._choice(time.monotonic() - request.since)
+            process = self._choice(time.monotonic() - request.since, request.task)
             if process is None:
                 return
             self._idle.remove(process)
@@ -206,11 +223,18 @@ class Worker:
                 self._replace(process)
                 continue
             self._waiting.popleft()
-            self._last = process
+            if not request.task.job or self._last is None:
+                self._last = process
             request.turn.set_result(process)
 
-    def _choice(self, waited: float) -> Process | None:
-        """Return the process that answered last, whose caches are warm; another one after all."""
+    def _choice(self, waited: float, task: Task) -> Process | None:
+        """Return the process that answered last, whose caches are warm; another one after all.
+
+        A job takes another one first, so that sliders keep theirs.
+        """
+        if task.job:
+            others = [process for process in self._idle if process is not self._last]
+            return others[0] if others else None if waited < 0.9 * MOMENT else self._idle[0]
         if self._last in self._idle:
             return self._last
         busy = self._last in self._processes and self._last is not None and self._last.alive

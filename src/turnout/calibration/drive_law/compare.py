@@ -327,6 +327,7 @@ def _parameters(calibration: Calibration, panel: LoadedPanel, drive: str) -> lis
             transform="log" if item.lower > 0 else "linear",
         )
         for item in calibration.parameters
+        if item.keys
     ]
     record = panel.drive[drive]
     for key, value, unit in (

@@ -208,7 +208,7 @@ def deviance(found: Fit, noise: Mapping[Key, Noise]) -> float:
         for factor in alignment.factors:
             total += 2.0 * float(np.log(np.diag(factor)).sum())
         total -= 2.0 * float(np.log1p(-alignment.shrink).sum())
-    return total
+    return total + (frame.shared.log_determinant if frame.shared else 0.0)
 
 
 def effective_samples(found: Fit, noise: Mapping[Key, Noise]) -> float:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from turnout.core.running_current import running_time
 from turnout.measurement.campaign.motion_signals import (
     Flags,
     Floats,
@@ -27,7 +28,8 @@ class Detection:
     Attributes
     ----------
     running_current : float
-        Current above which a motor runs [A].
+        Current above which a motor runs [A]. It finds throws in a recording; how long each motor
+        of a throw ran is then measured by its own standstill and running current.
     moving_force : float
         Change of a rod force within `force_span` that counts as motion [N].
     force_span : float
@@ -64,7 +66,8 @@ class FoundThrow:
     onset, end : float
         Onset of motion, and when the last drive stops, on the time of the recording [s].
     drive_ends : tuple of float
-        When each drive stops [s]; NaN where its current does not show it.
+        When each motor is switched off [s], see `turnout.core.running_current`; NaN where its
+        current does not show it.
     source : str
         "current" or "force": what the onset was taken from.
     direction : str
@@ -148,8 +151,10 @@ def find_throws(
         rows = currents[switched] if source == "current" else forces
         at = _onset(rows, span, rate=rate, source=source, detection=chosen)
         ends = [
-            _last(row, span, time) if known else float("nan")
-            for row, known in zip(running, switched, strict=True)
+            running_time(time[bound[0] : bound[1]], row[bound[0] : bound[1]])[1]
+            if known
+            else float("nan")
+            for row, known in zip(currents, switched, strict=True)
         ]
         throws.append(
             FoundThrow(
@@ -288,8 +293,3 @@ def _first_pull(row: Floats, span: tuple[int, int], *, rate: float) -> tuple[flo
     slope, zero = np.polyfit(np.arange(low, high), np.cbrt(rise[low:]), 1)
     pull = float(start + max(0.0, -zero / slope)) if slope > 0.0 else float(span[1])
     return pull, float(start + low)
-
-
-def _last(running: Flags, span: tuple[int, int], time: Floats) -> float:
-    inside = np.flatnonzero(running[span[0] : span[1]])
-    return float(time[span[0] + inside[-1]]) if inside.size else float("nan")

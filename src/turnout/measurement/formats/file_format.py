@@ -258,10 +258,13 @@ def require(package: str, *, extra: str, purpose: str, load: bool = True) -> Any
     --------
     >>> require("no_such_package", extra="daq", purpose="TDMS files")
     Traceback (most recent call last):
-    turnout.errors.FileError: TDMS files need no_such_package; pip install 'turnout[daq]'
+    turnout.errors.FileError: TDMS files need no_such_package; pip install 'turnout[daq]', ...
     """
     if find_spec(package) is None:
-        message = f"{purpose} need {package}; pip install 'turnout[{extra}]'"
+        message = (
+            f"{purpose} need {package}; pip install 'turnout[{extra}]', or in a checkout "
+            f"sh bin/setup {extra}"
+        )
         raise FileError(message)
     if not load:
         return None

@@ -9,7 +9,8 @@ const STROKES = { dash: "6 3", dashdot: "6 2 1 2", dot: "1.5 2", longdash: "9 3"
 const SYMBOLS = { circle: "circle", square: "square", "triangle up": "triangle-up", "triangle down": "triangle-down", cross: "x" };
 const SIGNS = { circle: "●", square: "■", "triangle up": "▲", "triangle down": "▼", cross: "✕" };
 const DARK = { "#0072B2": "#5ab0ff", "#D55E00": "#ff8f45", "#009E73": "#35cf9c", "#CC79A7": "#e8a0c8" };
-const GAP_X = 0.1, GAP_Y = 0.2, NARROW = 560;
+// Room between rows for labels, in text heights; of the height they take no more than this share.
+const GAP_X = 5.6, GAP_Y = 3.7, MOST_GAP = 0.3, NARROW = 560;
 
 let listening = false, hovered = null;
 let drawn = []; // rows on the screen, which follow an answer a moment later than its numbers
@@ -68,18 +69,19 @@ function pinMarks(shown, size) {
 }
 
 // Two columns where there are more than two rows, one on a phone: each gets room enough to be read.
-function places(count, width) {
+function places(count, { width, height, size }) {
   const columns = width < NARROW ? 1 : count === 4 ? 2 : Math.min(count, 3), lines = Math.ceil(count / columns);
-  const wide = (1 - GAP_X * (columns - 1)) / columns, gap = columns === 1 && lines > 2 ? 0.4 / lines : GAP_Y;
+  const beside = GAP_X * size / width, gap = Math.min(GAP_Y * size / height, MOST_GAP, 0.6 / lines);
+  const wide = (1 - beside * (columns - 1)) / columns;
   const high = (1 - gap * (lines - 1)) / lines;
   return Array.from({ length: count }, (_, number) => {
     const column = number % columns, row = Math.floor(number / columns);
-    const left = column * (wide + GAP_X), top = 1 - row * (high + gap);
+    const left = column * (wide + beside), top = 1 - row * (high + gap);
     return { x: [left, left + wide], y: [Math.max(top - high, 0), top], last: number + columns >= count };
   });
 }
 
-function layoutOf(sheet, shown, width) {
+function layoutOf(sheet, shown, box) {
   const size = parseFloat(getComputedStyle(document.documentElement).fontSize);
   const ink = styleOf("--ink"), grid = styleOf("--grid"), soft = styleOf("--soft");
   const layout = {
@@ -87,7 +89,8 @@ function layoutOf(sheet, shown, width) {
     margin: { l: size * 4.4, r: size * 0.8, t: size * 1.4, b: size * 2.4 }, hovermode: false, shapes: [], annotations: pinMarks(shown, size),
     uirevision: state.panel.mark,
   };
-  places(shown.length, width).forEach((place, number) => {
+  const { l, r, t, b } = layout.margin, inside = { width: box.clientWidth - l - r, height: box.clientHeight - t - b, size };
+  places(shown.length, inside).forEach((place, number) => {
     const row = shown[number], s = suffix(number);
     layout[`xaxis${s}`] = { domain: place.x, anchor: `y${s}`, matches: number ? "x" : undefined, gridcolor: grid, zeroline: false, linecolor: soft,
       title: place.last ? { text: sheet.x_label, standoff: 2 } : undefined, tickfont: { size: size * 0.75 } };
@@ -113,7 +116,7 @@ export function drawCurves() {
   drawn = shown;
   legends(shown);
   notes();
-  Plotly.react(box, tracesOf(shown), layoutOf(sheet, shown, box.clientWidth), { responsive: false, displaylogo: false, displayModeBar: false, scrollZoom: true });
+  Plotly.react(box, tracesOf(shown), layoutOf(sheet, shown, box), { responsive: false, displaylogo: false, displayModeBar: false, scrollZoom: true });
   if (!listening) box.on("plotly_afterplot", cursors);
   listening = true;
 }

@@ -1,6 +1,7 @@
 // Panels, recordings and campaigns: sent to the local server and checked there.
 import { get, post, send } from "./api.js";
 import { buildControls, setValue } from "./controls.js";
+import { runJob } from "./jobs.js";
 import { message, settled } from "./live.js";
 import { drawPlan } from "./plan.js";
 import { applyAddress, forgetSteps } from "./address.js";
@@ -122,14 +123,11 @@ async function sendPanel() {
 // Runs in the background: everything else goes on, and the result comes beside the button.
 async function check() {
   const { name, mark } = state.panel, button = byId("check"), progress = byId("check-progress"), text = byId("check-state");
-  const began = performance.now();
-  const tick = () => { text.textContent = `${name}: ${Math.round((performance.now() - began) / 1000)} s of about 20 s`; };
+  const said = (share) => { text.textContent = `${name}: ${share}`; };
   button.disabled = true;
-  progress.hidden = false;
-  tick();
-  const ticking = setInterval(tick, 1000);
+  said("0 %");
   try {
-    const { lines } = await post("/api/panel/concerns", { panel: mark });
+    const { lines } = await runJob("/api/panel/concerns", { panel: mark }, { bar: progress, said });
     notes([`${name}, checked at ${new Date().toLocaleTimeString()}:`, ...lines], false);
     const count = lines.filter((line) => /warning/.test(line)).length;
     text.textContent = `${name}: ${count ? `${count} warnings` : "no warnings"}; see Files and checks`;
@@ -137,9 +135,7 @@ async function check() {
     text.textContent = `${name}: check failed`;
     throw error;
   } finally {
-    clearInterval(ticking);
     button.disabled = false;
-    progress.hidden = true;
   }
 }
 

@@ -6,6 +6,7 @@ import { startCompare } from "./compare.js";
 import { startControls } from "./controls.js";
 import { startCurves } from "./curves.js";
 import { message, startLive } from "./live.js";
+import { startMap } from "./map.js";
 import { drawPlan, startPlan } from "./plan.js";
 import { startPlayer } from "./player.js";
 import { startSplitters } from "./split.js";
@@ -57,6 +58,7 @@ async function run() {
   startChannels();
   startCurves();
   startCompare();
+  startMap();
   on("answer", words);
   for (const what of ["answer", "frame", "theme", "view", "scale"]) on(what, showScene);
   startPlayer();

@@ -7,7 +7,7 @@ const SVG = "http://www.w3.org/2000/svg";
 // Pixels, or text heights where they grow with the text.
 const LEFT = 14, RIGHT = 14, STOCK = 8, RAIL = 9, FORCE = 5;
 // Room outside a stock rail: for the object's knob, drives and sensors, or for a name alone.
-const BUSY = 3.7, QUIET = 1.6, USUAL = 6;
+const BUSY = 3.7, QUIET = 1.9, USUAL = 6, NARROW = 560;
 let view = null; // how metres become pixels
 let fitted = null; // panel that the scale was chosen for
 let moving = {}; // what changes with the instant
@@ -87,7 +87,9 @@ function still(svg) {
   for (const sensor of plan.sensors) {
     const { face, inward } = bands.get(sensor.rail), py = face - inward * (STOCK + 8);
     add(svg, "polygon", { class: "sensor", points: points([[x(sensor.x), py + inward * 6], [x(sensor.x) - 6, py - inward * 6], [x(sensor.x) + 6, py - inward * 6]]) });
-    add(svg, "text", { x: x(sensor.x) - 9, y: py + 4, "text-anchor": "end" }, sensor.name);
+    // On a phone the name of a drive takes the room to the left.
+    const narrow = view.width < NARROW;
+    add(svg, "text", { x: x(sensor.x) + (narrow ? 9 : -9), y: py + 4, "text-anchor": narrow ? "start" : "end" }, sensor.name);
   }
 }
 
@@ -146,7 +148,7 @@ function frame() {
     const own = moving.drives[drive.name], { y, inward } = view.bands.get(drive.rail), px = view.x(drive.x), py = y(gap[drive.rail](drive.x));
     line(own.rod, px, own.far, px, py);
     const force = motion.drive_force?.[now][number] ?? 0;
-    own.text.textContent = `Drive ${drive.name}: ${(force / 1000).toFixed(2)} kN`;
+    own.text.textContent = view.width < NARROW ? `Drive ${drive.name}` : `Drive ${drive.name}: ${(force / 1000).toFixed(2)} kN`;
     arrow(own, px, py, -force * inward / 1000 * FORCE);
   });
   for (const link of state.panel.plan.links) {

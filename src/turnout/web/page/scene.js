@@ -178,7 +178,7 @@ function machine(scene, parts, drive) {
   const y = front(drive.x) + item.side * 0.75;
   box(scene, "#e69f00", [0.5, 0.4, 0.34], [drive.x, y, 0.05]);
   label(scene, `Drive ${drive.name}`, [drive.x, y, 0.62]);
-  return { drive, y, arrow: arrow(scene, styleOf("--bad")), rod: box(scene, styleOf("--ink"), [0.06, 1, 0.06], [drive.x, y, 0.06]) };
+  return { drive, y, arrow: arrow(scene, styleOf("--pull")), rod: box(scene, styleOf("--ink"), [0.06, 1, 0.06], [drive.x, y, 0.06]) };
 }
 
 function stone(scene, parts, object) {

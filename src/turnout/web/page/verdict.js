@@ -61,18 +61,21 @@ function table() {
 }
 
 export function startVerdict() {
-  const text = document.getElementById("verdict-text"), box = document.getElementById("verdict");
+  const [meaning, text] = ["verdict-meaning", "verdict-text"].map((id) => document.getElementById(id)), box = document.getElementById("verdict");
   on("answer", () => {
     const { verdict } = state.answer;
     const [head, ...rest] = verdict.text.split(": ");
     const strong = document.createElement("strong");
     strong.textContent = rest.length ? `${head}: ` : head;
-    text.replaceChildren(strong, rest.join(": "));
+    // First what it means in words without terms, then the same in numbers.
+    const detail = rest.join(": ");
+    meaning.replaceChildren(strong, verdict.meaning || detail);
+    text.textContent = verdict.meaning ? detail.replace(/^./, (first) => first.toUpperCase()) : "";
     box.dataset.level = verdict.level;
     box.dataset.kind = verdict.kind;
     boxes();
     table();
-    if (!state.request.preview) document.getElementById("announce").textContent = verdict.text;
+    if (!state.request.preview) document.getElementById("announce").textContent = `${verdict.text} ${verdict.meaning}`;
   });
   on("frame", () => {
     const { lamps } = state.answer;

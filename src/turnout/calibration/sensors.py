@@ -1,0 +1,162 @@
+"""Sensors as unknowns: stated uncertainty of the gains, and what a fit says of them."""
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from turnout.calibration.comparison import Comparison, Key
+from turnout.calibration.fit import Fit, shared_estimates
+from turnout.calibration.misfit import plain_jacobian
+
+# A gain this many deviations from where it was stated to be gives a warning.
+LEAVES_PRIOR = 2.0
+# One this many of its own deviations from nothing is off.
+CLEAR = 4.0
+# Movements that all begin later than their currents say, in standard deviations of an onset.
+LATE, LEAST_ONSETS = 3.0, 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gain:
+    """The sensitivity of a channel, as stated and as found.
+
+    Attributes
+    ----------
+    channel, drive : str
+        Of the schema; no drive for the load cell.
+    stated : float
+        Standard deviation before the measurement [-].
+    value, deviation : float
+        How much too high the channel reads, and the standard deviation of that [-].
+    """
+
+    channel: str
+    drive: str
+    stated: float
+    value: float
+    deviation: float
+
+    @property
+    def name(self) -> str:
+        """Name in texts."""
+        return f"gauges of drive {self.drive}" if self.drive else "load cell"
+
+    @property
+    def text(self) -> str:
+        """Stated and found gain in words."""
+        return (
+            f"{self.name} {100 * self.value:+.2f} ± {100 * self.deviation:.2f} % "
+            f"(stated ± {100 * self.stated:.3g} %)"
+        )
+
+    @property
+    def warning(self) -> str:
+        """What to do where a gain leaves its prior."""
+        return (
+            f"{self.text}: further off than was stated; calibrate the channel (shunt or known "
+            "loads), state gain_uncertainty in the channel map, or look for another cause"
+        )
+
+    @property
+    def is_cause(self) -> bool:
+        """Whether the movements show that the gain is off."""
+        return abs(self.value) > max(CLEAR * self.deviation, 0.5 * self.stated)
+
+    @property
+    def leaves(self) -> bool:
+        """Whether the movements put it beyond what was stated of it."""
+        return abs(self.value) > LEAVES_PRIOR * self.stated
+
+
+def stated_gains(dataset: xr.Dataset, comparison: Comparison) -> dict[Key, float]:
+    """Return the uncertainty of the gain of each channel, from the channel map or the default.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        From `build_campaign`; its attribute `gain_uncertainty` holds what the channel map states.
+    comparison : Comparison
+        With the channels, and the default.
+
+    Examples
+    --------
+    >>> from turnout.calibration.noise import Noise
+    >>> stated = xr.Dataset(attrs={"gain_uncertainty": '{"drive_force.1": 0.002}'})
+    >>> known = {("drive_force", "1"): Noise(white=1.0), ("object_force", ""): Noise(white=1.0)}
+    >>> list(stated_gains(stated, Comparison(noise=known)).values())
+    [0.002, 0.01]
+    """
+    stated = json.loads(str(dataset.attrs.get("gain_uncertainty", "{}")))
+    default = comparison.uncertainty.common_gain
+    return {
+        (channel, drive): float(stated.get(f"{channel}.{drive}".rstrip("."), default))
+        for channel, drive in comparison.noise
+    }
+
+
+def found_gains(found: Fit) -> list[Gain]:
+    r"""Return the gains at the end of a fit, with what the parameters leave uncertain of them.
+
+    With the Jacobian `J` of the residuals that are whitened movement by movement, and columns `B`
+    of what all movements share, parameters and columns have the joint covariance
+
+    .. math:: \begin{pmatrix} J^T J & -J^T B \\ -B^T J & I + B^T B \end{pmatrix}^{-1}
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+    """
+    shared = found.frame.shared
+    if shared is None or not shared.gains:
+        return []
+    J = plain_jacobian(found.local, found.frame, [item.name for item in found.parameters])
+    B = shared.columns
+    # Parameters with flat priors: a weak one keeps those that are not identified regular.
+    weak = 1e-6 * np.eye(J.shape[1])
+    joint = np.block([[J.T @ J + weak, -J.T @ B], [-B.T @ J, np.eye(B.shape[1]) + B.T @ B]])
+    deviations = np.sqrt(np.diag(np.linalg.inv(joint))[J.shape[1] :])
+    values = shared_estimates(found)
+    shares = found.misfit.comparison.gains
+    return [
+        Gain(
+            channel=key[0],
+            drive=key[1],
+            stated=shares[key],
+            value=float(values[n]) * shares[key],
+            deviation=float(deviations[n]) * shares[key],
+        )
+        for n, key in enumerate(shared.gains)
+    ]
+
+
+def common_lead(found: Fit) -> float:
+    """Return how much later than marked all movements begin [s]; 0 where they do not.
+
+    Motors may run before the rods move: the onset that currents mark is then early in all
+    movements alike, and their own uncertainty is about that lead.
+    """
+    onsets = [
+        alignment.estimates["onset"][0]
+        for alignment in found.frame.alignments
+        if alignment.movement.clocked
+    ]
+    if len(onsets) < LEAST_ONSETS:
+        return 0.0
+    lead = float(np.median(onsets))
+    spread = found.misfit.comparison.uncertainty.clocked_onset
+    return lead if abs(lead) > LATE * spread else 0.0
+
+
+def lead_text(lead: float) -> str:
+    """Say by how much motors lead.
+
+    Examples
+    --------
+    >>> lead_text(0.15)
+    'timing: the motors run 150 ms before the rods move'
+    """
+    way = "before" if lead > 0 else "after"
+    return f"timing: the motors run {1e3 * abs(lead):.0f} ms {way} the rods move"

@@ -1,0 +1,168 @@
+"""Write the text of a panel file to edit: another panel's, with the meaning of each key above it.
+
+Values, comments and origins of the panel that it is made from stay as they are. Optional keys that
+it lacks stand at their tables as comments, with their defaults; tables that it lacks at the end.
+"""
+
+import json
+import os
+import textwrap
+from collections.abc import Iterable, Iterator
+from pathlib import Path as FilePath
+
+from turnout.core.toml import decode, parse_toml, read_bytes
+from turnout.core.toml_edit import TomlLayout, read_layout, with_value
+from turnout.panel.document import FAMILIES
+from turnout.panel.key_reference import NONE, REQUIRED, KeyRow, TableRows, key_tables
+from turnout.panel.load import library_text, load_panel, panel_source
+
+MARK = "written by `turnout panel new`"
+WIDTH = 98
+FILE_KEYS = ("matrices", "table_file")
+"""Keys whose values are paths, relative to the file that they stand in."""
+
+KeyPath = tuple[str, ...]
+
+
+def new_panel_text(source: str | FilePath, *, target: FilePath) -> str:
+    """Return the text of a panel file that starts from another panel.
+
+    Parameters
+    ----------
+    source : str or Path
+        Library panel or panel file; must be valid.
+    target : Path
+        Where the text is to be written: its stem becomes the name of the panel, and paths in the
+        text are made relative to its folder.
+
+    Returns
+    -------
+    str
+        TOML. But for its name it is the same panel as `source`.
+
+    Raises
+    ------
+    FileError, PanelError
+        When the source cannot be read, or is not a valid panel.
+
+    Examples
+    --------
+    >>> text = new_panel_text("sb1", target=FilePath("mine.toml"))
+    >>> "# bushing below saturation [N/m]" in text
+    True
+    """
+    panel = load_panel(source)
+    found = panel_source(source)
+    if isinstance(found, FilePath):
+        text = decode(read_bytes(found), source=str(found))
+        text = _moved(text, found.resolve().parent, target.resolve().parent)
+    else:
+        text = library_text(found)
+    text = with_value(text, ("name",), json.dumps(target.stem, ensure_ascii=False))
+    if MARK in text:
+        return text
+    head = f"""\
+# A panel {MARK} from {panel.name}.
+# Change what differs on your switch, then run `turnout panel check {target.name}`.
+# A dimensional value is text with its unit. The comment behind a value says where it comes from:
+# "source: ...", "paper: ...", "computed: ..." or "assumption: ..."; change it with the value.
+# A line "# key = value" is an optional key with its default. All keys: docs/panel-file.md
+
+"""
+    return head + _with_notes(text, read_layout(text)) + "".join(_missing_tables(text))
+
+
+def _moved(text: str, folder: FilePath, target: FilePath) -> str:
+    """Return a text whose relative paths start at another folder."""
+    data = parse_toml(text, source="panel").data
+    for path in read_layout(text).values:
+        if path[-1] not in FILE_KEYS or folder == target:
+            continue
+        value = data
+        for part in path:
+            value = value[part]
+        if isinstance(value, str) and not FilePath(value).is_absolute():
+            moved = FilePath(os.path.relpath(folder / value, target)).as_posix()
+            text = with_value(text, path, json.dumps(moved, ensure_ascii=False))
+    return text
+
+
+def _with_notes(text: str, layout: TomlLayout) -> str:
+    """Put the meaning of each key above its first line, and optional keys behind their table."""
+    notes: dict[int, list[str]] = {}
+    rows = {row.path: row for table in key_tables() for row in table.keys}
+    for path, (start, _) in layout.values.items():
+        row = rows.pop(_generic(path), None)
+        if row is not None and path[:-1] in (*layout.headers, ()):
+            notes[text.rfind("\n", 0, start) + 1] = _meaning(row)
+    for at, table in _table_ends(text, layout):
+        notes.setdefault(at, []).extend(_optional(table, layout))
+    pieces, last = [], 0
+    for at in sorted(notes):
+        pieces += [text[last:at], *(f"{line}\n" for line in notes[at])]
+        last = at
+    return "".join([*pieces, text[last:]])
+
+
+def _generic(path: KeyPath) -> KeyPath:
+    """Return a key path with "NAME" for the member of a family, also where there is none."""
+    if path[0] not in FAMILIES:
+        return path
+    fields = FAMILIES[path[0]].model_fields
+    rest = path[1:] if len(path) > 1 and path[1] in fields else path[2:]
+    return (path[0], "NAME", *rest)
+
+
+def _meaning(row: KeyRow) -> list[str]:
+    unit = f" [{row.unit}]" if row.unit else ""
+    return _comment(f"{row.meaning}{unit}")
+
+
+def _comment(text: str) -> list[str]:
+    return textwrap.wrap(
+        text, WIDTH, initial_indent="# ", subsequent_indent="# ", break_long_words=False
+    )
+
+
+def _table_ends(text: str, layout: TomlLayout) -> Iterator[tuple[int, TableRows]]:
+    """Yield the first table of each kind and the place behind its last value."""
+    tables = {table.path: table for table in key_tables()}
+    ends = dict(layout.headers)
+    for path, (_, end) in layout.values.items():
+        header = next(path[:n] for n in range(len(path), -1, -1) if path[:n] in (*ends, ()))
+        if header:
+            line = text.find("\n", end) + 1 or len(text)
+            ends[header] = max(ends[header], line)
+    for header, end in ends.items():
+        table = tables.pop(_generic(header), None)
+        if table is not None:
+            yield end, table
+
+
+def _optional(table: TableRows, layout: TomlLayout) -> list[str]:
+    """Return the keys that no table of this kind in the text has, as comments."""
+    given = {_generic(path) for path in (*layout.values, *layout.headers)}
+    lines = []
+    for row in table.keys:
+        if row.path in given or row.default == REQUIRED:
+            continue
+        unit = f" [{row.unit}]" if row.unit else ""
+        written = row.default.startswith('"') or row.default in ("true", "false")
+        written |= row.default.replace(".", "").isdigit()
+        said = "" if written or row.default == NONE else f"; default {row.default}"
+        value = row.default if written else "..."
+        lines += _comment(f"{row.path[-1]} = {value}  # {row.meaning}{unit}{said}")
+    return lines
+
+
+def _missing_tables(text: str) -> Iterable[str]:
+    """Name the tables that the text lacks."""
+    headers = {_generic(path)[0] for path in read_layout(text).headers}
+    lines = [
+        line
+        for table in key_tables()
+        if table.path and table.path[0] not in headers and len(table.path) <= 2
+        for line in _comment(f"{table.header}  {table.meaning}")
+    ]
+    yield "\n# Tables that this panel does not have; docs/panel-file.md lists their keys:\n"
+    yield from (f"{line}\n" for line in lines)

@@ -1,0 +1,59 @@
+"""The page on panel files: `python -m tests.unit.panel_file_page` writes it from the records."""
+
+from pathlib import Path
+
+from turnout.panel.key_reference import KeyRow, TableRows, key_tables
+
+PAGE = Path(__file__).parents[2] / "docs" / "panel-file.md"
+
+HEAD = """# Keys of a panel file
+
+A panel file is TOML. `turnout panel new my-switch.toml` writes one to edit, with the meaning of
+each key above it; [your own switch](how-to/own-panel.md) shows the way from there. This page is
+generated from the records that read the file, by `python -m tests.unit.panel_file_page`.
+
+- **Units.** A value with a unit is text, such as `"750 kN/m"`; any unit of the same dimension does.
+  Ranges are in the unit of the table. Lists are `["1 m", "2 m"]`, or
+  `{ unit = "mm", values = [1, 2] }`, or `{ start = "0 m", step = "0.6 m", count = 25 }` for lengths
+  and times.
+- **Families.** `[chair.5]` is the chair named 5. What stands in `[chair]` holds for all chairs that
+  do not give it themselves. In families whose members stand at a place, a list as `x` of `[chair]`
+  makes one member for each position; `names` names them, default "1", "2", ...
+- **Defaults.** "required" must be given, by the member or its family; "none" may be left out.
+  Values far outside what switches have are accepted with a warning:
+  [usual values](usual-values.md).
+- **Signs.** x runs from the toe to the heel, y towards the stock rail that the rail closes against,
+  z up from the underside of the switch rail: [conventions](conventions.md).
+"""
+
+
+def page() -> str:
+    """Return the whole page."""
+    return "\n".join([HEAD, *(part for table in key_tables() for part in section(table))])
+
+
+def section(table: TableRows) -> list[str]:
+    """Return heading, meaning and keys of a table of the file."""
+    if not table.path:
+        title = "## Top of the file"
+    else:
+        title = f"{'##' if len(table.path) < 3 else '###'} `{table.header}`"
+    lines = [title, "", table.meaning, ""]
+    if table.keys:
+        lines += ["| key | unit | meaning | default | range |", "|---|---|---|---|---|"]
+        lines += [line(row) for row in table.keys] + [""]
+    return lines
+
+
+def line(row: KeyRow) -> str:
+    """Return a key as a line of the table."""
+    default = f"`{row.default}`" if row.default[:1] in '"-0123456789' else row.default
+    allowed = ", ".join(
+        f"`{part}`" if part.startswith('"') else part for part in row.allowed.split(", ")
+    )
+    cells = (f"`{row.path[-1]}`", row.unit or "-", row.meaning, default, allowed or "any")
+    return "| " + " | ".join(cells) + " |"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,51 @@
+"""What a sweep says of trapped objects is what the verdict on each throw says."""
+
+from pathlib import Path
+
+import pytest
+from tests.unit.sweeps import here, study_file
+
+from turnout.metric.sweep_map import STATES, end_state
+from turnout.metric.verdict import verdict
+from turnout.response.simulate import simulate
+from turnout.study.load_study import load_study
+from turnout.sweep.read import read_labels
+from turnout.sweep.run import run_sweep
+
+STUDY = """
+schema_version = 1
+name = "objects"
+description = "Springs and stones."
+panel = "uic60-760-1-15"
+
+[scheme]
+mode = "quick"
+
+[[together]]
+keys = ["object.size", "object.at", "object.kind", "object.disappears"]
+rows = [
+    ["0 mm", "sleeper 6", "spring", "20 s"],
+    ["10 mm", "sleeper 6", "spring", "20 s"],
+    ["10 mm", "sleeper 6", "spring", "7.6 s"],
+    ["10 mm", "drive 1", "stone", "20 s"],
+]
+"""
+
+
+def test_an_object_that_is_gone_is_not_undetected(tmp_path: Path) -> None:
+    """One stays; one is taken out after it was touched, and a stone breaks to nothing."""
+    study = load_study(study_file(tmp_path, text=STUDY))
+    run_sweep(study, tmp_path / "sweep", pool=here)
+    labels = read_labels(tmp_path / "sweep")
+    assert labels["object_touched"].values.tolist() == [0, 1, 1, 1]
+    assert labels["object_trapped"].values.tolist() == [0, 1, 0, 0]
+    ends = [STATES[state] == "undetected object" for state in end_state(labels).values]
+    scenarios = [study.scenario(number) for number in range(study.count)]
+    missed = [
+        verdict(
+            simulate(study.panel, foreign_object=item.foreign_objects, scheme=study.scheme)
+        ).missed
+        for item in scenarios
+    ]
+    assert ends == missed == [False, True, False, False]
+    assert float(labels["end_locked"].min()) == pytest.approx(1.0)
