@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 from tests.verification.detector_cases import case_plans
 
+from turnout.detection.throw_layout import Layout
+from turnout.detection.throw_set import ThrowSet
+from turnout.detection.training import read_set
 from turnout.detection.training_plan import Plan
 from turnout.detection.training_sets import TEST_SEED, Counts, throw_plans, training_plans
 from turnout.study.study import Study
@@ -49,6 +51,44 @@ class Sizes:
         )
 
 
+def sets_of(plans: Mapping[str, Plan], folder: Path, layout: Layout) -> dict[str, ThrowSet]:
+    """Throw what is missing, and return features and labels, kept beside the sweeps as arrays.
+
+    Parameters
+    ----------
+    plans : mapping of str to Plan
+        By name.
+    folder : Path
+        Keeps the sweeps, and `NAME.npz` of each, which is read where it is of the same plan.
+    layout : Layout
+        Of the features.
+    """
+    found = {}
+    for name, plan in plans.items():
+        path = folder / f"{name.replace(', ', '-').replace(' ', '-')}.npz"
+        kept = _kept(path, plan)
+        if kept is None:
+            dataset = throw_plans({name: plan}, folder, report=show)[name]
+            kept = read_set(plan, dataset, layout)
+            np.savez(
+                path,
+                allow_pickle=False,
+                study=np.array(plan.study.digest),
+                **{field: getattr(kept, field) for field in ThrowSet.__slots__},
+            )
+        found[name] = kept
+    return found
+
+
+def _kept(path: Path, plan: Plan) -> ThrowSet | None:
+    if not path.exists():
+        return None
+    with np.load(path, allow_pickle=False) as content:
+        if str(content["study"]) != plan.study.digest:
+            return None
+        return ThrowSet(**{field: content[field] for field in ThrowSet.__slots__})
+
+
 def show(name: str) -> "Watch":
     """Return what prints how far a sweep is."""
     return Watch(name)
@@ -79,14 +119,4 @@ def plans_of(study: Study, sizes: Sizes) -> dict[str, dict[str, Plan]]:
         "train": training_plans(study, sizes.training),
         "test": training_plans(study, sizes.test, seed=TEST_SEED),
         "cases": case_plans(study),
-    }
-
-
-def throw_all(
-    plans: Mapping[str, Mapping[str, Plan]], folder: Path, *, workers: int = 1
-) -> dict[str, dict[str, xr.Dataset]]:
-    """Throw what is missing, and open all."""
-    return {
-        name: throw_plans(own, folder / name, workers=workers, report=show)
-        for name, own in plans.items()
     }
