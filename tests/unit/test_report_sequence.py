@@ -3,11 +3,16 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from typer.testing import CliRunner
 
+import turnout.api.accessor  # noqa: F401 - registers dataset.turnout
 from turnout.cli.main import app
+from turnout.detection.reading import throws_of_dataset
+from turnout.errors import ResponseError
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
+from turnout.plot.throw import plot_throw
 from turnout.report.sequence import sequence_page
 from turnout.response.drift import Drift
 from turnout.response.sequence import simulate_sequence
@@ -31,6 +36,14 @@ def test_the_page_of_a_sequence(tmp_path: Path) -> None:
     np.testing.assert_allclose(sizes[0].y, [10.0, 0.0, 0.0])
     np.testing.assert_allclose(sizes[1].y, [10.0, 14.0, 18.0], atol=0.2)
     assert throws.tables[0].rows[0][-2] == "undetected object"
+    assert repr(made.turnout.summary()).splitlines()[1].startswith("  ✗ Undetected object 33.3 %")
+    assert "<img" in made.turnout._repr_html_()
+    assert len(made.turnout.plot().axes) == 3
+    with pytest.raises(ResponseError, match="throw by throw"):
+        plot_throw(made)
+    judged = throws_of_dataset(made, name="many")
+    assert [item.name for item in judged] == ["many#1", "many#2", "many#3"]
+    assert not any(item.fault for item in judged)
     save_response(made, tmp_path / "many.nc")
     given = ["report", str(tmp_path / "many.nc"), "-o", str(tmp_path / "many.html")]
     assert CliRunner().invoke(app, given).exit_code == 0

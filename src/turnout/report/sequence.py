@@ -35,7 +35,7 @@ def sequence_page(dataset: xr.Dataset) -> Page:
         From `simulate_sequence`, with what it keeps by default.
     """
     rows = throw_table(dataset)
-    sheet = _course(dataset, rows)
+    sheet = sequence_sheet(dataset, rows)
     sections = [
         Section(heading="From throw to throw", pictures=[picture_of(sheet)] if sheet.rows else []),
         Section(heading="Throws", tables=[_table(rows, dataset)], folded=True),
@@ -51,7 +51,10 @@ def sequence_page(dataset: xr.Dataset) -> Page:
 
 
 def sequence_findings(dataset: xr.Dataset, rows: Sequence[Mapping[str, Any]]) -> list[Finding]:
-    """Return how many throws had which verdict, and whether the sequence is whole."""
+    """Return how many throws had which verdict, and whether the sequence is whole.
+
+    Takes what `sequence_sheet` takes.
+    """
     found = []
     if not dataset.attrs.get("complete", True):
         message = str(dataset.attrs.get("outcome_message", "ended early"))
@@ -64,8 +67,16 @@ def sequence_findings(dataset: xr.Dataset, rows: Sequence[Mapping[str, Any]]) ->
     return sorted(found, key=lambda item: item.level != "bad")
 
 
-def _course(dataset: xr.Dataset, rows: Sequence[Mapping[str, Any]]) -> Sheet:
-    """Return sizes of objects and forces over the number of the throw."""
+def sequence_sheet(dataset: xr.Dataset, rows: Sequence[Mapping[str, Any]]) -> Sheet:
+    """Return sizes of objects and forces over the number of the throw, without rows for one.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        From `simulate_sequence`.
+    rows : sequence of mapping
+        Of its `throw_table`.
+    """
     throws = np.array([row["throw"] for row in rows], dtype=float)
 
     def lines(key: str, names: Sequence[str], factor: float) -> tuple[Line, ...]:
