@@ -91,6 +91,13 @@ def limit_command(
     rate: Annotated[
         float, typer.Option("--rate", metavar="HZ", help="Samples a second of the recorder.")
     ] = 125.0,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="Estimate within minutes: 400 sound throws, and two sizes at each place.",
+        ),
+    ] = False,
     known_place: Annotated[
         bool,
         typer.Option(
@@ -142,7 +149,7 @@ def limit_command(
     from turnout.detection.drive_quantities import signals_of
     from turnout.detection.limit import limit_map
     from turnout.detection.reference import Conditions, reference_study
-    from turnout.detection.throws import closing_time, throw_all
+    from turnout.detection.throws import QUICK_SOUND, QUICK_STEPS, STEPS, closing_time, throw_all
     from turnout.detection.what_if import FORMS, check_measures
 
     conditions = Conditions(
@@ -162,7 +169,8 @@ def limit_command(
     watch, count = _watching(quiet=quiet), workers or cores()
     throws = throw_all(
         given, folder,
-        sound=max(sound, states), states=states, channels=channels, workers=count, report=watch,
+        sound=max(QUICK_SOUND if quick else sound, states), states=states, channels=channels,
+        steps=QUICK_STEPS if quick else STEPS, workers=count, report=watch,
     )  # fmt: skip
     closing = closing_time(given)
     found = limit_map(throws, conditions, closing=closing)

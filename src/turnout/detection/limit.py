@@ -30,6 +30,8 @@ SIZE_STEP, LARGEST_SIZE = 0.1e-3, 25e-3
 WANTED = 0.9
 """Probability of detection of the size a90 [-]."""
 RESAMPLES = 200
+KIND = "limit"
+"""Attribute `kind` of the dataset."""
 BOTH = "both drives"
 """Name of the channel that holds the features of all drives."""
 UNITS = {
@@ -320,6 +322,7 @@ def _dataset(
         },
         {
             "schema_version": SCHEMA_VERSION,
+            "kind": KIND,
             **asdict(conditions),
             "states": states,
             "sound_throws": len(throws.sound),
