@@ -160,7 +160,7 @@ def _roc_figure(
     found = campaign_roc(throws, open_response(limit), place=place)
     figure = plot_roc(
         false_alarms=found.false_alarms, detections=found.detections, intervals=found.intervals,
-        rate=found.rate, bound=found.bound,
+        sound=found.sound, rate=found.rate, bound=found.bound,
         title=f"{found.objects} objects at {place}, {found.sound} sound throws",
     )  # fmt: skip
     return rendered(figure, path.suffix)

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
 LEAST = 1e-5
 """False-alarm rate where the axis begins [-]."""
+CHANCE = 0.05
+"""Of no false alarm at the largest rate that is shown for none [-]."""
 
 
 def plot_roc(
@@ -21,6 +23,7 @@ def plot_roc(
     intervals: NDArray[np.float64],
     rate: NDArray[np.float64],
     bound: NDArray[np.float64],
+    sound: int,
     title: str,
 ) -> "Figure":
     """Draw the curve of a detector and that of the bound.
@@ -33,6 +36,8 @@ def plot_roc(
         95 % of the detections [-].
     rate, bound : ndarray, shape (n_rates,)
         Of the bound [-].
+    sound : int
+        Sound throws of the detector.
     title : str
         What the throws were.
     """
@@ -52,8 +57,10 @@ def plot_roc(
     ax.fill_between(at[resolved], *intervals[resolved].T, color=COLOURS[0], alpha=0.2, linewidth=0)
     if (~resolved).any():
         best = int(np.flatnonzero(~resolved)[np.argmax(detections[~resolved])])
-        ax.plot(LEAST, detections[best], "<", color=COLOURS[0], label="detector, no false alarm")
-        ax.vlines(LEAST, *intervals[best], color=COLOURS[0])
+        most = 1.0 - CHANCE ** (1.0 / sound)
+        ax.plot([LEAST, most], [detections[best]] * 2, ":", color=COLOURS[0],
+                label=f"no false alarm in {sound}: anywhere up to {most:.2g}")  # fmt: skip
+        ax.plot(most, detections[best], "|", color=COLOURS[0])
     ax.set_xscale("log")
     ax.set_xlim(0.8 * LEAST, 1.0)
     ax.set_ylim(0.0, 1.02)
