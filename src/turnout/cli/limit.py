@@ -22,9 +22,11 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
+    from turnout.detection.limit_bands import Member
     from turnout.detection.reference import Conditions
     from turnout.detection.throws import Throws
     from turnout.detection.what_if import Repeat
+    from turnout.panel.load import LoadedPanel
     from turnout.sweep.run import SweepProgress
 
 LENGTHS = dict.fromkeys(
@@ -98,6 +100,20 @@ def limit_command(
             help="Estimate within minutes: 400 sound throws, and two sizes at each place.",
         ),
     ] = False,
+    panels: Annotated[
+        str | None,
+        typer.Option(
+            "--panels",
+            metavar="STUDY|DIR",
+            help="Bands over panels instead: those of a folder, or the scenarios of a study.",
+        ),
+    ] = None,
+    over_travel: Annotated[
+        bool,
+        typer.Option(
+            "--over-travel", help="Bands over a closing over-travel of 0 to 5 mm instead."
+        ),
+    ] = False,
     known_place: Annotated[
         bool,
         typer.Option(
@@ -148,6 +164,7 @@ def limit_command(
     from turnout.detection.added_equipment import check_equipment
     from turnout.detection.drive_quantities import signals_of
     from turnout.detection.limit import limit_map
+    from turnout.detection.limit_bands import limit_bands
     from turnout.detection.reference import Conditions, reference_study
     from turnout.detection.throws import QUICK_SOUND, QUICK_STEPS, STEPS, closing_time, throw_all
     from turnout.detection.what_if import FORMS, check_measures
@@ -167,6 +184,18 @@ def limit_command(
     signals_of(thrown_panel, channels)
     check_equipment(measures, thrown_panel)
     watch, count = _watching(quiet=quiet), workers or cores()
+    if panels is not None or over_travel:
+        members = _members(panels, given, over_travel=over_travel)
+        more = {"--known-place": known_place, "--ends": ends, "--what-if": bool(measures)}
+        _refuse_with_bands([name for name, wanted in more.items() if wanted])
+        steps, least = (QUICK_STEPS, QUICK_SOUND) if quick else (STEPS, sound)
+        bands = limit_bands(
+            members, folder, conditions,
+            states=states, sound=least, steps=steps, channels=channels, workers=count,
+            report=lambda name, sweep: watch(sweep, f"{name}, "),
+        )  # fmt: skip
+        _write_bands(bands, out=out, plot=plot, as_json=as_json, quiet=quiet)
+        return
     throws = throw_all(
         given, folder,
         sound=max(QUICK_SOUND if quick else sound, states), states=states, channels=channels,
@@ -201,6 +230,60 @@ def limit_command(
             repeated_throw(throws, conditions, closing=closing),
         )
     _write(found, advice, out=out, plot=plot, as_json=as_json, quiet=quiet)
+
+
+def _members(
+    panels: str | None, given: "LoadedPanel | None", *, over_travel: bool
+) -> "list[Member]":
+    """Return the panels that bands are wanted for."""
+    from turnout.detection.limit_bands import over_travels, panels_of
+    from turnout.errors import FileError
+
+    if panels is None:
+        return over_travels(given)
+    if over_travel or given is not None:
+        message = "--panels: takes its panels from there alone; leave PANEL and --over-travel out"
+        raise FileError(message)
+    return panels_of(panels)
+
+
+def _refuse_with_bands(options: list[str]) -> None:
+    from turnout.errors import FileError
+
+    if options:
+        message = f"{', '.join(options)}: of one panel only; leave out --panels and --over-travel"
+        raise FileError(message)
+
+
+def _write_bands(
+    found: "xr.Dataset", *, out: Path | None, plot: Path | None, as_json: bool, quiet: bool
+) -> None:
+    """Write files first, then print."""
+    from turnout.detection.limit_bands import band_rows
+
+    still = quiet or as_json
+    if out is not None:
+        from turnout.response.store import response_bytes
+
+        write_and_report(out, response_bytes(found), quiet=still)
+    if plot is not None:
+        from turnout.plot.limit import plot_bands
+        from turnout.plot.style import rendered
+
+        write_and_report(plot, rendered(plot_bands(found), plot.suffix), quiet=still)
+    rows = band_rows(found)
+    if as_json:
+        record = {"panels": found["panel"].to_numpy().tolist(), "bands": rows}
+        written = [path for path in (out, plot) if path is not None]
+        print_json("limit", record, units=LENGTHS | {"a90_middle": "m"}, written=written)
+    elif not quiet:
+        typer.echo(
+            f"a90 [mm] of the bound over {found.sizes['panel']} panels\n"
+            f"{'place':<12}{'5 %':>8}{'middle':>8}{'95 %':>8}"
+        )
+        for row in rows:
+            cells = [_millimetres(row[name]) for name in ("a90_low", "a90_middle", "a90_high")]
+            typer.echo(f"{row['place']:<12}" + "".join(f"{cell:>8}" for cell in cells))
 
 
 def _known_place(
@@ -259,16 +342,16 @@ def _write(
             _print_advice(gain_rows(advice[0]), advice[1])
 
 
-def _watching(*, quiet: bool) -> "Callable[[str], Callable[[SweepProgress], None]]":
+def _watching(*, quiet: bool) -> "Callable[..., Callable[[SweepProgress], None]]":
     """Return what makes a watch for each sweep; a finished one takes its bar off the screen."""
     from turnout.cli.sweep import SweepWatch
 
     shown: list[SweepWatch] = []
 
-    def watch(name: str) -> "Callable[[SweepProgress], None]":
+    def watch(name: str, of: str = "") -> "Callable[[SweepProgress], None]":
         for before in shown:
             before.__exit__()
-        shown[:] = [SweepWatch(TEXTS[name], quiet=quiet).__enter__()]
+        shown[:] = [SweepWatch(of + TEXTS[name], quiet=quiet).__enter__()]
 
         def report(state: "SweepProgress") -> None:
             shown[0].report(state)

@@ -181,6 +181,7 @@ def throw_all(
     states: int,
     channels: str = FORCE,
     steps: Sequence[float] = STEPS,
+    over_travel: float | None = None,
     workers: int = 1,
     report: Callable[[str], Report] | None = None,
 ) -> Throws:
@@ -198,13 +199,15 @@ def throw_all(
         What is evaluated: "force", "current", "power" or "all"; throws keep all there is.
     steps : sequence of float
         Sizes thrown at a place beyond its touch floor [m].
+    over_travel : float, optional
+        As `reference_study` takes it [m].
     workers : int
         Processes.
     report : callable, optional
         Given the name of a sweep, returns what watches it.
     """
-    whole = reference_study(panel, count=sound)
-    first = reference_study(panel, count=states)
+    whole = reference_study(panel, count=sound, over_travel=over_travel)
+    first = reference_study(panel, count=states, over_travel=over_travel)
     signals = signals_of(whole.panel, channels)
     folder.mkdir(parents=True, exist_ok=True)
 
