@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from turnout.detection.limit_bands import Member
     from turnout.detection.reference import Conditions
     from turnout.detection.throws import Throws
-    from turnout.detection.what_if import Repeat
+    from turnout.detection.what_if import Measure, Repeat
     from turnout.panel.load import LoadedPanel
     from turnout.sweep.run import SweepProgress
 
@@ -161,8 +161,9 @@ def limit_command(
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     from turnout.cli.options import opened_panel
     from turnout.cli.sweep import cores
-    from turnout.detection.added_equipment import check_equipment
+    from turnout.detection.added_equipment import check_equipment, read_measures
     from turnout.detection.drive_quantities import signals_of
+    from turnout.detection.end_positions import end_position_map, throw_ends
     from turnout.detection.limit import limit_map
     from turnout.detection.limit_bands import limit_bands
     from turnout.detection.reference import Conditions, reference_study
@@ -174,21 +175,15 @@ def limit_command(
     )
     measures = list(dict.fromkeys([*(what_if or []), *(FORMS if advise else ())]))
     check_measures(measures)
-    if discrepancy == 0.0:
-        text = "--discrepancy 0: no model is exact; the result is far too good"
-        typer.echo(f"turnout: {text}", err=True)
+    _warn_of_exact_models(discrepancy)
     given = None
     if panel is not None or calibration is not None or settings:
         given = opened_panel(panel, settings, calibration)
-    thrown_panel = reference_study(given, count=1).panel
-    signals_of(thrown_panel, channels)
-    check_equipment(measures, thrown_panel)
     watch, count = _watching(quiet=quiet), workers or cores()
+    steps, least = (QUICK_STEPS, QUICK_SOUND) if quick else (STEPS, sound)
     if panels is not None or over_travel:
+        _of_one_panel({"--known-place": known_place, "--ends": ends, "--what-if": bool(measures)})
         members = _members(panels, given, over_travel=over_travel)
-        more = {"--known-place": known_place, "--ends": ends, "--what-if": bool(measures)}
-        _refuse_with_bands([name for name, wanted in more.items() if wanted])
-        steps, least = (QUICK_STEPS, QUICK_SOUND) if quick else (STEPS, sound)
         bands = limit_bands(
             members, folder, conditions,
             states=states, sound=least, steps=steps, channels=channels, workers=count,
@@ -196,40 +191,47 @@ def limit_command(
         )  # fmt: skip
         _write_bands(bands, out=out, plot=plot, as_json=as_json, quiet=quiet)
         return
+    thrown = reference_study(given, count=1).panel
+    signals_of(thrown, channels)
+    check_equipment(measures, thrown)
     throws = throw_all(
         given, folder,
-        sound=max(QUICK_SOUND if quick else sound, states), states=states, channels=channels,
-        steps=QUICK_STEPS if quick else STEPS, workers=count, report=watch,
+        sound=max(least, states), states=states, channels=channels, steps=steps,
+        workers=count, report=watch,
     )  # fmt: skip
     closing = closing_time(given)
     found = limit_map(throws, conditions, closing=closing)
     if known_place:
-        found = found.merge(
-            _known_place(throws, conditions, closing, quiet=quiet), combine_attrs="no_conflicts"
-        )
+        more = _known_place(throws, conditions, closing, quiet=quiet)
+        found = found.merge(more, combine_attrs="no_conflicts")
     if ends:
-        from turnout.detection.end_positions import end_position_map, throw_ends
-
-        thrown = throw_ends(
+        own = throw_ends(
             given, folder, throws,
             states=min(states, END_STATES), workers=count, report=watch("ends"),
         )  # fmt: skip
-        of_ends = end_position_map(throws, thrown, conditions, closing=closing)
-        found = found.merge(of_ends, combine_attrs="no_conflicts")
-    advice = None
-    if measures:
-        from turnout.detection.added_equipment import read_measures
-        from turnout.detection.what_if import gains, repeated_throw
-
-        read = read_measures(
-            measures, given, folder, throws, conditions,
-            advise=advise, workers=count, report=watch,
-        )  # fmt: skip
-        advice = (
-            gains(throws, conditions, read, closing=closing),
-            repeated_throw(throws, conditions, closing=closing),
-        )
+        more = end_position_map(throws, own, conditions, closing=closing)
+        found = found.merge(more, combine_attrs="no_conflicts")
+    read = read_measures(
+        measures, given, folder, throws, conditions, advise=advise, workers=count, report=watch
+    )
+    advice = _advice(throws, conditions, read, closing) if read else None
     _write(found, advice, out=out, plot=plot, as_json=as_json, quiet=quiet)
+
+
+def _warn_of_exact_models(discrepancy: float) -> None:
+    if discrepancy == 0.0:
+        text = "--discrepancy 0: no model is exact; the result is far too good"
+        typer.echo(f"turnout: {text}", err=True)
+
+
+def _advice(
+    throws: "Throws", conditions: "Conditions", measures: "list[Measure]", closing: float
+) -> "tuple[xr.Dataset, Repeat]":
+    """Return what the measures gain, and the false alarms of a second throw."""
+    from turnout.detection.what_if import gains, repeated_throw
+
+    ranked = gains(throws, conditions, measures, closing=closing)
+    return ranked, repeated_throw(throws, conditions, closing=closing)
 
 
 def _members(
@@ -247,11 +249,12 @@ def _members(
     return panels_of(panels)
 
 
-def _refuse_with_bands(options: list[str]) -> None:
+def _of_one_panel(options: "Mapping[str, bool]") -> None:
     from turnout.errors import FileError
 
-    if options:
-        message = f"{', '.join(options)}: of one panel only; leave out --panels and --over-travel"
+    wanted = [name for name, given in options.items() if given]
+    if wanted:
+        message = f"{', '.join(wanted)}: of one panel only; leave out --panels and --over-travel"
         raise FileError(message)
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from turnout.detection.conditions import Conditions
 from turnout.detection.drive_quantities import stored_channels
-from turnout.errors import StudyError
+from turnout.errors import PanelError, StudyError
 from turnout.panel.load import LoadedPanel
 from turnout.study.design import Drawn
 from turnout.study.distribution import Distribution
@@ -113,7 +113,7 @@ def _fitting(panel: LoadedPanel, study: Study) -> LoadedPanel:
     for key in dict.fromkeys(keys):
         try:
             found = key == TEMPERATURE or bool(values_at(panel, key))
-        except (AttributeError, KeyError, TypeError):
+        except (AttributeError, KeyError, TypeError, PanelError):
             found = False
         if not found:
             lacking.append(f"panel {panel.name} has no {key}, which the reference case varies")
