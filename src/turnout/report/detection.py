@@ -5,9 +5,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from turnout.metric.finding import Finding
+from turnout.plot.detection import trend_sheet
 from turnout.report.page import Page, Section, Table
+from turnout.report.run import picture_of
 
 MILLI = 1e3
+LEAST_THROWS = 2
 SAFETY = (
     "Advisory: a verdict is no safety function and replaces neither lock nor end-position sensors."
 )
@@ -37,7 +40,8 @@ def detection_page(verdicts: Sequence[Mapping[str, Any]], *, about: Mapping[str,
             text="Log odds: logarithm of the likelihood ratio, object against every other cause. "
             "Gaps with their 95 % intervals are inferred from the drive forces.",
             tables=[_table(verdicts)],
-        )
+        ),
+        *_trends(verdicts),
     ]
     if called:
         sections.append(
@@ -50,6 +54,17 @@ def detection_page(verdicts: Sequence[Mapping[str, Any]], *, about: Mapping[str,
         sections=sections,
         footer=[SAFETY],
     )
+
+
+def _trends(verdicts: Sequence[Mapping[str, Any]]) -> list[Section]:
+    """Return friction and odds from throw to throw; nothing for a single throw."""
+    if len(verdicts) < LEAST_THROWS:
+        return []
+    text = (
+        "A slow change of friction or of the odds of a cause shows wear before a limit is reached; "
+        "a sudden one, an event."
+    )
+    return [Section(heading="Trends", text=text, pictures=[picture_of(trend_sheet(verdicts))])]
 
 
 def _headline(verdicts: Sequence[Mapping[str, Any]], counts: Mapping[str, int]) -> Finding:
