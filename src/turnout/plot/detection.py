@@ -26,7 +26,7 @@ def trend_sheet(verdicts: Sequence[Mapping[str, Any]]) -> Sheet:
 
     Examples
     --------
-    >>> throw = {"friction": 0.3, "log_ratio": -5.0, "threshold": 4.0, "odds": {"clutch": -2.0}}
+    >>> throw = {"friction": 0.3, "log_ratio": -5.0, "threshold": 4.0, "odds": {"clutch": 0.1}}
     >>> [len(row.lines) for row in trend_sheet([throw, throw]).rows]
     [1, 1, 1]
     """
@@ -45,7 +45,7 @@ def trend_sheet(verdicts: Sequence[Mapping[str, Any]]) -> Sheet:
     thresholds = {round(float(v), 4) for v in _of(verdicts, "threshold") if np.isfinite(v)}
     named = [name for name in SHOWN_CAUSES if any(name in item["odds"] for item in verdicts)]
     causes = [
-        line(name, [float(item["odds"].get(name, np.nan)) for item in verdicts], colour)
+        line(name, [_log(item["odds"].get(name)) for item in verdicts], colour)
         for colour, name in enumerate(named, 2)
     ]
     rows = [
@@ -69,3 +69,7 @@ def trend_sheet(verdicts: Sequence[Mapping[str, Any]]) -> Sheet:
 
 def _of(verdicts: Sequence[Mapping[str, Any]], name: str) -> list[float]:
     return [float(item[name]) for item in verdicts]
+
+
+def _log(odds: float | None) -> float:
+    return float(np.log(odds)) if odds is not None and 0.0 < odds < np.inf else float("nan")

@@ -11,7 +11,6 @@ from turnout.report.page import Page, Section, Table
 from turnout.report.run import picture_of
 
 MILLI = 1e3
-LEAST_THROWS = 2
 SAFETY = (
     "Advisory: a verdict is no safety function and replaces neither lock nor end-position sensors."
 )
@@ -47,7 +46,6 @@ def detection_page(verdicts: Sequence[Mapping[str, Any]], *, about: Mapping[str,
             "Gaps with their 95 % intervals are inferred from the drive forces.",
             tables=[_table(verdicts)],
         ),
-        *_trends(verdicts),
     ]
     if called:
         sections.append(
@@ -59,6 +57,7 @@ def detection_page(verdicts: Sequence[Mapping[str, Any]], *, about: Mapping[str,
                 heading="Trends",
                 text="Straight lines through all throws that were judged. A worn clutch shows in "
                 "the largest force only where the drive slips.",
+                pictures=[picture_of(trend_sheet(verdicts))],
                 tables=[_trends(verdicts)],
             )
         )
@@ -69,17 +68,6 @@ def detection_page(verdicts: Sequence[Mapping[str, Any]], *, about: Mapping[str,
         sections=sections,
         footer=[SAFETY],
     )
-
-
-def _trends(verdicts: Sequence[Mapping[str, Any]]) -> list[Section]:
-    """Return friction and odds from throw to throw; nothing for a single throw."""
-    if len(verdicts) < LEAST_THROWS:
-        return []
-    text = (
-        "A slow change of friction or of the odds of a cause shows wear before a limit is reached; "
-        "a sudden one, an event."
-    )
-    return [Section(heading="Trends", text=text, pictures=[picture_of(trend_sheet(verdicts))])]
 
 
 def _headline(verdicts: Sequence[Mapping[str, Any]], counts: Mapping[str, int]) -> Finding:

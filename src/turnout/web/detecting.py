@@ -14,6 +14,7 @@ from turnout.detection.reading import read_table, throws_of_dataset
 from turnout.detection.recorded import Recorded
 from turnout.detection.switch_history import predict
 from turnout.detection.throw_verdict import CANNOT, Verdict
+from turnout.detection.trends import staying_causes
 from turnout.errors import FileError
 from turnout.measurement.chain.apply import apply_chain
 from turnout.measurement.formats.history import is_history, read_history
@@ -90,7 +91,12 @@ def judged_record(detector: Detector, throws: Sequence[Recorded]) -> dict[str, A
         message = f"{len(throws)} throws: at most {MOST_THROWS}; use `turnout detect run` for more"
         raise FileError(message)
     verdicts = [detector.judge(throw) for throw in throws]
-    trends = trend_sheet([asdict(item) for item in verdicts]) if len(verdicts) > 1 else None
+    rows = [asdict(item) for item in verdicts]
+    trends = trend_sheet(rows) if len(verdicts) > 1 else None
+    staying = [
+        f"{name} stays since {rows[since]['name']} (cumulated log odds {total:.1f})"
+        for name, (since, total) in staying_causes(rows).items()
+    ]
     return {
         "verdicts": [
             _verdict_record(detector, verdict)
@@ -98,6 +104,7 @@ def judged_record(detector: Detector, throws: Sequence[Recorded]) -> dict[str, A
             for throw, verdict in zip(throws, verdicts, strict=True)
         ],
         "trends": sheet_record(trends) if trends else None,
+        "staying": staying,
         "history": detector.known.throws,
         "safety": SAFETY,
     }
