@@ -1,6 +1,6 @@
 // Values at places along the blade: a bar each, and hatched where nothing can be seen.
 const SVG = "http://www.w3.org/2000/svg";
-const HEIGHT = 9.5, TOP = 1.6, FOOT = 2.5, SIDE = 2.2; // in text heights
+const HEIGHT = 9.5, TOP = 1.6, FOOT = 2.5, SIDE = 3.4; // in text heights
 
 function add(parent, tag, attributes, text = "") {
   const node = document.createElementNS(SVG, tag);

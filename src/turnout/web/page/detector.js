@@ -57,7 +57,7 @@ const suffix = (number) => (number ? number + 1 : "");
 
 function layoutOf(sheet, { together }) {
   const size = parseFloat(getComputedStyle(document.documentElement).fontSize), ink = styleOf("--ink"), grid = styleOf("--grid");
-  const layout = { paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: ink, size: 0.8 * size }, margin: { l: 4.6 * size, r: size, t: 0.6 * size, b: 2.6 * size }, hovermode: "x", legend: { orientation: "h", y: 1.16 }, shapes: [], showlegend: true };
+  const layout = { paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: ink, size: 0.8 * size, family: "system-ui, DejaVu Sans, sans-serif" }, margin: { l: 4.6 * size, r: size, t: 0.6 * size, b: 2.6 * size }, hovermode: "x", legend: { orientation: "h", y: 1.16 }, shapes: [], showlegend: true };
   const count = sheet.rows.length, gap = 0.09;
   sheet.rows.forEach((row, number) => {
     const s = suffix(number), high = (1 - gap * (count - 1)) / count, top = 1 - number * (high + gap), last = number === count - 1;
@@ -103,8 +103,8 @@ function draw() {
   const [head, ...rest] = verdict.lines;
   byId("judged-verdict").dataset.level = LEVELS[verdict.status] ?? "look";
   const strong = document.createElement("strong");
-  strong.textContent = { sound: "Sound: ", object: "Object: ", "cannot judge": "Cannot judge: " }[verdict.status] ?? `${verdict.status[0].toUpperCase()}${verdict.status.slice(1)}: `;
-  byId("judged-head").replaceChildren(strong, head);
+  strong.textContent = `${verdict.name}: ${verdict.status}`;
+  byId("judged-head").replaceChildren(strong, head.startsWith(strong.textContent) ? head.slice(strong.textContent.length) : ` ${head}`);
   byId("judged-lines").textContent = rest.map((line) => line.trim()).join(" \u00b7 ");
   const known = verdict.status === "object";
   byId("judged-blade").toggleAttribute("hidden", !known);
