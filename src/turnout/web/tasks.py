@@ -75,6 +75,9 @@ if TYPE_CHECKING:
 # Sizes of the caches.
 MOST_PANELS, MOST_RUNS, MOST_MEASURED, MOST_DETECTORS = 12, 3, 20, 2
 LARGEST_PANEL = 4_000_000
+# Thrown before the first reply: without over-travel, and with the loaded start that it brings,
+# which has kernels of its own.
+WARMING = ("sb1", "uic60-760-1-15")
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +103,8 @@ class Opening:
 
     def __call__(self) -> Callable[[Task, Question], Reply]:
         """Load or compile the kernels, so that no reply waits for that."""
-        simulate(load_panel("sb1"), scheme=Scheme.of("quick"), throw=False)
+        for name in WARMING:
+            simulate(load_panel(name), scheme=Scheme.of("quick"), throw=False)
         return TaskHandler(self).answer
 
 
