@@ -1,6 +1,7 @@
 """A folder of recordings becomes one dataset; what is excluded or odd is said, never dropped."""
 
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,9 @@ from turnout.measurement.campaign import recorded_throw
 from turnout.measurement.campaign.build_campaign import BuiltCampaign, build_campaign, stacked
 from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
-from turnout.measurement.campaign.run_sheet import find_sheet, read_sheet
-from turnout.measurement.campaign.sheet_checks import order_remarks, series_remarks
-from turnout.measurement.formats.file_format import read_recording
+from turnout.measurement.campaign.run_sheet import SheetRow, find_sheet, read_sheet
+from turnout.measurement.campaign.sheet_checks import order_remarks, series_remarks, swapped_rods
+from turnout.measurement.formats.file_format import WRITERS, read_recording
 from turnout.measurement.recording import Recording
 from turnout.schema.channels import schema_problems
 
@@ -274,3 +275,65 @@ def test_no_slip_is_said_only_where_no_force_saturates(
     forces = [np.array([value, 900.0]) for value in (1000.0, 4000.0, last)]
     (remark,) = series_remarks(read_sheet(sheet).runs, [None] * 3, forces)
     assert said in remark
+
+
+def silenced(folder: Path, column: str, names: str) -> Path:
+    """Write recordings anew in which a column is silent."""
+    for path in sorted(folder.glob(names)):
+        recording = read_recording(path)
+        channel = recording.channels[column]
+        still = replace(channel, values=0.0 * channel.values)
+        changed = replace(recording, channels={**recording.channels, column: still})
+        path.write_bytes(WRITERS[path.suffix](changed))
+    return folder
+
+
+def test_a_dead_rod_does_not_discard_its_movements(tmp_path: Path) -> None:
+    """Six movements of nine were discarded, though rod 1 was measured in all."""
+    built = build_campaign(silenced(copied(tmp_path), "Rod 2", "none_*.csv"))
+    assert built.excluded == ()
+    assert built.dataset is not None
+    known = np.isfinite(built.dataset["drive_force"]).any("time")
+    assert known.sel(drive="1").all()
+    assert known.sel(drive="2").values.tolist() == [False] * 6 + [True] * 3
+    (remark,) = [text for text in built.remarks if "dead channel of drive_force 2" in text]
+    assert "and 5 more" in remark
+    assert "the movement is kept" in remark
+
+
+def test_the_map_states_gains_and_an_average(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    path = folder / "channels.toml"
+    text = path.read_text(encoding="utf-8")
+    text = text.replace('column = "Rod 1"', 'column = "Rod 1"\ngain_uncertainty = 0.002')
+    path.write_text(f'recorded_average = "0.1 s"\n{text}', encoding="utf-8")
+    built = build_campaign(folder)
+    assert built.dataset is not None
+    assert built.dataset.attrs["gain_uncertainty"] == '{"drive_force.1": 0.002}'
+    assert built.dataset.attrs["recorded_average"] == 0.1
+
+
+def row(place: str, size: float = 0.013) -> SheetRow:
+    return SheetRow(
+        where="line 3",
+        file="a.csv",
+        movement=1,
+        direction="closing",
+        size=size,
+        place=place,
+        repeat=1,
+        slip=None,
+        load_cell=size > 0,
+        remark="",
+    )
+
+
+def test_rods_that_are_exchanged_are_noticed_by_the_force_at_the_object() -> None:
+    runs = [row("none", 0.0), row("drive 1"), row("drive 2"), row("sleeper 6")]
+    straight = [np.array(pair) for pair in ((800.0, 900.0), (6e3, 900.0), (900.0, 5e3), (2e3, 3e3))]
+    turned = [pair[::-1] for pair in straight]
+    assert swapped_rods(runs, straight, ["1", "2"]) is None
+    assert swapped_rods(runs, turned, ["1", "2"]) == ("1", "2")
+    # One movement against the others, or a single one, says nothing.
+    assert swapped_rods(runs, [*turned[:2], *straight[2:]], ["1", "2"]) is None
+    assert swapped_rods(runs[:2], turned[:2], ["1", "2"]) is None

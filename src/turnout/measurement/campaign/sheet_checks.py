@@ -17,6 +17,8 @@ from turnout.measurement.formats.file_format import FORMATS
 # A rod force saturates where it grew by the first share of its largest value over a series of
 # objects, and by less than the second from the second largest object to the largest [-].
 GROWN, LEVEL = 0.2, 0.02
+# How much more another rod must rise than that of the drive with the object, and by how much [N].
+SWAPPED, LEAST_RISE, LEAST_VOTES = 2.0, 300.0, 2
 NOT_RECORDINGS = {*SHEETS, "channels.toml", "truth.nc", "campaign.nc"}
 
 
@@ -168,6 +170,70 @@ def _saturates(series: Sequence[tuple[float, NDArray[np.float64]]]) -> bool:
     rows = np.abs(np.stack([force for _, force in sorted(series, key=lambda item: item[0])]))
     grown = rows[-2] - rows[0] > GROWN * rows[-1]
     return bool((grown & (rows[-1] - rows[-2] < LEVEL * rows[-1])).any())
+
+
+def swapped_rods(
+    runs: Sequence[SheetRow], forces: Sequence[NDArray[np.float64]], drives: Sequence[str]
+) -> tuple[str, str] | None:
+    """Return two drives whose rods have changed places: the force rises at the wrong one.
+
+    An object beside a drive loads its rod far more than any other. Where it is another rod that
+    rises, in every movement with an object at a drive and in two at least, columns are exchanged.
+
+    Parameters
+    ----------
+    runs : sequence of SheetRow
+        In the order of the sheet.
+    forces : sequence of ndarray, shape (n_drives,)
+        Change of each rod force over each movement, in the order of `drives` [N].
+    drives : sequence of str
+        Names of the drives.
+
+    Returns
+    -------
+    tuple of str or None
+        The object's drive, and the one whose force rises.
+    """
+    rows = [
+        (run, np.abs(force))
+        for run, force in zip(runs, forces, strict=True)
+        if force.size == len(drives)
+    ]
+    votes = []
+    for run, force in rows:
+        name = run.place.removeprefix("drive ")
+        if run.size <= 0 or not run.place.startswith("drive ") or name not in drives:
+            continue
+        free = [other for row, other in rows if row.size == 0 and row.direction == run.direction]
+        rise = force - (np.median(free, axis=0) if free else 0.0)
+        own, most = drives.index(name), int(np.argmax(rise))
+        if own != most and rise[most] > max(SWAPPED * rise[own], LEAST_RISE):
+            votes.append((name, drives[most]))
+        elif rise[own] > LEAST_RISE:
+            votes.append((name, name))
+    wrong = {tuple(sorted(vote)) for vote in votes}
+    if len(votes) < LEAST_VOTES or len(wrong) != 1:
+        return None
+    one, other = wrong.pop()
+    return (one, other) if one != other else None
+
+
+def swap_remarks(pair: Sequence[str] | None) -> list[str]:
+    """Return a remark on rods that have changed places.
+
+    Examples
+    --------
+    >>> swap_remarks(("1", "2"))[0].split(":")[0]
+    'swapped channels of drive_force 1 and 2'
+    """
+    if not pair:
+        return []
+    one, other = pair
+    return [
+        f"swapped channels of drive_force {one} and {other}: with an object at a drive the force "
+        "of the other one rises; exchange their columns in the channel map, or the places in the "
+        "run sheet"
+    ]
 
 
 def slip_remarks(runs: Sequence[SheetRow], slipped: Sequence[bool | None]) -> list[str]:
