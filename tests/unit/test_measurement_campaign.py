@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from tests.unit.campaigns import copied, edited, made
 from tests.unit.recorded import clean
 
@@ -15,7 +16,7 @@ from turnout.measurement.campaign import recorded_throw
 from turnout.measurement.campaign.build_campaign import BuiltCampaign, build_campaign, stacked
 from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
-from turnout.measurement.campaign.run_sheet import SheetRow, find_sheet, read_sheet
+from turnout.measurement.campaign.run_sheet import find_sheet, read_sheet
 from turnout.measurement.campaign.sheet_checks import order_remarks, series_remarks, swapped_rods
 from turnout.measurement.formats.file_format import WRITERS, read_recording
 from turnout.measurement.recording import Recording
@@ -313,27 +314,30 @@ def test_the_map_states_gains_and_an_average(tmp_path: Path) -> None:
     assert built.dataset.attrs["recorded_average"] == 0.1
 
 
-def row(place: str, size: float = 0.013) -> SheetRow:
-    return SheetRow(
-        where="line 3",
-        file="a.csv",
-        movement=1,
-        direction="closing",
-        size=size,
-        place=place,
-        repeat=1,
-        slip=None,
-        load_cell=size > 0,
-        remark="",
+def loaded(*names: str, turned: bool = False) -> xr.Dataset:
+    """Return two free movements and one with an object at each place: its rod rises at once."""
+    time = np.linspace(-1.0, 4.0, 101)
+    free = 6e3 * np.clip(time / 3.0, 0.0, 1.0) ** 3
+    early = 6e3 * np.clip(time / 1.5, 0.0, 1.0)
+    rows = [[free, free]] * 2
+    for place in names:
+        rows.append([early, 1.05 * free] if (place == "drive 1") != turned else [free, early])
+    return xr.Dataset(
+        {"drive_force": (("movement", "drive", "time"), np.array(rows))},
+        {
+            "time": time,
+            "drive": ["1", "2"],
+            "size": ("movement", [0.0, 0.0, *[0.013] * len(names)]),
+            "place": ("movement", ["none", "none", *names]),
+            "direction": ("movement", ["closing"] * (2 + len(names))),
+        },
     )
 
 
 def test_rods_that_are_exchanged_are_noticed_by_the_force_at_the_object() -> None:
-    runs = [row("none", 0.0), row("drive 1"), row("drive 2"), row("sleeper 6")]
-    straight = [np.array(pair) for pair in ((800.0, 900.0), (6e3, 900.0), (900.0, 5e3), (2e3, 3e3))]
-    turned = [pair[::-1] for pair in straight]
-    assert swapped_rods(runs, straight, ["1", "2"]) is None
-    assert swapped_rods(runs, turned, ["1", "2"]) == ("1", "2")
-    # One movement against the others, or a single one, says nothing.
-    assert swapped_rods(runs, [*turned[:2], *straight[2:]], ["1", "2"]) is None
-    assert swapped_rods(runs[:2], turned[:2], ["1", "2"]) is None
+    """All forces end at the slip level, as on panel sb1; only when they rise differs."""
+    assert swapped_rods(loaded("drive 1", "drive 2")) is None
+    assert swapped_rods(loaded("drive 1", "drive 2", turned=True)) == ("1", "2")
+    # A single movement says nothing.
+    assert swapped_rods(loaded("drive 1", turned=True)) is None
+    assert swapped_rods(loaded("sleeper 6", "sleeper 7", turned=True)) is None

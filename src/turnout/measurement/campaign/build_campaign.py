@@ -253,8 +253,9 @@ def build_campaign(
         if isinstance(piece, RecordedThrow) and isinstance(found, ThrowQuality) and found.usable
     ]
     slipped = _slipped([piece for _, piece, _ in usable])
-    remarks = [*extra_files(sheet, folder), *_remarks(usable, slipped)]
     dataset = _dataset(usable, slipped, sheet, channel_map, excluded) if usable else None
+    pair = json.loads(dataset.attrs.get("swapped", "[]")) if dataset is not None else []
+    remarks = [*swap_remarks(pair), *extra_files(sheet, folder), *_remarks(usable, slipped)]
     return BuiltCampaign(dataset, sheet, excluded, tuple(remarks), reused)
 
 
@@ -356,15 +357,11 @@ def _remarks(
 ) -> list[str]:
     runs = [run for run, _, _ in usable]
     forces = [change_of_rods(piece) for _, piece, _ in usable]
-    drives = list(
-        dict.fromkeys(str(n) for _, piece, _ in usable for n in piece.dataset["drive"].values)
-    )
     said: dict[str, list[SheetRow]] = {}
     for run, piece, verdict in usable:
         for text in (*piece.notes, *verdict.remarks):
             said.setdefault(text, []).append(run)
     return [
-        *swap_remarks(swapped_rods(runs, forces, drives)),
         *order_remarks(runs, [piece.start_time for _, piece, _ in usable]),
         *slip_remarks(runs, slipped),
         *series_remarks(runs, slipped, forces),
@@ -407,11 +404,7 @@ def _dataset(
         attributes["gain_uncertainty"] = json.dumps(stated)
     if channel_map.recorded_average is not None:
         attributes["recorded_average"] = float(channel_map.recorded_average)
-    pair = swapped_rods(
-        [run for run, _, _ in usable],
-        [change_of_rods(piece) for _, piece, _ in usable],
-        [str(name) for name in dataset["drive"].values],
-    )
+    pair = swapped_rods(dataset)
     if pair:
         attributes["swapped"] = json.dumps(pair)
     return dataset.assign_attrs(attributes)

@@ -6,6 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.problems import nearest
@@ -17,8 +18,9 @@ from turnout.measurement.formats.file_format import FORMATS
 # A rod force saturates where it grew by the first share of its largest value over a series of
 # objects, and by less than the second from the second largest object to the largest [-].
 GROWN, LEVEL = 0.2, 0.02
-# How much more another rod must rise than that of the drive with the object, and by how much [N].
-SWAPPED, LEAST_RISE, LEAST_VOTES = 2.0, 300.0, 2
+# How much more one rod must rise than any other, by how much on average [N], and in how many
+# movements with an object at a drive.
+SWAPPED, LEAST_RISE, LEAST_VOTES = 1.5, 50.0, 2
 NOT_RECORDINGS = {*SHEETS, "channels.toml", "truth.nc", "campaign.nc"}
 
 
@@ -172,50 +174,63 @@ def _saturates(series: Sequence[tuple[float, NDArray[np.float64]]]) -> bool:
     return bool((grown & (rows[-1] - rows[-2] < LEVEL * rows[-1])).any())
 
 
-def swapped_rods(
-    runs: Sequence[SheetRow], forces: Sequence[NDArray[np.float64]], drives: Sequence[str]
-) -> tuple[str, str] | None:
+def swapped_rods(dataset: xr.Dataset) -> tuple[str, str] | None:
     """Return two drives whose rods have changed places: the force rises at the wrong one.
 
-    An object beside a drive loads its rod far more than any other. Where it is another rod that
-    rises, in every movement with an object at a drive and in two at least, columns are exchanged.
+    An object beside a drive loads its rod far more, and earlier, than any other. Where it is
+    another rod that rises above what it carries without an object, in every movement with an object
+    at a drive and in two at least, columns are exchanged.
 
     Parameters
     ----------
-    runs : sequence of SheetRow
-        In the order of the sheet.
-    forces : sequence of ndarray, shape (n_drives,)
-        Change of each rod force over each movement, in the order of `drives` [N].
-    drives : sequence of str
-        Names of the drives.
+    dataset : xarray.Dataset
+        Stacked movements: `drive_force` (movement, drive, time), time zero at the onset.
 
     Returns
     -------
     tuple of str or None
-        The object's drive, and the one whose force rises.
+        The two drives, in the order of their names.
     """
-    rows = [
-        (run, np.abs(force))
-        for run, force in zip(runs, forces, strict=True)
-        if force.size == len(drives)
-    ]
-    votes = []
-    for run, force in rows:
-        name = run.place.removeprefix("drive ")
-        if run.size <= 0 or not run.place.startswith("drive ") or name not in drives:
+    drives = [str(name) for name in dataset["drive"].values]
+    forces = dataset["drive_force"].transpose("movement", "drive", "time").values
+    forces = forces[:, :, dataset["time"].values >= 0.0]
+    sizes, places = dataset["size"].values, [str(place) for place in dataset["place"].values]
+    directions = dataset["direction"].values
+    votes = set()
+    count = 0
+    for number, place in enumerate(places):
+        name = place.removeprefix("drive ")
+        free = (sizes == 0) & (directions == directions[number])
+        if sizes[number] <= 0 or not place.startswith("drive ") or name not in drives:
             continue
-        free = [other for row, other in rows if row.size == 0 and row.direction == run.direction]
-        rise = force - (np.median(free, axis=0) if free else 0.0)
+        if not free.any():
+            continue
+        rise = _rises(forces[number], forces[free])
         own, most = drives.index(name), int(np.argmax(rise))
-        if own != most and rise[most] > max(SWAPPED * rise[own], LEAST_RISE):
-            votes.append((name, drives[most]))
-        elif rise[own] > LEAST_RISE:
-            votes.append((name, name))
-    wrong = {tuple(sorted(vote)) for vote in votes}
-    if len(votes) < LEAST_VOTES or len(wrong) != 1:
+        if rise[most] > max(SWAPPED * np.delete(rise, most).max(initial=0.0), LEAST_RISE):
+            votes.add(tuple(sorted((drives[own], drives[most]))))
+            count += 1
+    if count < LEAST_VOTES or len(votes) != 1:
         return None
-    one, other = wrong.pop()
+    one, other = votes.pop()
     return (one, other) if one != other else None
+
+
+def _rises(forces: NDArray[np.float64], free: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return by how much each rod carries more than without an object, as a mean over time [N].
+
+    Parameters
+    ----------
+    forces : ndarray, shape (n_drives, n)
+        Of one movement [N].
+    free : ndarray, shape (n_free, n_drives, n)
+        Of movements without an object in its direction [N].
+    """
+    with np.errstate(invalid="ignore"):
+        more = np.abs(forces) - np.abs(free).mean(axis=0)
+    known = np.isfinite(more)
+    total = np.where(known & (more > 0.0), more, 0.0).sum(axis=1)
+    return np.asarray(total / np.maximum(known.sum(axis=1), 1))
 
 
 def swap_remarks(pair: Sequence[str] | None) -> list[str]:
