@@ -31,6 +31,12 @@ GOOD = "size [mm],response [N],hit,switch\n" + "\n".join(
         ("size [mm],hit\n5,yes\n7,no\n", [], "2 throws with objects; 10 are the least"),
         (GOOD, ["--threshold", "-5"], "take a linear response scale"),
         (GOOD, ["--threshold", "200", "--floor", "300"], "must lie between the floor"),
+        (
+            GOOD,
+            ["--threshold", "3 mm", "--slip", "much"],
+            '"mm" is a unit of length; needs one of force',
+        ),
+        (GOOD, ["--campaigns", "20"], "simulated campaigns = 20: must be 0, or 100 or more"),
         (GOOD, ["--link", "cauchit"], 'link = "cauchit": allowed are probit and logit'),
         (GOOD, ["-o", "pod.txt"], "the name must end in .nc or .csv"),
         (

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from turnout.detection.drive_quantities import Signal
 from turnout.detection.throws import Throws
 
 
@@ -31,4 +32,5 @@ def toy_throws(*, states: int = 60, seed: int = 1, drives: int = 2) -> Throws:
         x=np.array([0.3, 0.6]),
         sizes=sizes,
         amplitude=np.full(drives, 3000.0),
+        signals=tuple(Signal(quantity="force", drive=str(n + 1)) for n in range(drives)),
     )

@@ -168,6 +168,15 @@ def test_a90_of_a_plan_is_that_of_the_line() -> None:
     assert known_after(toy_candidates(), [1, 2, 3] * 5).a90["sleeper 1"][1] < high
 
 
+def test_throws_elsewhere_tell_what_is_fixed_for_the_switch() -> None:
+    of = replace(toy_candidates(), fixed=4.0 * np.eye(2))
+    alone = known_after(of, [1, 2]).a90["sleeper 1"][1]
+    with_sound = known_after(of, [1, 2, *[0] * 12]).a90["sleeper 1"][1]
+    assert with_sound < alone - 0.05e-3
+    slipping = known_after(of, [1, 2, *[4] * 12]).a90["sleeper 1"][1]
+    assert slipping == pytest.approx(with_sound, rel=0.1)
+
+
 def test_a_plan_beats_a_grid_of_as_many_throws() -> None:
     of = toy_candidates()
     chosen = plan(of, 12)
@@ -206,10 +215,19 @@ def test_the_command_prints_map_end_positions_and_measures(
     monkeypatch.setattr("turnout.detection.throws.closing_time", lambda _: CLOSING)
     monkeypatch.setattr("turnout.detection.end_positions.throw_ends", lambda *_, **__: ends(2e5))
     out, figure = tmp_path / "limit.nc", tmp_path / "limit.png"
-    line = ["limit", "--ends", "--what-if", "second throw", "--what-if", "history 20"]
+    line = [
+        "limit",
+        "--ends",
+        "--known-place",
+        "--what-if",
+        "second throw",
+        "--what-if",
+        "history 20",
+    ]
     shown = CliRunner().invoke(app, [*line, "-o", str(out), "--plot", str(figure)])
     assert shown.exit_code == 0, shown.exception
     assert "TKK1" in shown.output
+    assert "if the place is known" in shown.output
     assert "if a second throw must confirm" in shown.output
     found = open_response(out)
     assert {"pod", "end_pod", "revealed_gap"} <= set(found)
@@ -217,6 +235,8 @@ def test_the_command_prints_map_end_positions_and_measures(
     printed = CliRunner().invoke(app, [*line, "--json"])
     record = json.loads(printed.stdout)
     assert [row["measure"] for row in record["measures"]] == ["history 20", "second throw"]
+    assert record["known_place"][0]["known_a90"] > record["places"][0]["a90"]
+    assert record["units"]["known_a90"] == "m"
     assert record["end_positions"][0]["position"] == "TKK1"
     assert record["second_throw"]["rate"] < 1e-3
     assert record["units"]["revealed_gap"] == "m"

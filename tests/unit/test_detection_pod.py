@@ -12,7 +12,7 @@ from turnout.detection.pod_bound import confidence_bound, upper_bound
 from turnout.detection.pod_fit import detected_size, draw_campaigns, maximise
 from turnout.detection.pod_likelihood import Campaigns, Constraint, evaluate, margin
 from turnout.detection.pod_result import PodModel, curve_of, key_figures, pod_dataset
-from turnout.detection.pod_table import TestThrows
+from turnout.detection.pod_table import TestThrows, response_value
 from turnout.errors import StudyError
 from turnout.plot.pod import plot_pod
 from turnout.plot.style import rendered
@@ -179,7 +179,8 @@ def table(*, switches: int = 5, seed: int = 3, spread: float = 0.25) -> TestThro
     )
 
 
-QUICK = PodModel(threshold=250.0, least=40.0, most=1500.0, drawn=60)
+QUICK = PodModel(threshold=250.0, least=40.0, most=1500.0, drawn=100)
+PLAIN = replace(QUICK, drawn=0)
 
 
 def test_responses_give_the_size_at_which_nine_of_ten_exceed_the_threshold() -> None:
@@ -194,8 +195,8 @@ def test_responses_give_the_size_at_which_nine_of_ten_exceed_the_threshold() -> 
 
 
 def test_hits_say_the_same_with_a_wider_bound() -> None:
-    responses = estimate_pod(table(), QUICK)
-    hits = estimate_pod(table(), PodModel(drawn=60))
+    responses = estimate_pod(table(), PLAIN)
+    hits = estimate_pod(table(), PodModel(drawn=0))
     assert hits.a90 == pytest.approx(responses.a90, rel=0.15)
     assert hits.a90_95 / hits.a90 > responses.a90_95 / responses.a90
     assert hits.sound_throws == 20
@@ -232,7 +233,7 @@ def test_floor_and_ceiling_are_kept_where_the_data_ask_for_them() -> None:
 
 def test_simulated_throws_are_said_to_be_model_assisted() -> None:
     given = table()
-    found = estimate_pod(replace(given, simulated=np.ones_like(given.simulated)), QUICK)
+    found = estimate_pod(replace(given, simulated=np.ones_like(given.simulated)), PLAIN)
     assert found.model_assisted
     assert "model-assisted" in found.notes[0]
     assert "model-assisted" in plot_pod(pod_dataset(found)).get_suptitle()
@@ -275,3 +276,29 @@ def test_models_without_meaning_are_refused_together() -> None:
     with pytest.raises(StudyError) as found:
         PodModel(size_scale="square", link="cauchit", threshold=1.0, least=2.0, drawn=-1)
     assert len(found.value.problems) == 4
+
+
+@pytest.mark.parametrize("drawn", [1, 20, 99])
+def test_too_few_simulated_campaigns_are_refused(drawn: int) -> None:
+    with pytest.raises(StudyError, match="must be 0, or 100 or more"):
+        PodModel(drawn=drawn)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"), [("250", 250.0), ("2.5e2", 250.0), ("250 N", 250.0), ("0,25 kN", 250.0)]
+)
+def test_a_threshold_may_have_a_unit(text: str, expected: float) -> None:
+    assert response_value(text, throws=table()) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "words"),
+    [
+        ("250 mm", "N", "needs one of force"),
+        ("250 N", "", "must be a number without a unit"),
+        ("much", "N", "must be a number"),
+    ],
+)
+def test_a_threshold_of_another_unit_is_refused(text: str, unit: str, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        response_value(text, throws=replace(table(), unit=unit))

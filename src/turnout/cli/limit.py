@@ -11,6 +11,8 @@ from turnout.cli.options import (
     CalibrationOption,
     FigureOption,
     PanelArgument,
+    QuietOption,
+    SetOption,
     check_outputs,
     write_and_report,
 )
@@ -23,13 +25,13 @@ if TYPE_CHECKING:
     from turnout.detection.reference import Conditions
     from turnout.detection.throws import Throws
     from turnout.detection.what_if import Repeat
-    from turnout.panel.load import LoadedPanel
     from turnout.sweep.run import SweepProgress
 
 LENGTHS = dict.fromkeys(
     (
         *("x", "touch_floor", "largest_size", "a90", "a90_low", "a90_high"),
         *("gap_limit", "revealed_gap", "gain", "gain_worst"),
+        *("known_a90", "known_a90_low", "known_a90_high"),
     ),
     "m",
 )
@@ -38,6 +40,8 @@ TEXTS = {
     "floor": "gaps",
     "objects": "throws with objects",
     "ends": "end positions",
+    "readings": "readings of sensors",
+    "readings-sound": "readings without an object",
 }
 END_STATES = 40
 """States thrown with objects at sensors and drives, at most."""
@@ -46,6 +50,15 @@ END_STATES = 40
 def limit_command(
     panel: PanelArgument = None,
     calibration: CalibrationOption = None,
+    settings: SetOption = [],  # noqa: B006 - typer copies it
+    channels: Annotated[
+        str,
+        typer.Option(
+            "--channels",
+            metavar="NAME",
+            help="force, current, power (of drives that are machines) or all.",
+        ),
+    ] = "force",
     discrepancy: Annotated[
         float,
         typer.Option(
@@ -78,6 +91,13 @@ def limit_command(
     rate: Annotated[
         float, typer.Option("--rate", metavar="HZ", help="Samples a second of the recorder.")
     ] = 125.0,
+    known_place: Annotated[
+        bool,
+        typer.Option(
+            "--known-place",
+            help="Add the bound of a detector that knows the place, but not size and state.",
+        ),
+    ] = False,
     ends: Annotated[
         bool,
         typer.Option("--ends", help="Add the end position: which gaps at sensors and drives show."),
@@ -88,11 +108,15 @@ def limit_command(
             "--what-if",
             metavar="MEASURE",
             help="Add what a measure gains: 'second throw', 'history 20', 'discrepancy 3 %', "
-            "'rate 1000 Hz', 'friction 0.2', 'closing force'. Repeatable.",
+            "'rate 1000 Hz', 'friction 0.2', 'closing force', 'position sensor at 3.6 m', "
+            "'contact sensor at 3.6 m', 'force sensor at 3.6 m', 'drive at 3.6 m'. Repeatable.",
         ),
     ] = None,
     advise: Annotated[
-        bool, typer.Option("--advise", help="Rank all these measures by what they gain.")
+        bool,
+        typer.Option(
+            "--advise", help="Rank all these measures; sensors and drive where a90 is largest."
+        ),
     ] = False,
     folder: Annotated[
         Path,
@@ -108,14 +132,16 @@ def limit_command(
     workers: Annotated[
         int, typer.Option("--workers", metavar="N", min=0, help="Processes; default one a core.")
     ] = 0,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Show the smallest object that the drive forces can reveal at each place, by any method."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     from turnout.cli.options import opened_panel
     from turnout.cli.sweep import cores
+    from turnout.detection.added_equipment import check_equipment
+    from turnout.detection.drive_quantities import signals_of
     from turnout.detection.limit import limit_map
-    from turnout.detection.reference import Conditions
+    from turnout.detection.reference import Conditions, reference_study
     from turnout.detection.throws import closing_time, throw_all
     from turnout.detection.what_if import FORMS, check_measures
 
@@ -128,14 +154,22 @@ def limit_command(
         text = "--discrepancy 0: no model is exact; the result is far too good"
         typer.echo(f"turnout: {text}", err=True)
     given = None
-    if panel is not None or calibration is not None:
-        given = opened_panel(panel, [], calibration)
+    if panel is not None or calibration is not None or settings:
+        given = opened_panel(panel, settings, calibration)
+    thrown_panel = reference_study(given, count=1).panel
+    signals_of(thrown_panel, channels)
+    check_equipment(measures, thrown_panel)
     watch, count = _watching(quiet=quiet), workers or cores()
     throws = throw_all(
-        given, folder, sound=max(sound, states), states=states, workers=count, report=watch
-    )
+        given, folder,
+        sound=max(sound, states), states=states, channels=channels, workers=count, report=watch,
+    )  # fmt: skip
     closing = closing_time(given)
     found = limit_map(throws, conditions, closing=closing)
+    if known_place:
+        found = found.merge(
+            _known_place(throws, conditions, closing, quiet=quiet), combine_attrs="no_conflicts"
+        )
     if ends:
         from turnout.detection.end_positions import end_position_map, throw_ends
 
@@ -145,25 +179,30 @@ def limit_command(
         )  # fmt: skip
         of_ends = end_position_map(throws, thrown, conditions, closing=closing)
         found = found.merge(of_ends, combine_attrs="no_conflicts")
-    advice = _advice(given, throws, conditions, measures, closing) if measures else None
+    advice = None
+    if measures:
+        from turnout.detection.added_equipment import read_measures
+        from turnout.detection.what_if import gains, repeated_throw
+
+        read = read_measures(
+            measures, given, folder, throws, conditions,
+            advise=advise, workers=count, report=watch,
+        )  # fmt: skip
+        advice = (
+            gains(throws, conditions, read, closing=closing),
+            repeated_throw(throws, conditions, closing=closing),
+        )
     _write(found, advice, out=out, plot=plot, as_json=as_json, quiet=quiet)
 
 
-def _advice(
-    panel: "LoadedPanel | None",
-    throws: "Throws",
-    conditions: "Conditions",
-    measures: list[str],
-    closing: float,
-) -> "tuple[xr.Dataset, Repeat]":
-    """Return what the measures gain, and the false alarms of a second throw."""
-    from turnout.detection.reference import reference_study, switch_inputs
-    from turnout.detection.what_if import gains, read_measure, repeated_throw
+def _known_place(
+    throws: "Throws", conditions: "Conditions", closing: float, *, quiet: bool
+) -> "xr.Dataset":
+    from turnout.cli.watch import watched
+    from turnout.detection.known_place_map import known_place_map
 
-    inputs = switch_inputs(reference_study(panel, count=1))
-    read = [read_measure(text, throws, conditions, inputs=inputs) for text in measures]
-    ranked = gains(throws, conditions, read, closing=closing)
-    return ranked, repeated_throw(throws, conditions, closing=closing)
+    with watched("bound at known places", quiet=quiet) as watch:
+        return known_place_map(throws, conditions, closing=closing, report=watch.report)
 
 
 def _write(
@@ -177,6 +216,7 @@ def _write(
 ) -> None:
     """Write files first, then print."""
     from turnout.detection.end_positions import end_rows
+    from turnout.detection.known_place_map import known_rows
     from turnout.detection.limit import rows_of
     from turnout.detection.what_if import gain_rows
 
@@ -194,6 +234,7 @@ def _write(
         record = {
             "conditions": _plain(found.attrs),
             "places": rows_of(found),
+            "known_place": known_rows(found) if "known_pod" in found else None,
             "end_positions": end_rows(found) if "end_pod" in found else None,
             "measures": gain_rows(advice[0]) if advice else None,
             "second_throw": advice[1] if advice else None,
@@ -202,6 +243,8 @@ def _write(
         print_json("limit", record, units=LENGTHS, written=written)
     elif not quiet:
         _print(found)
+        if "known_pod" in found:
+            _print_known(known_rows(found), draws=int(found.attrs["known_draws"]))
         if "end_pod" in found:
             _print_ends(end_rows(found))
         if advice:
@@ -241,7 +284,8 @@ def _print(found: "xr.Dataset") -> None:
 
     said = found.attrs
     typer.echo(
-        f"smallest size that the bound detects in 90 % of {said['states']} states "
+        f"{said['quantities'].capitalize()} of the drives: smallest size that the bound detects "
+        f"in 90 % of {said['states']} states "
         f"(discrepancy {100 * said['discrepancy']:g} %, {said['history']} sound throws known, "
         f"false-alarm rate {said['false_alarm_rate']:g}); optimistic: place and size are known"
     )
@@ -259,6 +303,17 @@ def _print(found: "xr.Dataset") -> None:
 
 def _millimetres(value: object) -> str:
     return f"{1e3 * value:.1f}" if isinstance(value, float) else "beyond"
+
+
+def _print_known(rows: "list[dict[str, float | str | None]]", *, draws: int) -> None:
+    typer.echo(
+        f"\nif the place is known, size and state not ({draws} sound throws drawn): the limit lies "
+        "between the two"
+    )
+    typer.echo(f"{'place':<12}{'a90 [mm]':>10}{'95 %':>15}")
+    for row in rows:
+        cells = [_millimetres(row[f"known_a90{end}"]) for end in ("", "_low", "_high")]
+        typer.echo(f"{row['place']:<12}{cells[0]:>10}{cells[1] + ' ... ' + cells[2]:>15}")
 
 
 def _print_ends(rows: "list[Mapping[str, float | str | None]]") -> None:

@@ -9,14 +9,13 @@ from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import (
     CalibrationOption,
     PanelArgument,
+    QuietOption,
     SetOption,
     check_outputs,
     write_and_report,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from turnout.detection.day_plan import Candidates, Knowledge
 
 LENGTHS = dict.fromkeys(("size", "a90", "a90_95", "grid_a90_95"), "m")
@@ -39,11 +38,12 @@ def plan_test_command(
         Path | None, typer.Option("--out", "-o", metavar="FILE.csv", help="Write the plan.")
     ] = None,
     as_json: JsonOption = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Plan a day of tests: objects, places and order that determine the switch and a90 best."""
     check_outputs({"--out": out}, {"--out": (".csv",)})
     from turnout.cli.options import opened_panel
+    from turnout.cli.watch import watched
     from turnout.detection.day_plan import candidates, full_grid, known_after, ordered, plan
     from turnout.detection.reference import Conditions
 
@@ -51,8 +51,10 @@ def plan_test_command(
     given = None
     if panel is not None or calibration is not None or settings:
         given = opened_panel(panel, settings, calibration)
-    found = candidates(given, conditions=conditions, report=_shown("simulating", quiet=quiet))
-    chosen = ordered(found, plan(found, throws, report=_shown("choosing", quiet=quiet)))
+    with watched("simulating the throws to choose from", quiet=quiet) as watch:
+        found = candidates(given, conditions=conditions, report=watch.report)
+    with watched("choosing throws", quiet=quiet) as watch:
+        chosen = ordered(found, plan(found, throws, report=watch.report))
     grid = full_grid(found)
     known, of_grid = known_after(found, chosen), known_after(found, grid)
     rows = [
@@ -79,20 +81,6 @@ def plan_test_command(
         print_json("plan-test", record, units=LENGTHS, written=[out] if out else [])
         return
     _print(found, chosen, grid, known, of_grid)
-
-
-def _shown(what: str, *, quiet: bool) -> "Callable[[int, int], None] | None":
-    """Return what shows progress on stderr, where that is a terminal."""
-    import sys
-
-    if quiet or not sys.stderr.isatty():
-        return None
-
-    def report(done: int, total: int) -> None:
-        end = "\n" if done == total else ""
-        typer.echo(f"\r{what}: {done} of {total} throws{end}", nl=False, err=True)
-
-    return report
 
 
 def _parameter_rows(

@@ -6,10 +6,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from turnout.cli.json_output import JsonOption, print_json
-from turnout.cli.options import FIGURES, FigureOption, check_outputs, write_and_report
+from turnout.cli.options import (
+    FIGURES,
+    FigureOption,
+    QuietOption,
+    check_outputs,
+    write_and_report,
+)
 
 if TYPE_CHECKING:
     from turnout.detection.pod_result import Pod
+    from turnout.detection.pod_table import TestThrows
 
 TABLES = (".nc", ".csv")
 METRES = ("a50", "a90", "a90_95", "a90_95_profile", "required_size", "required_size_bound")
@@ -20,21 +27,22 @@ def pod_command(
         Path, typer.Argument(metavar="RESULTS", help="Table of the campaign (.csv), a row a throw.")
     ],
     threshold: Annotated[
-        float | None,
+        str | None,
         typer.Option(
             "--threshold",
             metavar="VALUE",
-            help="Response from which an object is detected; without it hits and misses are used.",
+            help="Response from which an object is detected, as 250 or '250 N'; without it hits "
+            "and misses are used.",
         ),
     ] = None,
     floor: Annotated[
-        float | None,
+        str | None,
         typer.Option(
             "--floor", metavar="VALUE", help="Responses at or below this are only known to be so."
         ),
     ] = None,
     slip: Annotated[
-        float | None,
+        str | None,
         typer.Option(
             "--slip", metavar="VALUE", help="Responses at or above this are only known to be so."
         ),
@@ -56,7 +64,8 @@ def pod_command(
         typer.Option(
             "--campaigns",
             metavar="N",
-            help="Simulated campaigns that calibrate a90/95; 0 gives the plain profile likelihood.",
+            help="Simulated campaigns that calibrate a90/95, 100 or more; 0 gives the plain "
+            "profile likelihood.",
         ),
     ] = 400,
     out: Annotated[
@@ -67,7 +76,7 @@ def pod_command(
     ] = None,
     plot: FigureOption = None,
     as_json: JsonOption = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show nothing but errors.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Estimate the probability of detection over size, with a90 and a90/95."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": TABLES, "--plot": FIGURES})
@@ -75,17 +84,19 @@ def pod_command(
     from turnout.detection.pod_result import PodModel, key_figures
     from turnout.detection.pod_table import read_test_throws
 
+    throws = read_test_throws(results)
+    given = _responses({"--threshold": threshold, "--floor": floor, "--slip": slip}, throws)
     model = PodModel(
-        threshold=threshold,
-        least=float("-inf") if floor is None else floor,
-        most=float("inf") if slip is None else slip,
+        threshold=given.get("--threshold"),
+        least=given.get("--floor", float("-inf")),
+        most=given.get("--slip", float("inf")),
         size_scale=size_scale,
         response_scale=response_scale,
         link=link,
         grouped=not pooled,
         drawn=campaigns,
     )
-    found = estimate_pod(read_test_throws(results), model)
+    found = estimate_pod(throws, model)
     still = quiet or as_json
     if out is not None:
         write_and_report(out, _content(found, out.suffix.lower()), quiet=still)
@@ -108,6 +119,24 @@ def pod_command(
         print_json("pod", record, units=dict.fromkeys(METRES, "m"), written=written)
     elif not quiet:
         _print(found)
+
+
+def _responses(texts: dict[str, str | None], throws: "TestThrows") -> dict[str, float]:
+    """Return the responses that options give, in the unit of the table, or refuse them at once."""
+    from turnout.detection.pod_table import response_value
+    from turnout.errors import StudyError
+
+    found, faults = {}, []
+    for option, text in texts.items():
+        if text is None:
+            continue
+        try:
+            found[option] = response_value(text, throws=throws)
+        except ValueError as error:
+            faults.append(f'{option} "{text}": {error}')
+    if faults:
+        raise StudyError(faults, source="options")
+    return found
 
 
 def _content(found: "Pod", suffix: str) -> bytes | str:

@@ -139,7 +139,7 @@ def _root(covariance: Floats) -> Floats:
     return np.asarray(directions[:, kept] * np.sqrt(values[kept]))
 
 
-ROUNDING = 1e-12
+ROUNDING = 1e-15
 """Share of the largest eigenvalue below which one is rounding."""
 
 

@@ -25,7 +25,9 @@ class Conditions:
     fixed_share : float
         Share of the variance of the discrepancy that stays the same for a switch [-].
     noise : float
-        Standard deviation of white noise of a sample [N].
+        Standard deviation of white noise of a sample of a force [N].
+    current_noise, power_noise : float
+        The same of a motor current [A], and of the power from the supply [W]; assumptions.
     rate : float
         Samples a second [Hz].
     history : int
@@ -41,6 +43,8 @@ class Conditions:
     correlation_time: float = 0.5
     fixed_share: float = 0.5
     noise: float = 20.0
+    current_noise: float = 0.02
+    power_noise: float = 5.0
     rate: float = 125.0
     history: int = 0
     false_alarm_rate: float = 1e-3
@@ -56,8 +60,10 @@ class Conditions:
             faults.append(f"false alarm rate = {self.false_alarm_rate:g}: {text}")
         if self.history < 0:
             faults.append(f"history = {self.history}: must be a number of throws, 0 or more")
-        if not self.noise > 0.0:
-            faults.append(f"noise = {self.noise:g} N: must be more than 0")
+        for name, unit in (("noise", "N"), ("current_noise", "A"), ("power_noise", "W")):
+            if not getattr(self, name) > 0.0:
+                text = f"{name.replace('_', ' ')} = {getattr(self, name):g} {unit}"
+                faults.append(f"{text}: must be more than 0")
         if self.kernel not in KERNELS:
             faults.append(f'kernel = "{self.kernel}": allowed are {", ".join(KERNELS)}')
         if faults:

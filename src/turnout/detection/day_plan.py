@@ -198,7 +198,10 @@ def candidates(
     amplitude = np.abs(np.array(force[0][0])).max(axis=-1)
     total = discrepancy_covariance(time, means, amplitude=amplitude, conditions=conditions)
     noise = noise_covariance(
-        means, drives=len(amplitude), conditions=conditions, sampled=conditions.rate
+        means,
+        noise=np.full(len(amplitude), conditions.noise),
+        conditions=conditions,
+        sampled=conditions.rate,
     )
     return Candidates(
         place=tuple(place for place, _ in tests),
@@ -299,7 +302,7 @@ def plan(of: Candidates, throws: int, *, report: Report | None = None) -> list[i
         found = _prior(of)
         for done in range(1, throws + 1):
             gain = [
-                _parameter_gain(of, found, row) + _size_gain(of, chosen, row)
+                _parameter_gain(of, found, row) + _size_gain(of, found, chosen, row)
                 for row in range(len(of.place))
             ]
             best = 0 if done % SOUND_EACH == 1 else int(np.argmax(gain))
@@ -334,13 +337,13 @@ def _parameter_gain(of: Candidates, known: Floats, row: int) -> float:
     return float(-0.5 * np.log(np.maximum(left, 1e-12) / np.diag(known)[:count]).sum())
 
 
-def _size_gain(of: Candidates, chosen: Sequence[int], row: int) -> float:
+def _size_gain(of: Candidates, known: Floats, chosen: Sequence[int], row: int) -> float:
     """Return by how much the logarithm of the uncertainty of a90 at that place falls."""
     place = of.place[row]
     if place == NO_OBJECT:
         return 0.0
     own = [item for item in chosen if of.place[item] == place]
-    before, after = (_a90(of, place, rows) for rows in (own, [*own, row]))
+    before, after = (_a90(of, known, place, rows) for rows in (own, [*own, row]))
     if not np.isfinite(before[0]):
         return 0.0
     doubts = [max(high - size, 1e-5) for size, high in (before, after)]
@@ -361,15 +364,21 @@ def index_line(of: Candidates, place: str) -> tuple[float, float, NDArray[np.int
     return float(intercept), float(slope), on
 
 
-def _a90(of: Candidates, place: str, rows: Sequence[int]) -> tuple[float, float]:
-    """Return a90 of the bound at a place, and its upper 95 % limit after some throws there."""
+def _a90(of: Candidates, known: Floats, place: str, rows: Sequence[int]) -> tuple[float, float]:
+    """Return a90 of the bound at a place, and its upper 95 % limit after some throws.
+
+    All throws of the day determine what is fixed for the switch, and so the intercept at every
+    place; those at the place whose response lies on the line determine its slope. One at which a
+    drive slips is censored far above the threshold: it does not contribute to the slope.
+    """
     intercept, slope, on = index_line(of, place)
     if not slope > 0.0:
         return float("nan"), float("nan")
     needed = ndtri(1.0 - of.false_alarm_rate) + ndtri(0.9)
     size = (needed - intercept) / slope
     middle = float(of.size[on].mean())
-    precision = np.diag([1.0 / SWITCH_DOUBT**2, 1.0 / (SLOPE_DOUBT * slope) ** 2])
+    doubt_of_switch = SWITCH_DOUBT**2 * max(_remaining(of, known, int(on[0])), LEAST_DOUBT)
+    precision = np.diag([1.0 / doubt_of_switch, 1.0 / (SLOPE_DOUBT * slope) ** 2])
     for row in rows:
         if row in on:
             way = np.array([1.0, of.size[row] - middle])
@@ -379,10 +388,22 @@ def _a90(of: Candidates, place: str, rows: Sequence[int]) -> tuple[float, float]
     return max(float(size), 0.0), max(float(size + 1.6449 * doubt), 0.0)
 
 
+def _remaining(of: Candidates, known: Floats, row: int) -> float:
+    """Return what is left of the variance, fixed for the switch, of the index of a throw [-]."""
+    weights = np.linalg.solve(of.fixed + of.own, of.features[row] - of.features[0])
+    way = weights @ np.hstack([of.sensitivity[row], np.eye(len(of.fixed))])
+    before = way @ _prior(of) @ way
+    return float(way @ known @ way / before) if before > 0.0 else 1.0
+
+
+LEAST_DOUBT = 0.01
+"""Share of the variance of the intercept that no number of throws removes: objects differ [-]."""
+
+
 def _knowledge(of: Candidates, known: Floats, chosen: Sequence[int]) -> Knowledge:
     places = [name for name in dict.fromkeys(of.place) if name != NO_OBJECT]
     found = {
-        place: _a90(of, place, [row for row in chosen if of.place[row] == place])
+        place: _a90(of, known, place, [row for row in chosen if of.place[row] == place])
         for place in places
     }
     return Knowledge(

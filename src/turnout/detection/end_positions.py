@@ -16,6 +16,7 @@ from scipy.linalg import solve_triangular
 
 from turnout.core.threads import one_blas_thread
 from turnout.detection.bound import probability_of_detection
+from turnout.detection.drive_quantities import read_signals, stored_channels
 from turnout.detection.features import features_of
 from turnout.detection.limit import SoundThrows, smallest_seen, sound_throws
 from turnout.detection.reference import Conditions, reference_study
@@ -66,8 +67,8 @@ class EndThrows:
     Attributes
     ----------
     positions : tuple of Position
-    change : ndarray, shape (n_states, n_positions, n_sizes, n_drives, n_times)
-        Force with an object less that without [N]; NaN where there was no room.
+    change : ndarray, shape (n_states, n_positions, n_sizes, n_signals, n_times)
+        Signal with an object less that without; NaN where there was no room.
     gap : ndarray, shape (n_states, n_positions, n_sizes)
         At the position at the end of the throw [m].
     level : ndarray, shape (n_states,)
@@ -107,7 +108,7 @@ def ends_study(study: Study, positions: Sequence[Position]) -> Study:
     """Return a study that throws each state with objects at each position."""
     sizes = {item.at: [round(share * item.limit, 5) for share in SHARES] for item in positions}
     made = objects_study(study, sizes)
-    channels = ("drive_force", *dict.fromkeys(item.channel for item in positions))
+    channels = (*stored_channels(study.panel), *dict.fromkeys(item.channel for item in positions))
     return replace(
         made, name=f"{study.name}, end positions",
         output=replace(study.output, channels=channels),
@@ -145,7 +146,7 @@ def throw_ends(
     run_sweep(ends_study(study, positions), folder / ENDS, workers=workers, report=report)
     found = open_sweep(folder / ENDS)
     shape = (states, len(positions), len(SHARES))
-    force = found["drive_force"].to_numpy().astype(np.float64)
+    force = read_signals(found, throws.signals)
     force = force.reshape(*shape, *force.shape[1:])
     used = throws.states < states
     rows = throws.states[used]

@@ -116,20 +116,20 @@ def discrepancy_covariance(
 
 
 def noise_covariance(
-    means: Floats, *, drives: int, conditions: Conditions, sampled: float
+    means: Floats, *, noise: ArrayLike, conditions: Conditions, sampled: float
 ) -> Floats:
-    """Return the covariance of features that white noise causes [N^2].
+    """Return the covariance of features that white noise causes.
 
     Parameters
     ----------
     means : ndarray, shape (n_windows, n_times)
         From `window_means`.
-    drives : int
-        Number of drives.
+    noise : array_like, shape (n_signals,)
+        Standard deviation of a sample of each signal [N], [A] or [W].
     conditions : Conditions
-        Noise of a sample and samples a second.
+        Samples a second.
     sampled : float
         Samples a second of `means`; a faster recorder averages more samples in a window [Hz].
     """
-    once = conditions.noise**2 * (means @ means.T) * (sampled / conditions.rate)
-    return np.asarray(block_diag(*[once] * drives))
+    once = means @ means.T * (sampled / conditions.rate)
+    return np.asarray(block_diag(*(item**2 * once for item in np.asarray(noise, dtype=float))))

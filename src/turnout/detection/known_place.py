@@ -1,18 +1,18 @@
-r"""The known-place bound: a likelihood ratio that is told the place, with sampled signatures.
+r"""The known-place bound: a likelihood ratio for one place, with sampled signatures.
 
 Around friction level :math:`c` sound throws are normal with mean :math:`m_c` and covariance
-:math:`C_c`. Whoever is told the place of an object, but neither its size nor the state of the
-switch, does best by the ratio (Neyman and Pearson 1933)
+:math:`C_c`. If the place of an object is known, but neither its size nor the state of the
+switch, the best test compares the ratio (Neyman and Pearson 1933)
 
 .. math::
     \Lambda(y) = \frac{\sum_i \frac{1}{n} \sum_c p(c | l_i)\, N(y; m_c + s_i, C_c + \alpha^2 s_i
     s_i^T)}{\sum_c \pi_c\, N(y; m_c, C_c)}, \qquad \pi_c = \sum_i \frac{1}{n} p(c | l_i)
 
-over the signatures :math:`s_i` of objects of all sizes that were thrown there, in the states
-:math:`i` with friction level :math:`l_i`; the factor :math:`1 \pm \alpha` reaches sizes between
-them. A throw with an object is judged without the signatures of its own state. A real detector
-does not know the place; one with more signatures knows them better. So the limit of what can be
-seen lies between this bound and the linear-Gaussian one.
+with a threshold; :math:`s_i` are the signatures of objects of all sizes that were thrown there, in
+the states :math:`i` with friction level :math:`l_i`; the factor :math:`1 \pm \alpha` reaches sizes
+between them. A throw with an object is judged without the signatures of its own state. A real
+detector does not know the place; one with more signatures knows them better. So the limit of what
+can be seen lies between this bound and the linear-Gaussian one.
 
 A threshold that sound throws exceed at a small rate :math:`\alpha_0` follows from as many drawn
 throws with and without an object, in the mean :math:`q = (p_0 + p_1) / 2` of their densities:
@@ -147,7 +147,7 @@ def draw_sound(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Power:
-    """What can be seen at a place by whoever is told it.
+    """What can be seen at a place that is known.
 
     Attributes
     ----------

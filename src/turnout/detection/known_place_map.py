@@ -56,7 +56,7 @@ def known_place_map(
     seed: int = 1,
     report: Report | None = None,
 ) -> xr.Dataset:
-    """Return what can be seen at each place by a likelihood ratio that is told the place.
+    """Return what can be seen at each place by a likelihood ratio for that place.
 
     Parameters
     ----------

@@ -10,6 +10,7 @@ from scipy.linalg import solve_triangular
 
 from turnout.core.threads import one_blas_thread
 from turnout.detection.bound import predictive, probability_of_detection
+from turnout.detection.drive_quantities import Signal, noise_of, quantities_of
 from turnout.detection.features import (
     discrepancy_covariance,
     features_of,
@@ -44,7 +45,12 @@ UNITS = {
 
 
 def limit_map(
-    throws: Throws, conditions: Conditions, *, closing: float, averaged: int = 1
+    throws: Throws,
+    conditions: Conditions,
+    *,
+    closing: float,
+    averaged: int = 1,
+    beside: Floats | None = None,
 ) -> xr.Dataset:
     """Return probability of detection over place and size, from both drives and from each alone.
 
@@ -58,6 +64,8 @@ def limit_map(
         When the last closing begins [s].
     averaged : int
         Throws of the same switch, with the object in place, whose mean is judged.
+    beside : ndarray, shape (n_states, n_places, n_sizes), optional
+        Change of an independent reading by each object, in its standard deviations [-].
 
     Returns
     -------
@@ -67,7 +75,7 @@ def limit_map(
         that one, and an a90 beyond it is NaN.
     """
     with one_blas_thread():
-        return _limit_map(throws, conditions, closing=closing, averaged=averaged)
+        return _limit_map(throws, conditions, closing=closing, averaged=averaged, beside=beside)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -87,7 +95,7 @@ class SoundThrows:
     shifts : tuple of ndarray, each of shape (n_features, r)
         What a history makes of the mean, from `Predictive` [N].
     channels : mapping of str to ndarray
-        Features of both drives, and of each alone.
+        Features of all drives, of each alone, and of each quantity where there are several.
     """
 
     means: Floats
@@ -119,7 +127,6 @@ def sound_throws(
         Throws of the same switch whose mean is judged.
     """
     means = window_means(throws.time, closing=closing)
-    drives, windows = len(throws.amplitude), len(means)
     models = local_models(
         features_of(throws.sound, means), switch=throws.switch, level=throws.level
     )
@@ -129,27 +136,47 @@ def sound_throws(
         discrepancy=discrepancy_covariance(
             throws.time, means, amplitude=throws.amplitude, conditions=conditions
         ),
-        noise=noise_covariance(means, drives=drives, conditions=conditions, sampled=sampled),
+        noise=noise_covariance(
+            means,
+            noise=noise_of(throws.signals, conditions),
+            conditions=conditions,
+            sampled=sampled,
+        ),
         fixed_share=conditions.fixed_share,
         level_deviation=conditions.level_deviation,
         history=conditions.history,
         averaged=averaged,
     )
-    channels = {BOTH: np.arange(drives * windows)}
-    for number in range(drives):
-        channels[f"drive {number + 1}"] = np.arange(windows) + number * windows
     return SoundThrows(
         means=means,
         covariances=expected.covariances,
         levels=np.array([item.level for item in models]),
         mean=np.array([item.mean for item in models]),
         shifts=expected.shifts,
-        channels=channels,
+        channels=_channels(throws.signals, windows=len(means)),
     )
 
 
+def _channels(signals: Sequence[Signal], *, windows: int) -> dict[str, NDArray[np.intp]]:
+    """Return the features of all signals, of each drive, and of each quantity if there are more."""
+    of_all = np.arange(len(signals) * windows).reshape(len(signals), windows)
+    drives = dict.fromkeys(item.drive for item in signals)
+    quantities = dict.fromkeys(item.quantity for item in signals)
+    kept = {BOTH: list(range(len(signals)))}
+    for name in drives:
+        kept[f"drive {name}"] = [n for n, item in enumerate(signals) if item.drive == name]
+    for name in quantities if len(quantities) > 1 else ():
+        kept[name] = [n for n, item in enumerate(signals) if item.quantity == name]
+    return {name: of_all[rows].ravel() for name, rows in kept.items()}
+
+
 def _limit_map(
-    throws: Throws, conditions: Conditions, *, closing: float, averaged: int
+    throws: Throws,
+    conditions: Conditions,
+    *,
+    closing: float,
+    averaged: int,
+    beside: Floats | None,
 ) -> xr.Dataset:
     known = sound_throws(throws, conditions, closing=closing, averaged=averaged)
     nearest = known.nearest(throws.level[throws.states])
@@ -161,7 +188,7 @@ def _limit_map(
     ]
     pod = np.stack(
         [
-            _detected(signatures, on_sizes, known.covariances, nearest, used, conditions)
+            _detected(signatures, on_sizes, known.covariances, nearest, used, conditions, beside)
             for used in known.channels.values()
         ]
     )
@@ -210,6 +237,7 @@ def _detected(
     nearest: NDArray[np.intp],
     used: NDArray[np.intp],
     conditions: Conditions,
+    beside: Floats | None,
 ) -> Floats:
     """Return the probability of detection, shape (n_states, n_places, n_sizes)."""
     lower = [np.linalg.cholesky(item[np.ix_(used, used)]) for item in covariances]
@@ -222,6 +250,8 @@ def _detected(
             known = np.isfinite(signatures[state, place][:, used]).all(axis=-1)
             white = np.where(known[:, np.newaxis], signatures[state, place][:, used], 0.0) @ root
             gram = white @ white.T
+            if beside is not None:
+                gram += np.outer(beside[state, place], beside[state, place])
             squared = np.einsum("ni,ij,nj->n", weights, gram, weights)
             each.append(np.sqrt(np.maximum(squared, 0.0)))
         found.append(each)
@@ -295,6 +325,7 @@ def _dataset(
             "sound_throws": len(throws.sound),
             "object_throws": int(np.isfinite(throws.force_peak).sum()),
             "amplitude": throws.amplitude.tolist(),
+            "quantities": quantities_of(throws.signals),
             "touch_agreement": float(agree.mean()),
             "bound": "linear-Gaussian: place, size and signature known; optimistic",
         },

@@ -35,6 +35,8 @@ CURVE = (0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0
 """Probabilities of detection at which the curve and its bound are given [-]."""
 ASYMPTOTE_GAIN = float(chi2.isf(0.1, 1))
 """Likelihood ratio from which a floor or ceiling is kept: 5 % at a bound (Self and Liang 1987)."""
+SCREENED = (-5.0, -3.5, -2.2, -1.2)
+"""Floors and ceilings of 0.3, 1.5, 5 and 12 %, on the scale of the search, that are tried first."""
 FEWEST_THROWS, FEWEST_SWITCHES, FEWEST = 10, 3, 5
 
 
@@ -57,9 +59,9 @@ def estimate_pod(throws: TestThrows, model: PodModel | None = None) -> Pod:
     campaigns = _campaigns(throws, model)
     sound = throws.size == 0.0
     alarms = alarms_of(throws, model)[sound]
-    _refuse_without_range(campaigns, throws.size[~sound])
+    _refuse_without_range(campaigns, throws)
     campaigns, best = _with_asymptotes(campaigns, int(alarms.sum()), int(sound.sum()))
-    _refuse_without_growth(campaigns, best, throws.size[~sound])
+    _refuse_without_growth(campaigns, best, throws)
     reachable = campaigns.low < WANTED < campaigns.high
     bound = plain = limit = np.nan
     if reachable:
@@ -199,7 +201,7 @@ def _with_asymptotes(campaigns: Campaigns, alarms: int, sound: int) -> tuple[Cam
 
     def fitted(low: float, high: float) -> tuple[Campaigns, Fit, float]:
         trial = replace(campaigns, low=low, high=high)
-        fit = maximise(trial)
+        fit = maximise(trial, start=best.parameters)
         extra = xlogy(alarms, low) + xlogy(sound - alarms, 1.0 - low)
         return trial, fit, float(fit.value[0] + extra)
 
@@ -211,7 +213,11 @@ def _with_asymptotes(campaigns: Campaigns, alarms: int, sound: int) -> tuple[Cam
         def height(values: Floats) -> float:
             return -fitted(*ends(values))[2]
 
-        begin = np.full(int(floor) + int(ceiling), -3.0)
+        tried = [np.full(int(floor) + int(ceiling), value) for value in SCREENED]
+        heights = [height(values) for values in tried]
+        begin = tried[int(np.argmin(heights))]
+        if -min(heights) <= chosen[2]:  # no asymptote is likelier than some
+            return fitted(*ends(begin))
         found = minimize(height, begin, method="Nelder-Mead", tol=2e-3)
         return fitted(*ends(np.asarray(found.x, dtype=np.float64)))
 
@@ -226,8 +232,9 @@ def _with_asymptotes(campaigns: Campaigns, alarms: int, sound: int) -> tuple[Cam
     return chosen[0], chosen[1]
 
 
-def _refuse_without_range(campaigns: Campaigns, sizes: Floats) -> None:
+def _refuse_without_range(campaigns: Campaigns, throws: TestThrows) -> None:
     """Refuse a campaign of one size or one outcome."""
+    sizes = throws.size[throws.size > 0.0]
     span = f"{1e3 * sizes.min():g} to {1e3 * sizes.max():g} mm"
     message = ""
     if np.ptp(campaigns.x) == 0.0:
@@ -238,21 +245,22 @@ def _refuse_without_range(campaigns: Campaigns, sizes: Floats) -> None:
     elif not campaigns.binary and len(set(campaigns.y[0][campaigns.side[0] == KNOWN])) < FEWEST:
         message = f"fewer than {FEWEST} different responses lie between floor and slip; throw more"
     if message:
-        raise StudyError([message], source="POD")
+        raise StudyError([message], source=throws.source)
 
 
-def _refuse_without_growth(campaigns: Campaigns, best: Fit, sizes: Floats) -> None:
+def _refuse_without_growth(campaigns: Campaigns, best: Fit, throws: TestThrows) -> None:
     """Refuse a campaign whose size of detection is not defined."""
+    sizes = throws.size[throws.size > 0.0]
     span = f"{1e3 * sizes.min():g} to {1e3 * sizes.max():g} mm"
     if best.parameters[0, SLOPE] <= 0.0:
         message = f"detection does not grow with the size from {span}; throw a wider range of sizes"
-        raise StudyError([message], source="POD")
+        raise StudyError([message], source=throws.source)
     if separated(best, campaigns):
         message = (
             "hits and misses do not overlap: every object above some size was hit, every one below "
             "missed; throw more sizes between the largest miss and the smallest hit"
         )
-        raise StudyError([message], source="POD")
+        raise StudyError([message], source=throws.source)
 
 
 def _notes(

@@ -16,6 +16,8 @@ Floats = NDArray[np.float64]
 
 SCALES = ("log", "linear")
 LINKS = ("probit", "logit")
+FEWEST_DRAWN = 100
+"""Simulated campaigns whose 5 % quantile is near enough to calibrate a bound."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,10 +68,11 @@ class PodModel:
                 f"threshold = {self.threshold:g}: must lie between the floor "
                 f"{self.least:g} and the limit {self.most:g} of the response"
             )
-        if self.drawn < 0:
-            faults.append(f"simulated campaigns = {self.drawn}: must be 0 or more")
+        if self.drawn != 0 and self.drawn < FEWEST_DRAWN:
+            text = f"must be 0, or {FEWEST_DRAWN} or more: a quantile of fewer is left to chance"
+            faults.append(f"simulated campaigns = {self.drawn}: {text}")
         if faults:
-            raise StudyError(faults, source="POD")
+            raise StudyError(faults, source="POD model")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from turnout.core.problems import choices, nearest, show_value
 from turnout.core.toml import decode, read_bytes
+from turnout.core.units import DIMENSIONS, Dimension, parse_quantity, unit_factor
 from turnout.errors import StudyError
 from turnout.measurement.campaign.run_sheet import object_size, parse_yes_no
 
@@ -197,6 +198,42 @@ def _hit(cell: str) -> bool:
 def _size(cell: str, *, unit: str) -> float:
     bare = re.fullmatch(r"[-+]?[\d.,]+", cell)
     return object_size(f"{cell.replace(',', '.')} {unit}" if bare and unit else cell)
+
+
+def response_value(text: str, *, throws: TestThrows) -> float:
+    """Return a response given on its own, such as a threshold, in the unit of the table.
+
+    Parameters
+    ----------
+    text : str
+        A number, in the unit of the table, or with a unit of the same dimension.
+    throws : TestThrows
+        Whose responses it is compared with.
+
+    Raises
+    ------
+    ValueError
+        Saying what it must be.
+    """
+    bare = re.fullmatch(r"\s*([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s*(.*?)\s*", text)
+    if bare is None or not bare[2]:
+        return _number(text.strip())
+    known = next((item for item in DIMENSIONS if _is_of(throws.unit, item)), None)
+    if known is None:
+        message = (
+            f"must be a number without a unit, since {throws.source} gives responses no known "
+            'unit; name it in the heading, as in "response [N]"'
+        )
+        raise ValueError(message)
+    value = parse_quantity(f"{bare[1].replace(',', '.')} {bare[2]}", known)
+    return value / unit_factor(throws.unit, known)
+
+
+def _is_of(unit: str, dimension: Dimension) -> bool:
+    try:
+        return bool(unit) and unit_factor(unit, dimension) > 0.0
+    except ValueError:
+        return False
 
 
 def _number(cell: str) -> float:

@@ -8,6 +8,7 @@ history that is known of a switch, and the rates of false alarms.
 from dataclasses import replace
 
 from turnout.detection.conditions import Conditions
+from turnout.detection.drive_quantities import stored_channels
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
 from turnout.study.load_study import load_study
@@ -49,8 +50,31 @@ def reference_study(panel: LoadedPanel | None = None, *, count: int | None = Non
     """
     study = load_study(STUDY)
     if panel is not None:
-        study = replace(study, panel=_fitting(panel, study))
+        study = _with_machines(replace(study, panel=_fitting(panel, study)))
     return study if count is None else replace(study, design=replace(study.design, draws=count))
+
+
+def _with_machines(study: Study) -> Study:
+    """Return a study that keeps the currents of machines and varies their clutches.
+
+    The slip level of a drive that is a machine is that of its clutch, so what multiplies
+    `drive.N.saturation_force` multiplies the torque of the clutch instead. Drives of one machine
+    share it, and vary together.
+    """
+    kept = dict.fromkeys((*study.output.channels, *stored_channels(study.panel)))
+    variables, taken = dict(study.variables), set()
+    for name, drive in study.panel.drive.items():
+        key = f"drive.{name}.{SLIP_LEVEL}"
+        found = next((item for item in variables.values() if item.key == key), None)
+        if drive.machine is None or found is None or drive.machine in taken:
+            continue
+        taken.add(drive.machine)
+        torque = f"machine.{drive.machine}.clutch.torque"
+        variables[found.name] = replace(found, key=torque)
+    return replace(study, variables=variables, output=replace(study.output, channels=tuple(kept)))
+
+
+SLIP_LEVEL = "saturation_force"
 
 
 def _fitting(panel: LoadedPanel, study: Study) -> LoadedPanel:

@@ -13,6 +13,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.detection.drive_quantities import (
+    FORCE,
+    Signal,
+    amplitudes,
+    force_peaks,
+    read_signals,
+    signals_of,
+)
 from turnout.detection.floor import touch_floor
 from turnout.detection.reference import (
     FIELD_MEAN,
@@ -22,10 +30,7 @@ from turnout.detection.reference import (
     reference_study,
     switch_inputs,
 )
-from turnout.panel.foreign_object import resolve_objects
 from turnout.panel.load import LoadedPanel
-from turnout.response.signals import drive_signals
-from turnout.response.simulate import solve_placed
 from turnout.study.design import Axis
 from turnout.study.random_inputs import TemperatureLaw
 from turnout.study.scenario import Output
@@ -51,8 +56,8 @@ class Throws:
 
     Attributes
     ----------
-    sound : ndarray, shape (n_sound, n_drives, n_times)
-        Drive forces of sound throws [N].
+    sound : ndarray, shape (n_sound, n_signals, n_times)
+        Signals of sound throws: drive forces [N], currents [A], powers [W].
     time : ndarray, shape (n_times,)
         [s]
     switch : ndarray, shape (n_sound, n_inputs)
@@ -61,8 +66,8 @@ class Throws:
         Mean friction coefficient of the chairs in each throw [-].
     states : ndarray of int, shape (n_states,)
         Rows of `sound` that were also thrown with objects.
-    change : ndarray, shape (n_states, n_places, n_sizes, n_drives, n_times)
-        Force with an object less that without [N]; NaN where the object found no room.
+    change : ndarray, shape (n_states, n_places, n_sizes, n_signals, n_times)
+        Signal with an object less that without; NaN where the object found no room.
     force_peak : ndarray, shape (n_states, n_places, n_sizes)
         Largest force on the object [N].
     gap : ndarray, shape (n_states, n_places)
@@ -72,8 +77,10 @@ class Throws:
         [m]
     sizes : ndarray, shape (n_places, n_sizes)
         Thrown at each place [m].
-    amplitude : ndarray, shape (n_drives,)
-        Peak absolute force of the nominal sound throw [N].
+    amplitude : ndarray, shape (n_signals,)
+        Peak of each signal in the nominal sound throw [N], [A] or [W].
+    signals : tuple of Signal
+        What was recorded of the drives.
     """
 
     sound: Floats
@@ -88,6 +95,7 @@ class Throws:
     x: Floats
     sizes: Floats
     amplitude: Floats
+    signals: tuple[Signal, ...]
 
 
 def places_of(panel: LoadedPanel) -> dict[str, float]:
@@ -118,18 +126,20 @@ def closing_time(panel: LoadedPanel | None = None) -> float:
 
 def nominal_amplitude(study: Study, *, friction: float) -> Floats:
     """Return the peak absolute force of each drive in a sound throw of the panel itself [N]."""
-    panel = study.panel.with_overrides({FRICTION: friction})
-    solved = solve_placed(panel, resolve_objects(panel, ()), scheme=study.scheme)
-    signals = drive_signals(panel, solved.mechanism, solved.history)
-    force = np.asarray(signals["drive_force"][1], dtype=np.float64)
-    return np.asarray(np.abs(force).max(axis=-1))
+    return force_peaks(study.panel.with_overrides({FRICTION: friction}), scheme=study.scheme)
 
 
 def floor_study(study: Study) -> Study:
     """Return a study that keeps gaps along the rails, at few instants, the last after closing."""
+    return few_instants(study, "gap", title="gaps")
+
+
+def few_instants(study: Study, *channels: str, title: str) -> Study:
+    """Return a study that keeps some channels at few instants, the last after closing."""
     end = float(study.panel.schedule.end)
     rate = 2.0 if (2.0 * end).is_integer() else 1.0
-    return replace(study, name=f"{study.name}, gaps", output=Output(rate=rate, channels=("gap",)))
+    kept = Output(rate=rate, channels=channels)
+    return replace(study, name=f"{study.name}, {title}", output=kept)
 
 
 def objects_study(study: Study, sizes: Mapping[str, Sequence[float]]) -> Study:
@@ -167,6 +177,7 @@ def throw_all(
     *,
     sound: int,
     states: int,
+    channels: str = FORCE,
     workers: int = 1,
     report: Callable[[str], Report] | None = None,
 ) -> Throws:
@@ -180,6 +191,8 @@ def throw_all(
         Made if it is not there.
     sound, states : int
         Sound throws, and how many of their states are thrown with objects.
+    channels : str
+        What is evaluated: "force", "current", "power" or "all"; throws keep all there is.
     workers : int
         Processes.
     report : callable, optional
@@ -187,6 +200,7 @@ def throw_all(
     """
     whole = reference_study(panel, count=sound)
     first = reference_study(panel, count=states)
+    signals = signals_of(whole.panel, channels)
     folder.mkdir(parents=True, exist_ok=True)
 
     def run(study: Study, name: str) -> xr.Dataset:
@@ -201,7 +215,31 @@ def throw_all(
     rows = {place: tuple(map(float, sizes[i])) for i, place in enumerate(where)}
     sound_set = run(whole, SOUND)
     object_set = run(objects_study(first, rows), OBJECTS)
-    return throws_from(whole, sound_set, object_set, gap=gaps, where=where, sizes=sizes)
+    return throws_from(
+        whole, sound_set, object_set, gap=gaps, where=where, sizes=sizes, signals=signals
+    )
+
+
+def stored_throws(panel: LoadedPanel | None, folder: Path, *, channels: str = FORCE) -> Throws:
+    """Read the three sweeps of a folder as they are, whichever version of turnout made them.
+
+    Parameters
+    ----------
+    panel : LoadedPanel or None
+        As they were thrown with.
+    folder : Path
+        That of `throw_all`.
+    channels : str
+        What is evaluated.
+    """
+    sound, floor, objects = (open_sweep(folder / name) for name in (SOUND, FLOOR, OBJECTS))
+    study = reference_study(panel, count=sound.sizes["scenario"])
+    where = places_of(study.panel)
+    gaps = gaps_at(floor, np.array(list(where.values())), rail=study.panel.object_defaults.rail)
+    return throws_from(
+        study, sound, objects, gap=gaps, where=where, sizes=sizes_beyond(touch_floor(gaps)),
+        signals=signals_of(study.panel, channels),
+    )  # fmt: skip
 
 
 def gaps_at(dataset: xr.Dataset, x: Floats, *, rail: str) -> Floats:
@@ -220,9 +258,10 @@ def throws_from(
     gap: Floats,
     where: Mapping[str, float],
     sizes: Floats,
+    signals: Sequence[Signal],
 ) -> Throws:
     """Put sweeps together; states without a complete sound throw are left out."""
-    force = sound["drive_force"].to_numpy().astype(np.float64)
+    force = read_signals(sound, signals)
     complete = (sound["outcome"].astype(str) == "complete").to_numpy()
     law = study.law or TemperatureLaw()
     warmth = np.array([law.factor(t) for t in sound[TEMPERATURE].to_numpy().astype(float)])
@@ -230,8 +269,7 @@ def throws_from(
     fixed = np.stack([sound[name].to_numpy() for name in switch_inputs(study)], axis=1)
     count = gap.shape[0]
     shape = (count, len(where), sizes.shape[1])
-    with_object = objects["drive_force"].to_numpy().astype(np.float64)
-    with_object = with_object.reshape(*shape, *force.shape[1:])
+    with_object = read_signals(objects, signals).reshape(*shape, *force.shape[1:])
     peak = objects["object_force_peak"].to_numpy().reshape(shape)
     used = complete[:count]
     rows = np.cumsum(complete)[:count][used] - 1
@@ -247,5 +285,8 @@ def throws_from(
         places=tuple(where),
         x=np.array(list(where.values())),
         sizes=sizes,
-        amplitude=nominal_amplitude(study, friction=NOMINAL_FRICTION),
+        amplitude=amplitudes(
+            study.panel.with_overrides({FRICTION: NOMINAL_FRICTION}), signals, scheme=study.scheme
+        ),
+        signals=tuple(signals),
     )

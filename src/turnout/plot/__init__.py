@@ -36,7 +36,7 @@ NAMES = {
     "Moment": "turnout.plot.sheet",
     "draw_sheet": "turnout.plot.draw",
     "shade_of": "turnout.plot.rail_sheet",
-    "energy_sheet": "turnout.plot.throw",
+    "energy_sheet": "turnout.plot.throw_sheet",
     "shape_sheet": "turnout.plot.rail_sheet",
     "gap_sheet": "turnout.plot.rail_sheet",
     "chair_sheet": "turnout.plot.rail_sheet",

@@ -25,8 +25,8 @@ from turnout.plot.single import plot_drive_gap as plot_drive_gap
 from turnout.plot.single import plot_energy as plot_energy
 from turnout.plot.single import plot_gap as plot_gap
 from turnout.plot.single import plot_rail_shape as plot_rail_shape
-from turnout.plot.throw import energy_sheet as energy_sheet
 from turnout.plot.throw import plot_throw as plot_throw
+from turnout.plot.throw_sheet import energy_sheet as energy_sheet
 from turnout.plot.validation import plot_comparison as plot_comparison
 from turnout.plot.validation import plot_error_map as plot_error_map
 

@@ -42,6 +42,11 @@ def plot_limit(dataset: xr.Dataset, *, channel: str = "both drives") -> "Figure"
     low, high = (1e3 * at[name].to_numpy() for name in ("a90_low", "a90_high"))
     ax.plot(x, 1e3 * at["a90"], "o-", color="black", markersize=4, label="a90, 95 % over states")
     ax.vlines(x, low, high, color="black", linewidth=1.0)
+    if "known_a90" in dataset and channel == "both drives":
+        ax.plot(
+            x, 1e3 * dataset["known_a90"], "s--", color="black", markersize=4, linewidth=1.0,
+            markerfacecolor="white", label="a90 if only the place is known",
+        )  # fmt: skip
     ax.set_xlim(float(x.min()), float(x.max()))
     ax.set_ylim(0.0, top)
     ax.set_xlabel("Position from the toe [m]")
@@ -58,7 +63,8 @@ def plot_limit(dataset: xr.Dataset, *, channel: str = "both drives") -> "Figure"
     ax.legend(loc="upper right", fontsize=8, framealpha=0.9)
     said = dataset.attrs
     figure.suptitle(
-        f"What {channel} can show at best: discrepancy {100 * said['discrepancy']:g} %, "
+        f"What {said.get('quantities', 'force')} of {channel} can show at best: discrepancy "
+        f"{100 * said['discrepancy']:g} %, "
         f"{said['history']} throws known, false-alarm rate {said['false_alarm_rate']:g}",
         fontsize=10,
     )

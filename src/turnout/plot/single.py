@@ -8,7 +8,7 @@ from turnout.errors import ResponseError
 from turnout.plot.draw import draw_row
 from turnout.plot.rail_sheet import chair_sheet, gap_sheet, shape_sheet
 from turnout.plot.sheet import Sheet
-from turnout.plot.throw import energy_sheet, throw_sheet
+from turnout.plot.throw_sheet import energy_sheet, throw_sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

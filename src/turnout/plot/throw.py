@@ -11,7 +11,6 @@ import xarray as xr
 
 from turnout.errors import ResponseError
 from turnout.metric.slip import Slip, Span, movements, slips
-from turnout.plot.sheet import Band, Level, Line, Moment, Row, Sheet
 from turnout.plot.style import (
     COLOURS,
     COMPARED,
@@ -146,7 +145,6 @@ def throw_rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
     objects = []
     if "object_force" in dataset and dataset.attrs.get("foreign_objects", "") != "[]":
         objects = [Curve("Object", dataset["object_force"].values * KILO, len(COLOURS) - 1)]
-    markers = _of_drives(dataset, "drive_displacement", MILLI)
     gaps = [
         Curve(f"{curve.label}\n(closing rail)", _torn(curve.values, dataset), curve.colour)
         for curve in _of_drives(dataset, "drive_gap", MILLI)
@@ -157,12 +155,13 @@ def throw_rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
             gaps.append(Curve(str(name), values, number))
     powers = _of_drives(dataset, "drive_power", 1.0)  # of machines, which have currents then
     currents = _of_drives(dataset, "drive_current", 1.0) if powers else []
+    place = "Rod end\nposition [mm]" if powers else "Marker\nposition [mm]"
     return [
         ("Object force\n[kN]", objects),
         ("Drive force\non rail [kN]", forces),
         ("Motor current,\n0.1 s mean [A]", [_averaged(curve, dataset) for curve in currents]),
         ("Power drawn,\n0.1 s mean [W]", [_averaged(curve, dataset) for curve in powers]),
-        ("Rod end\nposition [mm]" if powers else "Marker\nposition [mm]", markers),
+        (place, _of_drives(dataset, "drive_displacement", MILLI)),
         ("Gap to stock\nrail [mm]", gaps),
     ]
 
@@ -170,12 +169,9 @@ def throw_rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
 def _of_drives(dataset: xr.Dataset, channel: str, factor: float) -> list[Curve]:
     if channel not in dataset:
         return []
-    rows = [dataset[channel].sel(drive=name).values * factor for name in dataset["drive"].values]
-    return [
-        Curve(f"Drive {name}", row, number)
-        for number, (name, row) in enumerate(zip(dataset["drive"].values, rows, strict=True))
-        if np.isfinite(row).any()  # a marker among machines has no current
-    ]
+    rows = factor * dataset[channel].transpose("drive", ...)
+    kept = [(n, row) for n, row in enumerate(rows) if row.notnull().any()]  # markers: no current
+    return [Curve(f"Drive {row['drive'].item()}", row.values, n) for n, row in kept]
 
 
 def _averaged(curve: Curve, dataset: xr.Dataset) -> Curve:
@@ -310,145 +306,3 @@ def _contact(ax: "Axes", dataset: xr.Dataset) -> None:
         va="top",
         fontsize=8,
     )
-
-
-STORED = ("energy_kinetic", "energy_strain", "energy_contact", "energy_gravity")
-ENERGIES = (
-    ("work_markers", "Work of the drives"),
-    ("energy_friction", "Lost to friction"),
-    ("energy_damping", "Lost to dampers"),
-    ("energy_strain", "Bent rails"),
-    ("energy_contact", "Bushings and contacts"),
-)
-
-
-def throw_sheet(dataset: xr.Dataset, *, title: str | None = None) -> Sheet:
-    """Return forces, markers and gaps of a run over time.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        One movement or run, simulated or measured; channels that it lacks are left out.
-    title : str, optional
-        Panel, objects and outcome without one.
-
-    Returns
-    -------
-    Sheet
-        Rows as `plot_throw` draws them.
-    """
-    time = dataset["time"].values
-    rows = []
-    for label, curves in throw_rows(dataset):
-        if not curves:
-            continue
-        lines = [
-            Line(
-                label=curve.label.replace("\n", " "),
-                x=time,
-                y=curve.values,
-                colour=curve.colour,
-                dash=curve.colour,
-            )
-            for curve in curves
-        ]
-        force = label.startswith("Drive force")
-        marks = _slip_marks(dataset) if force else []
-        rows.append(
-            Row(label, (*lines, *marks), _slip_levels(dataset) if force else ()),
-        )
-    return Sheet(
-        name="throw",
-        title=title_of(dataset) if title is None else title,
-        caption="Forces are those on the rail, positive in the closing direction; shaded is the "
-        "time in which the drives are commanded to move.",
-        x_label="Time [s]",
-        rows=tuple(rows),
-        bands=_bands(dataset),
-        moments=_first_contact(dataset),
-    )
-
-
-def energy_sheet(dataset: xr.Dataset) -> Sheet:
-    """Return the energy balance of a run.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        A simulated run with energies.
-
-    Returns
-    -------
-    Sheet
-        Two rows: the large terms, and energy residual and numerical dissipation, in millijoules.
-    """
-    time = dataset["time"].values
-    lines = tuple(
-        Line(label=text, x=time, y=dataset[name].values, colour=number, dash=number)
-        for number, (name, text) in enumerate(ENERGIES)
-        if name in dataset
-    )
-    small = tuple(
-        Line(label=text, x=time, y=1e3 * dataset[name].values, colour=number, dash=number)
-        for number, (name, text) in enumerate(
-            (("energy_numerical", "Numerical dissipation"), ("energy_residual", "Energy residual"))
-        )
-        if name in dataset
-    )
-    rows = [Row("Energy [J]", lines), Row("Energy [mJ]", small)]
-    return Sheet(
-        name="energy",
-        title="Energy balance",
-        caption="From the start of the run. The energy residual checks the program, the numerical "
-        "dissipation checks the time step; both should be close to zero.",
-        x_label="Time [s]",
-        rows=tuple(row for row in rows if row.lines),
-        bands=_bands(dataset),
-    )
-
-
-def _bands(dataset: xr.Dataset) -> tuple[Band, ...]:
-    return tuple(
-        Band(start, end, f"{span.name} ({'closing' if span.to == 'closed' else 'opening'})")
-        for span, start, end in shown_movements(dataset)
-    )
-
-
-def _slip_levels(dataset: xr.Dataset) -> tuple[Level, ...]:
-    """Return the forces at which a drive slips, if the dataset has them."""
-    if "saturation_force" not in dataset.coords:
-        return ()
-    limits = np.unique(dataset["saturation_force"].values) * KILO
-    return tuple(
-        Level(float(side * limit), "slips" if side > 0 else "")
-        for limit in limits
-        for side in (1, -1)
-    )
-
-
-def _slip_marks(dataset: xr.Dataset) -> list[Line]:
-    """Return a mark where each drive begins to slip."""
-    if "drive_slipping" not in dataset:
-        return []
-    names = [str(name) for name in dataset["drive"].values]
-    marks = []
-    for slip in slips(dataset):
-        force = dataset["drive_force"].sel(drive=slip.drive).sel(time=slip.time, method="nearest")
-        marks.append(
-            Line(
-                label=f"Drive {slip.drive} begins to slip",
-                x=np.array([slip.time]),
-                y=np.array([float(force) * KILO]),
-                colour=names.index(slip.drive),
-                style="marks",
-                symbol="triangle down" if force > 0 else "triangle up",
-            )
-        )
-    return marks
-
-
-def _first_contact(dataset: xr.Dataset) -> tuple[Moment, ...]:
-    if "contact_time" not in dataset or np.isnan(float(dataset["contact_time"])):
-        return ()
-    when = float(dataset["contact_time"])
-    return (Moment(when, f"contact {when:.2f} s"),)

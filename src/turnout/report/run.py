@@ -12,7 +12,7 @@ from turnout.plot.draw import draw_sheet
 from turnout.plot.rail_sheet import chair_sheet, gap_sheet, shape_sheet
 from turnout.plot.sheet import Sheet
 from turnout.plot.style import rendered, title_of
-from turnout.plot.throw import energy_sheet, throw_sheet
+from turnout.plot.throw_sheet import energy_sheet, throw_sheet
 from turnout.report.inputs import inputs_section, origin_section
 from turnout.report.page import Page, Picture, Section, Table
 

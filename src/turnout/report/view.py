@@ -9,7 +9,7 @@ from turnout.metric.finding import Finding, findings
 from turnout.plot.draw import draw_sheet
 from turnout.plot.sheet import Sheet
 from turnout.plot.style import rendered, title_of
-from turnout.plot.throw import throw_sheet
+from turnout.plot.throw_sheet import throw_sheet
 from turnout.report.campaign import campaign_findings
 from turnout.report.page import data_address
 from turnout.report.sweep import sweep_findings

@@ -28,7 +28,7 @@ from turnout.panel.load import (
     panel_from_file,
 )
 from turnout.plot.sheet import sheet_record
-from turnout.plot.throw import throw_sheet
+from turnout.plot.throw_sheet import throw_sheet
 from turnout.response.simulate import simulate
 from turnout.scheme import Scheme
 from turnout.web.controls import described, measured_record

@@ -21,7 +21,8 @@ from turnout.panel.model import Panel
 from turnout.plot.moving_plan import FRAMES, motion_record
 from turnout.plot.sheet import MOST_POINTS, sheet_record
 from turnout.plot.style import rendered
-from turnout.plot.throw import plot_throw, throw_sheet
+from turnout.plot.throw import plot_throw
+from turnout.plot.throw_sheet import throw_sheet
 from turnout.response.placed import check_placed
 from turnout.response.save import Save
 from turnout.response.simulate import prepare, simulate
