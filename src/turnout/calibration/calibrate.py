@@ -180,10 +180,7 @@ def calibrate(
         warnings=tuple(dict.fromkeys(warnings)),
         findings=tuple(findings),
         posterior=sampled,
-        causes=(
-            *causes,
-            *(f"gain: {item.text}" for item in gains if item.is_cause),
-        ),
+        causes=(*causes, *(f"gain: {item.text}" for item in gains if item.is_cause)),
         gains=tuple(item.text for item in gains),
     )
     return CalibrationOutcome(
