@@ -85,7 +85,7 @@ ALLOWED: dict[str, set[str]] = {
     "plot": {"errors", "lazy", "schema", "panel", "section", "metric"},
     "report": {
         *("errors", "core", "schema", "panel", "analysis", "metric", "calibration"),
-        *("study", "sweep", "validation", "plot"),
+        *("study", "sweep", "detection", "validation", "plot"),
     },
     "api": {
         *(
