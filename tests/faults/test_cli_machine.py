@@ -17,6 +17,9 @@ from tests.faults.test_cli_faults import turnout
         (("run", "sb3", "--set", "clutch.tork=1 N m"), ("nearest is 'clutch.torque'",)),
         (("run", "sb3", "--out", "run.csv"), ("must end in .nc",)),
         (("show", "jea7", "--toml"), ("nearest is 'jea73'",)),
+        (("run", "zd6", "--set", "throw.start=-200 mm"), ("goes from -165 to 0 mm",)),
+        (("run", "zd6", "--set", "circuit.limit_closing=5 mm"), ("circuit.limit_closing = 5 mm",)),
+        (("run", "sb3", "--set", "rail.object_size=200 mm"), ("does not fit", "-117 mm")),
     ],
 )
 def test_one_message(tmp_path: Path, arguments: tuple[str, ...], words: tuple[str, ...]) -> None:
@@ -50,3 +53,16 @@ inertia = "-1 kg m^2"
         "machine.a.rod: is missing",
     ):
         assert word in errors
+
+
+def test_a_value_of_the_file_is_no_default(tmp_path: Path) -> None:
+    from turnout.machine.machine_file import load_machines, machine_text
+
+    text = machine_text("sb3").replace('mass = "600 kg"', 'mass = "601 kg"')
+    lines = [line.partition("#")[0].rstrip() for line in text.splitlines()]
+    (tmp_path / "own.toml").write_text("\n".join(lines))
+    own = load_machines(tmp_path / "own.toml")
+    assert own.origin_text("rail.mass") == "not stated in the file"
+    assert own.origin_text("rail.object_stiffness") == "not stated in the file"
+    assert own.origin_text("machine.sb3.clutch.worn") == "default"
+    assert load_machines("jea73").origin_text("rail.object_stiffness") == "paper: foreign object"

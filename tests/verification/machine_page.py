@@ -177,8 +177,8 @@ def rail_lines() -> Iterator[str]:
     from turnout.machine.compute import places as at
 
     yield "\n### Two machines on the rail of SB1\n"
-    yield "Case A of SB3-rail, rms in % of the peak (tolerance 0.1). Rail and machines apart:"
-    yield "iterated seven times over the whole throw, or staggered in each step.\n"
+    yield "Case A of SB3-rail, rms in % of the peak (tolerance 0.1). Rail and machines stepped"
+    yield "apart: iterated seven times over the whole throw, or staggered in each step.\n"
     yield "| | step | drive | rod force | current | rod position | force at the end |"
     yield "|---|--:|---|--:|--:|--:|--:|"
     iterated = throw_rail(rounds=7)

@@ -130,8 +130,7 @@ def machine_record(loaded: "LoadedMachines") -> dict[str, Any]:
     for key, value in _leaves("", values):
         if value is None or value == "":
             continue
-        origin = loaded.origin_of(key)
-        source = f"{origin.kind}: {origin.text}" if origin else "default"
+        source = loaded.origin_text(key)
         rows.append({"key": key, "value": value, "unit": loaded.unit_of(key), "origin": source})
     return {"name": loaded.name, "description": loaded.description, "values": rows}
 
@@ -164,8 +163,7 @@ def machine_lines(loaded: "LoadedMachines") -> list[str]:
     for key, value in _leaves("", values):
         if value is None or value == "":
             continue
-        origin = loaded.origin_of(key)
-        source = f"{origin.kind}: {origin.text}" if origin else "default"
+        source = loaded.origin_text(key)
         lines.append(f"  {key:<44}{_shown(value):>16} {loaded.unit_of(key):<12}{source}")
     for name, machine in loaded.machine.items():
         lines += [f"steady, {name}", *steady_lines(machine)]

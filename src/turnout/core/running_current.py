@@ -20,7 +20,8 @@ NOISE_REACH = 8.0
 RUNNING_SHARE, USUAL = 0.5, 0.25
 """A motor runs above this share of that quantile of the currents beyond the noise [-]."""
 BRIDGED = 0.5
-"""A current that stays below for less than this goes on, as where a load drives it back [s]."""
+"""A current that stays below for less than this goes on, as where a load drives it back, unless it
+brakes in between [s]."""
 
 
 def running_level(current: Floats, *, rate: float) -> tuple[float, float, float]:
@@ -87,11 +88,13 @@ def running_time(time: Floats, current: Floats) -> tuple[float, float]:
     rate = (time.size - 1) / float(time[-1] - time[0])
     known = np.where(np.isfinite(current), current, 0.0)
     zero, level, sign = running_level(known, rate=rate)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], sign * (known - zero) > level, [0]])))
+    above = sign * (known - zero)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], above > level, [0]])))
     starts, ends = edges[::2], edges[1::2]
     if not starts.size:
         return np.nan, np.nan
-    apart = np.flatnonzero(starts[1:] - ends[:-1] >= BRIDGED * rate)
+    brakes = np.array([above[a:b].min() < -level for a, b in zip(ends, starts[1:], strict=False)])
+    apart = np.flatnonzero((starts[1:] - ends[:-1] >= BRIDGED * rate) | brakes.astype(bool))
     starts = starts[np.concatenate([[0], apart + 1])]
     ends = ends[np.concatenate([apart, [ends.size - 1]])]
     longest = int(np.argmax(ends - starts))

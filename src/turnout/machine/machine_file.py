@@ -56,6 +56,16 @@ class LoadedMachines(MachineFile):
             key = key.rpartition(".")[0]
         return None
 
+    def origin_text(self, key: str) -> str:
+        """Return where a value comes from in words, for lists of values."""
+        origin = self.origin_of(key)
+        if origin is not None:
+            return f"{origin.kind}: {origin.text}"
+        table: Any = self._tree
+        for part in key.split("."):
+            table = table.get(part) if isinstance(table, Mapping) else None
+        return "default" if table is None else "not stated in the file"
+
     def unit_of(self, key: str) -> str:
         """Return the SI unit of a value, empty where it has none."""
         path = tuple(key.split("."))

@@ -1,7 +1,7 @@
 """One machine on a one-mass rail: from records to time histories."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -189,7 +189,33 @@ def throw_one_mass(
         raise MachineError([message])
     if rail is None or throw is None:
         raise MachineError(["a machine given as a record needs a rail and a throw"])
+    problems = list(_places_that_cannot_be(machine, rail, throw))
+    if problems:
+        raise MachineError(problems, source=name or "machine")
     return _march(machine, rail, throw, (name, given))
+
+
+def _places_that_cannot_be(machine: Machine, rail: OneMassRail, throw: Throw) -> Iterator[str]:
+    """Say which positions the stroke does not reach, and an object that is larger than the gap."""
+    stroke, circuit = machine.stroke, machine.circuit
+    if stroke.kind != "screw":
+        ends = stroke.start, stroke.start + (stroke.length or 0.0)
+        places = {
+            "throw.start": throw.start,
+            "circuit.limit_closing": circuit.limit_closing,
+            "circuit.limit_opening": circuit.limit_opening,
+        }
+        for key, place in places.items():
+            if place is not None and not ends[0] - MOVED <= place <= ends[1] + MOVED:
+                yield (
+                    f"{key} = {1e3 * place:g} mm: the stroke goes from {1e3 * ends[0]:g} to "
+                    f"{1e3 * ends[1]:g} mm (stroke.start and stroke.length)"
+                )
+    if rail.object_size is not None and rail.object_size >= -throw.start:
+        yield (
+            f"rail.object_size = {1e3 * rail.object_size:g} mm: does not fit, the rod starts at "
+            f"throw.start = {1e3 * throw.start:g} mm from home (0)"
+        )
 
 
 def _march(

@@ -145,7 +145,6 @@ def throw_rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
     objects = []
     if "object_force" in dataset and dataset.attrs.get("foreign_objects", "") != "[]":
         objects = [Curve("Object", dataset["object_force"].values * KILO, len(COLOURS) - 1)]
-    markers = _of_drives(dataset, "drive_displacement", MILLI)
     gaps = [
         Curve(f"{curve.label}\n(closing rail)", _torn(curve.values, dataset), curve.colour)
         for curve in _of_drives(dataset, "drive_gap", MILLI)
@@ -156,12 +155,13 @@ def throw_rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
             gaps.append(Curve(str(name), values, number))
     powers = _of_drives(dataset, "drive_power", 1.0)  # of machines, which have currents then
     currents = _of_drives(dataset, "drive_current", 1.0) if powers else []
+    place = "Rod end\nposition [mm]" if powers else "Marker\nposition [mm]"
     return [
         ("Object force\n[kN]", objects),
         ("Drive force\non rail [kN]", forces),
         ("Motor current,\n0.1 s mean [A]", [_averaged(curve, dataset) for curve in currents]),
         ("Power drawn,\n0.1 s mean [W]", [_averaged(curve, dataset) for curve in powers]),
-        ("Rod end\nposition [mm]" if powers else "Marker\nposition [mm]", markers),
+        (place, _of_drives(dataset, "drive_displacement", MILLI)),
         ("Gap to stock\nrail [mm]", gaps),
     ]
 
@@ -169,12 +169,9 @@ def throw_rows(dataset: xr.Dataset) -> list[tuple[str, list[Curve]]]:
 def _of_drives(dataset: xr.Dataset, channel: str, factor: float) -> list[Curve]:
     if channel not in dataset:
         return []
-    rows = [dataset[channel].sel(drive=name).values * factor for name in dataset["drive"].values]
-    return [
-        Curve(f"Drive {name}", row, number)
-        for number, (name, row) in enumerate(zip(dataset["drive"].values, rows, strict=True))
-        if np.isfinite(row).any()  # a marker among machines has no current
-    ]
+    rows = factor * dataset[channel].transpose("drive", ...)
+    kept = [(n, row) for n, row in enumerate(rows) if row.notnull().any()]  # markers: no current
+    return [Curve(f"Drive {row['drive'].item()}", row.values, n) for n, row in kept]
 
 
 def _averaged(curve: Curve, dataset: xr.Dataset) -> Curve:

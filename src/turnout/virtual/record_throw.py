@@ -169,7 +169,8 @@ def record_throw(
 ) -> xr.Dataset:
     """Return one movement of a run as perfect transducers would record it.
 
-    Before the movement the switch rests, after it the forces are held, as friction holds them.
+    Before the movement the switch rests with its motors off; after it the forces are held, as
+    friction holds them.
 
     Parameters
     ----------
@@ -219,6 +220,8 @@ def record_throw(
     )
     if "drive_current" in run:  # of the drives that are machines
         made = _sampled(run["drive_current"], instants, time)
+        # what is held before the movement is no current of a motor that still brakes
+        made[:, instants < span.start] *= 0.0
         driving = np.where(made.sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
         currents = np.where(np.isnan(made), currents, driving * made)
     squeezed = _sampled(run["object_force"], instants, time)[0]

@@ -104,14 +104,16 @@ def _of_values(panel: Panel) -> list[Control]:
         label = f"Drive {name} stiffness"
         key, most = f"drive.{name}.stiffness", max(1500.0, 2 * value)
         found.append(Control(key, label, "kN/m", value, 20.0, most, 5.0, BUSHING))
-    for used in dict.fromkeys(drive.machine for drive in panel.drive.values()):
-        if used is None:
+    for machine_name in dict.fromkeys(drive.machine for drive in panel.drive.values()):
+        if machine_name is None:
             continue
-        name, machine = used, panel.machine[used]
+        machine = panel.machine[machine_name]
         value = machine.supply.voltage or machine.motor.voltage
-        key, most = f"machine.{name}.supply.voltage", round(1.3 * machine.motor.voltage)
+        key, most = f"machine.{machine_name}.supply.voltage", round(1.3 * machine.motor.voltage)
         least = round(0.3 * machine.motor.voltage)
-        found.append(Control(key, f"Supply of {name}", "V", value, least, most, 1.0, SUPPLY))
+        found.append(
+            Control(key, f"Supply of {machine_name}", "V", value, least, most, 1.0, SUPPLY)
+        )
     return found
 
 

@@ -17,6 +17,7 @@ from turnout.law.table import Floats
 from turnout.machine.compute.places import (
     ARMATURE_OPEN,
     BRUSH_DROP,
+    BRUSH_RESISTANCE,
     CIRCUIT_RESISTANCE,
     CLUTCH_STIFFNESS,
     CURRENT,
@@ -67,14 +68,15 @@ def motor_torque(
 
     Notes
     -----
-    L (i - i*)/g + R i + u_b + e = U with u_b in V_b Sgn(i). A permanent magnet has e = k w1,
-    T = k i; a series motor p = K i/(1 + |i|/i_s), e = d p w1, T = d p i, and a quadratic for |i|
-    with exactly one positive root. The torque never rises with w1.
+    L (i - i*)/g + R i + u_b + e = U with u_b in V_b Sgn(i); R includes what a brush of poor contact
+    adds. A permanent magnet has e = k w1, T = k i; a series motor p = K i/(1 + |i|/i_s),
+    e = d p w1, T = d p i, and a quadratic for |i| with exactly one positive root. The torque never
+    rises with w1.
     """
     if state[ARMATURE_OPEN] > 0.0:
         return 0.0, 0.0, 0.0
     k, drop = constants[MOTOR_CONSTANT], constants[BRUSH_DROP]
-    r = constants[INDUCTANCE] / g + state[CIRCUIT_RESISTANCE]
+    r = constants[INDUCTANCE] / g + state[CIRCUIT_RESISTANCE] + state[BRUSH_RESISTANCE]
     q = net_voltage(state) + constants[INDUCTANCE] / g * current
     if constants[SERIES] == 0.0:
         q -= k * w1

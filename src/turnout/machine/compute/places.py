@@ -53,8 +53,13 @@ the closing direction. Flags are 0.0 or 1.0.
     HAND_SPEED,  # [rad/s]
     HAND_RAMP,  # [s]
     HAND_STAYS,  # 1: the hand does not let go at the limit contact
+    DRY_RATIO,  # of the gear's efficiency where it is dry to that where it is not; 1: nowhere dry
+    DRY_FROM,  # rod positions between which it is dry [m]
+    DRY_TO,
+    CONTACT_LOSS,  # share of each turn of the motor in which a brush has poor contact
+    CONTACT_RESISTANCE,  # added there [ohm]
     CONSTANTS,
-) = range(48)
+) = range(53)
 
 
 (SCREW, CRANK, TABLE) = range(3)
@@ -115,8 +120,10 @@ the closing direction. Flags are 0.0 or 1.0.
     LOCK_ALLOWED,  # 0: the limit contact may not act, set from outside
     EVENTS,  # number logged
     HALVED,  # steps taken in halves so far
+    GEAR_RATIO,  # DRY_RATIO where the gear is dry, else 1
+    BRUSH_RESISTANCE,  # CONTACT_RESISTANCE while a brush has poor contact, else 0 [ohm]
     ENERGIES,  # the first of the sums below
-) = range(33)
+) = range(35)
 
 INTEGRATED = 8
 """So many states, from the first on, obey differential equations."""
