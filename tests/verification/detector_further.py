@@ -240,7 +240,9 @@ def year_rates(
     for number in range(-int(year.switch.min())):
         fixed = errors.of_switches(1)
         first = year.of(year.switch == -1 - number)
-        expected = learn_history(knowledge, first.features + fixed + errors.of_throws(first.rates))
+        expected = learn_history(
+            knowledge, first.features + fixed + errors.of_throws(first.rates), view=population
+        )
         for month in range(12):
             own = year.of(year.switch == 12 * number + month)
             view = make_view(knowledge, known=expected)

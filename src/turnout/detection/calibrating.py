@@ -42,7 +42,7 @@ LEAST_THRESHOLD = 1.0 - float(np.log(CAUSE_WEIGHT))
 """A cause that explains a throw nearly as well as an object does keeps it below this [-]."""
 INTERVALS, INTERVAL_DRAWS = 400, 2
 """Throws of a kind that widths of intervals are taken from, and how often each is used."""
-CAUSE_RATE = 5e-3
+CAUSE_RATE = 1e-2
 """Share of sound throws in which another cause is named [-]."""
 LEAST_CAUSE = float(np.log(20.0))
 """Log likelihood ratio against a sound switch below which no other cause is named [-]."""
