@@ -2,14 +2,18 @@
 
 Throws, training and judging go on where they were stopped. A population of switches is thrown with
 the seed of the study for training and with another for judging; each test throw gets a discrepancy,
-noise, timing, gain and zero of its own. Alarms are counted by switch.
+noise, timing, gain and zero of its own. Alarms are counted by switch. Figures are printed and kept
+in DIR/figures.json.
 """
 
 import argparse
 import json
-import sys
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from tests.verification.detector_cases import SOFT_KINDS
 from tests.verification.detector_figures import (
     Judged,
     a90_of_places,
@@ -20,76 +24,122 @@ from tests.verification.detector_figures import (
     judge_with_history,
     object_figures,
 )
+from tests.verification.detector_further import (
+    ice_ramps,
+    known_place_a90,
+    price_of,
+    rates_alone,
+    rates_known,
+    soft_shares,
+    unknown_auroc,
+    year_rates,
+)
+from tests.verification.detector_other import other_figures
+from tests.verification.detector_sets import Sizes, forces_of, plans_of, sets_of
 
 from turnout.core.threads import one_blas_thread
+from turnout.detection.allowances import Allowances
 from turnout.detection.detector import Detector
 from turnout.detection.knowledge import Knowledge
-from turnout.detection.reference import reference_study
-from turnout.detection.train_detector import train_detector
-from turnout.detection.training import read_set
-from turnout.detection.training_sets import TEST_SEED, Counts, throw_plans, training_plans
+from turnout.detection.reference import NOMINAL_FRICTION, reference_study
+from turnout.detection.throw_set import ThrowSet
+from turnout.detection.throws import nominal_amplitude
+from turnout.detection.train_detector import knowledge_of_sets
+from turnout.detection.training import setting_of
+from turnout.detection.training_plan import DEFECTS
 from turnout.study.load_study import load_study
 
-KINDS = ("sound", "object", "dry chairs", "clutch", "loose rod")
+Sets = dict[str, dict[str, ThrowSet]]
+SEVERE = 0.1
+"""Change of a drive force that a cause must make to be counted as severe, of its amplitude [-]."""
 
 
 def main() -> None:
     """Throw, train, judge and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path, help="keeps throws and the detector")
+    parser.add_argument("folder", type=Path, help="keeps throws, the detector and the figures")
     parser.add_argument("--study", type=Path, help="population in place of the reference case")
-    parser.add_argument("--sound", type=int, default=8000)
-    parser.add_argument("--objects", type=int, default=6000)
-    parser.add_argument("--switches", type=int, default=100)
-    parser.add_argument("--draws", type=int, default=4, help="uses of each throw")
-    parser.add_argument("--rate", type=float, default=1e-3)
+    for name, value in (("sound", 4000), ("objects", 3000), ("switches", 100)):
+        parser.add_argument(f"--{name}", type=int, default=value)
+    parser.add_argument("--test-sound", type=int, default=2000)
+    parser.add_argument("--test-objects", type=int, default=1300)
+    parser.add_argument("--only", nargs="*", help="figures wanted; default all that are missing")
     parser.add_argument("--workers", type=int, default=1)
-    given = parser.parse_args()
-    study = reference_study() if given.study is None else load_study(given.study)
-    path = given.folder / "switch.detector"
+    given = vars(parser.parse_args())
+    folder, wanted = given.pop("folder"), given.pop("only")
+    source, workers = given.pop("study"), given.pop("workers")
+    study = reference_study() if source is None else load_study(source)
+    amplitude = nominal_amplitude(study, friction=NOMINAL_FRICTION)
+    setting = setting_of(study.panel, amplitude=amplitude, allowances=Allowances())
+    plans = plans_of(study, Sizes(**given))
+    sets = {
+        name: sets_of(own, folder / name, setting.layout, workers=workers)
+        for name, own in plans.items()
+    }
+    path = folder / "switch.detector"
     if not path.exists():
-        counts = Counts(
-            sound=given.sound,
-            objects=given.objects,
-            defects=max(150, given.sound // 10),
-            switches=given.switches // 2,
-            judged=4,
-            objects_each=2,
-        )
-        knowledge = train_detector(
-            given.folder / "train", study=study, counts=counts, workers=given.workers
-        )
-        Detector(knowledge).save(path)
+        found = knowledge_of_sets(sets["train"], setting, report=_progress)
+        counts = {name: len(item.level) for name, item in sets["train"].items()}
+        about = {"panel": study.panel.name, "study": study.name, "throws": counts}
+        Detector(replace(found, about=about)).save(path)
     knowledge = Detector.load(path).knowledge
-    counts = Counts(
-        sound=given.sound // 2,
-        objects=given.objects // 3,
-        defects=max(100, given.sound // 20),
-        switches=given.switches,
-        judged=6,
-        objects_each=4,
-    )
-    plans = training_plans(study, counts, seed=TEST_SEED)
-    datasets = throw_plans(plans, given.folder / "test", workers=given.workers)
-    sets = {name: read_set(plans[name], datasets[name], knowledge.layout) for name in plans}
+    forces = [
+        forces_of(plan, folder / "cases")
+        for name, plan in plans["cases"].items()
+        if "other" in name
+    ]
+    kept = folder / "figures.json"
+    said = json.loads(kept.read_text()) if kept.exists() else {}
     with one_blas_thread():
-        alone = judge_alone(knowledge, sets, rate=given.rate, draws=given.draws)
-        print(json.dumps({"history": 0, **figures(knowledge, alone)}, indent=1))
-        sys.stdout.flush()
-        known = judge_with_history(knowledge, sets, rate=given.rate, again=given.draws)
-        print(json.dumps({"history": 20, **figures(knowledge, known)}, indent=1))
+        for name, figure in figures_of(knowledge, sets, forces).items():
+            if name in said if wanted is None else name not in wanted:
+                continue
+            said[name] = figure()
+            print(json.dumps({name: said[name]}, indent=1), flush=True)
+            kept.write_text(json.dumps(said, indent=1))
 
 
-def figures(knowledge: Knowledge, judged: Judged) -> dict[str, object]:
-    """Return all figures of some verdicts."""
+def _progress(what: str, done: int, total: int) -> None:
+    if done % 20 == 0:
+        print(f"{what}: {done} of {total}", flush=True)
+
+
+def figures_of(
+    knowledge: Knowledge, sets: Sets, forces: list[dict[str, np.ndarray]]
+) -> dict[str, Callable[[], object]]:
+    """Return what computes each figure, by name."""
+    test, cases = sets["test"], sets["cases"]
+    return {
+        "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, test, draws=2)),
+        "known": lambda: verdict_figures(knowledge, judge_with_history(knowledge, test)),
+        "other": lambda: other_figures(knowledge, forces),
+        "rates alone": lambda: rates_alone(knowledge, test["sound"]),
+        "rates known": lambda: rates_known(knowledge, test),
+        "known place": lambda: known_place_a90(knowledge, test["sound"], test["object"]),
+        "unknown": lambda: unknown_auroc(knowledge, test),
+        "ice": lambda: [vars_of(item) for item in ice_ramps(knowledge, cases["ice"])],
+        "soft": lambda: soft_shares(knowledge, cases["soft"], SOFT_KINDS),
+        "price": lambda: price_of(knowledge, sets["train"], test, discrepancy=0.08),
+        "year": lambda: year_rates(knowledge, cases["year"]),
+    }
+
+
+def vars_of(item: object) -> dict[str, float]:
+    """Return the fields of a record with slots."""
+    return {name: getattr(item, name) for name in item.__slots__}  # type: ignore[attr-defined]
+
+
+def verdict_figures(knowledge: Knowledge, judged: Judged) -> dict[str, object]:
+    """Return figures of verdicts."""
     places, gaps = knowledge.setting.places, knowledge.setting.gaps
-    kinds = [kind for kind in (*KINDS, "adjustment") if judged.of(kind).size]
+    kinds = [kind for kind in ("sound", "object", *DEFECTS) if judged.of(kind).size]
     return {
         "false alarms": {kind: false_alarms(judged, kind) for kind in kinds if kind != "object"},
         "a90": a90_of_places(judged, places),
         "gaps": {kind: gap_figures(judged, kind, gaps) for kind in ("sound", "object")},
         "objects": object_figures(judged, places),
         "causes": cause_figures(judged, kinds),
+        "severe causes": cause_figures(judged, kinds, least=SEVERE),
     }
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
+from scipy.stats import beta
 
 from turnout.detection.calibrating import AT_ONCE, Errors, learn_history
 from turnout.detection.floor import TOUCH_FORCE
@@ -29,6 +30,7 @@ class Judged:
     x: list[float] = field(default_factory=list)
     touched: list[bool] = field(default_factory=list)
     gaps: list[Floats] = field(default_factory=list)
+    change: list[float] = field(default_factory=list)
     verdict: list[Verdict] = field(default_factory=list)
 
     def of(self, kind: str) -> NDArray[np.intp]:
@@ -39,8 +41,10 @@ class Judged:
         """Return which of some throws are alarms."""
         return np.array([self.verdict[i].alarm for i in which], dtype=bool)
 
-    def add(self, kind: str, throws: ThrowSet, verdicts: Sequence[Verdict]) -> None:
-        """Take up verdicts on throws of a kind."""
+    def add(
+        self, kind: str, throws: ThrowSet, verdicts: Sequence[Verdict], *, change: Floats
+    ) -> None:
+        """Take up verdicts on throws of a kind, with what it changed of each (`changes_of`)."""
         for number, verdict in enumerate(verdicts):
             self.kind.append(kind)
             self.switch.append(int(throws.switch[number]))
@@ -48,6 +52,7 @@ class Judged:
             self.x.append(float(throws.x[number]))
             self.touched.append(bool(throws.force[number] > TOUCH_FORCE))
             self.gaps.append(throws.gaps[number])
+            self.change.append(float(change[number]))
             self.verdict.append(verdict)
 
 
@@ -78,16 +83,18 @@ def judge_alone(
     seed: int = 5,
 ) -> Judged:
     """Judge throws without a history, each several times with other errors."""
-    errors = _errors(knowledge, seed)
+    errors = drawn_errors(knowledge, seed)
     view = make_view(knowledge, part=part)
     judged = Judged()
     for kind, throws in sets.items():
         if kind.startswith("history"):
             continue
+        change = changes_of(throws, sets["sound"], knowledge)
         for _ in range(draws):
             fixed = errors.of_switches(len(throws.level))
             features = throws.features + fixed + errors.of_throws(throws.rates)
-            judged.add(kind, throws, verdicts_on(knowledge, view, features, rate=rate))
+            said = verdicts_on(knowledge, view, features, rate=rate)
+            judged.add(kind, throws, said, change=change)
     return judged
 
 
@@ -102,7 +109,8 @@ def judge_with_history(
     seed: int = 6,
 ) -> Judged:
     """Judge throws of switches whose first throws are known."""
-    errors = _errors(knowledge, seed)
+    errors = drawn_errors(knowledge, seed)
+    population = make_view(knowledge)
     judged = Judged()
     sound = sets["history"]
     first = int(np.bincount(sound.switch).max())
@@ -110,9 +118,9 @@ def judge_with_history(
         own = sound.of(sound.switch == switch)
         for _ in range(draws):
             fixed = errors.of_switches(1)
-            known = own.of(slice(history))
+            known = own.of(own.row % first < history)
             expected = learn_history(
-                knowledge, known.features + fixed + errors.of_throws(known.rates)
+                knowledge, known.features + fixed + errors.of_throws(known.rates), view=population
             )
             view = make_view(knowledge, known=expected)
             for name, throws in sets.items():
@@ -121,14 +129,36 @@ def judge_with_history(
                 mine = throws.of(throws.switch == switch)
                 if name == "history":
                     mine = mine.of(mine.row % first >= history)
+                change = changes_of(mine, own, knowledge)
                 for _ in range(again):
                     features = mine.features + fixed + errors.of_throws(mine.rates)
                     kind = name.removeprefix("history, ").replace("history", "sound")
-                    judged.add(kind, mine, verdicts_on(knowledge, view, features, rate=rate))
+                    said = verdicts_on(knowledge, view, features, rate=rate)
+                    judged.add(kind, mine, said, change=change)
     return judged
 
 
-def _errors(knowledge: Knowledge, seed: int) -> Errors:
+def changes_of(throws: ThrowSet, sound: ThrowSet, knowledge: Knowledge) -> Floats:
+    """Return how much causes change the forces at most, in shares of the drive's amplitude [-].
+
+    NaN where the paired sound throw did not end; 0 of sound throws.
+    """
+    scale = knowledge.setting.amplitude[knowledge.layout.drive]
+    rows = {int(row): number for number, row in enumerate(sound.row)}
+    found = []
+    for features, partner in zip(throws.features, throws.partner, strict=True):
+        at = rows.get(int(partner))
+        if partner < 0:
+            found.append(0.0)
+        elif at is None:
+            found.append(np.nan)
+        else:
+            found.append(float(np.abs((features - sound.features[at]) / scale).max()))
+    return np.array(found)
+
+
+def drawn_errors(knowledge: Knowledge, seed: int) -> Errors:
+    """Return what draws the errors of measured throws, as large as the detector assumes."""
     rng = np.random.default_rng([seed, 12])
     return Errors(knowledge.errors(), part=knowledge.layout.part, rng=rng)
 
@@ -182,27 +212,47 @@ def a90_of_places(
     return found
 
 
-def false_alarms(judged: Judged, kind: str = "sound", *, seed: int = 1) -> dict[str, float]:
-    """Return the share of throws of a kind that are called an object, by switches drawn anew."""
+def false_alarms(judged: Judged, kind: str = "sound") -> dict[str, float]:
+    """Return the share of throws of a kind that are called an object, with its upper limit."""
     own = judged.of(kind)
-    if not own.size:
-        nothing = float("nan")
-        return {"throws": 0.0, "switches": 0.0, "alarms": 0.0, "share": nothing, "upper": nothing}
-    alarm, switch = judged.alarms(own), np.array(judged.switch)[own]
+    alarm, switch = judged.alarms(own), np.array(judged.switch, dtype=np.intp)[own]
+    return false_alarm_limits([alarm[switch == number] for number in np.unique(switch)])
+
+
+def false_alarm_limits(
+    alarms: Sequence[NDArray[np.bool_]] | NDArray[np.bool_], *, seed: int = 1
+) -> dict[str, float]:
+    """Return the share of alarms and its upper 95 % limit.
+
+    The larger of two limits: by switches drawn with replacement, and of as many independent throws
+    (Clopper and Pearson 1934), which counts where the former knows too few alarms.
+
+    Parameters
+    ----------
+    alarms : sequence of ndarray
+        Whether each throw of a switch is an alarm, by switch.
+
+    Examples
+    --------
+    >>> found = false_alarm_limits(np.zeros((100, 30), dtype=bool))
+    >>> round(1e3 * found["upper"], 2)
+    1.0
+    """
+    called = np.array([np.count_nonzero(item) for item in alarms], dtype=np.float64)
+    thrown = np.array([len(item) for item in alarms], dtype=np.float64)
+    throws, total = float(thrown.sum()), float(called.sum())
+    if not throws:
+        return dict.fromkeys(("throws", "switches", "alarms", "share", "upper"), 0.0)
     rng = np.random.default_rng(seed)
-    numbers, at = np.unique(switch, return_inverse=True)
-    called = np.bincount(at, alarm, numbers.size)
-    thrown = np.bincount(at, minlength=numbers.size)
-    drawn = rng.integers(0, numbers.size, (RESAMPLES * 5, numbers.size))
+    drawn = rng.integers(0, len(called), (RESAMPLES * 5, len(called)))
     shares = called[drawn].sum(axis=1) / thrown[drawn].sum(axis=1)
-    # with no or few alarms the drawn shares say too little: the exact limit of independent switches
-    least = 1.0 - 0.05 ** (1.0 / max(len(own), 1))
+    exact = float(beta.ppf(0.95, total + 1.0, throws - total)) if total < throws else 1.0
     return {
-        "throws": float(len(own)),
-        "switches": float(numbers.size),
-        "alarms": float(alarm.sum()),
-        "share": float(alarm.mean()) if len(own) else float("nan"),
-        "upper": max(float(np.quantile(shares, 0.95)), least),
+        "throws": throws,
+        "switches": float(len(called)),
+        "alarms": total,
+        "share": total / throws,
+        "upper": max(float(np.quantile(shares, 0.95)), exact),
     }
 
 
@@ -218,12 +268,14 @@ def gap_figures(judged: Judged, kind: str, names: Sequence[str]) -> dict[str, di
         middle = np.array([gap.middle for gap in gaps])
         inside = [gap.low <= t <= gap.high for gap, t in zip(gaps, truth, strict=True)]
         above = truth >= gaps[0].limit + 2e-3
-        called = np.array([gap.above > 0.5 for gap in gaps])
+        called = np.array([gap.called for gap in gaps])
+        below = truth <= gaps[0].limit - 2e-3
         found[name] = {
             "median_error": float(np.median(np.abs(middle - truth))),
             "coverage": float(np.mean(inside)),
             "above": float(above.sum()),
             "called": float(called[above].mean()) if above.any() else float("nan"),
+            "called_below": float(called[below].mean()) if below.any() else float("nan"),
         }
     return found
 
@@ -256,11 +308,24 @@ def _holds(interval: Interval, value: float) -> bool:
     return interval.low <= value <= interval.high
 
 
-def cause_figures(judged: Judged, kinds: Sequence[str]) -> dict[str, object]:
-    """Return how throws are named by status or cause, and the macro-F1 of the given kinds."""
+def cause_figures(judged: Judged, kinds: Sequence[str], *, least: float = 0.0) -> dict[str, object]:
+    """Return how throws are named by status or cause, and the macro-F1 of the given kinds.
+
+    Parameters
+    ----------
+    judged : Judged
+        Verdicts.
+    kinds : sequence of str
+        Those counted.
+    least : float
+        Smallest change of a drive force that a cause or object must make, in shares of the
+        amplitude: the severity [-].
+    """
     table: dict[str, dict[str, int]] = {}
     for i, kind in enumerate(judged.kind):
         if kind not in kinds or (kind == "object" and not judged.touched[i]):
+            continue
+        if kind != "sound" and not judged.change[i] >= least:
             continue
         said = name_of(judged.verdict[i])
         table.setdefault(kind, {})

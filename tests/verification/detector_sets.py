@@ -10,7 +10,7 @@ from tests.verification.detector_cases import case_plans
 from turnout.detection.throw_layout import Layout
 from turnout.detection.throw_set import ThrowSet
 from turnout.detection.training import read_set
-from turnout.detection.training_plan import Plan
+from turnout.detection.training_plan import OBJECT_AT, OBJECT_SIZE, Plan
 from turnout.detection.training_sets import TEST_SEED, Counts, throw_plans, training_plans
 from turnout.study.study import Study
 from turnout.sweep.run import SweepProgress
@@ -51,7 +51,9 @@ class Sizes:
         )
 
 
-def sets_of(plans: Mapping[str, Plan], folder: Path, layout: Layout) -> dict[str, ThrowSet]:
+def sets_of(
+    plans: Mapping[str, Plan], folder: Path, layout: Layout, *, workers: int = 1
+) -> dict[str, ThrowSet]:
     """Throw what is missing, and return features and labels, kept beside the sweeps as arrays.
 
     Parameters
@@ -62,13 +64,15 @@ def sets_of(plans: Mapping[str, Plan], folder: Path, layout: Layout) -> dict[str
         Keeps the sweeps, and `NAME.npz` of each, which is read where it is of the same plan.
     layout : Layout
         Of the features.
+    workers : int
+        Processes.
     """
     found = {}
     for name, plan in plans.items():
-        path = folder / f"{name.replace(', ', '-').replace(' ', '-')}.npz"
+        path = folder / f"{_stem(name)}.npz"
         kept = _kept(path, plan)
         if kept is None:
-            dataset = throw_plans({name: plan}, folder, report=show)[name]
+            dataset = throw_plans({name: plan}, folder, workers=workers, report=show)[name]
             kept = read_set(plan, dataset, layout)
             np.savez(
                 path,
@@ -78,6 +82,34 @@ def sets_of(plans: Mapping[str, Plan], folder: Path, layout: Layout) -> dict[str
             )
         found[name] = kept
     return found
+
+
+def forces_of(plan: Plan, folder: Path) -> dict[str, np.ndarray]:
+    """Return the drive forces of a plan as they are sampled, and labels, kept as arrays."""
+    path = folder / f"{_stem(plan.name)} forces.npz"
+    if path.exists():
+        with np.load(path, allow_pickle=False) as content:
+            if str(content["study"]) == plan.study.digest:
+                return {name: content[name] for name in content.files}
+    dataset = throw_plans({plan.name: plan}, folder, report=show)[plan.name]
+    complete = (dataset["outcome"].astype(str) == "complete").to_numpy()
+    row = dataset["scenario"].to_numpy()[complete]
+    arrays = {
+        "time": dataset["time"].to_numpy(),
+        "force": dataset["drive_force"].to_numpy()[complete],
+        "switch": plan.switch[row],
+        "row": row,
+        "size": dataset[OBJECT_SIZE].to_numpy()[complete],
+        "x": dataset[OBJECT_AT].to_numpy()[complete],
+        "touch": dataset["object_force_peak"].to_numpy()[complete],
+        "study": np.array(plan.study.digest),
+    }
+    np.savez(path, allow_pickle=False, **arrays)
+    return arrays
+
+
+def _stem(name: str) -> str:
+    return name.replace(", ", "-").replace(" ", "-")
 
 
 def _kept(path: Path, plan: Plan) -> ThrowSet | None:

@@ -31,6 +31,7 @@ VERDICT_UNITS = {
     **{"x": "m", "size": "m", "middle": "m", "low": "m", "high": "m", "limit": "m"},
     **{"force": "N", "time": "s", "false_alarm_rate": "1", "log_ratio": "1", "threshold": "1"},
     **{"odds": "1", "above": "1", "fit": "1", "friction": "1", "places": "1"},
+    "peaks": "N",
 }
 SETTLED = 2.0
 """A recording is read when it was seen unchanged for so long, whatever its date [s]."""

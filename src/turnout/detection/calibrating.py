@@ -42,7 +42,7 @@ LEAST_THRESHOLD = 1.0 - float(np.log(CAUSE_WEIGHT))
 """A cause that explains a throw nearly as well as an object does keeps it below this [-]."""
 INTERVALS, INTERVAL_DRAWS = 400, 2
 """Throws of a kind that widths of intervals are taken from, and how often each is used."""
-CAUSE_RATE = 5e-3
+CAUSE_RATE = 1e-2
 """Share of sound throws in which another cause is named [-]."""
 LEAST_CAUSE = float(np.log(20.0))
 """Log likelihood ratio against a sound switch below which no other cause is named [-]."""
@@ -112,7 +112,11 @@ def alarms_of(view: View, features: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def learn_history(
-    knowledge: Knowledge, features: Floats, *, errors: ThrowErrors | None = None
+    knowledge: Knowledge,
+    features: Floats,
+    *,
+    errors: ThrowErrors | None = None,
+    view: View | None = None,
 ) -> Expectation:
     """Return what sound throws of one switch say of it.
 
@@ -124,9 +128,12 @@ def learn_history(
         In the order of time [N].
     errors : ThrowErrors, optional
         Assumed; default those of the knowledge.
+    view : View, optional
+        Of the population, that friction levels are taken with; made where it is not given.
     """
     model, assumed = knowledge.model, errors or knowledge.errors()
-    levels = throw_levels(make_view(knowledge, errors=assumed), features, levels=model.level)
+    population = view or make_view(knowledge, errors=assumed)
+    levels = throw_levels(population, features, levels=model.level)
     known = before_history(model, assumed)
     for row, level in zip(features, levels, strict=True):
         known = observe(model, assumed, known, row, level=float(level))
@@ -227,6 +234,7 @@ def calibrate_history(
         For each part; none where no switch has more throws than the history.
     """
     errors = _errors(knowledge, seed + 1)
+    population = make_view(knowledge)
     numbers = np.unique(throws.switch)
     judged: dict[str, list[tuple[Floats, Floats, Floats]]] = {part: [] for part in alone}
     tried: dict[str, list[tuple[View, Floats, ThrowSet]]] = {part: [] for part in alone}
@@ -236,7 +244,8 @@ def calibrate_history(
             continue
         fixed = errors.of_switches(1)
         known = own.of(slice(history))
-        expected = learn_history(knowledge, known.features + fixed + errors.of_throws(known.rates))
+        measured_ones = known.features + fixed + errors.of_throws(known.rates)
+        expected = learn_history(knowledge, measured_ones, view=population)
         later = own.of(slice(history, None)).of(slice(MOST_LATER))
         features = [later.features + fixed + errors.of_throws(later.rates) for _ in range(again)]
         for part in alone:
@@ -297,7 +306,8 @@ def _calibrated(
         throws=len(ratios),
         residual=tuple(np.quantile(left, RESIDUAL_LEVELS).tolist()),
         cause_threshold=max(LEAST_CAUSE, float(np.quantile(cause, 1.0 - CAUSE_RATE))),
-        size_factor=factor_of(np.array(found.size), otherwise=usual.size_factor),
+        # held-back objects are larger than those in doubt, whose sizes are less certain
+        size_factor=max(1.0, factor_of(np.array(found.size), otherwise=usual.size_factor)),
         gap_factor=gap_factor,
         object_gap_factor=object_gap_factor,
         gap_reach=reach_of_call(
