@@ -5,6 +5,7 @@ positions are those of the rod's machine end, positive in the closing direction,
 rail is home against the stock rail.
 """
 
+import math
 from typing import Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -16,6 +17,7 @@ from turnout.core.quantity import (
     Damping,
     FieldConstant,
     Force,
+    Frequency,
     HeatCapacity,
     Inductance,
     Inertia,
@@ -57,21 +59,43 @@ class Record(BaseModel):
     )
 
 
-class Motor(Record):
-    """DC motor with brushes."""
+NEEDED = {
+    "permanent magnet": ("inductance", "constant"),
+    "separate field": ("inductance", "field_constant", "field_resistance"),
+    "series": ("inductance", "field_constant"),
+    "split field": ("inductance", "field_constant"),
+    "induction": (
+        *("frequency", "pole_pairs", "rotor_resistance", "stator_inductance"),
+        "leakage_inductance",
+    ),
+}
+"""What a motor of each kind has beside what all have."""
+OWN_OF_A_KIND = {*(name for names in NEEDED.values() for name in names), "iron_resistance"}
 
-    kind: Literal["permanent magnet", "separate field", "series", "split field"] = Field(
-        "permanent magnet",
-        description="'split field' is a series motor with one field winding for each direction",
+
+class Motor(Record):
+    """DC motor with brushes, or three-phase induction motor (Gamma model, values of a phase)."""
+
+    kind: Literal["permanent magnet", "separate field", "series", "split field", "induction"] = (
+        Field(
+            "permanent magnet",
+            description="'split field' is a series motor with one field winding for each direction",
+        )
     )
-    voltage: Voltage = Field(gt=0, description="rated, at the supply [V]")
+    voltage: Voltage = Field(
+        gt=0, description="rated, at the supply; of an induction motor line to line, rms [V]"
+    )
     resistance: Resistance = Field(
-        gt=0, description="of the copper that carries the armature current, at 20 degC [ohm]"
+        gt=0,
+        description="of the copper that carries the armature current, of an induction motor of a "
+        "stator phase (star), at 20 degC [ohm]",
     )
     temperature: Temperature = Field(
         COPPER_REFERENCE, gt=150, lt=500, description="of the copper [K]"
     )
-    inductance: Inductance = Field(gt=0, description="of the motor circuit [H]")
+    inductance: Inductance | None = Field(
+        None, gt=0, description="of the motor circuit, with brushes [H]"
+    )
     constant: MotorConstant | None = Field(
         None, gt=0, le=1e4, description="torque per ampere, of a permanent magnet [V s/rad]"
     )
@@ -84,6 +108,27 @@ class Motor(Record):
     field_resistance: Resistance | None = Field(
         None, gt=0, description="of a separate field winding, at 20 degC [ohm]"
     )
+    frequency: Frequency | None = Field(
+        None, gt=0, le=1000, description="of the supply of an induction motor [Hz]"
+    )
+    pole_pairs: int | None = Field(None, ge=1, le=50, description="of an induction motor [-]")
+    rotor_resistance: Resistance | None = Field(
+        None, gt=0, description="R_r of the Gamma model at 20 degC [ohm]"
+    )
+    stator_inductance: Inductance | None = Field(
+        None, gt=0, description="L_s of the Gamma model: magnetising, of a phase [H]"
+    )
+    leakage_inductance: Inductance | None = Field(
+        None, gt=0, description="L_l of the Gamma model: all leakage, on the rotor's side [H]"
+    )
+    iron_resistance: Resistance | None = Field(
+        None, gt=0, description="across the terminals of a phase; default no iron loss [ohm]"
+    )
+    transient: bool = Field(
+        True,
+        description="fluxes of an induction motor as states; false: steady circuit at every "
+        "instant, as quick mode takes it",
+    )
     brush_drop: Voltage = Field(0.0, ge=0, description="both brushes [V]")
     loss_torque: Torque = Field(0.0, ge=0, description="dry friction up to the clutch [N m]")
     brake_torque: Torque = Field(0.0, ge=0, description="dry, when de-energised [N m]")
@@ -92,22 +137,64 @@ class Motor(Record):
 
     @model_validator(mode="after")
     def _needs(self) -> Self:
-        needed = {
-            "permanent magnet": ("constant",),
-            "separate field": ("field_constant", "field_resistance"),
-            "series": ("field_constant",),
-            "split field": ("field_constant",),
-        }[self.kind]
+        needed = NEEDED[self.kind]
         missing = [name for name in needed if getattr(self, name) is None]
         if missing:
             message = f"a {self.kind} motor needs {' and '.join(missing)}"
             raise ValueError(message)
-        spare = {"constant", "field_constant", "field_resistance"} - set(needed)
+        spare = OWN_OF_A_KIND - set(needed)
+        if self.kind == "induction":
+            spare -= {"iron_resistance"}
+            if self.brush_drop:
+                message = "an induction motor has no brush_drop"
+                raise ValueError(message)
         given = sorted(name for name in spare if getattr(self, name) is not None)
         if given:
             message = f"a {self.kind} motor has no {' or '.join(given)}"
             raise ValueError(message)
         return self
+
+
+def breakdown_point(
+    motor: Motor, *, voltage: float | None = None, line: float = 0.0
+) -> tuple[float, float]:
+    r"""Return breakdown slip [-] and torque [N m] of an induction motor.
+
+    Parameters
+    ----------
+    motor : Motor
+    voltage : float, optional
+        Line to line, rms; default the rated one [V].
+    line : float
+        Resistance of each phase of the line [ohm].
+
+    Notes
+    -----
+    By the source that the rotor's R_r/s sees, with line and iron loss in U and R_s:
+
+    .. math:: s_b = R_r/|Z|,\quad Z = jX_l + \frac{jX_sR_s}{R_s+jX_s},\quad
+              T_b = \frac{3 n_p U^2}{2\omega (|Z| + \mathrm{Re} Z)}
+
+    with U the rms voltage at the open rotor side of the stator's divider.
+    """
+    assert motor.frequency is not None  # noqa: S101 - of an induction motor
+    assert motor.stator_inductance is not None  # noqa: S101
+    assert motor.leakage_inductance is not None  # noqa: S101
+    assert motor.rotor_resistance is not None  # noqa: S101
+    speed, factor = 2.0 * math.pi * motor.frequency, copper_factor(motor)
+    iron = 1.0 / motor.iron_resistance if motor.iron_resistance else 0.0
+    share = 1.0 / (1.0 + line * iron)
+    main, r_s = 1j * speed * motor.stator_inductance, motor.resistance * factor + line * share
+    source = share * (voltage or motor.voltage) / math.sqrt(3.0)
+    open_voltage = source * abs(main / (r_s + main))
+    z = 1j * speed * motor.leakage_inductance + r_s * main / (r_s + main)
+    torque = 3.0 * (motor.pole_pairs or 1) * open_voltage**2 / (2.0 * speed * (abs(z) + z.real))
+    return motor.rotor_resistance * factor / abs(z), torque
+
+
+def copper_factor(motor: Motor) -> float:
+    """Return the resistance of the motor's windings over that at 20 degC."""
+    return 1.0 + COPPER_COEFFICIENT * (motor.temperature - COPPER_REFERENCE)
 
 
 class Clutch(Record):
@@ -240,7 +327,11 @@ class Supply(Record):
     voltage: Voltage | None = Field(
         None, gt=0, description="at its terminals; default the motor's rated one [V]"
     )
-    line_resistance: Resistance = Field(0.0, ge=0, description="of the line there and back [ohm]")
+    line_resistance: Resistance = Field(
+        0.0,
+        ge=0,
+        description="of the line there and back; of an induction motor of each phase [ohm]",
+    )
     shared_resistance: Resistance = Field(
         0.0, ge=0, description="of what several machines share [ohm]"
     )
@@ -261,7 +352,7 @@ class Machine(Record):
     """Point machine."""
 
     description: str = Field("", description="what the machine is, in a few sentences")
-    motor: Motor = Field(description="DC motor with brushes")
+    motor: Motor = Field(description="DC motor with brushes, or three-phase induction motor")
     clutch: Clutch = Field(description="between motor and gear")
     gear: Gear = Field(description="all between the clutch and the rod")
     stroke: Stroke = Field(description="how the rod follows the shaft")
@@ -287,8 +378,13 @@ class Machine(Record):
 
     @property
     def stall_torque(self) -> float:
-        """Torque of the standing motor at its rated voltage, without line [N m]."""
+        """Torque of the standing motor at its rated voltage, without line [N m].
+
+        Of an induction motor the breakdown torque, below which it stalls.
+        """
         motor = self.motor
+        if motor.kind == "induction":
+            return breakdown_point(motor)[1] - motor.loss_torque
         current = (motor.voltage - motor.brush_drop) / motor.resistance
         return self.constant_at_rest * current - motor.loss_torque
 
@@ -300,6 +396,9 @@ class Machine(Record):
                 f"the clutch would never slip: {breakaway:.4g} N m to break away, the motor stalls "
                 f"at {self.stall_torque:.4g} N m; lower clutch.torque or raise motor.voltage"
             )
+            raise ValueError(message)
+        if self.motor.kind == "induction" and self.supply.shared_resistance:
+            message = "supply.shared_resistance is for DC machines; give line_resistance of a phase"
             raise ValueError(message)
         back = self.gear.back_efficiency
         if self.circuit.holding == "gear" and back != 0.0:

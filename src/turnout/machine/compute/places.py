@@ -53,8 +53,18 @@ the closing direction. Flags are 0.0 or 1.0.
     HAND_SPEED,  # [rad/s]
     HAND_RAMP,  # [s]
     HAND_STAYS,  # 1: the hand does not let go at the limit contact
+    THREE_PHASE,  # 1: induction motor, with the constants below
+    STEADY_CIRCUIT,  # 1: its fluxes follow at once
+    PHASE_VOLTAGE,  # peak, line to neutral [V]
+    SUPPLY_SPEED,  # 2 pi f [rad/s]
+    POLE_PAIRS,
+    ROTOR_RESISTANCE,  # R_r, seen from the stator [ohm]; the stator's is RESISTANCE
+    STATOR_INDUCTANCE,  # L_s [H]
+    LEAKAGE_INDUCTANCE,  # L_l, all on the rotor's side [H]
+    IRON_CONDUCTANCE,  # 1/R_fe across the terminals [1/ohm]
+    LONGEST_STEP,  # of the machine within a step of the rails [s]
     CONSTANTS,
-) = range(48)
+) = range(58)
 
 
 (SCREW, CRANK, TABLE) = range(3)
@@ -83,7 +93,7 @@ the closing direction. Flags are 0.0 or 1.0.
 
 # --- state -------------------------------------------------------------------------------------
 (
-    CURRENT,  # [A]
+    CURRENT,  # of the motor; of an induction motor that of the line, rms [A]
     SPEED,  # of the motor, w1 [rad/s]
     TWIST,  # of the clutch, a [rad]
     GEAR_SPEED,  # w2 [rad/s]
@@ -91,6 +101,10 @@ the closing direction. Flags are 0.0 or 1.0.
     RAIL_POSITION,  # y [m]
     RAIL_SPEED,  # [m/s]
     RAIL_TWIST,  # displacement of the elastic-plastic friction, b [m]
+    STATOR_FLUX,  # of an induction motor, along the supply's voltage [V s]
+    STATOR_FLUX_ACROSS,  # a quarter of a turn ahead of it
+    ROTOR_FLUX,
+    ROTOR_FLUX_ACROSS,
     SLIP,  # of the clutch, th1 - th2 - a [rad]
     ROD_POSITION,  # x [m]
     ROD_FORCE,  # [N]
@@ -116,9 +130,9 @@ the closing direction. Flags are 0.0 or 1.0.
     EVENTS,  # number logged
     HALVED,  # steps taken in halves so far
     ENERGIES,  # the first of the sums below
-) = range(33)
+) = range(37)
 
-INTEGRATED = 8
+INTEGRATED = 12
 """So many states, from the first on, obey differential equations."""
 
 # --- sums of power times step by the scheme's own weights [J] -----------------------------------
@@ -128,7 +142,7 @@ INTEGRATED = 8
     LINE,
     BRUSH,
     SNUB,
-    FIELD,
+    FIELD,  # separate field winding, or the iron of an induction motor
     MOTOR_FRICTION,
     MOTOR_DRAG_HEAT,
     GEAR,
