@@ -150,7 +150,7 @@ def slip_point(machine: Machine) -> SteadyPoint:
 
 
 BLIND = 0.10
-"""A current that load moves by less, as a share of that at the low end, cannot tell the load [-]."""
+"""A current that load moves by a smaller share of that at the low end cannot tell the load [-]."""
 
 
 def load_range(machine: Machine) -> tuple[float, float]:
