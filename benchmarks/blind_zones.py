@@ -16,7 +16,7 @@ from turnout.detection.features import features_of
 from turnout.detection.known_place_map import known_place_map
 from turnout.detection.limit import limit_map, sound_throws
 from turnout.detection.reference import Conditions
-from turnout.detection.throws import Throws, closing_time, throw_all
+from turnout.detection.throws import Throws, closing_time, stored_throws, throw_all
 from turnout.plot.limit import plot_limit
 from turnout.plot.style import rendered
 
@@ -43,8 +43,12 @@ def main() -> None:
     options.add_argument("--sound", type=int, default=3000)
     options.add_argument("--states", type=int, default=100)
     options.add_argument("--skip-known", action="store_true")
+    options.add_argument("--as-is", action="store_true", help="read FOLDER, throw nothing")
     given = options.parse_args()
-    throws = throw_all(None, given.folder, sound=given.sound, states=given.states, workers=2)
+    if given.as_is:
+        throws = stored_throws(None, given.folder)
+    else:
+        throws = throw_all(None, given.folder, sound=given.sound, states=given.states, workers=2)
     began = time.process_time()
     found = limit_map(throws, CASES["no history"], closing=closing_time())
     print(f"a map from throws: {time.process_time() - began:.1f} s of processor time")
@@ -66,10 +70,11 @@ def main() -> None:
 
 
 def optimism(throws: Throws, conditions: Conditions) -> float:
-    """Return by how much an index from half of the sound throws exceeds what the others confirm.
+    r"""Return by how much an index from half of the sound throws exceeds what the others confirm.
 
-    The best test of one half, :math:`w = C_A^{-1} s`, has the index :math:`w^T s / \\sqrt{w^T C_B w}`
-    on the other; thrown sizes whose index lies between 2 and 6 count.
+    The best test of one half, :math:`w = C_A^{-1} s`, has the index
+    :math:`w^T s / \sqrt{w^T C_B w}` on the other; thrown sizes whose index lies between 2 and 6
+    count.
     """
     halves = [
         sound_throws(

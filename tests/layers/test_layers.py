@@ -70,6 +70,10 @@ ALLOWED: dict[str, set[str]] = {
         *("errors", "scheme", "core", "schema", "panel", "mechanism", "integrate"),
         *("response", "measurement", "metric", "study"),
     },
+    "matching": {
+        *("errors", "scheme", "core", "panel", "integrate", "response", "metric", "analysis"),
+        *("study",),
+    },
     "detection": {
         *("errors", "lazy", "scheme", "core", "schema", "panel", "response", "measurement"),
         *("study", "sweep"),
@@ -81,7 +85,7 @@ ALLOWED: dict[str, set[str]] = {
     "plot": {"errors", "lazy", "schema", "panel", "section", "metric"},
     "report": {
         *("errors", "core", "schema", "panel", "analysis", "metric", "calibration"),
-        *("study", "sweep", "validation", "plot"),
+        *("study", "sweep", "detection", "validation", "plot"),
     },
     "api": {
         *(
@@ -115,7 +119,7 @@ ALLOWED: dict[str, set[str]] = {
         ),
         *("measurement",),
         *("metric", "analysis", "virtual", "calibration", "study", "sweep", "detection"),
-        *("validation", "plot", "report", "web"),
+        *("validation", "matching", "plot", "report", "web"),
     },
     "__main__": {"cli"},
 }
@@ -123,12 +127,15 @@ ALLOWED: dict[str, set[str]] = {
 # Slow to load, or a matter of one layer only: who may import it, at any depth of a file.
 FACES = {
     *("schema", "response", "measurement", "metric", "analysis", "virtual", "calibration"),
-    *("study", "sweep", "detection", "validation", "plot", "report", "api", "web", "cli"),
+    *("study", "sweep", "detection", "validation", "matching", "plot", "report", "api", "web"),
+    "cli",
 }
 HEAVY: dict[str, set[str]] = {
     "xarray": FACES,
     "pandas": FACES,
-    "pydantic": {"core", "panel", "machine", "measurement", "calibration", "study", "web"},
+    "pydantic": {
+        *("core", "panel", "machine", "measurement", "calibration", "study", "matching", "web"),
+    },
     "matplotlib": {"plot", "api"},  # api names its types only
     "plotly": {"plot"},
     "dask": {"sweep"},

@@ -1,6 +1,7 @@
 """A detector on a switch of formulas: verdicts, history, files, commands."""
 
 import json
+import os
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from tests.unit.detector_toy import toy_detector, toy_throw
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.detection.calibrating import threshold_for
+from turnout.detection.alarm_threshold import threshold_for
 from turnout.detection.detector import Detector
 from turnout.detection.knowledge import Knowledge
 from turnout.errors import FileError
@@ -136,11 +137,15 @@ def test_a_bad_file_is_one_message(tmp_path: Path, case: str) -> None:
         Detector.load(path)
 
 
-def test_thresholds_are_quantiles_where_throws_suffice_and_exponential_beyond() -> None:
+def test_thresholds_are_quantiles_where_throws_suffice_and_follow_the_tail_beyond() -> None:
+    """An exponential tail, and one of generalised Pareto with a shape of 0.2."""
     rng = np.random.default_rng(7)
     ratios = rng.exponential(2.0, 40_000) - 3.0
     assert threshold_for(ratios, rate=1e-3) == pytest.approx(-3.0 + 2.0 * np.log(1e3), abs=0.6)
-    assert threshold_for(ratios, rate=1e-6) == pytest.approx(-3.0 + 2.0 * np.log(1e6), rel=0.1)
+    found = [threshold_for(rng.exponential(2.0, 40_000), rate=1e-6) for _ in range(9)]
+    assert np.median(found) == pytest.approx(2.0 * np.log(1e6), rel=0.15)
+    heavy = [threshold_for((rng.random(40_000) ** -0.2 - 1.0) / 0.2, rate=1e-5) for _ in range(9)]
+    assert np.median(heavy) == pytest.approx((1e5**0.2 - 1.0) / 0.2, rel=0.2)
 
 
 def test_a_detector_without_a_threshold_says_so() -> None:
@@ -171,9 +176,9 @@ def test_run_judges_a_table(folder: Path) -> None:
     assert shown.exit_code == 0, shown.output
     assert "t2: object" in shown.output
     assert "3 throws: 2 sound, 1 object" in shown.output
-    told = CliRunner().invoke(app, ["detect", "run", *paths, "--json", "--strict"])
-    assert told.exit_code == 1
-    record = json.loads(told.output)
+    found = CliRunner().invoke(app, ["detect", "run", *paths, "--json", "--strict"])
+    assert found.exit_code == 1
+    record = json.loads(found.output)
     assert [item["status"] for item in record["verdicts"]] == ["sound", "sound", "object"]
     assert record["units"]["size"] == "m"
 
@@ -195,6 +200,11 @@ def test_learn_watch_and_report(folder: Path, tmp_path: Path) -> None:
     assert "t2: object" in seen.output
     assert "b.csv: cannot judge" in seen.output
     page = tmp_path / "page.html"
+    (inbox / "c.csv").symlink_to(tmp_path / "moved away.csv")
+    os.utime(inbox / "a.csv", (4e9, 4e9))
+    dated = CliRunner().invoke(app, ["detect", "watch", str(out), str(inbox), "--once"])
+    assert dated.exit_code == 0, dated.output
+    assert "t2: object" in dated.output
     made = CliRunner().invoke(app, ["detect", "report", str(out), str(table), "-o", str(page)])
     assert made.exit_code == 0, made.output
     assert "Is something trapped?" in page.read_text()

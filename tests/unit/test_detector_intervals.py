@@ -8,9 +8,9 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 from tests.unit.detector_toy import toy_detector
 
-from turnout.detection import calibrating, knowledge
-from turnout.detection.calibrating import level_of_places, likelier
+from turnout.detection import interval_widths, knowledge
 from turnout.detection.detector import Detector
+from turnout.detection.interval_widths import level_of_places, likelier
 from turnout.detection.judging import evidence_of
 from turnout.detection.object_posterior import Posterior, mixture_intervals, posterior_of
 
@@ -56,9 +56,9 @@ def test_each_gap_is_widened_by_its_own_factor_about_its_median() -> None:
 def test_factors_hold_kinds_of_throws_the_same_and_leave_out_small_ones() -> None:
     many, few = np.linspace(0.0, 1.0, 4000), np.linspace(0.0, 3.0, 400)
     # of a mixture in equal parts 95 % lie below q: 1/2 + 1/2 q/3 = 0.95
-    assert calibrating._factor(many, few, otherwise=9.0) == pytest.approx(2.7, abs=0.01)
-    assert calibrating._factor(many, few[:10], otherwise=9.0) == pytest.approx(0.95, abs=0.01)
-    assert calibrating._factor(many[:3], few[:3], otherwise=9.0) == 9.0
+    assert interval_widths.factor_of(many, few, otherwise=9.0) == pytest.approx(2.7, abs=0.01)
+    assert interval_widths.factor_of(many, few[:10], otherwise=9.0) == pytest.approx(0.95, abs=0.01)
+    assert interval_widths.factor_of(many[:3], few[:3], otherwise=9.0) == 9.0
 
 
 def test_sets_of_places_hold_the_true_one_in_nine_of_ten_new_throws() -> None:
@@ -85,3 +85,15 @@ def test_a_file_keeps_each_factor_and_reads_one_for_all(tmp_path: Path) -> None:
     old = {"part": "cycle", "history": 0, "thresholds": {}, "throws": 1, "switches": 1}
     single = {"residual": [], "size_factor": 1.0, "gap_factor": 1.5, "object_gap_factor": 2.0}
     assert knowledge._calibrated(old | single).object_gap_factor == (2.0,)
+
+
+def test_gaps_clearly_above_their_limit_are_called_in_98_percent() -> None:
+    """Medians scatter by one half-interval about a limit 0.5 half-intervals below the truth."""
+    rng = np.random.default_rng(3)
+    away = rng.standard_normal(4000) / 1.96 - 0.5
+    reach = interval_widths.reach_of_call(
+        [(0, False, value) for value in away], factors=[1.0], object_factors=[1.0], otherwise=0.3
+    )
+    assert np.mean(away < reach) == pytest.approx(0.98, abs=0.002)
+    few = interval_widths.reach_of_call([], factors=[1.0], object_factors=[1.0], otherwise=0.3)
+    assert few == 0.3

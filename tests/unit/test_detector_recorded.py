@@ -2,12 +2,20 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from turnout.detection.reading import read_table, read_throws
-from turnout.detection.recorded import Recorded, features_of_recorded, recording_fault
+from turnout.detection.recorded import (
+    UNLOADED,
+    ZEROED,
+    Recorded,
+    features_of_recorded,
+    recording_fault,
+    zeroed_rest,
+)
 from turnout.detection.throw_layout import layout_of, throw_features
 from turnout.errors import FileError
 
@@ -101,6 +109,35 @@ def spoiled(case: str) -> Recorded:
 )
 def test_what_cannot_be_judged_says_why(case: str, why: str) -> None:
     assert why in recording_fault(spoiled(case), LAYOUT)
+
+
+@pytest.mark.parametrize("rest", [2800.0, 3200.0])
+def test_forces_zeroed_at_rest_are_noticed_and_an_unloaded_start_is_not_mistaken_for_it(
+    rest: float,
+) -> None:
+    """Sound switches hold 3 kN at rest, before opening and before closing."""
+    size, before = LAYOUT.size, LAYOUT.before_onset
+    usual = np.where(before, np.where(LAYOUT.part == 0, 3000.0, -1000.0), 500.0)
+    centre = SimpleNamespace(mean=usual, variance=np.full(size, 200.0**2), log_weight=0.0)
+    view = SimpleNamespace(centres=(centre,), features=np.arange(size))
+    own = np.where(before & (LAYOUT.part == 0), rest, usual)
+    assert zeroed_rest(view, LAYOUT, own) == ""
+    assert zeroed_rest(view, LAYOUT, own - rest) == ZEROED
+    pressed = np.where(before & (LAYOUT.part == 0), 10.0, usual)
+    assert zeroed_rest(view, LAYOUT, pressed) == UNLOADED
+    # one drive at zero is a fault of that drive, not of the recorder
+    one = np.where(before & (LAYOUT.part == 0) & (LAYOUT.drive == 0), 0.0, usual)
+    assert zeroed_rest(view, LAYOUT, one) == ""
+    # a recording of the closing alone, zeroed before it
+    rows = np.flatnonzero(LAYOUT.part == 1)
+    closing = SimpleNamespace(
+        centres=(
+            SimpleNamespace(mean=usual[rows], variance=np.full(rows.size, 1e4), log_weight=0.0),
+        ),
+        features=rows,
+    )
+    assert zeroed_rest(closing, LAYOUT, usual) == ""
+    assert zeroed_rest(closing, LAYOUT, usual + 1000.0) == ZEROED
 
 
 def test_a_table_has_a_row_a_throw(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from tests.verification.hand_made import energy_residual, hand_made, linear_spri
 
 from turnout.integrate.dense import interpolate_record
 from turnout.integrate.integration import History, integrate
-from turnout.integrate.march import StepRecord
+from turnout.integrate.watch import StepRecord
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import Scheme

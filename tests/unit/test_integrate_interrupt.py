@@ -9,10 +9,11 @@ import pytest
 from tests.unit.test_integrate_columns import setup
 
 from turnout.integrate.follow import follow_path
-from turnout.integrate.march import StepRecord, march
+from turnout.integrate.march import march
 from turnout.integrate.outcome import Code
 from turnout.integrate.solve import Tolerances, iterate_contact_set
 from turnout.integrate.step import Stepping
+from turnout.integrate.watch import StepRecord
 from turnout.kernels.interrupt import call_interruptible, one_thread
 from turnout.kernels.lanes import zeros_in_lines
 from turnout.kernels.shared_record import shared_record

@@ -75,6 +75,7 @@ values = [2.0]
         ('key = "chair.friction_opening.2"\nvalues = [0.01]', "has no unit"),
         ('key = "drive.1.extension.2"\nvalues = ["1 mm"]', "is not given, so there is no item 2"),
         ('key = "chair.friction_factor.2"\nfactor = true\nvalues = [2.0]', "no value of this name"),
+        ('key = "machine.sb4.clutch.torque"\nfactor = true\nvalues = [2.0]', "matches nothing"),
     ],
 )
 def test_items_that_cannot_be_are_refused(lines: str, said: str, tmp_path: Path) -> None:

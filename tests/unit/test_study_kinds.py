@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from turnout.errors import StudyError
 from turnout.response.simulate import simulate
@@ -14,6 +15,16 @@ LIBRARY = (
     *("stones", "winter-week", "one-year", "dry-chairs", "worn-clutch", "adjustment-drift"),
     *("switch-states", "in-drive-faults", "measuring-chain"),
 )
+THROWN = {
+    ("none", "", ""),
+    ("worn brush", "drive 1", "10 V, 5 ohm"),
+    ("worn clutch", "drive 2", "-40 %"),
+    ("dry gear", "drive 1", "efficiency 0.6"),
+    ("dry part of the gear", "drive 2", "efficiency 0.63 on 40 mm"),
+    ("brush contact", "drive 1", "30 ohm, 20 % of a turn"),
+    ("backlash", "drive 1", "1 mm"),
+}
+"""Of in-drive-faults, by cause, place and size."""
 HEAD = """
 schema_version = 1
 name = "kinds"
@@ -119,9 +130,19 @@ def test_library_studies_label_their_throws(name: str) -> None:
         "adjustment-drift": {"adjustment"},
         "switch-states": {"states of the switch"},
         "measuring-chain": {"none", "spring"},
-        "in-drive-faults": {"none", "worn brush", "dry gear", "worn clutch", "backlash"},
+        "in-drive-faults": {
+            *("none", "worn brush", "dry gear", "worn clutch", "backlash"),
+            *("dry part of the gear", "brush contact"),
+        },
     }
     assert name not in expected or causes == expected[name]
+
+
+def mean(run: xr.Dataset, channel: str, first: float, last: float) -> float:
+    """Return the mean of a channel of Drive 2 while it closes between two places [m]."""
+    drive = run.sel(drive="2", time=slice(6.5, None))
+    at = drive["drive_displacement"]
+    return float(drive[channel].where((at > first) & (at < last)).mean())
 
 
 def test_throws_of_in_drive_faults_differ_as_the_faults_say() -> None:
@@ -134,14 +155,18 @@ def test_throws_of_in_drive_faults_differ_as_the_faults_say() -> None:
         **{f"machine.{name}.clutch.torque": machine.clutch.torque
            for name, machine in made.panel.machine.items()},
     }  # fmt: skip
-    thrown = {}
-    for item in (made.scenario(index) for index in range(17)):
+    known, thrown = set(), {}
+    for item in (made.scenario(index) for index in range(25)):
         inputs = item.inputs
         key = tuple(str(inputs[f"label.{name}"]) for name in ("cause", "place", "size"))
+        known.add(key)
+        if key not in THROWN:
+            continue
         panel = made.panel.with_overrides({**item.overrides, **usual})
         thrown[key] = simulate(panel, mode="quick")
         assert thrown[key].attrs["complete"]
-    assert len(thrown) == 17
+    assert len(known) == 25
+    assert thrown.keys() == THROWN
     sound = thrown["none", "", ""]
     assert bool(sound["locked"][-1])
     closing = sound["throw_time"].sel(drive="1")[-1]
@@ -152,6 +177,17 @@ def test_throws_of_in_drive_faults_differ_as_the_faults_say() -> None:
     assert np.allclose(clutch / level, [1.0, 0.6])
     gear = thrown["dry gear", "drive 1", "efficiency 0.6"]
     assert np.allclose(gear["saturation_force"] / level, [0.6 / 0.9, 1.0])
+    part = thrown["dry part of the gear", "drive 2", "efficiency 0.63 on 40 mm"]
+    assert np.allclose(part["saturation_force"], level)  # at home the gear is greased
+    machine = made.panel.machine["jea73-drive2"]
+    per_newton = 1.0 / (float(machine.stroke.ratio or 0.0) * 0.9 * float(machine.motor.constant))
+    for where, lost in (((-0.07, -0.045), 0.7), ((-0.025, -0.005), 1.0)):
+        current = [mean(run, "drive_current", *where) for run in (sound, part)]
+        force = [mean(run, "drive_force", *where) for run in (sound, part)]
+        expected = per_newton * (force[1] / lost - force[0])  # drag falls with the speed
+        assert current[1] - current[0] == pytest.approx(expected, abs=0.02)
+    spark = thrown["brush contact", "drive 1", "30 ohm, 20 % of a turn"]
+    assert spark["throw_time"].sel(drive="1")[-1] > closing + 0.05
     loose = thrown["backlash", "drive 1", "1 mm"]
     assert not np.allclose(loose["drive_force"], sound["drive_force"], atol=50.0)
 

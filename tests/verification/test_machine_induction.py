@@ -68,7 +68,7 @@ def started(
     rail[at.RAIL_STEP] = 1.0
     state = np.zeros(at.STATES)
     state[at.ENERGISED], state[at.DIRECTION], state[at.LOCKED] = 1.0, 1.0, 1.0
-    state[at.LEVEL] = 1e-13
+    state[at.LEVEL], state[at.GEAR_RATIO] = 1e-13, 1.0
     kept, stored = [state.copy()], [stored_energy(constants, rail, state)]
     for number in range(round(end / step)):
         time = number * step

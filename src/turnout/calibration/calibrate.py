@@ -163,10 +163,7 @@ def calibrate(
         findings = list(spread.findings)
         if advise:
             watch.stage = "advice"
-            findings += [
-                *systematic_errors(final),
-                *next_lines(next_movements(final, spread, panel)),
-            ]
+            findings += _advice(final, spread, panel)
         sampled: dict[str, object] = {}
         if posterior:
             watch.stage = "posterior"
@@ -193,6 +190,11 @@ def calibrate(
         sweeps=tuple(sweeps),
         movements=movements,
     )
+
+
+def _advice(final: Fit, spread: Spread, panel: LoadedPanel) -> list[str]:
+    """Return what errors parameters would absorb, and what to measure next."""
+    return [*systematic_errors(final), *next_lines(next_movements(final, spread, panel))]
 
 
 def _result(

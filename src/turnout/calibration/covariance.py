@@ -9,8 +9,9 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from turnout.calibration.comparison import Key
-from turnout.calibration.fit import SCATTER_WEIGHT, Fit, shared_estimates
+from turnout.calibration.fit import SCATTER_WEIGHT, Fit
 from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.misfit import shared_estimates
 from turnout.calibration.parameter import Parameter
 
 Floats = NDArray[np.float64]
@@ -181,12 +182,12 @@ def _scale_uncertainty(found: Fit) -> float:
     """Return the uncertainty of the scale of all forces, where gains are free [-].
 
     The scale is then that of the model, from weight and stiffness of its rails. A gain that all
-    channels have alike cannot be told from an error of these, so it counts as uncertainty.
+    channels have alike is not separable from an error of these, so it counts as uncertainty.
     """
     comparison, shared = found.misfit.comparison, found.frame.shared
     if shared is None or not shared.gains:
         return 0.0
-    sizes = shared_estimates(found)[: len(shared.gains)]
+    sizes = shared_estimates(found.local, found.frame)[: len(shared.gains)]
     gains = [size * comparison.gains[key] for size, key in zip(sizes, shared.gains, strict=True)]
     alike = float(np.mean(gains)) if min(gains) * max(gains) > 0.0 else 0.0
     return float(np.hypot(comparison.uncertainty.scale, alike))

@@ -21,12 +21,18 @@ from turnout.calibration.misfit import (
     Misfit,
     effects_after,
     jacobian,
+    shared_corrections,
     update_movement_effects,
 )
 from turnout.calibration.noise import missed_by_model
 from turnout.calibration.parameter import Parameter, coordinates, values_at
 from turnout.calibration.predict import compared, predicted
-from turnout.calibration.shared import poorly_followed, shared_discrepancy, without_common
+from turnout.calibration.shared import (
+    left_out,
+    poorly_followed,
+    shared_discrepancy,
+    without_common,
+)
 
 Floats = NDArray[np.float64]
 # Steps of a fit; how many more are allowed after one that still lowered the cost by this share and
@@ -366,6 +372,11 @@ def reestimate_noise(found: Fit, first: Misfit) -> Misfit:
         size, length = missed_by_model(rows, noise[key])
         if size > noise[key].missed:
             noise[key] = replace(noise[key], missed=size, missed_length=length)
+    for (channel, drive, direction), (size, length) in discrepancy.items():
+        most = max(row.size for row in series[channel, drive, direction])
+        rest = left_out(most, size=size, length=length)
+        known = noise[channel, drive]
+        noise[channel, drive] = replace(known, white=hypot(known.white, rest))
     scatter = {}
     for name, expected in first.comparison.scatter.items():
         estimates = [v.estimates[name] for v in found.frame.alignments if name in v.estimates]
@@ -387,7 +398,7 @@ def _remaining_series(found: Fit) -> dict[tuple[str, str, str], list[Floats]]:
     """Return by channel, drive and direction what nuisances and gains leave of the residuals."""
     series: dict[tuple[str, str, str], list[Floats]] = {}
     noise = found.misfit.comparison.noise
-    corrections = shared_corrections(found)
+    corrections = shared_corrections(found.local, found.frame)
     for alignment, response, shared in zip(
         found.frame.alignments, found.local.simulated, corrections, strict=True
     ):
@@ -399,28 +410,6 @@ def _remaining_series(found: Fit) -> dict[tuple[str, str, str], list[Floats]]:
             key = (signal.channel, signal.drive, alignment.movement.direction)
             series.setdefault(key, []).append(np.clip(row, -most, most))
     return series
-
-
-def shared_estimates(found: Fit) -> Floats:
-    """Return the likeliest size of all that movements share, in standard deviations, shape (q,)."""
-    shared = found.frame.shared
-    if shared is None:
-        return np.zeros(0)
-    rows = [
-        alignment.whitened(alignment.measured - alignment.reduced(response))
-        for alignment, response in zip(found.frame.alignments, found.local.simulated, strict=True)
-    ]
-    return shared.estimates(np.concatenate(rows))
-
-
-def shared_corrections(found: Fit) -> list[Floats | None]:
-    """Return for each movement what wrong gains add to its measured forces, as estimated [N]."""
-    shared = found.frame.shared
-    if shared is None:
-        return [None] * len(found.frame.alignments)
-    count = len(shared.gains)
-    sizes = shared_estimates(found)[:count]
-    return [block[:, :count] @ sizes for block in shared.plain]
 
 
 def _discrepancies(

@@ -334,6 +334,26 @@ def plain_jacobian(local: Linearisation, frame: Frame, names: Sequence[str]) -> 
     return np.concatenate(rows)
 
 
+def shared_estimates(local: Linearisation, frame: Frame) -> Floats:
+    """Return the likeliest size of all that movements share, in standard deviations, shape (q,)."""
+    if frame.shared is None:
+        return np.zeros(0)
+    rows = [
+        alignment.whitened(alignment.measured - alignment.reduced(response))
+        for alignment, response in zip(frame.alignments, local.simulated, strict=True)
+    ]
+    return frame.shared.estimates(np.concatenate(rows))
+
+
+def shared_corrections(local: Linearisation, frame: Frame) -> list[Floats | None]:
+    """Return for each movement what wrong gains add to its measured forces, as estimated [N]."""
+    if frame.shared is None:
+        return [None] * len(frame.alignments)
+    count = len(frame.shared.gains)
+    sizes = shared_estimates(local, frame)[:count]
+    return [block[:, :count] @ sizes for block in frame.shared.plain]
+
+
 # How far an estimated effect may be from the simulated one, how often it is simulated again where
 # it is further, by how much at most it then changes, and the largest effect [share].
 SAME_EFFECT, EFFECT_PASSES, LONGEST_EFFECT_STEP, FURTHEST_EFFECT = 2e-3, 6, 0.04, 0.5

@@ -1,21 +1,21 @@
 """Sensors as unknowns: stated uncertainty of the gains, and what a fit says of them."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
 
 from turnout.calibration.comparison import Comparison, Key
-from turnout.calibration.fit import Fit, shared_estimates
-from turnout.calibration.misfit import plain_jacobian
+from turnout.calibration.fit import Fit
+from turnout.calibration.misfit import framed, plain_jacobian, shared_estimates
 
 # A gain this many deviations from where it was stated to be gives a warning.
 LEAVES_PRIOR = 2.0
 # One this many of its own deviations from nothing is off.
 CLEAR = 4.0
 # Movements that all begin later than their currents say, in standard deviations of an onset.
-LATE, LEAST_ONSETS = 3.0, 2
+LATE, LEAST_ONSETS, LEAD_PASSES = 3.0, 2, 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +118,7 @@ def found_gains(found: Fit) -> list[Gain]:
     weak = 1e-6 * np.eye(J.shape[1])
     joint = np.block([[J.T @ J + weak, -J.T @ B], [-B.T @ J, np.eye(B.shape[1]) + B.T @ B]])
     deviations = np.sqrt(np.diag(np.linalg.inv(joint))[J.shape[1] :])
-    values = shared_estimates(found)
+    values = shared_estimates(found.local, found.frame)
     shares = found.misfit.comparison.gains
     return [
         Gain(
@@ -138,15 +138,18 @@ def common_lead(found: Fit) -> float:
     Motors may run before the rods move: the onset that currents mark is then early in all
     movements alike, and their own uncertainty is about that lead.
     """
-    onsets = [
-        alignment.estimates["onset"][0]
-        for alignment in found.frame.alignments
-        if alignment.movement.clocked
-    ]
-    if len(onsets) < LEAST_ONSETS:
+    comparison, lead = found.misfit.comparison, 0.0
+    spread = comparison.uncertainty.clocked_onset
+    if sum(item.clocked for item in found.misfit.movements) < LEAST_ONSETS:
         return 0.0
-    lead = float(np.median(onsets))
-    spread = found.misfit.comparison.uncertainty.clocked_onset
+    # As if currents said no more of the onset than forces: else they would hold it where it is.
+    wide = replace(comparison.uncertainty, clocked_onset=comparison.uncertainty.onset)
+    for _ in range(LEAD_PASSES):
+        about = replace(comparison, uncertainty=wide, lead=lead)
+        frame = framed(found.local, replace(found.misfit, comparison=about))
+        lead = float(
+            np.median([a.estimates["onset"][0] for a in frame.alignments if a.movement.clocked])
+        )
     return lead if abs(lead) > LATE * spread else 0.0
 
 

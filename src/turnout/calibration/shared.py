@@ -182,6 +182,21 @@ def discrepancy_modes(time: Floats, *, size: float, length: float) -> Floats:
     return np.asarray(vectors[:, kept] * np.sqrt(np.maximum(variances[kept], 0.0)))
 
 
+def left_out(count: int, *, size: float, length: float) -> float:
+    """Return the standard deviation that the leading modes leave out, over so many bins.
+
+    It has to be somewhere: directions without any noise would be taken for perfectly known.
+
+    Examples
+    --------
+    >>> 0.0 < left_out(150, size=1.0, length=0.3) < 0.4
+    True
+    """
+    time: Floats = np.asarray(BIN * np.arange(count), dtype=np.float64)
+    modes = discrepancy_modes(time, size=size, length=length)
+    return float(np.sqrt(max(size**2 - float((modes**2).sum(axis=1).mean()), 0.0)))
+
+
 def shared_discrepancy(
     series: Mapping[DiscrepancyKey, Sequence[Floats]], noise: Mapping[Key, Noise]
 ) -> dict[DiscrepancyKey, tuple[float, float]]:
@@ -281,7 +296,7 @@ def effective_samples(alignments: Sequence[Alignment], comparison: Comparison) -
     .. math:: n = \sum_c \sigma_c^2 \, 1^T C_c^{-1} 1
 
     with the covariance of noise and of both discrepancies, over all movements together, and the
-    variance of a bin: what all movements share makes none of them count anew.
+    variance of a bin: what all movements share counts once only.
     """
     modes = shared_of(alignments, replace(comparison, gains={}))
     blocks = (

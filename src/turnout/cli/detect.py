@@ -1,7 +1,8 @@
 """The commands `turnout detect ...`: train a detector, teach it a switch, judge throws."""
 
+import stat
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,14 +26,14 @@ if TYPE_CHECKING:
     from turnout.detection.throw_verdict import Verdict
     from turnout.sweep.run import SweepProgress
 
-FOUND = 1
+EXIT_NOT_SOUND = 1
 VERDICT_UNITS = {
     **{"x": "m", "size": "m", "middle": "m", "low": "m", "high": "m", "limit": "m"},
     **{"force": "N", "time": "s", "false_alarm_rate": "1", "log_ratio": "1", "threshold": "1"},
     **{"odds": "1", "above": "1", "fit": "1", "friction": "1", "places": "1"},
 }
 SETTLED = 2.0
-"""A recording is read when it has not changed for so long [s]."""
+"""A recording is read when it was seen unchanged for so long, whatever its date [s]."""
 
 app = typer.Typer(
     help="Detect trapped objects from drive forces: train, learn a switch, judge throws.",
@@ -70,17 +71,25 @@ def train_command(
         ),
     ] = None,
     sound: Annotated[
-        int, typer.Option("--sound", metavar="N", min=420, help="Sound throws.")
-    ] = 4000,
+        int | None,
+        typer.Option("--sound", metavar="N", min=420, help="Sound throws; default 4000."),
+    ] = None,
     objects: Annotated[
-        int, typer.Option("--objects", metavar="N", min=200, help="Throws with objects.")
-    ] = 3000,
+        int | None,
+        typer.Option("--objects", metavar="N", min=200, help="Throws with objects; default 3000."),
+    ] = None,
     defects: Annotated[
-        int, typer.Option("--defects", metavar="N", min=40, help="Throws of each other cause.")
-    ] = 400,
+        int | None,
+        typer.Option(
+            "--defects", metavar="N", min=40, help="Throws of each other cause; default 400."
+        ),
+    ] = None,
     switches: Annotated[
-        int, typer.Option("--switches", metavar="N", min=10, help="Switches thrown 26 times.")
-    ] = 40,
+        int | None,
+        typer.Option(
+            "--switches", metavar="N", min=10, help="Switches thrown 26 times; default 40."
+        ),
+    ] = None,
     discrepancy: Annotated[
         float,
         typer.Option(
@@ -115,6 +124,7 @@ def train_command(
     from turnout.study.load_study import load_study
 
     allowances = Allowances(discrepancy=discrepancy)
+    counts = {"sound": sound, "objects": objects, "defects": defects, "switches": switches}
     given = None
     if panel is not None or calibration is not None:
         given = opened_panel(panel, [], calibration)
@@ -122,14 +132,7 @@ def train_command(
         folder,
         panel=given,
         study=None if study is None else load_study(study),
-        counts=Counts(
-            sound=sound,
-            objects=objects,
-            defects=defects,
-            switches=switches,
-            judged=4,
-            objects_each=2,
-        ),
+        counts=replace(Counts(), **{name: item for name, item in counts.items() if item}),
         allowances=allowances,
         workers=workers or cores(),
         watch=_watching(quiet=quiet),
@@ -254,7 +257,7 @@ def run_command(
             typer.echo("\n".join(item.lines()))
         typer.echo(_summary(verdicts))
     if strict and any(item.status != "sound" for item in verdicts):
-        raise typer.Exit(FOUND)
+        raise typer.Exit(EXIT_NOT_SOUND)
 
 
 def _summary(verdicts: "Sequence[Verdict]") -> str:
@@ -303,18 +306,33 @@ def watch_command(
     if not folder.is_dir():
         message = f"{folder}: no such folder; name the one that recordings come into"
         raise FileError(message)
-    done: set[tuple[str, float]] = set()
+    seen: dict[str, tuple[tuple[int, int], float]] = {}
+    done: set[tuple[str, tuple[int, int]]] = set()
     while True:
-        for path in sorted(item for item in folder.iterdir() if item.is_file()):
-            changed = path.stat().st_mtime
-            key = (path.name, changed)
-            settled = once or time.time() - changed > SETTLED
-            if key not in done and settled and not path.name.startswith("."):
-                done.add(key)
+        now = time.monotonic()
+        for path, state in _files(folder):
+            if seen.get(path.name, (None, 0.0))[0] != state:
+                seen[path.name] = (state, now)
+            settled = once or now - seen[path.name][1] >= SETTLED
+            if settled and (path.name, state) not in done:
+                done.add((path.name, state))
                 _judge_file(found, path, channels, as_json=as_json)
         if once:
             return
         time.sleep(every)
+
+
+def _files(folder: Path) -> list[tuple[Path, tuple[int, int]]]:
+    """Return files with their size and time of change; one that was moved away is left out."""
+    found = []
+    for path in sorted(folder.iterdir()):
+        try:
+            state = path.stat()
+        except OSError:
+            continue
+        if stat.S_ISREG(state.st_mode) and not path.name.startswith("."):
+            found.append((path, (state.st_size, state.st_mtime_ns)))
+    return found
 
 
 def _judge_file(found: "Detector", path: Path, channels: Path | None, *, as_json: bool) -> None:
@@ -323,7 +341,7 @@ def _judge_file(found: "Detector", path: Path, channels: Path | None, *, as_json
 
     try:
         verdicts = found.predict(_read([path], channels))
-    except TurnoutError as error:
+    except (TurnoutError, OSError) as error:
         verdicts = [
             Verdict(name=path.name, status=CANNOT, reason=str(error), advice=ADVICE[CANNOT])
         ]

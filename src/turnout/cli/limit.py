@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from turnout.detection.reference import Conditions
     from turnout.detection.throws import Throws
     from turnout.detection.what_if import Repeat
-    from turnout.panel.load import LoadedPanel
     from turnout.sweep.run import SweepProgress
 
 LENGTHS = dict.fromkeys(
@@ -41,6 +40,8 @@ TEXTS = {
     "floor": "gaps",
     "objects": "throws with objects",
     "ends": "end positions",
+    "readings": "readings of sensors",
+    "readings-sound": "readings without an object",
 }
 END_STATES = 40
 """States thrown with objects at sensors and drives, at most."""
@@ -107,11 +108,15 @@ def limit_command(
             "--what-if",
             metavar="MEASURE",
             help="Add what a measure gains: 'second throw', 'history 20', 'discrepancy 3 %', "
-            "'rate 1000 Hz', 'friction 0.2', 'closing force'. Repeatable.",
+            "'rate 1000 Hz', 'friction 0.2', 'closing force', 'position sensor at 3.6 m', "
+            "'contact sensor at 3.6 m', 'force sensor at 3.6 m', 'drive at 3.6 m'. Repeatable.",
         ),
     ] = None,
     advise: Annotated[
-        bool, typer.Option("--advise", help="Rank all these measures by what they gain.")
+        bool,
+        typer.Option(
+            "--advise", help="Rank all these measures; sensors and drive where a90 is largest."
+        ),
     ] = False,
     folder: Annotated[
         Path,
@@ -133,6 +138,7 @@ def limit_command(
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     from turnout.cli.options import opened_panel
     from turnout.cli.sweep import cores
+    from turnout.detection.added_equipment import check_equipment
     from turnout.detection.drive_quantities import signals_of
     from turnout.detection.limit import limit_map
     from turnout.detection.reference import Conditions, reference_study
@@ -150,7 +156,9 @@ def limit_command(
     given = None
     if panel is not None or calibration is not None or settings:
         given = opened_panel(panel, settings, calibration)
-    signals_of(reference_study(given, count=1).panel, channels)
+    thrown_panel = reference_study(given, count=1).panel
+    signals_of(thrown_panel, channels)
+    check_equipment(measures, thrown_panel)
     watch, count = _watching(quiet=quiet), workers or cores()
     throws = throw_all(
         given, folder,
@@ -171,7 +179,19 @@ def limit_command(
         )  # fmt: skip
         of_ends = end_position_map(throws, thrown, conditions, closing=closing)
         found = found.merge(of_ends, combine_attrs="no_conflicts")
-    advice = _advice(given, throws, conditions, measures, closing) if measures else None
+    advice = None
+    if measures:
+        from turnout.detection.added_equipment import read_measures
+        from turnout.detection.what_if import gains, repeated_throw
+
+        read = read_measures(
+            measures, given, folder, throws, conditions,
+            advise=advise, workers=count, report=watch,
+        )  # fmt: skip
+        advice = (
+            gains(throws, conditions, read, closing=closing),
+            repeated_throw(throws, conditions, closing=closing),
+        )
     _write(found, advice, out=out, plot=plot, as_json=as_json, quiet=quiet)
 
 
@@ -183,23 +203,6 @@ def _known_place(
 
     with watched("bound at known places", quiet=quiet) as watch:
         return known_place_map(throws, conditions, closing=closing, report=watch.report)
-
-
-def _advice(
-    panel: "LoadedPanel | None",
-    throws: "Throws",
-    conditions: "Conditions",
-    measures: list[str],
-    closing: float,
-) -> "tuple[xr.Dataset, Repeat]":
-    """Return what the measures gain, and the false alarms of a second throw."""
-    from turnout.detection.reference import reference_study, switch_inputs
-    from turnout.detection.what_if import gains, read_measure, repeated_throw
-
-    inputs = switch_inputs(reference_study(panel, count=1))
-    read = [read_measure(text, throws, conditions, inputs=inputs) for text in measures]
-    ranked = gains(throws, conditions, read, closing=closing)
-    return ranked, repeated_throw(throws, conditions, closing=closing)
 
 
 def _write(

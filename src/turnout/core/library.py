@@ -1,5 +1,6 @@
 """TOML files that come with a package, in its folder `library`, by name."""
 
+from functools import cache
 from importlib import resources
 
 from turnout.core.problems import choices, nearest
@@ -7,6 +8,7 @@ from turnout.core.toml import decode
 from turnout.errors import FileError
 
 
+@cache
 def names_in_library(package: str) -> tuple[str, ...]:
     """List the files in the library of a package, without their ending.
 

@@ -67,6 +67,7 @@ MOTOR_CONSTANT = Dimension("motor constant", "V s/rad", "0.99 V s/rad")
 FIELD_CONSTANT = Dimension("motor constant per ampere of field", "V s/(rad A)", "1.155 V s/(rad A)")
 HEAT_CAPACITY = Dimension("heat capacity", "J/K", "900 J/K")
 PER_ENERGY = Dimension("share per energy", "1/J", "1e-9 1/J")
+FORCE_RATE = Dimension("force rate", "N/s", "22 kN/s")
 
 DIMENSIONS = (
     LENGTH,
@@ -104,6 +105,7 @@ DIMENSIONS = (
     FIELD_CONSTANT,
     HEAT_CAPACITY,
     PER_ENERGY,
+    FORCE_RATE,
 )
 
 # Unit texts resolved without pint; tests/unit/test_files_quantity.py compares each with pint.
@@ -134,6 +136,7 @@ COMMON_UNITS: dict[str, dict[str, float]] = {
     "temperature coefficient": {"1/K": 1.0},
     "resistance": {"ohm": 1.0, "mohm": 0.001, "kohm": 1000.0},
     "inductance": {"H": 1.0, "mH": 0.001},
+    "force rate": {"N/s": 1.0, "kN/s": 1e3},
     "torque": {"N m": 1.0, "N mm": 0.001, "kN m": 1000.0},
     "moment of inertia": {"kg m^2": 1.0, "kg cm^2": 0.0001},
     "mass": {"kg": 1.0, "t": 1000.0},

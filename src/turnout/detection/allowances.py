@@ -8,13 +8,13 @@ assumes, besides the discrepancy and noise of the reference case:
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from turnout.detection.conditions import Conditions
-from turnout.detection.features import correlation
+from turnout.detection.features import discrepancy_covariance
 from turnout.detection.throw_layout import Layout, means_on
 from turnout.errors import StudyError
 
@@ -99,10 +99,20 @@ def discrepancy_of(layout: Layout, *, amplitude: Floats, conditions: Conditions)
     conditions : Conditions
         Size, kernel, time.
     """
+    found = _unit_discrepancy(layout, conditions)
+    scale = np.repeat(np.asarray(amplitude, dtype=np.float64), layout.windows)
+    return found * np.outer(scale, scale)
+
+
+@lru_cache(maxsize=8)
+def _unit_discrepancy(layout: Layout, conditions: Conditions) -> Floats:
+    """Return the covariance for amplitudes of 1; a detector needs the same one again and again."""
     time, means = means_on(layout, rate=FINE_RATE)
-    kernel = means @ correlation(time[:, np.newaxis] - time, conditions) @ means.T
-    scale = (conditions.discrepancy * np.asarray(amplitude)) ** 2
-    return np.asarray(block_diag(*(item * kernel for item in scale)))
+    found = discrepancy_covariance(
+        time, means, amplitude=np.ones(len(layout.drives)), conditions=conditions
+    )
+    found.setflags(write=False)
+    return found
 
 
 FINE_RATE = 125.0

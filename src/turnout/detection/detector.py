@@ -1,22 +1,26 @@
 """The detector: trained once for a type of switch, taught by each switch's own sound throws."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.core.threads import one_blas_thread
 from turnout.detection.calibrating import throw_levels
 from turnout.detection.judging import CYCLE, View, evidence_of, make_view
 from turnout.detection.knowledge import Knowledge, load, store
 from turnout.detection.recorded import (
+    UNLOADED,
+    ZEROED,
     Aligner,
     Recorded,
     features_of_recorded,
     part_of,
     recording_fault,
+    zeroed_rest,
 )
 from turnout.detection.switch_history import Expectation, before_history, observe
 from turnout.detection.throw_layout import CLOSING
@@ -83,8 +87,13 @@ class Detector:
         fault = recording_fault(throw, self.knowledge.layout)
         if fault:
             return Verdict(name=throw.name, status=CANNOT, reason=fault, advice=ADVICE[CANNOT])
-        part, features = self.features(throw)
-        return self.judge_features(features, part=part, name=throw.name)
+        with one_blas_thread():
+            return self._judge_measured(throw.name, *self.features(throw))
+
+    def _judge_measured(self, name: str, part: str, features: Floats) -> Verdict:
+        if zeroed_rest(self.view(part), self.knowledge.layout, features) == ZEROED:
+            return Verdict(name=name, status=CANNOT, reason=ZEROED, advice=ADVICE[CANNOT])
+        return self.judge_features(features, part=part, name=name)
 
     def judge_features(self, features: Floats, *, part: str = CYCLE, name: str = "") -> Verdict:
         """Judge one throw by its features, shape (n_features,) [N]."""
@@ -100,7 +109,12 @@ class Detector:
                 "alarms a throw; train it again: turnout detect train"
             )
             raise TurnoutError(message)
-        return verdict_on(
+        layout = self.knowledge.layout
+        peaks = {
+            drive: float(np.abs(own[layout.drive[view.features] == row]).max())
+            for row, drive in enumerate(layout.drives)
+        }
+        found = verdict_on(
             name,
             view,
             evidence_of(view, features),
@@ -109,6 +123,7 @@ class Detector:
             calibrated=calibrated,
             rate=self.false_alarm_rate,
         )
+        return replace(found, peaks=peaks)
 
     def features(self, throw: Recorded) -> tuple[str, Floats]:
         """Return what of a throw can be judged, and its features, shape (n_features,) [N]."""
@@ -117,17 +132,23 @@ class Detector:
         onsets = dict(throw.onsets) if throw.exact else self._aligner(part).align(throw)
         if part == CLOSING:
             onsets = {CLOSING: onsets[CLOSING]}
-        return part, features_of_recorded(throw, layout, onsets)
+        found = features_of_recorded(throw, layout, onsets)
+        if part == CYCLE and zeroed_rest(self.view(part), layout, found) == UNLOADED:
+            part = CLOSING
+            found[layout.part == 0] = np.nan
+        return part, found
 
     def view(self, part: str = CYCLE) -> View:
         """Return what throws are judged with, made when it is first needed."""
         if part not in self._views:
-            self._views[part] = make_view(self.knowledge, part=part, known=self.known)
+            with one_blas_thread():
+                self._views[part] = make_view(self.knowledge, part=part, known=self.known)
         return self._views[part]
 
     def _aligner(self, part: str) -> Aligner:
         if part not in self._aligners:
-            self._aligners[part] = Aligner(self.view(part), self.knowledge.layout)
+            with one_blas_thread():
+                self._aligners[part] = Aligner(self.view(part), self.knowledge.layout)
         return self._aligners[part]
 
     # ---- what it learns of a switch
@@ -149,15 +170,15 @@ class Detector:
         """
         found, rows = [], []
         for throw in throws:
-            fault = recording_fault(throw, self.knowledge.layout)
-            if fault:
+            if recording_fault(throw, self.knowledge.layout):
                 found.append(self.judge(throw))
                 continue
-            part, features = self.features(throw)
-            verdict = self.judge_features(features, part=part, name=throw.name)
+            with one_blas_thread():
+                measured = self.features(throw)
+                verdict = self._judge_measured(throw.name, *measured)
             found.append(verdict)
-            if (verdict.status == SOUND or not check) and verdict.status != CANNOT:
-                rows.append((part, features))
+            if verdict.status == SOUND or not (check or verdict.status == CANNOT):
+                rows.append(measured)
         for part in dict.fromkeys(item[0] for item in rows):
             self.learn_features(np.array([row for own, row in rows if own == part]), part=part)
         return found
@@ -166,8 +187,9 @@ class Detector:
         """Learn sound throws by their features, shape (n_throws, n_features) [N]."""
         model, errors = self.knowledge.model, self.knowledge.errors()
         levels = throw_levels(self.view(part), features, levels=model.level)
-        for row, level in zip(features, levels, strict=True):
-            self.known = observe(model, errors, self.known, row, level=float(level))
+        with one_blas_thread():
+            for row, level in zip(features, levels, strict=True):
+                self.known = observe(model, errors, self.known, row, level=float(level))
         self._views.clear()
         self._aligners.clear()
 

@@ -61,6 +61,12 @@ class Calibrated:
         The same for each end gap without and with an alarm; a single one is for all gaps [-].
     place_level : float
         Probability that the set of places must sum to, to hold the true place in 90 % [-].
+    cause_threshold : float
+        Logarithm of the likelihood ratio against a sound switch from which on another cause is
+        named [-].
+    gap_reach : float
+        A gap is called above its limit where that lies at most so many half-intervals above its
+        median [-].
     """
 
     part: str
@@ -73,6 +79,8 @@ class Calibrated:
     gap_factor: tuple[float, ...] = (1.0,)
     object_gap_factor: tuple[float, ...] = (1.0,)
     place_level: float = 0.9
+    cause_threshold: float = 6.9
+    gap_reach: float = 0.0
 
 
 RESIDUAL_LEVELS = (0.0, 0.01, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)

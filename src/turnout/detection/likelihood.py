@@ -85,10 +85,14 @@ class Centre:
         [N]
     root : ndarray, shape (n_features, n_features)
         Inverse of the lower Cholesky factor of the covariance [1/N].
+    variance : ndarray, shape (n_features,)
+        Diagonal of the covariance [N^2].
+    log_weight : float
+        Logarithm of the share of throws around this level.
     log_scale : float
         Logarithm of the weight of the centre, less half the logarithm of the determinant.
-    way : ndarray, shape (n_features, r)
-        Basis of the signatures, whitened [1/N].
+    basis : ndarray, shape (n_features, r)
+        Of the signatures, whitened [1/N].
     index : ndarray of int, shape (m,)
         Signatures that are used here.
     change : ndarray, shape (m, r)
@@ -103,14 +107,16 @@ class Centre:
         Of a whitened throw on the expected gaps [m].
     gap_variance : ndarray, shape (n_gaps,)
         Of the gaps when the throw is known [m^2].
-    gap_way : ndarray, shape (r, n_gaps)
+    gap_of_change : ndarray, shape (r, n_gaps)
         Of signatures, in their basis, on the expected gaps [m/N].
     """
 
     mean: Floats
     root: Floats
+    variance: Floats
+    log_weight: float
     log_scale: float
-    way: Floats
+    basis: Floats
     index: Ints
     change: Floats
     square: Floats
@@ -118,7 +124,7 @@ class Centre:
     gap_mean: Floats
     gap_gain: Floats
     gap_variance: Floats
-    gap_way: Floats
+    gap_of_change: Floats
 
 
 def make_centre(
@@ -149,25 +155,29 @@ def make_centre(
     root = solve_triangular(lower, np.eye(features), lower=True)
     weight = np.maximum(1.0 - np.abs(distance) / REACH, 0.0)
     index = np.flatnonzero(weight > 0.0)
-    way = root @ signatures.basis
+    basis = root @ signatures.basis
     change = signatures.change[index]
     kinds = signatures.kind[index]
     total = np.bincount(kinds, weights=weight[index], minlength=int(signatures.kind.max()) + 1)
     cross = covariance[features:, :features] @ root.T
-    rest = np.diag(covariance)[features:] - np.einsum("ij,ij->i", cross, cross)
+    unexplained = np.diag(covariance)[features:] - np.einsum("ij,ij->i", cross, cross)
     return Centre(
         mean=mean[:features],
         root=root,
+        variance=np.diag(covariance)[:features].copy(),
+        log_weight=log_weight,
         log_scale=float(log_weight - np.log(np.diag(lower)).sum()),
-        way=way,
+        basis=basis,
         index=index,
         change=change,
-        square=np.einsum("ij,jk,ik->i", change, way.T @ way, change, optimize=True)[:, np.newaxis],
+        square=np.einsum("ij,jk,ik->i", change, basis.T @ basis, change, optimize=True)[
+            :, np.newaxis
+        ],
         log_share=np.log(weight[index] / total[kinds])[:, np.newaxis],
         gap_mean=mean[features:],
         gap_gain=cross,
-        gap_variance=np.maximum(rest, 0.0),
-        gap_way=way.T @ cross.T,
+        gap_variance=np.maximum(unexplained, 0.0),
+        gap_of_change=basis.T @ cross.T,
     )
 
 
@@ -254,7 +264,7 @@ def weigh(features: Floats, centres: tuple[Centre, ...], *, kind: Ints, kinds: i
     for centre in centres:
         white = centre.root @ (features - centre.mean).T
         own = np.einsum("ij,ij->j", white, white)
-        along = centre.change @ (centre.way.T @ white)
+        along = centre.change @ (centre.basis.T @ white)
         tight = AMPLITUDE**2 / (1.0 + AMPLITUDE**2 * centre.square)
         off = along - centre.square  # the signature times what it leaves
         left = np.maximum(own - 2.0 * along + centre.square - tight * off**2, 0.0)

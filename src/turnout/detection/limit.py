@@ -45,7 +45,12 @@ UNITS = {
 
 
 def limit_map(
-    throws: Throws, conditions: Conditions, *, closing: float, averaged: int = 1
+    throws: Throws,
+    conditions: Conditions,
+    *,
+    closing: float,
+    averaged: int = 1,
+    beside: Floats | None = None,
 ) -> xr.Dataset:
     """Return probability of detection over place and size, from both drives and from each alone.
 
@@ -59,6 +64,8 @@ def limit_map(
         When the last closing begins [s].
     averaged : int
         Throws of the same switch, with the object in place, whose mean is judged.
+    beside : ndarray, shape (n_states, n_places, n_sizes), optional
+        Change of an independent reading by each object, in its standard deviations [-].
 
     Returns
     -------
@@ -68,7 +75,7 @@ def limit_map(
         that one, and an a90 beyond it is NaN.
     """
     with one_blas_thread():
-        return _limit_map(throws, conditions, closing=closing, averaged=averaged)
+        return _limit_map(throws, conditions, closing=closing, averaged=averaged, beside=beside)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -164,7 +171,12 @@ def _channels(signals: Sequence[Signal], *, windows: int) -> dict[str, NDArray[n
 
 
 def _limit_map(
-    throws: Throws, conditions: Conditions, *, closing: float, averaged: int
+    throws: Throws,
+    conditions: Conditions,
+    *,
+    closing: float,
+    averaged: int,
+    beside: Floats | None,
 ) -> xr.Dataset:
     known = sound_throws(throws, conditions, closing=closing, averaged=averaged)
     nearest = known.nearest(throws.level[throws.states])
@@ -176,7 +188,7 @@ def _limit_map(
     ]
     pod = np.stack(
         [
-            _detected(signatures, on_sizes, known.covariances, nearest, used, conditions)
+            _detected(signatures, on_sizes, known.covariances, nearest, used, conditions, beside)
             for used in known.channels.values()
         ]
     )
@@ -225,6 +237,7 @@ def _detected(
     nearest: NDArray[np.intp],
     used: NDArray[np.intp],
     conditions: Conditions,
+    beside: Floats | None,
 ) -> Floats:
     """Return the probability of detection, shape (n_states, n_places, n_sizes)."""
     lower = [np.linalg.cholesky(item[np.ix_(used, used)]) for item in covariances]
@@ -237,6 +250,8 @@ def _detected(
             known = np.isfinite(signatures[state, place][:, used]).all(axis=-1)
             white = np.where(known[:, np.newaxis], signatures[state, place][:, used], 0.0) @ root
             gram = white @ white.T
+            if beside is not None:
+                gram += np.outer(beside[state, place], beside[state, place])
             squared = np.einsum("ni,ij,nj->n", weights, gram, weights)
             each.append(np.sqrt(np.maximum(squared, 0.0)))
         found.append(each)

@@ -100,6 +100,8 @@ def posterior_of(
     objects = np.flatnonzero(kinds < view.objects)
     objects = objects[component[objects] > component[objects].max() - NEGLIGIBLE]
     share = np.exp(component[objects] - _log_sum(component[objects]))
+    used = share > LEAST_WEIGHT
+    objects, share = objects[used], share[used] / share[used].sum()
     signature = evidence.number[objects]
     sizes, places = view.signatures.size[signature], view.signatures.x[signature]
     spread = SMOOTHING + SMOOTHING_SHARE * sizes
@@ -157,14 +159,14 @@ def _gaps(
         rows = np.flatnonzero(place == at)
         if weights[rows].max() > LEAST_WEIGHT:
             usual = centre.gap_mean + centre.gap_gain @ evidence.white[at, :, number]
-            explained[rows] = usual - change[rows] @ centre.gap_way
+            explained[rows] = usual - change[rows] @ centre.gap_of_change
             variances[rows] += centre.gap_variance
     used = weights > LEAST_WEIGHT
     share = weights[used] / weights[used].sum()
     return explained[used] + moved[used], np.maximum(variances[used], 1e-12), share
 
 
-LEAST_WEIGHT = 1e-5
+LEAST_WEIGHT = 1e-4
 """Normal parts that weigh less are left out."""
 PLACE_SPREAD = 0.15
 """Deviation by which the place of a signature is spread [m]."""

@@ -251,6 +251,59 @@ class Aligner:
         return np.asarray(np.logaddexp.reduce(scores, axis=0))
 
 
+ZEROED = "forces are zeroed at rest; record them against the unloaded rods, without taring"
+UNLOADED = "the switch starts without the force that its last closing left"
+NEARLY_ZERO = 60.0
+"""Mean force at rest below which a channel may have been zeroed there [N]."""
+CLEARLY_LOADED = 4.0
+"""Deviations from 0 of what sound switches hold at rest, for that to be noticed [-]."""
+
+
+def zeroed_rest(view: View, layout: Layout, features: Floats) -> str:
+    """Return `ZEROED`, `UNLOADED`, or nothing where the forces at rest are as they can be.
+
+    A recorder that is zeroed before each throw takes the preload out of all samples; a switch that
+    was not pressed home begins at no force too, but is loaded like others from then on.
+
+    Parameters
+    ----------
+    view : View
+        That throws of this part are judged with.
+    layout : Layout
+        Of all features.
+    features : ndarray, shape (n_features,)
+        Of the throw [N].
+    """
+    weight = np.exp([centre.log_weight for centre in view.centres])
+    means = np.array([centre.mean for centre in view.centres])
+    variances = np.array([centre.variance for centre in view.centres])
+    usual = weight @ means / weight.sum()
+    spread = np.sqrt(weight @ (variances + (means - usual) ** 2) / weight.sum())
+    own = features[view.features]
+    drive, part = layout.drive[view.features], layout.part[view.features]
+    before = layout.before_onset[view.features]
+    zero = []
+    for number in np.unique(part):
+        rest = [before & (part == number) & (drive == row) for row in range(len(layout.drives))]
+        loaded = [
+            rows
+            for rows in rest
+            if rows.any() and np.all(np.abs(usual[rows]) > CLEARLY_LOADED * spread[rows])
+        ]
+        zero.append(
+            bool(loaded) and all(abs(float(own[rows].mean())) < NEARLY_ZERO for rows in loaded)
+        )
+    if zero[-1]:
+        return ZEROED
+    if len(zero) > 1 and zero[0]:
+        first, last = before & (part == 0), before & (part == part.max())
+        taken = np.array([usual[first & (drive == row)].mean() for row in range(drive.max() + 1)])
+        off = own[last] - usual[last]
+        shifted = np.abs(off + taken[drive[last]]).sum() < np.abs(off).sum()
+        return ZEROED if shifted else UNLOADED
+    return ""
+
+
 REST_AFTER = 0.7
 """After the movement in a layout, about [s]."""
 

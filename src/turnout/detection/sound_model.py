@@ -116,12 +116,12 @@ def fit_sound_model(
     weights /= weights.sum(axis=1, keepdims=True)
     share = np.exp(-0.5 * ((level - at[:, np.newaxis]) / (SPACING_SHARE * spacing)) ** 2)
     share = share.mean(axis=1) + 0.05 * share.mean()
-    rest = fit.rest
-    whole = fit.lost * rest.T @ rest / len(rest)
+    residual = fit.residual
+    whole = fit.lost * residual.T @ residual / len(residual)
     same = part[:, np.newaxis] == part
     within, shift = [], []
     for row in weights:
-        local = fit.lost * (rest.T * row) @ rest
+        local = fit.lost * (residual.T * row) @ residual
         within.append((1.0 - SHRINKAGE) * local + SHRINKAGE * whole)
         shift.append(np.where(same, (rates.T * row) @ rates, 0.0))
     return SoundModel(
@@ -155,7 +155,7 @@ class _Fit:
             ]
         )
         found, *_ = np.linalg.lstsq(design, values, rcond=None)
-        self.rest = values - design @ found
+        self.residual = values - design @ found
         # what the fit took out of the residuals
         self.lost = len(level) / max(len(level) - design.shape[1], 0.2 * len(level))
         ends = np.cumsum([MEAN_DEGREE + 1, (LINEAR_DEGREE + 1) * theta.shape[1]])
@@ -171,11 +171,10 @@ class _Fit:
         return np.asarray(np.polynomial.chebyshev.chebval(self._along(level), found) / self._half)
 
     def of_switch(self, level: float) -> Floats:
-        """Return what uncorrelated inputs and products make of a throw, shape (n_ways, n)."""
+        """Return what uncorrelated inputs and products make of a throw, shape (n_inputs, n)."""
         along = np.array([self._along(level)])
-        ways, bends = _powers(along, LINEAR_DEGREE)[0], _powers(along, PRODUCT_DEGREE)[0]
-        of_inputs = np.tensordot(ways, self._linear, axes=1)
-        of_products = np.tensordot(bends, self._product, axes=1)
+        of_inputs = np.tensordot(_powers(along, LINEAR_DEGREE)[0], self._linear, axes=1)
+        of_products = np.tensordot(_powers(along, PRODUCT_DEGREE)[0], self._product, axes=1)
         return np.asarray(self._root @ np.vstack([of_inputs, of_products]))
 
     def _along(self, level: float) -> float:
@@ -191,20 +190,20 @@ def _times(first: Floats, second: Floats) -> Floats:
     return (first[:, :, np.newaxis] * second[:, np.newaxis, :]).reshape(len(first), -1)
 
 
-def _principal(ways: Floats) -> Floats:
+def _principal(responses: Floats) -> Floats:
     """Return the principal components of what uncorrelated inputs make, each times its deviation.
 
     Parameters
     ----------
-    ways : ndarray, shape (n_ways, k, n)
-        Each of an input of unit variance.
+    responses : ndarray, shape (n_inputs, k, n)
+        Each to an input of unit variance.
 
     Returns
     -------
     ndarray, shape (k, n, r)
     """
-    count, centres, size = ways.shape
-    _, values, directions = np.linalg.svd(ways.reshape(count, -1), full_matrices=False)
+    count, centres, size = responses.shape
+    _, values, directions = np.linalg.svd(responses.reshape(count, -1), full_matrices=False)
     explained = np.cumsum(values**2) / np.sum(values**2)
     keep = int(np.searchsorted(explained, KEPT)) + 1
     found = directions[:keep].T * values[:keep]

@@ -82,7 +82,7 @@ def before_history(model: SoundModel, errors: ThrowErrors) -> Expectation:
     return Expectation(mean=np.zeros(modes + size), covariance=covariance)
 
 
-def way_at(model: SoundModel, number: int, *, size: int) -> Floats:
+def response_at(model: SoundModel, number: int, *, size: int) -> Floats:
     r"""Return what :math:`u`, :math:`\delta` make of a throw at a centre, shape (n, r + size)."""
     rows = model.switch.shape[1]
     fixed = np.zeros((rows, size))
@@ -117,10 +117,10 @@ def predict(
 ) -> tuple[Floats, Floats]:
     """Return mean and covariance of the next sound throw at a centre, features and then gaps."""
     size = len(errors.fixed)
-    way = way_at(model, number, size=size)
-    found = way @ known.covariance @ way.T
+    response = response_at(model, number, size=size)
+    found = response @ known.covariance @ response.T
     found += error_at(model, errors, number, level=SPACING_SHARE * model.spacing)
-    return model.mean[number] + way @ known.mean, 0.5 * (found + found.T)
+    return model.mean[number] + response @ known.mean, 0.5 * (found + found.T)
 
 
 def observe(
@@ -153,23 +153,28 @@ def observe(
     position = np.clip((level - model.level[0]) / model.spacing, 0.0, len(model.level) - 1.0)
     below = min(int(position), len(model.level) - 2)
     share = position - below
-    way = (1.0 - share) * way_at(model, below, size=size)[:size]
-    way += share * way_at(model, below + 1, size=size)[:size]
+    response = (1.0 - share) * response_at(model, below, size=size)[:size]
+    response += share * response_at(model, below + 1, size=size)[:size]
     mean = _on_curve(model, below, share)[:size]
     error = np.zeros((size, size))
     for at, part in ((below, 1.0 - share), (below + 1, share)):
         error += part * error_at(model, errors, at, level=LEVEL_DEVIATION)[:size, :size]
     seen = np.isfinite(features)
-    way, mean, error, own = way[seen], mean[seen], error[np.ix_(seen, seen)], features[seen]
+    response, mean, error, own = (
+        response[seen],
+        mean[seen],
+        error[np.ix_(seen, seen)],
+        features[seen],
+    )
     before = known.covariance
     if known.throws and drift:
         before = before + drift * before_history(model, errors).covariance
-    crossed = before @ way.T
-    innovation = cho_factor(way @ crossed + error)
+    crossed = before @ response.T
+    innovation = cho_factor(response @ crossed + error)
     gain = cho_solve(innovation, crossed.T).T
     covariance = before - gain @ crossed.T
     return Expectation(
-        mean=known.mean + gain @ (own - mean - way @ known.mean),
+        mean=known.mean + gain @ (own - mean - response @ known.mean),
         covariance=0.5 * (covariance + covariance.T),
         throws=known.throws + 1,
     )

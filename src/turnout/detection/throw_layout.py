@@ -96,6 +96,12 @@ class Layout:
         once = np.repeat(np.arange(len(self.parts)), [part.count for part in self.parts])
         return np.tile(once, len(self.drives))
 
+    @property
+    def before_onset(self) -> NDArray[np.bool_]:
+        """Whether the window of each feature ends before its movement begins, shape (size,)."""
+        once = np.concatenate([part.edges[1:] <= 1e-9 for part in self.parts])
+        return np.tile(once, len(self.drives))
+
     def only(self, name: str) -> "tuple[Layout, NDArray[np.intp]]":
         """Return the layout of one movement, and which features these are."""
         number = [part.name for part in self.parts].index(name)
@@ -187,12 +193,12 @@ def throw_features(
         edges = starts[:, number, np.newaxis] + part.edges
         inside = (edges >= instants[0] - 1e-9) & (edges <= instants[-1] + 1e-9)
         at = np.clip(np.searchsorted(instants, edges, side="right") - 1, 0, step.size - 1)
-        rest = (edges - instants[at])[:, np.newaxis]
+        since = (edges - instants[at])[:, np.newaxis]
         index = np.broadcast_to(at[:, np.newaxis], (*values.shape[:-1], edges.shape[1]))
         until = (
             np.take_along_axis(total, index, axis=-1)
-            + np.take_along_axis(values, index, axis=-1) * rest
-            + 0.5 * np.take_along_axis(slope, index, axis=-1) * rest**2
+            + np.take_along_axis(values, index, axis=-1) * since
+            + 0.5 * np.take_along_axis(slope, index, axis=-1) * since**2
         )
         until = np.where(inside[:, np.newaxis], until, np.nan)
         found.append(np.diff(until, axis=-1) / part.window)

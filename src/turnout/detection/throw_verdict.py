@@ -29,8 +29,6 @@ SOUND, ALARM, CAUSE, UNKNOWN, CANNOT = (
     "unknown deviation",
     "cannot judge",
 )
-CLEAR_CAUSE = float(np.log(1e3))
-"""Log likelihood ratio against a sound switch from which on another cause is named [-]."""
 UNKNOWN_SHARE = 1e-4
 """Share of throws that fit worse than any hypothesis explains, from which on that is said [-]."""
 SEEN_FORCE = 30.0
@@ -48,13 +46,30 @@ CAUSE_ADVICE = {
     ADJUSTED: "confirm the adjustment and take a new history: turnout detect learn",
     "clutch": "check the clutch of the drive that slips early",
     "loose rod": "check rod, bushing and bolts of the drive",
+    "frozen blade": "clear ice from the slide chairs, check the heating",
+    "slow drive": "check supply, brushes and grease of the drive",
     "force sensor": "check gain and zero of the force sensor",
 }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gap:
-    """A gap at the end of the throw that no sensor measured."""
+    """A gap at the end of the throw that no sensor measured.
+
+    Attributes
+    ----------
+    name : str
+        Of the sensor or drive.
+    middle, low, high : float
+        Median and 95 % interval [m].
+    limit : float
+        From which on it is open [m].
+    above : float
+        Probability that it is above its limit [-].
+    called : bool
+        Whether it is called above its limit: sooner than at a probability of one half, so that
+        gaps clearly above it are called in 98 %.
+    """
 
     name: str
     middle: float
@@ -62,6 +77,7 @@ class Gap:
     high: float
     limit: float
     above: float
+    called: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,6 +115,8 @@ class Verdict:
         Share of throws that fit their best explanation worse than this one [-].
     friction : float
         Friction level [-].
+    peaks : mapping of str to float
+        Largest mean force of each drive over a window, whatever its sign [N].
     places : mapping of str to float
         Likeliest places, so many that 90 % of such sets hold the object, with probabilities.
     x, size : Interval or None
@@ -106,7 +124,7 @@ class Verdict:
     gaps : tuple of Gap
         Virtual sensors.
     locked, in_control : bool or None
-        As inferred from these gaps: more likely than not below every limit.
+        As inferred from these gaps: none is called above its limit.
     changes : tuple of Change
         Evidence: which drive, how much [N], when after the onset of closing [s].
     excluded : tuple of str
@@ -126,6 +144,7 @@ class Verdict:
     odds: Mapping[str, float] = field(default_factory=dict)
     fit: float = float("nan")
     friction: float = float("nan")
+    peaks: Mapping[str, float] = field(default_factory=dict)
     places: Mapping[str, float] = field(default_factory=dict)
     x: Interval | None = None
     size: Interval | None = None
@@ -156,7 +175,7 @@ class Verdict:
         )
         found = [head]
         for gap in self.gaps:
-            flag = "above" if gap.above > 0.5 else "below"
+            flag = "above" if gap.called else "below"
             found.append(
                 f"  gap at {gap.name}: {_range(gap.middle, gap.low, gap.high)}, {flag} its limit "
                 f"of {1e3 * gap.limit:.0f} mm (probability above {gap.above:.2f})"
@@ -218,7 +237,7 @@ def verdict_on(
     threshold = calibrated.thresholds[f"{rate:g}"]
     odds = _odds(view, ratios, number)
     fit = _share_worse(float(best_square(evidence)[number]), calibrated)
-    status = _status(log_ratio, threshold, odds, fit)
+    status = _status(log_ratio, odds, fit, threshold=threshold, calibrated=calibrated)
     found = posterior_of(
         view,
         evidence,
@@ -227,7 +246,7 @@ def verdict_on(
         size_factor=calibrated.size_factor,
         gap_factor=calibrated.object_gap_factor if status == ALARM else calibrated.gap_factor,
     )
-    gaps = _gaps(knowledge, found)
+    gaps = _gaps(knowledge, found, reach=calibrated.gap_reach)
     best = max(odds, key=lambda item: odds[item])
     advice = ADVICE[status]
     if status == CAUSE:
@@ -260,17 +279,25 @@ def verdict_on(
 def _odds(view: View, ratios: Ratios, number: int) -> dict[str, float]:
     """Return log likelihood ratios against a sound switch, of causes that can be identified."""
     found = {"object": float(ratios.object[number])}
-    told = np.isfinite(view.cause_weight)
+    identifiable = np.isfinite(view.cause_weight)
     for at, name in enumerate(view.kinds[view.objects :]):
-        if told[at]:
+        if identifiable[at]:
             found[name] = float(ratios.cause[at, number])
     return found
 
 
-def _status(log_ratio: float, threshold: float, odds: Mapping[str, float], fit: float) -> str:
+def _status(
+    log_ratio: float,
+    odds: Mapping[str, float],
+    fit: float,
+    *,
+    threshold: float,
+    calibrated: Calibrated,
+) -> str:
     if log_ratio > threshold:
         return ALARM
-    if max((odds[name] for name in odds if name != "object"), default=-np.inf) > CLEAR_CAUSE:
+    others = [odds[name] for name in odds if name != "object"]
+    if max(others, default=-np.inf) > calibrated.cause_threshold:
         return CAUSE
     return UNKNOWN if fit < UNKNOWN_SHARE else SOUND
 
@@ -288,7 +315,7 @@ def _share_worse(square: float, calibrated: Calibrated) -> float:
     return float((1.0 - RESIDUAL_LEVELS[-1]) * np.exp(-fall * (square - quantiles[-1])))
 
 
-def _gaps(knowledge: Knowledge, found: Posterior) -> tuple[Gap, ...]:
+def _gaps(knowledge: Knowledge, found: Posterior, *, reach: float) -> tuple[Gap, ...]:
     return tuple(
         Gap(
             name=name,
@@ -297,6 +324,7 @@ def _gaps(knowledge: Knowledge, found: Posterior) -> tuple[Gap, ...]:
             high=item.high,
             limit=limit,
             above=float(above),
+            called=item.middle + reach * (item.high - item.middle) > limit,
         )
         for name, limit, item, above in zip(
             knowledge.setting.gaps, knowledge.setting.limits, found.gaps, found.above, strict=True
@@ -305,8 +333,8 @@ def _gaps(knowledge: Knowledge, found: Posterior) -> tuple[Gap, ...]:
 
 
 def _below(gaps: tuple[Gap, ...], family: str) -> bool | None:
-    """Return whether every gap of a family is more likely below its limit; None without any."""
-    own = [gap.above < 0.5 for gap in gaps if gap.name.startswith(family)]
+    """Return whether no gap of a family is called above its limit; None without any."""
+    own = [not gap.called for gap in gaps if gap.name.startswith(family)]
     return all(own) if own else None
 
 

@@ -131,9 +131,15 @@ def nominal_amplitude(study: Study, *, friction: float) -> Floats:
 
 def floor_study(study: Study) -> Study:
     """Return a study that keeps gaps along the rails, at few instants, the last after closing."""
+    return few_instants(study, "gap", title="gaps")
+
+
+def few_instants(study: Study, *channels: str, title: str) -> Study:
+    """Return a study that keeps some channels at few instants, the last after closing."""
     end = float(study.panel.schedule.end)
     rate = 2.0 if (2.0 * end).is_integer() else 1.0
-    return replace(study, name=f"{study.name}, gaps", output=Output(rate=rate, channels=("gap",)))
+    kept = Output(rate=rate, channels=channels)
+    return replace(study, name=f"{study.name}, {title}", output=kept)
 
 
 def objects_study(study: Study, sizes: Mapping[str, Sequence[float]]) -> Study:
@@ -212,6 +218,28 @@ def throw_all(
     return throws_from(
         whole, sound_set, object_set, gap=gaps, where=where, sizes=sizes, signals=signals
     )
+
+
+def stored_throws(panel: LoadedPanel | None, folder: Path, *, channels: str = FORCE) -> Throws:
+    """Read the three sweeps of a folder as they are, whichever version of turnout made them.
+
+    Parameters
+    ----------
+    panel : LoadedPanel or None
+        As they were thrown with.
+    folder : Path
+        That of `throw_all`.
+    channels : str
+        What is evaluated.
+    """
+    sound, floor, objects = (open_sweep(folder / name) for name in (SOUND, FLOOR, OBJECTS))
+    study = reference_study(panel, count=sound.sizes["scenario"])
+    where = places_of(study.panel)
+    gaps = gaps_at(floor, np.array(list(where.values())), rail=study.panel.object_defaults.rail)
+    return throws_from(
+        study, sound, objects, gap=gaps, where=where, sizes=sizes_beyond(touch_floor(gaps)),
+        signals=signals_of(study.panel, channels),
+    )  # fmt: skip
 
 
 def gaps_at(dataset: xr.Dataset, x: Floats, *, rail: str) -> Floats:

@@ -1,7 +1,8 @@
-"""Train a detector: throw a population with and without causes, learn, calibrate on the rest."""
+"""Train a detector: throw a population, learn, and calibrate on what was held back."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,13 @@ from turnout.detection.throw_layout import CLOSING
 from turnout.detection.throw_set import ThrowSet
 from turnout.detection.throws import nominal_amplitude
 from turnout.detection.training import read_set, setting_of, teach
-from turnout.detection.training_plan import OBJECT, SOUND
-from turnout.detection.training_sets import Counts, throw_plans, training_plans
+from turnout.detection.training_plan import HISTORY, OBJECT, SOUND
+from turnout.detection.training_sets import (
+    Counts,
+    after_history,
+    throw_plans,
+    training_plans,
+)
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
 from turnout.study.study import Study
@@ -88,16 +94,14 @@ def train_detector(
         "study": population.name,
         "throws": {name: len(item.level) for name, item in sets.items()},
     }
-    with one_blas_thread():
-        found = knowledge_of_sets(sets, setting, report=report)
-    return replace(found, about=about)
+    return replace(knowledge_of_sets(sets, setting, report=report), about=about)
 
 
 def knowledge_of_sets(
     sets: Mapping[str, ThrowSet],
     setting: Setting,
     *,
-    draws: int = 12,
+    draws: int = 40,
     history_draws: int = 4,
     histories: tuple[int, ...] = HISTORIES,
     report: Report | None = None,
@@ -129,38 +133,46 @@ def knowledge_of_sets(
     # objects may all lie in states before the limit; then the last of them are held back
     last = int(np.quantile(objects.partner, 1.0 - HELD_BACK))
     seen[OBJECT] = objects.of(objects.partner < min(first, last))
-    held = objects.of((objects.partner >= min(first, last)) & (objects.force > 0.0))
-    part_way = teach(seen, setting)
-    rest = sound.of(sound.row >= first)
-    parts = [CYCLE, CLOSING] if len(setting.layout.parts) > 1 else [CYCLE]
-    calibrated: list[Calibrated | None] = []
-    for part in parts:
-        alone = calibrate_alone(part_way, rest, held, part=part, draws=draws)
-        calibrated.append(alone)
-        for number in histories if HISTORY in sets else ():
-            told = _Telling(report, f"thresholds after {number} throws, {part}")
-            calibrated.append(
-                calibrate_history(
-                    part_way,
-                    sets[HISTORY],
-                    history=number,
-                    part=part,
-                    objects=sets.get(f"{HISTORY}, {OBJECT}"),
-                    otherwise=alone,
-                    draws=history_draws,
-                    report=told,
-                )
-            )
-    return with_calibration(teach(sets, setting), *calibrated)
+    held_objects = objects.of((objects.partner >= min(first, last)) & (objects.force > 0.0))
+    with one_blas_thread():
+        calibrated = _calibrations(
+            teach(seen, setting),
+            {SOUND: sound.of(sound.row >= first), OBJECT: held_objects}
+            | {name: item for name, item in sets.items() if name.startswith(HISTORY)},
+            draws=draws,
+            history_draws=history_draws,
+            histories=histories,
+            report=report,
+        )
+        return with_calibration(teach(sets, setting), calibrated)
 
 
-HISTORY = "history"
-
-
-class _Telling:
-    def __init__(self, report: Report | None, what: str) -> None:
-        self._report, self._what = report, what
-
-    def __call__(self, done: int, total: int) -> None:
-        if self._report is not None:
-            self._report(self._what, done, total)
+def _calibrations(
+    knowledge: Knowledge,
+    held_back: Mapping[str, ThrowSet],
+    *,
+    draws: int,
+    history_draws: int,
+    histories: tuple[int, ...],
+    report: Report | None,
+) -> list[Calibrated]:
+    """Return what throws that a detector did not see say of it, without and with a history."""
+    parts = [CYCLE, CLOSING] if len(knowledge.layout.parts) > 1 else [CYCLE]
+    alone = {
+        part: calibrate_alone(
+            knowledge, held_back[SOUND], held_back[OBJECT], part=part, draws=draws
+        )
+        for part in parts
+    }
+    calibrated = list(alone.values())
+    for number in histories if HISTORY in held_back else ():
+        calibrated += calibrate_history(
+            knowledge,
+            held_back[HISTORY],
+            history=number,
+            alone=alone,
+            objects=held_back.get(after_history(OBJECT)),
+            draws=history_draws,
+            report=report and partial(report, f"thresholds after {number} throws"),
+        )
+    return calibrated

@@ -17,7 +17,15 @@ from turnout.detection.switch_history import ThrowErrors, error_at
 from turnout.detection.throw_layout import CLOSING, OPENING, Layout, layout_of, throw_features
 from turnout.detection.throw_set import ThrowSet
 from turnout.detection.throws import places_of
-from turnout.detection.training_plan import DEFECTS, OBJECT, OBJECT_AT, OBJECT_SIZE, SOUND, Plan
+from turnout.detection.training_plan import (
+    DEFECTS,
+    HISTORY,
+    OBJECT,
+    OBJECT_AT,
+    OBJECT_SIZE,
+    SOUND,
+    Plan,
+)
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
 
@@ -130,7 +138,7 @@ def teach(sets: Mapping[str, ThrowSet], setting: Setting, *, seed: int = 0) -> K
     seed : int
         Of faults of force sensors.
     """
-    sound = [sets[name] for name in (SOUND, "history") if name in sets]
+    sound = [sets[name] for name in (SOUND, HISTORY) if name in sets]
     level = np.concatenate([item.level for item in sound])
     if len(level) < LEAST_SOUND:
         message = f"{len(level)} sound throws ended; a detector needs {LEAST_SOUND} at least"

@@ -31,13 +31,16 @@ CHANNELS = ("drive_force", "sensor_gap")
 OTHER_RAIL = " other rail"
 """Ends the name of the chair under the rail that is not instrumented."""
 
-SOUND, OBJECT, DRY, ADJUSTED, CLUTCH, ROD = (
+HISTORY = "history"
+SOUND, OBJECT, DRY, ADJUSTED, CLUTCH, ROD, FROZEN, SLOW_DRIVE = (
     "sound",
     "object",
     "dry chairs",
     "adjustment",
     "clutch",
     "loose rod",
+    "frozen blade",
+    "slow drive",
 )
 DRY_FRICTION = (0.6, 0.8)
 """Friction coefficient of chairs that ran dry [-]."""
@@ -45,6 +48,10 @@ ADJUSTMENT = 1.2e-3
 """Largest change of a closing over-travel by hand [m]."""
 CLUTCH_SHARE, ROD_SHARE = (0.5, 0.9), (0.1, 0.7)
 """Slip level of a worn clutch and stiffness of a loose rod, shares of the sound value [-]."""
+FROZEN_FORCE, FROZEN_CHAIRS = (50.0, 400.0), (3, 25)
+"""Force at which the ice on a chair breaks [N], and how many chairs in a row are frozen."""
+SLOWER = (0.15, 0.6)
+"""By how much a movement takes longer: weak supply, brushes, dry gear [s]."""
 
 DEFECT = ", defect"
 """Ends the name of a factor that is 1 in a sound switch."""
@@ -205,7 +212,7 @@ class Population:
                 variables[item] = keys[item]
             else:
                 key = item.removesuffix(DEFECT)
-                factor = item != key or item.startswith("chair.")
+                factor = item != key or item.endswith(CHAIR_FRICTION)
                 kind = value_kind(panel, key, factor=factor)
                 variables[item] = Variable(name=item, key=key, kind=kind, factor=factor)
         axis = Axis(names=names, rows=tuple(tuple(row[n] for n in names) for row in rows))
@@ -245,7 +252,10 @@ def defect(drive: str, field: str) -> str:
 
 def chair_factor(chair: str) -> str:
     """Return the name of the factor on a chair's friction."""
-    return f"chair.{chair}.friction_coefficient"
+    return f"chair.{chair}{CHAIR_FRICTION}"
+
+
+CHAIR_FRICTION = ".friction_coefficient"
 
 
 # ---- what happens to a sound row
@@ -316,10 +326,44 @@ def with_loose_rod(row: Row, rng: Rng, population: Population) -> Row:
     return with_factor(row, rng, population, field="stiffness", share=ROD_SHARE)
 
 
+def with_frozen_blade(row: Row, rng: Rng, population: Population) -> Row:
+    """Freeze both rails to some neighbouring chairs, each with its own force."""
+    chairs = [name for name in population.chairs if not name.endswith(OTHER_RAIL)]
+    least, most = (min(count, len(chairs)) for count in FROZEN_CHAIRS)
+    count = int(rng.integers(least, most + 1))
+    first = int(rng.integers(0, len(chairs) - count + 1))
+    frozen = chairs[first : first + count]
+    changed = dict(row)
+    largest = rng.uniform(*FROZEN_FORCE)
+    for name in population.chairs:
+        force = largest * rng.uniform(0.5, 1.0) if name.removesuffix(OTHER_RAIL) in frozen else 0.0
+        changed[f"chair.{name}.frozen_force"] = float(force)
+    return changed
+
+
+def with_slow_drive(row: Row, rng: Rng, population: Population) -> Row:
+    """Let one drive, or as often all of them, take longer in both directions."""
+    drives = list(population.study.panel.drive)
+    slow = drives if rng.random() < ALL_SLOW else [str(rng.choice(drives))]
+    longer = float(rng.uniform(*SLOWER))
+    changed = dict(row)
+    for name, movement in population.study.panel.movement.items():
+        for drive in drives:
+            key = f"movement.{name}.extra_time.{drive}"
+            usual = float(changed.get(key, movement.extra_time.get(drive, 0.0)))
+            changed[key] = usual + (longer if drive in slow else 0.0)
+    return changed
+
+
+ALL_SLOW = 0.5
+"""Share of the slow movements in which all drives are slow, as a weak supply makes them [-]."""
+
 DEFECTS: Mapping[str, Callable[[Row, Rng, Population], Row]] = {
     DRY: with_dry_chairs,
     ADJUSTED: with_adjustment,
     CLUTCH: with_worn_clutch,
     ROD: with_loose_rod,
+    FROZEN: with_frozen_blade,
+    SLOW_DRIVE: with_slow_drive,
 }
 """Causes other than objects that throws are made for."""

@@ -9,8 +9,10 @@ import xarray as xr
 
 from turnout.detection.throws import places_of
 from turnout.detection.training_plan import (
+    ADJUSTED,
     DEFECTS,
     DRY,
+    HISTORY,
     OBJECT,
     SOUND,
     Plan,
@@ -44,7 +46,8 @@ class Counts:
     sound, objects : int
         Sound throws, each of another switch; objects in the first of these states.
     defects : int
-        Throws of each other cause, paired as objects are.
+        Throws of each other cause, paired as objects are; of dry chairs, which may be anywhere
+        under either rail, twice as many.
     switches, repeats : int
         Switches with a history, and sound throws of each.
     judged : int
@@ -54,19 +57,23 @@ class Counts:
     """
 
     sound: int = 4000
-    objects: int = 3500
-    defects: int = 500
-    switches: int = 60
+    objects: int = 3000
+    defects: int = 400
+    switches: int = 40
     repeats: int = 26
-    judged: int = 6
-    objects_each: int = 0
+    judged: int = 4
+    objects_each: int = 2
 
     @property
     def throws(self) -> int:
         """All of them."""
-        causes = self.sound + self.objects + len(DEFECTS) * self.defects
+        causes = self.sound + self.objects + sum(self.of_cause(name) for name in DEFECTS)
         each = self.judged * (self.objects_each + (2 if self.objects_each else 0))
         return causes + self.switches * (self.repeats + each)
+
+    def of_cause(self, name: str) -> int:
+        """Return how many throws another cause gets."""
+        return self.defects * (2 if name == DRY else 1)
 
 
 def training_plans(study: Study, counts: Counts, *, seed: int = 0) -> dict[str, Plan]:
@@ -83,19 +90,21 @@ def training_plans(study: Study, counts: Counts, *, seed: int = 0) -> dict[str, 
     """
     population = Population(study, seed=seed)
     places = np.array(list(places_of(study.panel).values()))
-    rng = np.random.default_rng([study.seed, seed, 7])
     sound = [population.row(state) for state in range(counts.sound)]
     plans = {SOUND: population.plan(SOUND, sound)}
     test = seed != 0
     if counts.objects:
+        rng = np.random.default_rng([study.seed, seed, 7])
         rows = [
             _with_object_at(sound[i % counts.sound], rng, places, number=i, exact=test)
             for i in range(counts.objects)
         ]
         plans[OBJECT] = _paired(population, OBJECT, rows, sound)
-    for name, change in DEFECTS.items():
+    for number, (name, change) in enumerate(DEFECTS.items()):
         if counts.defects:
-            rows = [change(sound[i % counts.sound], rng, population) for i in range(counts.defects)]
+            rng = np.random.default_rng([study.seed, seed, 9, number])
+            count = counts.of_cause(name)
+            rows = [change(sound[i % counts.sound], rng, population) for i in range(count)]
             plans[name] = _paired(population, name, rows, sound)
     if counts.switches:
         plans |= _history_plans(study, counts, seed=seed, places=places)
@@ -134,14 +143,14 @@ def _history_plans(
             state = number * counts.repeats + repeat
             rows.append(population.row(state, switch=number * counts.repeats))
             switch.append(number)
-    plans = {"history": population.plan("history", rows, switch=switch)}
+    plans = {HISTORY: population.plan(HISTORY, rows, switch=switch)}
     if not counts.objects_each:
         return plans
     first = counts.repeats - counts.judged
     judged = [i for i in range(len(rows)) if i % counts.repeats >= first]
     kinds: Mapping[str, Callable[[Row, int], Row]] = {
         OBJECT: lambda row, i: _with_object_at(row, rng, places, number=i, exact=True),
-        "adjustment": lambda row, i: with_adjustment(row, rng, population, change=1e-3),
+        ADJUSTED: lambda row, i: with_adjustment(row, rng, population, change=1e-3),
         DRY: lambda row, i: with_dry_chairs(
             row, rng, population, rail=str(rng.choice(["one", "other"]))
         ),
@@ -150,14 +159,25 @@ def _history_plans(
         each = counts.objects_each if kind == OBJECT else 1
         partner = [i for i in judged for _ in range(each)]
         made = [change(rows[i], number) for number, i in enumerate(partner)]
-        plans[f"history, {kind}"] = population.plan(
-            f"history, {kind}",
+        plans[after_history(kind)] = population.plan(
+            after_history(kind),
             made,
             partner=partner,
             switch=[switch[i] for i in partner],
             sound=[rows[i] for i in partner],
         )
     return plans
+
+
+def after_history(kind: str) -> str:
+    """Return the name of the plan of what happens to switches with a history.
+
+    Examples
+    --------
+    >>> after_history("object")
+    'history, object'
+    """
+    return f"{HISTORY}, {kind}"
 
 
 def throw_plans(

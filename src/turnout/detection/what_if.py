@@ -34,6 +34,11 @@ FORMS = (
     "closing force",
 )
 """Measures that `turnout limit --advise` ranks."""
+EQUIPMENT = tuple(
+    f"{kind} at 3.6 m" for kind in ("position sensor", "contact sensor", "force sensor", "drive")
+)
+"""Measures with throws of their own, ranked too, where a90 is largest."""
+ADDED = r"(position sensor|contact sensor|force sensor|drive) at (\d+(?:\.\d+)?) ?m"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,6 +55,10 @@ class Measure:
     conditions : Conditions
     averaged : int
         Throws whose mean is judged.
+    beside : ndarray, shape (n_states, n_places, n_sizes), or None
+        What a sensor adds, as `limit_map` takes it.
+    base : Throws or None
+        What it is compared with; None for all throws.
     """
 
     name: str
@@ -57,14 +66,19 @@ class Measure:
     throws: Throws
     conditions: Conditions
     averaged: int = 1
+    beside: Floats | None = None
+    base: Throws | None = None
 
 
 def check_measures(texts: Sequence[str]) -> None:
     """Refuse texts that are no measure, before anything is thrown, all at once."""
     problems = [
-        f'what-if "{text}": is none of {choices(FORMS)}, with numbers of your own'
+        f'what-if "{text}": is none of {choices((*FORMS, *EQUIPMENT))}, with numbers of your own'
         for text in texts
-        if not any(re.fullmatch(pattern, " ".join(text.split())) for pattern, _ in _FORMS)
+        if not any(
+            re.fullmatch(pattern, " ".join(text.split()))
+            for pattern in (*(form for form, _ in _FORMS), ADDED)
+        )
     ]
     if problems:
         raise StudyError(problems, source="limit")
@@ -129,18 +143,25 @@ def gains(
         `a90` by measure, "now" first, and place; `gain`, the mean reduction over places, and
         `gain_worst`, that of the place with the largest a90 [m].
     """
-    base = _a90(limit_map(throws, conditions, closing=closing))
-    rows = [
-        _a90(limit_map(item.throws, item.conditions, closing=closing, averaged=item.averaged))
-        for item in measures
-    ]
-    gain = [float(np.mean(_filled(base, throws) - _filled(row, throws))) for row in rows]
-    worst = [float(_filled(base, throws).max() - _filled(row, throws).max()) for row in rows]
+    now = _a90(limit_map(throws, conditions, closing=closing))
+    rows, gain, worst = [], [], []
+    for item in measures:
+        own = limit_map(
+            item.throws, item.conditions,
+            closing=closing, averaged=item.averaged, beside=item.beside,
+        )  # fmt: skip
+        rows.append(_a90(own))
+        base = now
+        if item.base is not None:
+            base = _a90(limit_map(item.base, conditions, closing=closing))
+        before, after = _filled(base, throws), _filled(rows[-1], item.throws)
+        gain.append(float(np.mean(before - after)))
+        worst.append(float(before.max() - after.max()))
     order = np.argsort(gain, kind="stable")[::-1]
     ranked = [measures[number] for number in order]
     dataset = xr.Dataset(
         {
-            "a90": (("measure", "place"), np.array([base, *(rows[number] for number in order)])),
+            "a90": (("measure", "place"), np.array([now, *(rows[number] for number in order)])),
             "gain": (("measure",), np.array([0.0, *(gain[number] for number in order)])),
             "gain_worst": (("measure",), np.array([0.0, *(worst[number] for number in order)])),
             "note": (("measure",), ["as it is", *(item.note for item in ranked)]),

@@ -24,7 +24,6 @@ from turnout.condense.modal import ModalModel
 from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
 from turnout.integrate.energy import LEDGER
-from turnout.integrate.march import StepRecord
 from turnout.integrate.numbering import Places, number_places, place_laws
 from turnout.integrate.rods import Rods
 from turnout.integrate.scratch import Work, acquire_buffer, new_work, release_buffers
@@ -32,7 +31,8 @@ from turnout.integrate.solve import Tolerances
 from turnout.integrate.state import State, fresh_copy, fresh_state
 from turnout.integrate.step import Stepping
 from turnout.integrate.system import System, check_normals, condensed_system, refill_system
-from turnout.kernels.lanes import whole_lines
+from turnout.integrate.watch import StepRecord, WatchPlan, watch_record
+from turnout.kernels.lanes import LANES, whole_lines
 from turnout.kernels.shared_record import clone_record, shared_record
 from turnout.law.friction_course import FrictionCourses
 from turnout.law.obstruction import Obstructions, remember
@@ -41,6 +41,7 @@ from turnout.mechanism.mechanism import Mechanism
 from turnout.scheme import AlphaCoefficients, Scheme
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 Templates = dict[tuple[int, int], tuple[State, Work]]
 
 MOST_KEPT = 24
@@ -253,6 +254,7 @@ def prepare(
     n_stored: int,
     *,
     filled_in: bool,
+    plan: WatchPlan | None = None,
 ) -> PreparedRun:
     """Allocate state, scratch arrays and record of one run; nothing has moved yet.
 
@@ -268,6 +270,8 @@ def prepare(
         Instants of the record.
     filled_in : bool
         Whether instants between the steps are wanted, which needs velocities.
+    plan : WatchPlan, optional
+        Which instants are stored whole and kept; default all of them.
     """
     system, laws, table = arrangement.system, arrangement.laws, arrangement.table
     state, work = _copy_templates(
@@ -296,7 +300,9 @@ def prepare(
             scheme.inertia,
         ),
         positions=positions,
-        record=_empty_record(system, laws, n_stored, with_velocity=filled_in and scheme.inertia),
+        record=_empty_record(
+            arrangement, n_stored, with_velocity=filled_in and scheme.inertia, plan=plan
+        ),
         obstructions=_set_up_obstructions(arrangement),
         courses=shared_record(arrangement.mechanism.courses),
     )
@@ -325,11 +331,14 @@ def _copy_templates(
     return fresh_copy(template[0], arrangement.table), clone_record(template[1])
 
 
-def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: bool) -> StepRecord:
+def _empty_record(
+    arrangement: Arrangement, count: int, *, with_velocity: bool, plan: WatchPlan | None
+) -> StepRecord:
     """Allocate a record of `count` instants in one piece of memory.
 
-    It begins at a large page, so that a run touches few pages for the first time.
+    One of all instants begins at a large page, so that a run touches few pages for the first time.
     """
+    system, laws = arrangement.system, arrangement.laws
     n_modes = system.load.size
     vectors = np.array([n_modes, system.row_place.size, laws.friction_row.size, laws.row.size])
     widths = {
@@ -337,26 +346,48 @@ def _empty_record(system: System, laws: LawTable, count: int, *, with_velocity: 
         "stored": 4,
         "ledger": LEDGER,
     }
-    page = LARGE_PAGE // 8
-    memory = acquire_buffer(count * sum(widths.values()) + page)
+    counts = dict.fromkeys(widths, count)
+    if plan is not None:
+        counts |= dict.fromkeys(("q", "g", "friction", "law"), int(plan.whole.max()) + 1)
+        counts |= dict.fromkeys(("stored", "ledger"), int(plan.kept.max()) + 1)
+    page = LARGE_PAGE // 8 if plan is None else LANES
+    memory = acquire_buffer(sum(counts[name] * width for name, width in widths.items()) + page)
     at, arrays = (-(memory.ctypes.data // 8)) % page, {}
     for name, width in widths.items():
-        arrays[name] = memory[at : at + count * width].reshape(count, width)
-        at += count * width
+        size = counts[name] * width
+        arrays[name] = memory[at : at + size].reshape(counts[name], width)
+        at += size
     velocity = np.zeros((count if with_velocity else 1, arrays["q"].shape[1]))
-    return shared_record(StepRecord(**arrays, residual=np.zeros(1), v=velocity))
+    record = StepRecord(
+        arrays["q"],
+        arrays["g"],
+        arrays["friction"],
+        arrays["law"],
+        arrays["stored"],
+        arrays["ledger"],
+        residual=np.zeros(1),
+        v=velocity,
+    )
+    if plan is not None:
+        record = watch_record(record, plan, arrangement.condensed, laws)
+    return shared_record(record)
 
 
-def trim_record(run: PreparedRun, count: int) -> StepRecord:
-    """Return the first `count` stored instants, without the padding to whole cache lines."""
+def trim_record(run: PreparedRun, count: int, plan: WatchPlan | None) -> StepRecord:
+    """Return what is stored whole of the first `count` instants, without padding."""
     record, n_modes = run.record, run.system.load.size
+    energies: slice | Ints = slice(count)
+    if plan is not None:
+        whole = plan.whole_instants
+        energies = plan.kept[whole[whole < count]]
+        count = energies.size
     return StepRecord(
         q=record.q[:count, :n_modes],
         g=record.g[:count, : run.system.row_place.size],
         friction=record.friction[:count, : run.laws.friction_row.size],
         law=record.law[:count, : run.laws.row.size],
-        stored=record.stored[:count],
-        ledger=record.ledger[:count],
+        stored=record.stored[energies],
+        ledger=record.ledger[energies],
         residual=record.residual,
         v=record.v[:count, :n_modes],
     )

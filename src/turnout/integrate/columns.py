@@ -92,6 +92,10 @@ def assemble_level(
         for end in range(system.follower_start[block], system.follower_start[block + 1]):
             _assemble_column(system, end, inverse, modes, compliance[end, : width + n])
         compliance[stop : stop + n, width : width + n] = inverse
+        padded = system.end_start[block + 1] - start
+        compliance[start : stop + n, width + n : padded] = 0.0
+        followers = system.follower_start[block], system.follower_start[block + 1]
+        compliance[followers[0] : followers[1], width + n : padded] = 0.0
 
 
 @compiled

@@ -13,8 +13,8 @@ that they hold between the steps too.
 
 import numpy as np
 
-from turnout.integrate.march import StepRecord
 from turnout.integrate.system import Floats
+from turnout.integrate.watch import StepRecord
 from turnout.law.table import LawTable
 
 

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -18,7 +18,7 @@ from turnout.integrate.arrange import PreparedRun, arrange, prepare, trim_record
 from turnout.integrate.dense import interpolate_record
 from turnout.integrate.driven import MachineHistory, machine_history, new_rods, start_rods
 from turnout.integrate.energy import energy_balance
-from turnout.integrate.march import StepRecord, march, store_instant
+from turnout.integrate.march import march, store_instant
 from turnout.integrate.outcome import Code, Outcome, is_closed
 from turnout.integrate.start import PriorMotion, find_start
 from turnout.integrate.state import (
@@ -26,6 +26,7 @@ from turnout.integrate.state import (
     COUNT_HALVED,
     COUNT_ITERATIONS,
 )
+from turnout.integrate.watch import StepRecord, Watch, Watched, WatchPlan, plan_watch, trim_watched
 from turnout.kernels.interrupt import call_interruptible, one_thread
 from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
@@ -77,6 +78,8 @@ class History:
         Contact-set iterations, rank-one updates, halved steps.
     machines : MachineHistory, optional
         Of the drives that are machines.
+    watched : Watched, optional
+        What a complete watched run leaves of all its instants; the history then holds few of them.
     """
 
     time: Floats
@@ -97,6 +100,11 @@ class History:
     halved: int
     obstructions: Obstructions
     machines: MachineHistory | None = None
+    watched: Watched | None = None
+
+    def forces(self, laws: Sequence[int]) -> Floats:
+        """Return the forces of some laws, shape (n, n_laws) [N]."""
+        return self.law_force[:, list(laws)]
 
     @property
     def model(self) -> ModalModel:
@@ -112,6 +120,7 @@ def integrate(
     end: float,
     prior: PriorMotion | None = None,
     report: Callable[[int, int], None] | None = None,
+    watch: Watch | None = None,
 ) -> History:
     """Find where the run starts, then step to `end`.
 
@@ -130,6 +139,9 @@ def integrate(
         without friction.
     report : callable, optional
         Called with steps done and steps in all.
+    watch : Watch, optional
+        What alone is wanted of the run. It is not heeded where drives are machines, or instants
+        lie between the steps.
 
     Returns
     -------
@@ -137,7 +149,7 @@ def integrate(
         Complete, or up to where `outcome` says that it ended.
     """
     with one_blas_thread():
-        return _integrate(mechanism, scheme, inputs, end, prior, report)
+        return _integrate(mechanism, scheme, inputs, end, prior, report, watch)
 
 
 def _integrate(
@@ -147,13 +159,19 @@ def _integrate(
     end: float,
     prior: PriorMotion | None,
     report: Callable[[int, int], None] | None,
+    watch: Watch | None,
 ) -> History:
     grid = _choose_grid(mechanism, scheme, end)
     stride = grid.stride
     arrangement = arrange(mechanism, scheme)
     times = scheme.step * np.arange(grid.n_steps + 1, dtype=np.float64)
     positions = np.ascontiguousarray(inputs(times).T)
-    run = prepare(arrangement, scheme, positions, grid.n_stored, filled_in=grid.filled_in)
+    plan = None
+    if watch is not None and mechanism.machines is None and not grid.filled_in:
+        plan = plan_watch(watch, scheme.step * stride, grid.n_stored)
+    run = prepare(
+        arrangement, scheme, positions, grid.n_stored, filled_in=grid.filled_in, plan=plan
+    )
     run = replace(run, rods=new_rods(run, mechanism, scheme, grid.n_stored))
     _march(run, 0, 0)  # compiles where needed, while Ctrl-C still ends the program at once
     with one_thread() as thread:
@@ -163,7 +181,8 @@ def _integrate(
             store_instant(run.system, run.table, run.state, run.work, run.record, 0)
             code, done = _march_in_chunks(run, report, thread)
     kept = 0 if code in WITHOUT_START else done // stride + 1
-    balance = energy_balance(run.record.stored[:kept], run.record.ledger[:kept])
+    of_energy = kept if plan is None else plan.kept_before(kept)
+    balance = energy_balance(run.record.stored[:of_energy], run.record.ledger[:of_energy])
     machines = machine_history(run, mechanism, kept)
     if machines is not None:
         balance = machines.with_balance(*balance)
@@ -179,7 +198,7 @@ def _integrate(
         energy_residual=balance[0],
         energy_scale=balance[1],
     )
-    record = trim_record(run, kept)
+    record = trim_record(run, kept, plan)
     instants = scheme.step * stride * np.arange(kept, dtype=np.float64)
     positions = positions[::stride][:kept]
     if grid.filled_in and kept > 1:
@@ -190,9 +209,18 @@ def _integrate(
             machines = machines.at(instants, positions)
         given = {"instants": instants, "inputs": positions, "modes": arrangement.model.row_modes}
         record = interpolate_record(record, step=scheme.step, laws=arrangement.laws, **given)
-    return _assemble_history(
+    history = _assemble_history(
         run, record, arrangement.condensed, outcome, instants, positions, machines
     )
+    return history if plan is None else _without_fine(history, run, plan)
+
+
+def _without_fine(history: History, run: PreparedRun, plan: WatchPlan) -> History:
+    """Return a history of the whole instants alone, with what was watched of a complete run."""
+    whole = plan.whole_instants
+    whole = whole[whole < history.time.size]
+    watched = trim_watched(run.record, plan, history) if history.outcome.complete else None
+    return replace(history, time=history.time[whole], inputs=history.inputs[whole], watched=watched)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,8 +3,6 @@
 Kernels change `State` in place and return an outcome code; they never raise and never print.
 """
 
-from typing import NamedTuple
-
 from turnout.integrate.accuracy import (
     DRIFTS,
     equilibrium_residual,
@@ -38,6 +36,7 @@ from turnout.integrate.solve import (
 from turnout.integrate.state import COUNT_HALVED, COUNT_RECENT, LEVEL, State
 from turnout.integrate.step import Factors, Stepping, correct, predict, step_factors
 from turnout.integrate.system import Floats, Ints, System
+from turnout.integrate.watch import StepRecord, store_seen
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
 from turnout.kernels.lanes import LANES, gather, load, store_nontemporal
 from turnout.kernels.vector import copy
@@ -47,25 +46,6 @@ from turnout.law.table import LawTable
 
 MEASURE_EVERY = 100
 """Steps after which the residual of a solution is measured in any case."""
-
-
-class StepRecord(NamedTuple):
-    """Stored instants, one row each, and the largest equilibrium residual so far [m].
-
-    `q` and `v` are modal coordinates and velocities, `g` the displacements of the rows [m],
-    `friction` and `law` forces [N], `stored` and `ledger` energies and work [J]
-    (`turnout.integrate.energy`). Rows of `q`, `g`, `friction`, `law` and `v` fill whole cache
-    lines; those of the first four begin at one.
-    """
-
-    q: Floats
-    g: Floats
-    friction: Floats
-    law: Floats
-    stored: Floats
-    ledger: Floats
-    residual: Floats
-    v: Floats
 
 
 @compiled
@@ -208,16 +188,25 @@ def _copy_nontemporal(values: Floats, to: Floats) -> None:
 def store_instant(
     system: System, table: LawTable, state: State, work: Work, record: StepRecord, at: int
 ) -> None:
-    """Write the present instant to a row of the record."""
-    _copy_nontemporal(state.q, record.q[at])
-    _gather_nontemporal(state.g, system.row_place, record.g[at])
-    if at < record.v.shape[0]:
-        copy(state.v, record.v[at])
-    _copy_nontemporal(state.friction_force, record.friction[at])
-    _copy_nontemporal(work.force, record.law[at])
-    store_energy(system, table, state, work, record.stored[at])
-    for column in range(state.ledger.size):
-        record.ledger[at, column] = state.ledger[column]
+    """Write the present instant to its places in the record."""
+    whole = record.whole[at] if record.whole.size > 0 else at
+    if whole >= 0:
+        _copy_nontemporal(state.q, record.q[whole])
+        _gather_nontemporal(state.g, system.row_place, record.g[whole])
+        if whole < record.v.shape[0]:
+            copy(state.v, record.v[whole])
+        _copy_nontemporal(state.friction_force, record.friction[whole])
+        _copy_nontemporal(work.force, record.law[whole])
+    kept = record.kept[at] if record.kept.size > 0 else at
+    if kept >= 0:
+        store_energy(system, table, state, work, record.stored[kept])
+        for column in range(state.ledger.size):
+            record.ledger[kept, column] = state.ledger[column]
+        if record.seen.shape[1] > 0:
+            forces = (work.force, state.friction_force)
+            store_seen(system, table.row, (state.q, state.g), forces, record, kept)
+    for k in range(record.watched.size):
+        record.effort[at, k] = work.force[record.watched[k]]
 
 
 @compiled

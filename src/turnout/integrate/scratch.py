@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.integrate.system import Ints, System
+from turnout.kernels.lanes import LANES, whole_lines
 from turnout.kernels.shared_record import shared_record
 from turnout.law.table import LawTable
 
@@ -21,7 +22,12 @@ Floats = NDArray[np.float64]
 MOST_KEPT = 16 * 2**20
 """Buffers of more numbers than this go back to the operating system; at most two are kept."""
 
+LARGE = 2**20
+"""Buffers of fewer numbers than this are kept apart, at most `MOST_SMALL` of them."""
+MOST_SMALL = 6
+
 _free_buffers: deque[Floats] = deque(maxlen=2)
+_free_small: deque[Floats] = deque(maxlen=MOST_SMALL)
 
 
 def acquire_buffer(count: int) -> Floats:
@@ -46,25 +52,36 @@ def acquire_buffer(count: int) -> Floats:
         memory = np.empty(count)
     found = np.frombuffer(memory.data, dtype=np.float64)
     if memory.size <= MOST_KEPT:
-        weakref.finalize(found, _free_buffers.append, memory).atexit = False
+        kept = _free_small if memory.size < LARGE else _free_buffers
+        weakref.finalize(found, kept.append, memory).atexit = False
     return found
+
+
+def uninitialised_lines(*shape: int) -> Floats:
+    """Return an array from `acquire_buffer` that begins at a cache line; it may hold anything."""
+    count = int(np.prod(shape))
+    memory = acquire_buffer(int(whole_lines(count)) + LANES)
+    first = (-(memory.ctypes.data // 8)) % LANES
+    return memory[first : first + count].reshape(shape)
 
 
 def release_buffers() -> None:
     """Return the memory of free buffers to the operating system."""
     _free_buffers.clear()
+    _free_small.clear()
 
 
 def _take_fitting(count: int) -> Floats | None:
     """Take a free buffer of `count` to twice as many numbers; None where there is none."""
-    for _ in range(len(_free_buffers)):
+    kept = _free_small if count < LARGE else _free_buffers
+    for _ in range(len(kept)):
         try:
-            memory = _free_buffers.pop()  # the last one may still be in the processor's caches
+            memory = kept.pop()  # the last one may still be in the processor's caches
         except IndexError:  # another thread was quicker
             return None
         if count <= memory.size <= 2 * count:
             return memory
-        _free_buffers.appendleft(memory)
+        kept.appendleft(memory)
     return None
 
 

@@ -130,6 +130,12 @@ class Motor(Record):
         "instant, as quick mode takes it",
     )
     brush_drop: Voltage = Field(0.0, ge=0, description="both brushes [V]")
+    contact_loss: float = Field(
+        0.0, ge=0, le=1, description="share of each turn in which a brush has poor contact [-]"
+    )
+    contact_resistance: Resistance = Field(
+        0.0, ge=0, description="that poor contact of a brush adds [ohm]"
+    )
     loss_torque: Torque = Field(0.0, ge=0, description="dry friction up to the clutch [N m]")
     brake_torque: Torque = Field(0.0, ge=0, description="dry, when de-energised [N m]")
     drag: RotationalDrag = Field(0.0, ge=0, description="before the clutch [N m s/rad]")
@@ -145,8 +151,8 @@ class Motor(Record):
         spare = OWN_OF_A_KIND - set(needed)
         if self.kind == "induction":
             spare -= {"iron_resistance"}
-            if self.brush_drop:
-                message = "an induction motor has no brush_drop"
+            if self.brush_drop or self.contact_loss:
+                message = "an induction motor has no brushes: leave out brush_drop and contact_loss"
                 raise ValueError(message)
         given = sorted(name for name in spare if getattr(self, name) is not None)
         if given:
@@ -230,6 +236,22 @@ class Gear(Record):
         le=1,
         description="where the load drives it back; 0 is self-locking; default as driving [-]",
     )
+    dry_ratio: float = Field(
+        1.0, gt=0.05, le=1, description="share of both efficiencies left where the gear is dry [-]"
+    )
+    dry_from: Length | None = Field(None, description="rod position from which it is dry [m]")
+    dry_to: Length | None = Field(None, description="rod position up to which it is dry [m]")
+
+    @model_validator(mode="after")
+    def _dry(self) -> Self:
+        if self.dry_from is None or self.dry_to is None:
+            if self.dry_ratio < 1.0 or self.dry_from is not self.dry_to:
+                message = "a gear that is dry needs dry_from and dry_to"
+                raise ValueError(message)
+        elif self.dry_to <= self.dry_from:
+            message = "dry_to must be more than dry_from"
+            raise ValueError(message)
+        return self
 
 
 class Stroke(Record):

@@ -97,6 +97,8 @@ def _motor_entries(machine: Machine) -> dict[int, float]:
         at.MOTOR_CONSTANT: motor_constant(machine),
         at.INVERSE_SATURATION: 1.0 / (motor.saturation_current or 1.0) if saturated else 0.0,
         at.BRUSH_DROP: motor.brush_drop,
+        at.CONTACT_LOSS: motor.contact_loss,
+        at.CONTACT_RESISTANCE: motor.contact_resistance,
         at.FIELD_POWER: supply_voltage(machine) * separate_field_current(machine),
         at.LOSS_TORQUE: motor.loss_torque,
         at.BRAKE_TORQUE: motor.brake_torque,
@@ -145,6 +147,9 @@ def _gear_entries(machine: Machine) -> dict[int, float]:
         at.RATIO: ratio or 0.0,
         at.STROKE: stroke.length or 0.0,
         at.STROKE_START: stroke.start,
+        at.DRY_RATIO: gear.dry_ratio,
+        at.DRY_FROM: _or(gear.dry_from, math.inf),
+        at.DRY_TO: _or(gear.dry_to, -math.inf),
         at.ROD_STIFFNESS: machine.rod.stiffness,
         at.ROD_PLAY: machine.rod.play,
     }
@@ -217,6 +222,7 @@ def start_state(machine: Machine, constants: Floats, position: float) -> Floats:
     state[at.ROD_POSITION] = rod_position(constants, table, state[at.GEAR_ANGLE])[0]
     state[at.DIRECTION] = 1.0
     state[at.LOCK_ALLOWED] = 1.0
+    state[at.GEAR_RATIO] = 1.0
     state[at.LOCKED] = constants[at.HOLDS]
     state[at.OVERLOAD_SINCE] = math.inf
     state[at.LEVEL] = kinetic_level(constants, state) * constants[at.STATIC_RATIO]

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from turnout.core.lru_cache import LRUCache
 from turnout.errors import MechanicsError
 from turnout.mechanism.mechanism import RailShape, ReducedRail
 from turnout.panel.model import Panel
@@ -187,6 +188,13 @@ def _shape(panel: Panel, name: str, rail: ReducedRail, moved: Floats) -> RailSha
     return RailShape(cubic_spline(x.tolist(), travel, ends=("not-a-knot", "not-a-knot")))
 
 
+MOST_PLACES = 256
+"""Fit gaps and ways at so many sets of places are kept in memory, the latest used."""
+
+# Named by identity: throws that differ in laws share their shapes.
+_at_places = LRUCache[tuple[Floats, Floats, object]](MOST_PLACES)
+
+
 def unloaded_gap(panel: Panel, shape: RailShape | None, rail: str, x: Floats) -> Floats | None:
     """Return the gap of a rail to its unloaded stock rail in its stress-free position.
 
@@ -212,4 +220,9 @@ def unloaded_gap(panel: Panel, shape: RailShape | None, rail: str, x: Floats) ->
     if shape is None:
         message = f"rail {rail}: its shape is computed, and the mechanism does not hold it"
         raise MechanicsError(message)
-    return evaluate_profile(record.fit_gap, x) + record.fraction * shape.travel_at(x)
+    key = (id(record.fit_gap), id(shape), x.tobytes())
+    found = _at_places.get(key)
+    if found is None:
+        fit, travel = evaluate_profile(record.fit_gap, x), shape.travel_at(x)
+        found = _at_places.put(key, (fit, travel, (record.fit_gap, shape)))
+    return found[0] + record.fraction * found[1]

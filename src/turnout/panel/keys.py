@@ -2,6 +2,7 @@
 
 import typing
 from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 from pydantic import BaseModel
@@ -77,6 +78,7 @@ def takes_text(path: Path) -> bool:
     return info is not None and (info.annotation is str or str in typing.get_args(info.annotation))
 
 
+@lru_cache(maxsize=4096)
 def is_field(record: type[BaseModel], path: Path) -> bool:
     """Return whether a key path leads to a field of a record, or an entry of a table."""
     if not path:

@@ -7,6 +7,7 @@ key that names a member sets it for that one. Within one set of overrides the br
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 from turnout.core.problems import Problem, nearest, show_value
@@ -150,6 +151,7 @@ def _covers(broad: str, key: str) -> bool:
     return _breadth(wide) == 0 and parts[0] == wide[0] and parts[2 : 1 + len(wide)] == wide[1:]
 
 
+@lru_cache(maxsize=1024)
 def _breadth(path: Path) -> int:
     """Give 0 for a key that sets a whole family, else 1."""
     family = FAMILIES.get(path[0])

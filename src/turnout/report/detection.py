@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from turnout.detection.trends import LEAST_THROWS, staying_causes, trend_of
 from turnout.metric.finding import Finding
 from turnout.report.page import Page, Section, Table
 
@@ -30,6 +31,11 @@ def detection_page(verdicts: Sequence[Mapping[str, Any]], *, about: Mapping[str,
         detail = f"{lost} of {len(verdicts)} throws; the table says why"
         findings.append(Finding("bad", "Could every throw be judged?", "No", detail))
     findings.append(Finding("fact", "May trains rely on it?", "No", SAFETY))
+    staying = staying_causes(verdicts)
+    if staying:
+        name, (since, total) = next(iter(staying.items()))
+        detail = f"{name}, since {verdicts[since]['name']} (cumulated log odds {total:.1f})"
+        findings.append(Finding("look", "Does a cause stay?", "Yes", detail))
     called = [item for item in verdicts if item["status"] != "sound"]
     sections = [
         Section(
@@ -42,6 +48,15 @@ def detection_page(verdicts: Sequence[Mapping[str, Any]], *, about: Mapping[str,
     if called:
         sections.append(
             Section(heading="What to do", text="Throws not called sound.", tables=[_advice(called)])
+        )
+    if len(verdicts) >= LEAST_THROWS:
+        sections.append(
+            Section(
+                heading="Trends",
+                text="Straight lines through all throws that were judged. A worn clutch shows in "
+                "the largest force only where the drive slips.",
+                tables=[_trends(verdicts)],
+            )
         )
     return Page(
         title="Throws judged from drive forces",
@@ -88,6 +103,22 @@ def _table(verdicts: Sequence[Mapping[str, Any]]) -> Table:
 def _advice(called: Sequence[Mapping[str, Any]]) -> Table:
     rows = [[str(item["name"]), str(item["status"]), str(item["advice"])] for item in called]
     return Table("", ["throw", "verdict", "next"], rows)
+
+
+def _trends(verdicts: Sequence[Mapping[str, Any]]) -> Table:
+    drives = dict.fromkeys(name for item in verdicts for name in item["peaks"])
+    lines = [("friction level [-]", [item["friction"] for item in verdicts], "{:.3f}")]
+    for name in drives:
+        peaks = [item["peaks"].get(name, float("nan")) for item in verdicts]
+        lines.append((f"largest force of drive {name} [N]", peaks, "{:.0f}"))
+    rows = []
+    for label, values, shape in lines:
+        found = trend_of(values)
+        if found is not None:
+            change = f"{shape} ({shape} to {shape})".format(found.slope, found.low, found.high)
+            said = "changes" if found.clear else "no clear change"
+            rows.append([label, shape.format(found.first), shape.format(found.last), change, said])
+    return Table("", ["of", "first", "last", "change in 100 throws (95 %)", "trend"], rows)
 
 
 def _object(item: Mapping[str, Any]) -> str:

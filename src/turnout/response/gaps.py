@@ -1,21 +1,25 @@
 """Open distances between switch rails and stock rails, and the flangeway behind them."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.condense.condense import CondensedRails
 from turnout.core.lru_cache import LRUCache
+from turnout.mechanism.mechanism import Mechanism
 from turnout.mechanism.travel import unloaded_gap
 from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, running_edge_distance
 from turnout.response.recovery import (
+    CondensedShapes,
     Ints,
     Motion,
     Parts,
     Seen,
+    condensed_shapes,
     lateral_rows,
     row_motion,
     seen_by,
@@ -24,7 +28,8 @@ from turnout.response.recovery import (
 from turnout.response.route import Throw, open_rail, wanted_closed
 
 Floats = NDArray[np.float64]
-
+Place = tuple[str, Floats, Floats]
+"""Rail, places along it and heights of some points [m]."""
 
 MOST_ROWS = 64
 """Rows to so many lines of points are kept in memory, the latest made."""
@@ -53,7 +58,7 @@ def _at_nodes(panel: Panel, rail: str, x: Floats) -> tuple[Floats, Floats]:
     return kept[:2]
 
 
-def stock_gap(panel: Panel, motion: Motion, rail: str, x: Floats) -> Floats:
+def stock_gap(panel: Panel, motion: CondensedShapes, rail: str, x: Floats) -> Floats:
     """Return the gap of the unloaded rail, shape (n,) [m]; NaN without a stock rail."""
     gap = unloaded_gap(panel, motion.shapes.get(rail), rail, x)
     return np.full(np.shape(x), np.nan) if gap is None else gap
@@ -85,7 +90,9 @@ def rail_gap(
     return gap
 
 
-def gap_rows(panel: Panel, motion: Motion, rail: str, x: Floats, z: Floats) -> tuple[Floats, Parts]:
+def gap_rows(
+    panel: Panel, motion: CondensedShapes, rail: str, x: Floats, z: Floats
+) -> tuple[Floats, Parts]:
     """Return open distances of the unloaded rail, and rows by which coordinates lessen them.
 
     Returns
@@ -127,20 +134,29 @@ def drive_and_sensor_gaps(panel: Panel, motion: Motion, time: Floats) -> tuple[F
     at_sensors : ndarray, shape (n_sensors, n_times)
         [m]
     """
+    found = open_distances(panel, motion, gap_places(panel))
+    return split_gaps(panel, np.concatenate(found), time)
+
+
+def gap_places(panel: Panel) -> list[Place]:
+    """Return where `drive_and_sensor_gaps` looks: at the drives on both rails, then at sensors."""
     x = np.array([drive.x for drive in panel.drive.values()])
     z = np.array([drive.height for drive in panel.drive.values()])
-    rails = wanted_closed(panel, time)
+    rails = wanted_closed(panel, np.zeros(1))
     sensors = [(s.rail, np.array([s.x]), np.array([s.height])) for s in panel.sensor.values()]
-    found = open_distances(panel, motion, [*((rail, x, z) for rail, _ in rails), *sensors])
+    return [*((rail, x, z) for rail, _ in rails), *sensors]
+
+
+def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats]:
+    """Return gaps at drives and at sensors of open distances at the `gap_places` one by one."""
+    count = len(panel.drive)
+    first, second, at_sensors = gaps[:count], gaps[count : 2 * count], gaps[2 * count :]
     # at any instant one of the two is wanted closed
-    at_drives = np.where(rails[0][1], found[0], found[1])
-    at_sensors = found[len(rails) :]
-    return at_drives, np.concatenate(at_sensors) if at_sensors else np.empty((0, time.size))
+    at_drives = np.where(wanted_closed(panel, time)[0][1], first, second)
+    return at_drives, at_sensors
 
 
-def open_distances(
-    panel: Panel, motion: Motion, places: Sequence[tuple[str, Floats, Floats]]
-) -> list[Floats]:
+def open_distances(panel: Panel, motion: Motion, places: Sequence[Place]) -> list[Floats]:
     """Return what `rail_gap` does at all instants, for some points of several rails at once.
 
     Parameters
@@ -165,8 +181,21 @@ def open_distances(
     return [gap[first:last] for first, last in itertools.pairwise(ends)]
 
 
+def watched_gaps(
+    panel: Panel, mechanism: Mechanism
+) -> Callable[[CondensedRails], tuple[Floats, Floats, Floats]]:
+    """Return what `Watch` takes to see the gaps at the `gap_places` of a mechanism."""
+    places = gap_places(panel)
+
+    def seen(condensed: CondensedRails) -> tuple[Floats, Floats, Floats]:
+        start, less = _seen_together(panel, condensed_shapes(mechanism, condensed), places)
+        return -less.modes, -less.shapes, start - less.load
+
+    return seen
+
+
 def _seen_together(
-    panel: Panel, motion: Motion, places: Sequence[tuple[str, Floats, Floats]]
+    panel: Panel, motion: CondensedShapes, places: Sequence[Place]
 ) -> tuple[Floats, Seen]:
     """Return unloaded distances of some points of several rails, and rows that lessen them."""
     found: dict[int, tuple[Floats, Seen]] = {}

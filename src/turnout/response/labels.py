@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.integrate.integration import History
+from turnout.integrate.watch import Instants
 from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.model import Panel
@@ -21,7 +21,7 @@ DIRECTIONS = ("opening", "closing")
 TIME_TOLERANCE = 1e-9
 
 
-def contact_labels(mechanism: Mechanism, history: History) -> dict[str, Variable]:
+def contact_labels(mechanism: Mechanism, history: Instants) -> dict[str, Variable]:
     """Return whether foreign objects had room and were touched, and when, from every step."""
     laws = list(mechanism.index.object.values())
     first = history.law_first[laws]

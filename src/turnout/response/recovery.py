@@ -11,12 +11,17 @@ matrix then gives its nodes.
 """
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.condense.condense import BlockModel, folded_stiffness, sum_at_rows
+from turnout.condense.condense import (
+    BlockModel,
+    CondensedRails,
+    folded_stiffness,
+    sum_at_rows,
+)
 from turnout.core.lru_cache import LRUCache
 from turnout.integrate.integration import History
 from turnout.mechanism.mechanism import Mechanism, RailBody, RailShape
@@ -29,41 +34,65 @@ Parts = Sequence[tuple[RailBody, Floats]]
 
 UY, RX, PER_NODE = 1, 3, 6
 PLACE_TOLERANCE = 1e-6
+MOST_SEEN = 64
+"""Sets of rows in terms of blocks in memory, the latest used."""
 MOST_PRODUCTS = 256
 """Products of rows with blocks in memory, the latest used."""
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
-    """All that shapes are recovered from.
+class CondensedShapes:
+    """What shapes are recovered from, but for the run.
 
     Attributes
     ----------
     rails : dict of str to RailBody
         Reduced rails by name.
-    history : History
-        The run, whose model has modes and static shapes of the whole mechanism.
-    slope : ndarray, shape (n_rows,)
-        Stiffness at each row that the linear system holds already [N/m].
     shapes : dict of str to RailShape
         Way of each switch rail from closed to open.
+    condensed : CondensedRails
+        With modes and static shapes of the whole mechanism.
+    n_rows : int
+        Of the mechanism.
+    """
+
+    rails: dict[str, RailBody]
+    shapes: dict[str, RailShape]
+    condensed: CondensedRails
+    n_rows: int
+
+
+@dataclass(frozen=True, slots=True)
+class Motion(CondensedShapes):
+    """All that shapes are recovered from.
+
+    Attributes
+    ----------
+    history : History
+        The run.
+    slope : ndarray, shape (n_rows,)
+        Stiffness at each row that the linear system holds already [N/m].
     seen : dict
         Rows that were recovered before, of this run at these or at other instants.
     """
 
-    rails: dict[str, RailBody]
     history: History
     slope: Floats
-    shapes: dict[str, RailShape] = field(default_factory=dict)
     seen: dict[Hashable, "tuple[Floats, Seen]"] = field(default_factory=dict)
+
+
+def condensed_shapes(mechanism: Mechanism, condensed: CondensedRails) -> CondensedShapes:
+    """Collect what the recovery of shapes needs before a run."""
+    rails = {body.name: body for body in mechanism.rails}
+    return CondensedShapes(rails, mechanism.shapes, condensed, mechanism.rows.shape[0])
 
 
 def recover_motion(mechanism: Mechanism, history: History) -> Motion:
     """Collect what the recovery of shapes needs from a run."""
-    laws = history.laws
-    slope = sum_at_rows(laws, folded_stiffness(laws), mechanism.rows.shape[0])
-    rails = {body.name: body for body in mechanism.rails}
-    return Motion(rails, history, slope, mechanism.shapes)
+    laws, before = history.laws, condensed_shapes(mechanism, history.condensed)
+    slope = sum_at_rows(laws, folded_stiffness(laws), before.n_rows)
+    of_rails = before.rails, before.shapes, before.condensed, before.n_rows
+    return Motion(*of_rails, history, slope)
 
 
 def force_motion(motion: Motion, shapes: Floats, *, at: Ints | None = None) -> Floats:
@@ -202,26 +231,54 @@ class Seen:
     load: Floats
 
 
-def seen_by(motion: Motion, parts: Parts) -> Seen:
+# Rails without objects and rows are shared by many throws; named by identity and kept beside.
+_seen = LRUCache[tuple[Seen, object]](MOST_SEEN)
+
+
+def seen_by(motion: CondensedShapes, parts: Parts) -> Seen:
     """Return rows of some rails in terms of what a run has kept."""
-    blocks = motion.history.condensed.parts
+    blocks = motion.condensed.parts
+    core = tuple(part.before or part for part in blocks)
+    key = (motion.n_rows, *map(id, core), *((body.first, id(rows)) for body, rows in parts))
+    kept = _seen.get(key)
+    if kept is None:
+        found = _seen_without_objects(core, parts, n_rows=motion.n_rows)
+        if not any(rows.flags.writeable for _, rows in parts):
+            _seen.put(key, (found, (core, parts)))
+    else:
+        found = kept[0]
+    return replace(found, shapes=_with_objects(blocks, parts, found.shapes))
+
+
+def _seen_without_objects(blocks: Sequence[BlockModel], parts: Parts, *, n_rows: int) -> Seen:
+    """Return rows in terms of blocks to which nothing was added."""
     ends = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
     count = parts[0][1].shape[0]
-    modes, load = np.zeros((count, ends[-1])), np.zeros(count)
-    shapes = np.zeros((count, motion.slope.size))
+    modes, load, shapes = np.zeros((count, ends[-1])), np.zeros(count), np.zeros((count, n_rows))
+    for body, rows in parts:
+        number, first = _block_of(blocks, body)
+        part, own = blocks[number], slice(first, first + body.count)
+        of_modes, of_shapes, of_load = _in_block(part, rows, own)
+        modes[:, ends[number] : ends[number + 1]] += of_modes
+        shapes[:, part.block.rows] += of_shapes
+        load += of_load
+    return Seen(modes, shapes, load)
+
+
+def _with_objects(blocks: Sequence[BlockModel], parts: Parts, shapes: Floats) -> Floats:
+    """Return static shapes with those of the ends that were added to the blocks."""
+    found = shapes
     for body, rows in parts:
         number, first = _block_of(blocks, body)
         part = blocks[number]
-        own = slice(first, first + body.count)
-        of_modes, of_shapes, of_load = _in_block(part.before or part, rows, own)
-        modes[:, ends[number] : ends[number + 1]] += of_modes
-        known = of_shapes.shape[1]
-        shapes[:, part.block.rows[:known]] += of_shapes
-        if known < part.block.rows.size:
-            further = part.model.residual_shapes[own, known:]
-            shapes[:, part.block.rows[known:]] += rows @ further
-        load += of_load
-    return Seen(modes, shapes, load)
+        if part.before is None:
+            continue
+        if found is shapes:
+            found = shapes.copy()
+        known = part.before.block.rows.size
+        further = part.model.residual_shapes[first : first + body.count, known:]
+        found[:, part.block.rows[known:]] += rows @ further
+    return found
 
 
 def _block_of(blocks: Sequence[BlockModel], body: RailBody) -> tuple[int, int]:
@@ -269,7 +326,7 @@ def _motion_at(motion: Motion, parts: Parts, at: Ints) -> Floats:
     force = history.g[at].T * motion.slope[:, np.newaxis]
     np.subtract.at(force, laws.row, history.law_force[at].T)
     np.subtract.at(force, laws.friction_row, history.friction_force[at].T)
-    modal, blocks = history.q[at].T, history.condensed.parts
+    modal, blocks = history.q[at].T, motion.condensed.parts
     ends = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
     moved = np.zeros((parts[0][1].shape[0], at.size))
     for body, rows in parts:

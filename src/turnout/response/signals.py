@@ -31,6 +31,7 @@ from turnout.integrate.energy import (
     energy_balance,
 )
 from turnout.integrate.integration import History
+from turnout.integrate.watch import Instants
 from turnout.mechanism.build_rails import fastening_offset
 from turnout.mechanism.drive_machines import slip_force
 from turnout.mechanism.mechanism import Mechanism, RailBody
@@ -45,11 +46,11 @@ Floats = NDArray[np.float64]
 Variable = tuple[tuple[str, ...], NDArray[np.generic]]
 
 
-def drive_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[str, Variable]:
+def drive_signals(panel: Panel, mechanism: Mechanism, history: Instants) -> dict[str, Variable]:
     """Return force on the rail (closing positive), marker position and slip of every drive."""
     columns = [mechanism.index.drive[name] for name in panel.drive]
     # 0.0 - F: no negative zeros where a drive is free
-    force = 0.0 - history.law_force[:, columns].T
+    force = 0.0 - history.forces(columns).T
     limits = np.array([slip_force(panel, name) for name in panel.drive])
     dims = ("drive", "time")
     return {
@@ -59,13 +60,13 @@ def drive_signals(panel: Panel, mechanism: Mechanism, history: History) -> dict[
     }
 
 
-def object_signals(mechanism: Mechanism, history: History) -> dict[str, Variable]:
+def object_signals(mechanism: Mechanism, history: Instants) -> dict[str, Variable]:
     """Return the force on the foreign objects: their sum, and each where there are several."""
     index = mechanism.index
-    force = history.law_force[:, list(index.object.values())].T
+    force = history.forces(list(index.object.values())).T
     signals: dict[str, Variable] = {"object_force": (("time",), np.sum(force, axis=0))}
     if len(index.object_parts) > 1:
-        single = [history.law_force[:, laws].sum(axis=1) for laws in index.object_laws.values()]
+        single = [history.forces(laws).sum(axis=1) for laws in index.object_laws.values()]
         signals["single_object_force"] = (("object", "time"), np.array(single))
     return signals
 

@@ -13,6 +13,7 @@ from turnout.integrate.integration import Floats, History, integrate
 from turnout.integrate.outcome import NotConverged
 from turnout.integrate.rods import store_rods
 from turnout.integrate.start import PriorMotion
+from turnout.integrate.watch import Watch
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, PlacedObject, resolve_objects
@@ -233,8 +234,12 @@ def solve_placed(
     *,
     scheme: Scheme,
     report: Callable[[int, int], None] | None = None,
+    watch: Callable[[Mechanism], Watch] | None = None,
 ) -> Solved:
-    """Do what `solve` does with all objects in their places, those of the panel among them."""
+    """Do what `solve` does with all objects in their places, those of the panel among them.
+
+    `watch` says for a mechanism what alone is wanted of its run.
+    """
     began = time.perf_counter()
     machines = any(drive.machine is not None for drive in panel.drive.values())
     if machines and must_compile(store_rods):
@@ -251,6 +256,7 @@ def solve_placed(
         end=panel.schedule.end,
         prior=_prior_motion(panel),
         report=report,
+        watch=None if watch is None else watch(mechanism),
     )
     return Solved(
         mechanism,

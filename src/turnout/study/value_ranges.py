@@ -95,12 +95,7 @@ def limit_faults(
             ]
         elif variable.key not in OBJECT_KEYS and not variable.key.startswith(LABEL):
             for value in _checked_values(values):
-                changes = (
-                    apply_factors(panel, {}, [(variable.key, float(value))])
-                    if variable.factor
-                    else set_items(panel, {variable.key: value})
-                )
-                problems += _panel_faults(panel, changes, f"variable {name}")
+                problems += _faults_of(panel, variable.key, value, variable.factor, name)
     for field in fields:
         for end in field.distribution.bounds:
             changes = (
@@ -115,6 +110,19 @@ def _checked_values(values: tuple[Value, ...]) -> tuple[Value, ...]:
     """Take all values, or of very many some with both ends."""
     stride = -(-len(values) // MOST_CHECKED)
     return (*values[::stride], values[-1]) if stride > 1 else values
+
+
+def _faults_of(panel: LoadedPanel, key: str, value: Value, factor: bool, name: str) -> list[str]:
+    """Return what is wrong with a value of a variable, all others as the panel has them."""
+    try:
+        changes = (
+            apply_factors(panel, {}, [(key, float(value))])
+            if factor
+            else set_items(panel, {key: value})
+        )
+    except PanelError as error:
+        return [f"variable {name}: {error.problems[0]}"]
+    return _panel_faults(panel, changes, f"variable {name}")
 
 
 def _panel_faults(panel: LoadedPanel, changes: Mapping[str, Value], where: str) -> list[str]:

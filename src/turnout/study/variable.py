@@ -21,6 +21,7 @@ from turnout.core.units import (
     is_finite,
     parse_quantity,
 )
+from turnout.errors import PanelError
 from turnout.measurement.chain.recorder import ERRORS, Recorder
 from turnout.panel.document import FAMILIES
 from turnout.panel.foreign_object import ForeignObject
@@ -222,6 +223,11 @@ def variable_keys(panel: LoadedPanel) -> Iterable[str]:
 def values_at(panel: LoadedPanel, key: str) -> dict[str, Any]:
     """Return the panel's values by full key: one for each member where a key names a family.
 
+    Raises
+    ------
+    PanelError
+        Where the panel has no such member.
+
     Examples
     --------
     >>> from turnout.panel.load import load_panel
@@ -236,7 +242,11 @@ def values_at(panel: LoadedPanel, key: str) -> dict[str, Any]:
             f"{family}.{name}.{'.'.join(rest)}": _nested_value(member, rest)
             for name, member in members.items()
         }
-    return {key: _nested_value(getattr(panel, family), rest)}
+    try:
+        return {key: _nested_value(getattr(panel, family), rest)}
+    except (KeyError, AttributeError):
+        near = nearest(key, variable_keys(panel))
+        raise PanelError([f"{key}: matches nothing in this panel{near}"]) from None
 
 
 def _nested_value(record: Any, parts: list[str]) -> Any:

@@ -6,7 +6,6 @@ the processor's caches: what need not be done beside it is done before and after
 once, which takes half the time.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,24 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.threads import one_blas_thread
-from turnout.errors import FileError, PanelError, TurnoutError
-from turnout.integrate.integration import History
+from turnout.errors import PanelError, TurnoutError
 from turnout.integrate.outcome import Code
-from turnout.measurement.chain.recorder import Recorder, clocked, recorded_force
 from turnout.panel.foreign_object import PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel
-from turnout.response.dataset import coordinates_of, response_channels
-from turnout.response.drives import machine_signals, machine_slips, moved_throws
-from turnout.response.gaps import drive_and_sensor_gaps
-from turnout.response.labels import contact_labels, flangeway_labels
-from turnout.response.recovery import Motion, recover_motion
+from turnout.response.dataset import coordinates_of
 from turnout.response.save import Save
-from turnout.response.signals import Variable, drive_signals, object_memory, object_signals
-from turnout.response.simulate import Solved, solve_placed
+from turnout.response.signals import Variable
+from turnout.response.simulate import solve_placed
 from turnout.scheme import Scheme
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
-from turnout.sweep.labels import ThrowSignals, compute_labels, float_values
+from turnout.sweep.extract import extract_signals, watch_of
+from turnout.sweep.labels import ThrowSignals, compute_labels
 
 Floats = NDArray[np.float64]
 Variables = dict[str, Variable]
@@ -198,11 +192,12 @@ def throw_scenario(study: Study, ready: PreparedScenario) -> ThrowResult:
     scenario, reason, attempts = ready.scenario, ready.fault, 0
     if reason:
         return ThrowResult(scenario, INVALID, reason, attempts, None, SolverTime())
+    watch = watch_of(study, ready.panel)
     try:
         for again in (False, True):
             attempts += 1
             scheme = refine_scheme(study.scheme) if again else study.scheme
-            solved = solve_placed(ready.panel, ready.objects, scheme=scheme)
+            solved = solve_placed(ready.panel, ready.objects, scheme=scheme, watch=watch)
             outcome = solved.history.outcome
             if outcome.code is Code.INTERRUPTED:
                 raise KeyboardInterrupt
@@ -220,73 +215,6 @@ def throw_scenario(study: Study, ready: PreparedScenario) -> ThrowResult:
     except TurnoutError as error:
         return ThrowResult(scenario, FAILED, str(error), attempts, None, SolverTime())
     return ThrowResult(scenario, ending, reason, attempts, None, SolverTime())
-
-
-def extract_signals(
-    study: Study, panel: LoadedPanel, solved: Solved, *, recorder: Recorder
-) -> ThrowSignals:
-    """Return what is stored of a complete throw and what its labels are made of.
-
-    Parameters
-    ----------
-    study : Study
-        What is kept, at which rate.
-    panel : LoadedPanel
-        What was thrown.
-    solved : Solved
-        The throw.
-    recorder : Recorder
-        Of what is kept of forces and currents over time, and of their features.
-    """
-    given, every, stride = (panel, solved.mechanism), solved.history, output_stride(study)
-    signals = drive_signals(*given, every) | object_signals(solved.mechanism, every)
-    signals |= contact_labels(solved.mechanism, every) | object_memory(solved.mechanism, every)
-    machine_slips(every, np.asarray(signals["drive_slipping"][1]))
-    signals |= machine_signals(panel, every)
-    recorded = _recorded(signals, every.time, recorder)
-    moved = moved_throws(panel, every)
-    wanted = study.output.channels
-    sparse = select_instants(every, slice(None, None, stride))
-    kept = {
-        name: (dims, values[..., ::stride])
-        for name, (dims, values) in (signals | recorded).items()
-        if name in wanted and "time" in dims
-    }
-    motion = recover_motion(solved.mechanism, every)
-    signals |= flangeway_labels(panel, motion, every.time, moved)
-    gaps = [name for name in ("drive_gap", "sensor_gap") if name in wanted]
-    found = _gap_signals(panel, replace(motion, history=sparse)) if gaps else None
-    if found is not None:
-        kept |= {name: found[name] for name in gaps if found[name][1].size}
-    further = tuple(name for name in wanted if name not in {*signals, *gaps})
-    if further:
-        kept |= response_channels(*given, sparse, save=Save(fields=further))
-    if found is None or (every.time.size - 1) % stride:
-        last = select_instants(every, slice(-1, None))
-        found = _gap_signals(panel, replace(motion, history=last))
-    ends = float_values(found["drive_gap"])[:, -1:], float_values(found["sensor_gap"])[:, -1:]
-    small = {name: (dims, _to_single_precision(values)) for name, (dims, values) in kept.items()}
-    force = float_values(recorded["drive_force"])
-    return ThrowSignals(panel, solved.mechanism, every.time, signals, force, small, ends, moved)
-
-
-def _recorded(signals: Variables, time: Floats, recorder: Recorder) -> Variables:
-    """Return drive forces and motor currents as a recorder gives them."""
-    dims, force = signals["drive_force"]
-    found: Variables = {"drive_force": (dims, recorded_force(np.asarray(force), time, recorder))}
-    if "drive_current" in signals:
-        dims, current = signals["drive_current"]
-        found["drive_current"] = (dims, clocked(np.asarray(current), time, recorder))
-    return found
-
-
-def _gap_signals(panel: LoadedPanel, motion: Motion) -> Variables:
-    """Return gaps at drives and sensors at all instants of a history."""
-    at_drives, at_sensors = drive_and_sensor_gaps(panel, motion, motion.history.time)
-    return {
-        "drive_gap": (("drive", "time"), at_drives),
-        "sensor_gap": (("sensor", "time"), at_sensors),
-    }
 
 
 def make_rows(throws: Sequence[ThrowResult]) -> list[Row]:
@@ -330,41 +258,6 @@ def refine_scheme(scheme: Scheme) -> Scheme:
         halvings=scheme.halvings + 2,
         output_interval=scheme.output_interval,
     )
-
-
-def select_instants(history: History, index: NDArray[np.int64] | slice) -> History:
-    """Return a history at some of its instants; what was gathered from every step stays.
-
-    A slice copies nothing.
-    """
-    names = ("time", "inputs", "q", "g", "law_force", "friction_force", "stored", "ledger")
-    machines = history.machines.select(index) if history.machines is not None else None
-    found = {name: getattr(history, name)[index] for name in names}
-    return replace(history, **found, machines=machines)
-
-
-def output_stride(study: Study) -> int:
-    """Return how many instants of the solver there are to one that is kept.
-
-    Raises
-    ------
-    FileError
-        When the rates do not fit together.
-    """
-    fine = study.scheme.output_interval
-    stride = round(study.output.interval / fine)
-    if stride < 1 or not math.isclose(stride * fine, study.output.interval, rel_tol=1e-6):
-        message = (
-            f"output.rate = {study.output.rate:g} Hz: the solver keeps an instant every "
-            f"{1e3 * fine:g} ms; take a rate that divides {1.0 / fine:g} Hz"
-        )
-        raise FileError(message)
-    return stride
-
-
-def _to_single_precision(values: NDArray[np.generic]) -> NDArray[np.generic]:
-    """Return numbers in single precision; logical values stay."""
-    return values.astype(np.float32) if values.dtype.kind == "f" else values
 
 
 def rule_inputs(row: Row) -> Mapping[str, object]:

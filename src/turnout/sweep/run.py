@@ -30,6 +30,7 @@ from turnout.response.simulate import compile_kernels
 from turnout.study.study import Study
 from turnout.sweep.batch import plan_batches
 from turnout.sweep.export import write_card
+from turnout.sweep.extract import output_stride
 from turnout.sweep.folder import (
     BATCHES,
     JOURNAL,
@@ -41,7 +42,7 @@ from turnout.sweep.folder import (
     study_identity,
 )
 from turnout.sweep.process import worker_processes
-from turnout.sweep.row import COMPLETE, SKIPPED, output_stride
+from turnout.sweep.row import COMPLETE, SKIPPED
 from turnout.sweep.stored_study import serialize_study
 from turnout.sweep.verify import verified_batches
 from turnout.sweep.worker import BatchDone, make_batch

@@ -89,7 +89,10 @@ def make_batch(folder: str, digest: str, code: str, number: int) -> BatchDone:
         When the batch cannot be written, or this process is not what the run expects.
     """
     if code != digest_of_sources(THROWS):
-        message = "a worker has other sources of turnout than the run; install the same on both"
+        message = (
+            "a worker has other sources of turnout than the run: they were changed while it ran; "
+            "run the same command again, on other machines with the same sources"
+        )
         raise FileError(message)
     with _batch_lock:
         initialize_worker()

@@ -15,8 +15,11 @@ from turnout.machine.compute.machine_step import SECOND, accept_step, span_of, t
 from turnout.machine.compute.places import (
     ARMATURE_OPEN,
     BRAKE_TORQUE,
+    BRUSH_RESISTANCE,
     CIRCUIT_RESISTANCE,
     CLUTCH_STIFFNESS,
+    CONTACT_LOSS,
+    CONTACT_RESISTANCE,
     CONTACTOR_DELAY,
     CONTACTOR_TIME,
     CONVERGED,
@@ -26,6 +29,9 @@ from turnout.machine.compute.places import (
     DETECTION_CLOSED,
     DETECTION_OPEN,
     DIRECTION,
+    DRY_FROM,
+    DRY_RATIO,
+    DRY_TO,
     ENERGIES,
     ENERGISED,
     EVENT_DETECTION_CLOSES,
@@ -39,6 +45,7 @@ from turnout.machine.compute.places import (
     GEAR,
     GEAR_ANGLE,
     GEAR_INERTIA,
+    GEAR_RATIO,
     GEAR_SPEED,
     HALVED,
     HAND_GAIN,
@@ -69,6 +76,7 @@ from turnout.machine.compute.places import (
     ROD_FORCE,
     ROD_POSITION,
     SERIES,
+    SLIP,
     SNUB,
     SNUB_RESISTANCE,
     SPEED,
@@ -292,6 +300,21 @@ def _after_step(
         state[CUTOFF_TIME] = time + constants[CUTOFF_DELAY]
 
 
+@compiled_part
+def set_local_faults(constants: Floats, state: Floats) -> None:
+    """Set what depends on where gear and motor stand: dry teeth, a brush of poor contact.
+
+    It holds for the whole step that begins there, so that each step is one of constant values.
+    """
+    state[GEAR_RATIO], state[BRUSH_RESISTANCE] = 1.0, 0.0
+    if constants[DRY_FROM] <= state[ROD_POSITION] <= constants[DRY_TO]:
+        state[GEAR_RATIO] = constants[DRY_RATIO]
+    if constants[CONTACT_LOSS] > 0.0:
+        turns = (state[GEAR_ANGLE] + state[TWIST] + state[SLIP]) / (2.0 * math.pi)
+        if turns - math.floor(turns) < constants[CONTACT_LOSS]:
+            state[BRUSH_RESISTANCE] = constants[CONTACT_RESISTANCE]
+
+
 @compiled
 def _piece(
     constants: Floats,
@@ -304,6 +327,7 @@ def _piece(
 ) -> float:
     """Take one step of at most the given length and return its length; negative on failure."""
     time, h = span
+    set_local_faults(constants, state)
     halvings = 0
     while take_step(constants, rail, table, state, time, h, work) != CONVERGED:
         halvings += 1

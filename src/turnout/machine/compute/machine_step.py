@@ -21,6 +21,7 @@ from turnout.machine.compute.places import (
     BED_STIFFNESS,
     BRUSH,
     BRUSH_DROP,
+    BRUSH_RESISTANCE,
     CLUTCH,
     CLUTCH_STIFFNESS,
     CONVERGED,
@@ -218,6 +219,7 @@ def _add_motor_energy(
         state[ENERGIES + SNUB] += heat * constants[SNUB_RESISTANCE]
     state[ENERGIES + COPPER] += heat * constants[RESISTANCE]
     state[ENERGIES + BRUSH] += weight * constants[BRUSH_DROP] * abs(i)
+    state[ENERGIES + BRUSH] += heat * state[BRUSH_RESISTANCE]
     state[ENERGIES + MOTOR_FRICTION] += weight * state[STILL_TORQUE] * abs(w1)
     state[ENERGIES + MOTOR_DRAG_HEAT] += weight * constants[MOTOR_DRAG] * w1 * w1
     gain = constants[HAND_GAIN] * state[HAND_ON]
@@ -232,7 +234,7 @@ def _add_gear_energy(
     if w2 == 0.0:
         return
     load = rod_position(constants, table, stage[GEAR_ANGLE])[1] * stage[ROD_FORCE]
-    factor = load_factor(constants, load, math.copysign(1.0, w2))
+    factor = load_factor(constants, state, load, math.copysign(1.0, w2))
     state[ENERGIES + GEAR] += weight * (factor - 1.0) * load * w2
     state[ENERGIES + GEAR_DRAG_HEAT] += weight * constants[GEAR_DRAG] * w2 * w2
     state[ENERGIES + ROD_INPUT] += weight * load * w2

@@ -18,6 +18,7 @@ from turnout.machine.compute.induction import induction_torque
 from turnout.machine.compute.places import (
     ARMATURE_OPEN,
     BRUSH_DROP,
+    BRUSH_RESISTANCE,
     CIRCUIT_RESISTANCE,
     CLUTCH_STIFFNESS,
     CURRENT,
@@ -71,10 +72,10 @@ def motor_torque(
 
     Notes
     -----
-    L (i - i*)/g + R i + u_b + e = U with u_b in V_b Sgn(i). A permanent magnet has e = k w1,
-    T = k i; a series motor p = K i/(1 + |i|/i_s), e = d p w1, T = d p i, and a quadratic for |i|
-    with exactly one positive root. Their torque never rises with w1; that of an induction motor
-    does below its breakdown, by far less than the inertia's J_1/g.
+    L (i - i*)/g + R i + u_b + e = U with u_b in V_b Sgn(i); R includes what a brush of poor contact
+    adds. A permanent magnet has e = k w1, T = k i; a series motor p = K i/(1 + |i|/i_s),
+    e = d p w1, T = d p i, and a quadratic for |i| with exactly one positive root. Their torque
+    never rises with w1; that of an induction motor does below breakdown, by far less than J_1/g.
     """
     if state[ARMATURE_OPEN] > 0.0:
         return 0.0, 0.0, 0.0
@@ -82,7 +83,7 @@ def motor_torque(
         return induction_torque(constants, state, g, base, w1)
     current = base[CURRENT]
     k, drop = constants[MOTOR_CONSTANT], constants[BRUSH_DROP]
-    r = constants[INDUCTANCE] / g + state[CIRCUIT_RESISTANCE]
+    r = constants[INDUCTANCE] / g + state[CIRCUIT_RESISTANCE] + state[BRUSH_RESISTANCE]
     q = net_voltage(state) + constants[INDUCTANCE] / g * current
     if constants[SERIES] == 0.0:
         q -= k * w1

@@ -63,8 +63,13 @@ the closing direction. Flags are 0.0 or 1.0.
     LEAKAGE_INDUCTANCE,  # L_l, all on the rotor's side [H]
     IRON_CONDUCTANCE,  # 1/R_fe across the terminals [1/ohm]
     LONGEST_STEP,  # of the machine within a step of the rails [s]
+    DRY_RATIO,  # of the gear's efficiency where it is dry to that where it is not; 1: nowhere dry
+    DRY_FROM,  # rod positions between which it is dry [m]
+    DRY_TO,
+    CONTACT_LOSS,  # share of each turn of the motor in which a brush has poor contact
+    CONTACT_RESISTANCE,  # added there [ohm]
     CONSTANTS,
-) = range(58)
+) = range(63)
 
 
 (SCREW, CRANK, TABLE) = range(3)
@@ -129,8 +134,10 @@ the closing direction. Flags are 0.0 or 1.0.
     LOCK_ALLOWED,  # 0: the limit contact may not act, set from outside
     EVENTS,  # number logged
     HALVED,  # steps taken in halves so far
+    GEAR_RATIO,  # DRY_RATIO where the gear is dry, else 1
+    BRUSH_RESISTANCE,  # CONTACT_RESISTANCE while a brush has poor contact, else 0 [ohm]
     ENERGIES,  # the first of the sums below
-) = range(37)
+) = range(39)
 
 INTEGRATED = 12
 """So many states, from the first on, obey differential equations."""

@@ -28,6 +28,7 @@ from turnout.machine.compute.places import (
     GEAR_ANGLE,
     GEAR_DRAG,
     GEAR_INERTIA,
+    GEAR_RATIO,
     GEAR_SPEED,
     LOCKED,
     NOT_CONVERGED,
@@ -45,9 +46,11 @@ from turnout.machine.compute.rail import friction_twist, rail_side, rod_position
 
 
 @compiled_part
-def load_factor(constants: Floats, force: float, sign: float) -> float:
+def load_factor(constants: Floats, state: Floats, force: float, sign: float) -> float:
     """Return torque at the shaft per load, X' F, when the gear turns with a sign."""
-    return float(constants[FACTOR_DRIVING] if force * sign > 0.0 else constants[FACTOR_DRIVEN])
+    if force * sign > 0.0:
+        return float(constants[FACTOR_DRIVING] / state[GEAR_RATIO])
+    return float(constants[FACTOR_DRIVEN] * state[GEAR_RATIO])
 
 
 @compiled_part
@@ -94,7 +97,7 @@ def solve_stage(
     table : ndarray, shape (n, 5)
         Of the stroke, see `rod_position`.
     state : ndarray
-        Circuit, lock and clutch level.
+        Circuit, lock, clutch level, and whether the gear is dry here.
     g : float
         [s].
     base : ndarray, shape (INTEGRATED,)
@@ -127,7 +130,8 @@ def solve_stage(
         if not abs(f + load) < math.inf or math.isnan(i):
             return NOT_CONVERGED
         if stands:
-            below, above = load_factor(constants, load, -1.0), load_factor(constants, load, 1.0)
+            below = load_factor(constants, state, load, -1.0)
+            above = load_factor(constants, state, load, 1.0)
             settled = state[LOCKED] > 0.0 or f + below * load <= 0.0 <= f + above * load
             if not settled:
                 stands, checked, low, high = False, True, -math.inf, math.inf
@@ -135,7 +139,7 @@ def solve_stage(
         else:
             settled = False
         if not stands:
-            factor = load_factor(constants, load, sign)
+            factor = load_factor(constants, state, load, sign)
             f += constants[GEAR_DRAG] * w2 + factor * load
             slope = inertia + constants[GEAR_DRAG] - clutch_slope
             slope += factor * g * (dx * dx * force_slope + ddx * force)

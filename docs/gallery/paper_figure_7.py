@@ -21,7 +21,7 @@ sheet = Sheet(
     x_label="Time [s]",
     rows=(Row("Marker position [mm]", tuple(lines)),),
 )
-draw_sheet(sheet).savefig("markers.png", dpi=110)
+draw_sheet(sheet).savefig("paper_figure_7.png", dpi=110)
 
 away = abs(marker).max("time")
 assert abs(float(away.sel(drive="1")) - 0.117) < 1e-6, "stroke of Drive 1 and 2 mm over-travel"

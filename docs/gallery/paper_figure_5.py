@@ -11,7 +11,7 @@ MACHINES = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}
 CLAMPS = {"machine.circuit.measured_current": "supply"}  # a motor lead shows the braking too
 panel = turnout.load_panel("uic60-760-1-15", overrides=MACHINES).with_overrides(CLAMPS)
 begin = panel.movement["return"].start
-sizes = [None, 0.005, 0.010, 0.013, 0.020, 0.031]
+sizes = [None, 0.005, 0.01, 0.013, 0.016, 0.018, 0.021, 0.023, 0.026, 0.029, 0.031]
 throws = {}
 for size in sizes:
     piece = turnout.ForeignObject(size, at="sleeper 6") if size else None
@@ -34,20 +34,20 @@ def lines(channel, drive=None, factor=1.0, least=0.0):
 
 
 sheet = Sheet(
-    name="motor_currents",
+    name="paper-figure-5",
     title="Objects at sleeper 6, closing: load cell, clamps and drive rods, 0.1 s mean",
     caption="",
     x_label="Time from the onset [s]",
     one_legend=True,
     rows=(
-        Row("Load cell [kN]", lines("object_force", factor=1e-3, least=0.013)),
-        Row("Current of\nDrive 1 [A]", lines("drive_current", "1")),
-        Row("Current of\nDrive 2 [A]", lines("drive_current", "2")),
-        Row("Force of\nDrive 1 [kN]", lines("drive_force", "1", 1e-3)),
-        Row("Force of\nDrive 2 [kN]", lines("drive_force", "2", 1e-3)),
+        Row("Load cell\n[kN]", lines("object_force", factor=1e-3, least=0.013)),
+        Row("Drive 1\n[A]", lines("drive_current", "1")),
+        Row("Drive 2\n[A]", lines("drive_current", "2")),
+        Row("Drive 1\n[kN]", lines("drive_force", "1", 1e-3)),
+        Row("Drive 2\n[kN]", lines("drive_force", "2", 1e-3)),
     ),
 )
-draw_sheet(sheet).savefig("motor_currents.png", dpi=110)
+draw_sheet(sheet).savefig("paper_figure_5.png", dpi=110)
 
 current = {size: throw["drive_current"].sel(drive="2") for size, throw in throws.items()}
 running = slice(begin + 3.0, begin + 3.58)  # before the cut-off without an object

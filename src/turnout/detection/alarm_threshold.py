@@ -1,0 +1,96 @@
+r"""Thresholds of log likelihood ratios, beyond what the throws show by the tail of a distribution.
+
+Excesses over a high quantile follow a generalised Pareto distribution, whatever the distribution is
+(Pickands 1975):
+
+.. math:: P(x > t) = p_u \left(1 + \xi\,\frac{t - u}{\sigma}\right)^{-1 / \xi}
+
+with :math:`p_u` above :math:`u`. :math:`\sigma` and :math:`\xi` come from probability-weighted
+moments (Hosking and Wallis 1987). Were the sound model exact, a likelihood ratio would exceed
+:math:`e^t` with at most :math:`e^{-t}` (Markov), an exponential tail, :math:`\xi = 0`; a heavier
+one shows that it is not, and a lighter one is not believed.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+TAIL_SHARE = 0.01
+"""Highest share of the ratios that the tail is fitted to [-]."""
+LEAST_IN_TAIL = 10
+"""Throws above a quantile that is taken as it is."""
+HEAVIEST = 0.5
+r"""Largest :math:`\xi` that is believed [-]."""
+
+
+def threshold_for(ratios: Floats, *, rate: float) -> float:
+    """Return what a share of sound throws exceeds.
+
+    The quantile itself where enough throws lie above it, and never less than the fitted tail.
+
+    Parameters
+    ----------
+    ratios : ndarray, shape (n,)
+        Log likelihood ratios of sound throws.
+    rate : float
+        Share wanted [-].
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> round(threshold_for(rng.exponential(size=20000), rate=1e-4))
+    10
+    """
+    start = float(np.quantile(ratios, 1.0 - TAIL_SHARE))
+    shape, scale = pareto_tail(ratios[ratios > start] - start)
+    fitted = start + scale * growth(TAIL_SHARE / rate, shape)
+    if rate * len(ratios) < LEAST_IN_TAIL:
+        return fitted
+    return max(fitted, float(np.quantile(ratios, 1.0 - rate)))
+
+
+def pareto_tail(excess: Floats) -> tuple[float, float]:
+    r"""Return :math:`\xi` [-] and :math:`\sigma` of excesses over a threshold.
+
+    Parameters
+    ----------
+    excess : ndarray, shape (n,)
+        Positive; without any the scale is 0.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> shape, scale = pareto_tail(3.0 * (rng.random(200_000) ** -0.25 - 1.0) / 0.25)
+    >>> round(shape, 2), round(scale, 1)
+    (0.25, 3.0)
+    """
+    if not excess.size:
+        return 0.0, 0.0
+    ordered = np.sort(excess)
+    mean = float(ordered.mean())
+    above = 1.0 - (np.arange(1, ordered.size + 1) - 0.35) / ordered.size
+    weighted = float((above * ordered).mean())
+    # of an exponential the weighted moment is a quarter of the mean
+    shape = 2.0 - mean / (mean - 2.0 * weighted) if mean > 2.0 * weighted else 0.0
+    if not shape > 0.0:
+        return 0.0, mean
+    shape = min(shape, HEAVIEST)
+    return shape, mean * (1.0 - shape)
+
+
+def growth(times: float, shape: float) -> float:
+    """Return by how many scales a threshold rises to be exceeded so many times less often [-].
+
+    Examples
+    --------
+    >>> round(growth(100.0, 0.0), 3), round(growth(100.0, 0.5), 3)
+    (4.605, 18.0)
+    """
+    if shape < SMALL:
+        return float(np.log(times))
+    return float((times**shape - 1.0) / shape)
+
+
+SMALL = 1e-6
+r""":math:`\xi` below which the tail counts as exponential [-]."""

@@ -1,0 +1,311 @@
+r"""What is taken of a run while it goes on, where its whole instants would be more than is wanted.
+
+Labels and features need the forces of a few laws at every instant and the displacements of a few
+points at some; a whole instant is fifty times as much, and most of it would go to memory and back
+for nothing. A record may therefore hold whole instants at some times alone, and beside them forces
+of *watched* laws at all stored instants and *seen* displacements at those that are *kept*.
+
+A seen displacement is, with the modes and static shapes of its row
+(`turnout.response.recovery`),
+
+.. math:: s = \Phi_s q + R_s \lambda + r_s
+
+where the forces beyond the linear system are those of laws, less their stiffness in that system
+times their displacement, and those of frictions, both with the other sign.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from turnout.condense.condense import CondensedRails
+from turnout.integrate.system import Floats, Ints, System
+from turnout.kernels.compiled import compiled_loop, compiled_part
+from turnout.kernels.lanes import LANES, broadcast, gather, load, store, whole_lines, zeros_in_lines
+from turnout.kernels.vector import copy
+from turnout.law.table import LawTable
+
+TIME_TOLERANCE = 1e-9
+
+
+class StepRecord(NamedTuple):
+    """Stored instants, one row each, and the largest equilibrium residual so far [m].
+
+    `q` and `v` are modal coordinates and velocities, `g` the displacements of the rows [m],
+    `friction` and `law` forces [N], `stored` and `ledger` energies and work [J]
+    (`turnout.integrate.energy`). Rows of `q`, `g`, `friction`, `law` and `v` fill whole cache
+    lines; those of the first four begin at one.
+
+    Of a watched run `whole` is the row of `q`, `g`, `friction` and `law` in which a stored instant
+    has its place, and `kept` that of `stored`, `ledger` and `seen`, -1 for none; without entries
+    every instant has its own. `effort` are the forces of the laws `watched` at all instants [N];
+    `seen` displacements [m], for which `seen_modes`, `seen_laws` and `seen_frictions` hold a row of
+    weights for each mode, law and friction, and `seen_load` their values under the constant load.
+    `deviation` is scratch.
+    """
+
+    q: Floats
+    g: Floats
+    friction: Floats
+    law: Floats
+    stored: Floats
+    ledger: Floats
+    residual: Floats
+    v: Floats
+    whole: Ints = np.zeros(0, dtype=np.int64)
+    kept: Ints = np.zeros(0, dtype=np.int64)
+    watched: Ints = np.zeros(0, dtype=np.int64)
+    effort: Floats = np.zeros((0, 0))
+    seen: Floats = np.zeros((0, 0))
+    seen_modes: Floats = np.zeros((0, 0))
+    seen_laws: Floats = np.zeros((0, 0))
+    seen_frictions: Floats = np.zeros((0, 0))
+    seen_load: Floats = np.zeros(0)
+    deviation: Floats = np.zeros(0)
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """What is wanted of a run.
+
+    Attributes
+    ----------
+    laws : sequence of int
+        Whose forces are wanted at every stored instant.
+    stride : int
+        Every so many stored instants one is kept: with displacements and energies.
+    whole : sequence of float
+        The first stored instants from these times on are stored whole, and the last one [s].
+    count : int
+        Number of rows that are to be seen.
+    seen : callable
+        Takes the condensed rails and returns modes, static shapes and constant displacements of the
+        these rows, shapes (n_seen, n_modes), (n_seen, n_rows) and (n_seen,).
+    """
+
+    laws: Sequence[int]
+    stride: int
+    whole: Sequence[float]
+    count: int
+    seen: Callable[[CondensedRails], tuple[Floats, Floats, Floats]]
+
+
+class Instants(Protocol):
+    """What a history and what was watched of one have in common."""
+
+    @property
+    def time(self) -> Floats:
+        """Stored instants, shape (n,) [s]."""
+
+    @property
+    def inputs(self) -> Floats:
+        """Marker positions, shape (n, n_inputs) [m]."""
+
+    @property
+    def law_first(self) -> Floats:
+        """When each law that does not always act first had a force [s]."""
+
+    @property
+    def law_placed(self) -> Floats:
+        """When each of them appeared [s]."""
+
+    def forces(self, laws: Sequence[int]) -> Floats:
+        """Return the forces of some laws, shape (n, n_laws) [N]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """What a watched run leaves of instants that are not stored whole; n is the number of them all.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Stored instants [s].
+    inputs : ndarray, shape (n, n_inputs)
+        Marker positions [m].
+    law_first, law_placed : ndarray, shape (n_laws,)
+        As of `History`.
+    stride : int
+        Of the instants that are kept.
+    seen : ndarray, shape (n_kept, n_seen)
+        Displacements every `stride` instants [m].
+    seen_last : ndarray, shape (1, n_seen)
+        At the last instant [m].
+    laws : sequence of int
+        The watched laws.
+    effort : ndarray, shape (n, n_watched)
+        Their forces [N].
+    """
+
+    time: Floats
+    inputs: Floats
+    law_first: Floats
+    law_placed: Floats
+    stride: int
+    seen: Floats
+    seen_last: Floats
+    laws: Sequence[int]
+    effort: Floats
+
+    def forces(self, laws: Sequence[int]) -> Floats:
+        """Return the forces of some of the watched laws, shape (n, n_laws) [N]."""
+        return self.effort[:, [self.laws.index(law) for law in laws]]
+
+
+@dataclass(frozen=True, slots=True)
+class WatchPlan:
+    """Which stored instants have which place in a record."""
+
+    watch: Watch
+    whole: Ints
+    kept: Ints
+
+    @property
+    def whole_instants(self) -> Ints:
+        """Numbers of the stored instants that are stored whole."""
+        return np.flatnonzero(self.whole >= 0)
+
+    def kept_before(self, count: int) -> int:
+        """Return how many of the first `count` stored instants are kept."""
+        return int(np.count_nonzero(self.kept[:count] >= 0))
+
+
+def plan_watch(watch: Watch, interval: float, count: int) -> WatchPlan:
+    """Choose the places of stored instants in the record of a watched run.
+
+    Parameters
+    ----------
+    watch : Watch
+        What is wanted.
+    interval : float
+        Time between stored instants [s].
+    count : int
+        Of stored instants.
+
+    Examples
+    --------
+    >>> watch = Watch([0], 2, [0.3], 0, lambda rails: (np.zeros((0, 0)),) * 3)
+    >>> plan = plan_watch(watch, 0.1, 7)
+    >>> plan.whole.tolist(), plan.kept.tolist()
+    ([-1, -1, -1, 0, -1, -1, 1], [0, -1, 1, 2, 3, -1, 4])
+    """
+    return WatchPlan(watch, *_places(tuple(watch.whole), watch.stride, interval, count))
+
+
+@lru_cache(maxsize=16)
+def _places(
+    wanted: tuple[float, ...], stride: int, interval: float, count: int
+) -> tuple[Ints, Ints]:
+    """Return where each instant is stored whole, and where it is kept."""
+    times = interval * np.arange(count, dtype=np.float64)
+    first = np.searchsorted(times, np.array(wanted, dtype=np.float64) - TIME_TOLERANCE)
+    whole = np.unique(np.append(first[first < count], count - 1))
+    kept = np.union1d(np.arange(0, count, stride), whole)
+    places = _numbered(whole, count), _numbered(kept, count)
+    for found in places:
+        found.flags.writeable = False
+    return places
+
+
+def _numbered(chosen: Ints, count: int) -> Ints:
+    found = np.full(count, -1, dtype=np.int64)
+    found[chosen] = np.arange(chosen.size)
+    return found
+
+
+def watch_record(
+    record: StepRecord, plan: WatchPlan, rails: CondensedRails, laws: LawTable
+) -> StepRecord:
+    """Return a record of plain arrays with those of a watched run."""
+    modes, shapes, load = plan.watch.seen(rails)
+    count = plan.watch.count
+    width = int(whole_lines(count))
+
+    def padded(weights: Floats) -> Floats:
+        found = zeros_in_lines(weights.shape[1], width)
+        found[:, :count] = weights.T
+        return found
+
+    return record._replace(
+        whole=plan.whole,
+        kept=plan.kept,
+        watched=np.asarray(plan.watch.laws, dtype=np.int64),
+        effort=np.zeros((plan.whole.size, len(plan.watch.laws))),
+        seen=zeros_in_lines(int(plan.kept.max()) + 1, width),
+        seen_modes=padded(modes),
+        seen_laws=padded(-shapes[:, laws.row]),
+        seen_frictions=padded(-shapes[:, laws.friction_row]),
+        seen_load=np.pad(load, (0, width - count)),
+        deviation=np.zeros(laws.row.size),
+    )
+
+
+def trim_watched(record: StepRecord, plan: WatchPlan, history: "Instants") -> Watched:
+    """Return what a run to its last instant left; `history` holds all its instants."""
+    count = plan.watch.count
+    return Watched(
+        time=history.time,
+        inputs=history.inputs,
+        law_first=history.law_first,
+        law_placed=history.law_placed,
+        stride=plan.watch.stride,
+        seen=record.seen[plan.kept[:: plan.watch.stride], :count],
+        seen_last=record.seen[plan.kept[-1] :][:1, :count],
+        laws=tuple(plan.watch.laws),
+        effort=record.effort,
+    )
+
+
+@compiled_loop
+def _deviate(g: Floats, row: Ints, slope: Floats, forces: Floats, to: Floats) -> None:
+    for i in range(0, forces.size, LANES):
+        store(load(forces, i) - load(slope, i) * gather(g, row, i), to, i)
+
+
+@compiled_loop
+def _add_rows(weights: Floats, rows: Floats, to: Floats) -> None:
+    """Add a weighted sum of rows that fill whole cache lines; four sums keep the processor busy."""
+    n = weights.size
+    for i in range(0, to.size, LANES):
+        a, b, c, d = broadcast(0.0), broadcast(0.0), broadcast(0.0), broadcast(0.0)
+        r = 0
+        while r + 4 <= n:
+            a = a + broadcast(weights[r]) * load(rows[r], i)
+            b = b + broadcast(weights[r + 1]) * load(rows[r + 1], i)
+            c = c + broadcast(weights[r + 2]) * load(rows[r + 2], i)
+            d = d + broadcast(weights[r + 3]) * load(rows[r + 3], i)
+            r += 4
+        while r < n:
+            a = a + broadcast(weights[r]) * load(rows[r], i)
+            r += 1
+        store(load(to, i) + ((a + b) + (c + d)), to, i)
+
+
+@compiled_part
+def store_seen(
+    system: System,
+    row: Ints,
+    motion: tuple[Floats, Floats],
+    forces: tuple[Floats, Floats],
+    record: StepRecord,
+    kept: int,
+) -> None:
+    """Write the seen displacements of the present instant.
+
+    Parameters
+    ----------
+    row : ndarray of int
+        Place of the row of each law.
+    motion, forces : tuple of ndarray
+        Modal coordinates and displacements; forces of laws and of frictions.
+    """
+    q, g = motion
+    _deviate(g, row, system.base_slope, forces[0], record.deviation)
+    to = record.seen[kept]
+    copy(record.seen_load, to)
+    _add_rows(q, record.seen_modes, to)
+    _add_rows(record.deviation, record.seen_laws, to)
+    _add_rows(forces[1], record.seen_frictions, to)

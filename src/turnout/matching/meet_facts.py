@@ -1,0 +1,225 @@
+"""Facts of one panel: each throw is made once, costly facts only where all others hold."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.errors import PanelError, TurnoutError
+from turnout.matching.facts import Facts, Sum, Term
+from turnout.matching.measures import LAST, MEASURES, VISIBLE
+from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.load import LoadedPanel, panel_from_document
+from turnout.panel.object_text import parse_object
+from turnout.response.save import Save
+from turnout.response.simulate import simulate
+from turnout.scheme import Mode
+
+Floats = NDArray[np.float64]
+
+SAVE = Save(
+    fields=(
+        *("drive_force", "drive_displacement", "drive_gap", "end_gap", "sensor_gap"),
+        *("object_force", "chair_normal_force", "force_margin"),
+        *("least_flangeway", "least_flangeway_x", "least_flangeway_rail"),
+    )
+)
+"""What measures need of a throw."""
+SEEN = 50.0
+"""Change of an end force from which an object is visible, as in fact f of the paper [N]."""
+LARGEST_SIZE, SIZE_STEP = 40e-3, 1e-4
+"""A visible size is sought up to the first, to within the second [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evaluation:
+    """What a panel does with the facts.
+
+    Attributes
+    ----------
+    values : ndarray, shape (n_facts,)
+        In SI; NaN where a throw failed, or a late fact was not tried.
+    accepted : bool
+        Whether all facts hold.
+    fault : str
+        Why there are no values: the panel is refused, or a throw ended early; else empty.
+    throws : int
+        That were made.
+    """
+
+    values: Floats
+    accepted: bool
+    fault: str
+    throws: int
+
+
+@dataclass(slots=True)
+class Thrower:
+    """Throws of one panel by object and changed values, each made once.
+
+    Attributes
+    ----------
+    panel : LoadedPanel
+        Whose throws.
+    mode : str
+        Level of detail of the throws.
+    """
+
+    panel: LoadedPanel
+    mode: Mode = "quick"
+    made: int = 0
+    _values: dict[Term, float] = field(default_factory=dict)
+    _panels: dict[object, LoadedPanel] = field(default_factory=dict)
+    _ends: dict[object, Floats] = field(default_factory=dict)
+
+    def sum(self, wanted: Sum, *, among: tuple[Sum, ...] = ()) -> float:
+        """Return the value of a sum; throws that others of `among` need too are used for them."""
+        return sum(term.factor * self._value(term, among) for term in wanted.terms)
+
+    def _value(self, term: Term, among: tuple[Sum, ...]) -> float:
+        if term.measure == VISIBLE:
+            found = self._values.get(term)
+            if found is None:
+                found = self._values[term] = self.visible_size(term)
+            return found
+        if term not in self._values:
+            same = [
+                other
+                for item in among
+                for other in item.terms
+                if (other.object, other.changes) == (term.object, term.changes)
+                and other.measure != VISIBLE
+            ]
+            panel = self._changed(term)
+            dataset = self._throw(panel, parse_object(term.object) if term.object else None)
+            for other in (term, *same):
+                if other not in self._values:
+                    measure = MEASURES[other.measure]
+                    self._values[other] = measure.compute(panel, dataset, other.of)
+        return self._values[term]
+
+    def _changed(self, term: Term) -> LoadedPanel:
+        if not term.changes:
+            return self.panel
+        if term.changes not in self._panels:
+            self._panels[term.changes] = self.panel.with_overrides(dict(term.changes), si=False)
+        return self._panels[term.changes]
+
+    def _throw(self, panel: LoadedPanel, item: ForeignObject | None):  # type: ignore[no-untyped-def]  # noqa: ANN202
+        self.made += 1
+        return simulate(panel, foreign_object=item, mode=self.mode, save=SAVE)
+
+    def visible_size(self, term: Term) -> float:
+        """Return the smallest size at a place that changes an end force by more than `SEEN` [m].
+
+        By bisection, so for forces that grow with size; the largest size where none does.
+        """
+        panel = self._changed(term)
+        without = self._end_forces(panel, None)
+        unseen, seen = 0.0, LARGEST_SIZE
+        while seen - unseen > SIZE_STEP:
+            middle = 0.5 * (unseen + seen)
+            changed = self._end_forces(panel, ForeignObject(middle, term.of))
+            if np.abs(changed - without).max() > SEEN:
+                seen = middle
+            else:
+                unseen = middle
+        return seen
+
+    def _end_forces(self, panel: LoadedPanel, item: ForeignObject | None) -> Floats:
+        """Return the mean force of each drive over the last 0.4 s [N]."""
+        dataset = self._throw(panel, item)
+        time = dataset["time"].to_numpy()
+        force = dataset["drive_force"].transpose("drive", "time").to_numpy()
+        return np.asarray(force[:, time > time[-1] - LAST].mean(axis=1))
+
+
+def panel_at(facts: Facts, point: Floats) -> LoadedPanel:
+    """Return the panel at a point of the unit cube.
+
+    Its values count as those of a file, so that throws may change them as they may a file's.
+
+    Raises
+    ------
+    PanelError
+        When its values contradict each other.
+    """
+    changed = facts.panel.with_overrides(facts.overrides(point))
+    return panel_from_document(
+        replace(changed.document, given={}),
+        source=changed.source,
+        folder=changed.folder,
+        overrides={},
+    )
+
+
+def is_valid(facts: Facts, point: Floats) -> bool:
+    """Return whether the values at a point of the unit cube go together."""
+    try:
+        panel_at(facts, point)
+    except PanelError:
+        return False
+    return True
+
+
+def evaluate(
+    facts: Facts, point: Floats, *, failures: int | None = None, mode: Mode = "quick"
+) -> Evaluation:
+    """Return what the panel at a point of the unit cube does with the facts.
+
+    Facts are tried in the order of the file, those that need fewer throws first, late ones last and
+    only where all others hold.
+
+    Parameters
+    ----------
+    facts : Facts
+        What must hold.
+    point : ndarray, shape (n_parameters,)
+        Shares of the ranges, 0 to 1.
+    failures : int, optional
+        Facts after whose failure the rest is not tried; default all that are not late are.
+    mode : {"quick", "waveform"}
+        Of the throws.
+    """
+    values = np.full(len(facts.facts), np.nan)
+    try:
+        thrower = Thrower(panel_at(facts, point), mode)
+    except PanelError as error:
+        return Evaluation(values=values, accepted=False, fault=error.problems[0], throws=0)
+    fault = ""
+    try:
+        for late in (False, True):
+            chosen = _in_order(facts, late=late)
+            among = tuple(facts.facts[number] for number in chosen)
+            allowed = 1 if late else failures or len(chosen)
+            for number in chosen:
+                values[number] = thrower.sum(facts.facts[number], among=among)
+                if _failed(facts, values, chosen) >= allowed:
+                    break
+            if _failed(facts, values, chosen):
+                break
+    except TurnoutError as error:
+        fault = str(error).splitlines()[0]
+    accepted = all(map(holds, facts.facts, values))
+    return Evaluation(values=values, accepted=accepted, fault=fault, throws=thrower.made)
+
+
+def _in_order(facts: Facts, *, late: bool) -> list[int]:
+    """Return the numbers of facts in the order in which they are tried: few throws first."""
+    chosen = [number for number, fact in enumerate(facts.facts) if fact.late is late]
+    throws = {
+        number: {(term.object, term.changes) for term in facts.facts[number].terms}
+        for number in chosen
+    }
+    return sorted(chosen, key=lambda n: (len(throws[n]), throws[n] != {("", ())}))
+
+
+def _failed(facts: Facts, values: Floats, chosen: list[int]) -> int:
+    """Return how many of some facts were tried and do not hold."""
+    tried = [number for number in chosen if np.isfinite(values[number])]
+    return sum(not holds(facts.facts[number], values[number]) for number in tried)
+
+
+def holds(fact: Sum, value: float) -> bool:
+    """Return whether a value is within the bounds of a fact; NaN is not."""
+    return bool(fact.least <= value <= fact.most)

@@ -1,0 +1,146 @@
+"""Gains and a discrepancy that all movements share: closed forms, and coverage by simulation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
+
+from turnout.calibration.covariance import spread_of
+from turnout.calibration.fit import fit
+from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.misfit import framed
+from turnout.calibration.sensors import common_lead, found_gains
+from turnout.calibration.shared import (
+    Shared,
+    discrepancy_modes,
+    effective_samples,
+    shared_discrepancy,
+    shared_of,
+)
+
+Floats = NDArray[np.float64]
+KEY = ("drive_force", "1")
+
+
+def shared(columns: Floats) -> Shared:
+    squares, vectors = np.linalg.eigh(columns.T @ columns)
+    sizes = np.sqrt(squares)
+    basis = columns @ vectors / sizes
+    return Shared(gains=(), columns=columns, plain=(columns,), basis=basis, sizes=sizes)
+
+
+def test_the_cost_is_that_of_the_whole_covariance() -> None:
+    rng = np.random.default_rng(0)
+    columns, row = rng.standard_normal((30, 4)), rng.standard_normal(30)
+    whole = np.eye(30) + columns @ columns.T
+    item = shared(columns)
+    assert float(item.whitened(row) @ item.whitened(row)) == pytest.approx(
+        float(row @ np.linalg.solve(whole, row)), rel=1e-12
+    )
+    assert item.log_determinant == pytest.approx(np.linalg.slogdet(whole)[1], rel=1e-12)
+    # The mean of the columns' posterior, by conditioning a joint normal distribution.
+    expected = columns.T @ np.linalg.solve(whole, row)
+    np.testing.assert_allclose(item.estimates(row), expected, rtol=1e-10)
+
+
+def test_the_covariance_of_a_linear_model_is_that_of_its_joint_posterior() -> None:
+    rng = np.random.default_rng(1)
+    J, columns = rng.standard_normal((40, 2)), 0.5 * rng.standard_normal((40, 3))
+    both = np.hstack((J, columns))
+    joint = np.linalg.inv(both.T @ both + np.diag([0.0, 0.0, 1.0, 1.0, 1.0]))
+    slopes = shared(columns).whitened(J)
+    np.testing.assert_allclose(np.linalg.inv(slopes.T @ slopes), joint[:2, :2], rtol=1e-10)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_intervals_hold_the_truth_where_the_discrepancy_is_in_the_likelihood(known: bool) -> None:
+    """A level seen by eight movements of 50 bins that all miss the same wave of ten noises."""
+    rng = np.random.default_rng(2)
+    modes = discrepancy_modes(0.02 * np.arange(50), size=10.0, length=0.3)
+    columns = np.tile(modes, (8, 1))
+    item, ones, hits = shared(columns), np.ones((400, 1)), 0
+    for _ in range(400):
+        row = columns @ rng.standard_normal(modes.shape[1]) + rng.standard_normal(400)
+        whitened, slopes = (item.whitened(row), item.whitened(ones)) if known else (row, ones)
+        variance = 1.0 / float((slopes.T @ slopes)[0, 0])
+        error = variance * float((slopes.T @ whitened)[0])
+        hits += abs(error) < 1.96 * np.sqrt(variance)
+    assert (0.925 < hits / 400 < 0.975) if known else (hits / 400 < 0.1)
+
+
+def movements(*, gain: float = 0.0, wave: float = 0.0, seed: int = 3) -> list[MeasuredMovement]:
+    rng = np.random.default_rng(seed)
+    made = []
+    for number in range(6):
+        item = movement(f"m{number}", rng=rng)
+        signal = item.signals[0]
+        missed = wave * np.sin(5.0 * signal.time) * (signal.time > 0)
+        values = (1.0 + gain) * signal.values + missed
+        made.append(replace(item, signals=(replace(signal, values=values),)))
+    return made
+
+
+def test_what_movements_share_is_separated_from_their_own() -> None:
+    rng = np.random.default_rng(4)
+    own = [3.0 * rng.standard_normal(150) for _ in range(8)]
+    key = (*KEY, "closing")
+    noise = misfit(movements()).comparison.noise
+    assert shared_discrepancy({key: own}, noise).get(key, (0.0, 0.0))[0] < 1.0
+    wave = 20.0 * np.sin(np.arange(150) / 15.0)
+    size, length = shared_discrepancy({key: [row + wave for row in own]}, noise)[key]
+    assert size == pytest.approx(20.0 / np.sqrt(2.0), rel=0.1)
+    assert 0.2 < length < 0.5
+
+
+def test_a_gain_is_found_as_far_as_the_movements_show_it_and_widens_the_intervals() -> None:
+    """Friction and a slip level that is fixed: only the level shows the gain."""
+    whole = misfit(movements(gain=0.03))
+    free = replace(whole, comparison=replace(whole.comparison, gains={KEY: 0.01}))
+    (gain,) = found_gains(fit(free, PARAMETERS, TRUE))
+    assert gain.value == pytest.approx(0.03, abs=4 * gain.deviation + 1e-3)
+    assert gain.deviation < 0.01
+    assert gain.leaves
+    right = misfit(movements())
+    widths = []
+    for gains in ({}, {KEY: 0.01}):
+        again = replace(right, comparison=replace(right.comparison, gains=gains))
+        found = fit(again, PARAMETERS, TRUE)
+        (_, (low, high)) = spread_of(found).intervals
+        assert low < TRUE["k"] < high
+        widths.append(high - low)
+    # Gains that are free never cost more than the quadrature sum of what is known beside them.
+    assert widths[1] < 1.3 * np.hypot(widths[0], 2 * 1.96 * 0.01 * TRUE["k"])
+
+
+def test_shared_discrepancies_make_movements_worth_less() -> None:
+    whole = misfit(movements())
+    local = whole.local(TRUE, ["mu", "k"])
+    alignments = framed(local, whole).alignments
+    plain = effective_samples(alignments, whole.comparison)
+    missing = replace(whole.comparison, discrepancy={(*KEY, "closing"): (20.0, 0.3)})
+    assert effective_samples(alignments, missing) < 0.2 * plain
+    many = effective_samples((*alignments, *alignments), missing)
+    assert many < 0.3 * effective_samples((*alignments, *alignments), whole.comparison)
+    assert shared_of(alignments, whole.comparison) is None
+
+
+def test_a_wave_that_all_movements_miss_is_not_averaged_out() -> None:
+    whole = misfit(movements(wave=15.0))
+    free = replace(whole, comparison=replace(whole.comparison, gains={KEY: 1e-4}))
+    found = fit(free, PARAMETERS, TRUE)
+    assert (*KEY, "closing") in found.misfit.comparison.discrepancy
+    for item, (low, high) in zip(PARAMETERS, spread_of(found).intervals, strict=True):
+        assert low <= TRUE[item.name] <= high
+
+
+def test_motors_that_lead_are_noticed_by_all_onsets() -> None:
+    late = [
+        replace(movement(f"m{n}", rng=np.random.default_rng(n), late=0.15), clocked=True)
+        for n in range(4)
+    ]
+    found = fit(misfit(late), PARAMETERS, TRUE, rough=True)
+    assert common_lead(found) == pytest.approx(0.15, abs=0.005)
+    even = [replace(item, clocked=True) for item in movements()]
+    assert common_lead(fit(misfit(even), PARAMETERS, TRUE, rough=True)) == 0.0
