@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from tests.verification.reference import DATA
 
-from turnout.machine.components import Machine, Motor, breakdown_point
+from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
 from turnout.machine.compute.machine_step import accept_step, stored_energy, take_step
 from turnout.machine.induction import gamma_from_inverse_gamma, line_power
 from turnout.machine.machine_file import load_machines
+from turnout.machine.motor_record import Motor, breakdown_point
 from turnout.machine.rows import machine_row, work_rows
 from turnout.machine.steady import circuit_at, steady_point, torque_for
 

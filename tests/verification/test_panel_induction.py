@@ -52,6 +52,6 @@ def test_steady_circuit_agrees_with_the_fluxes() -> None:
 def test_the_check_says_that_current_cannot_tell_load() -> None:
     texts = [concern.text for concern in blind_concerns(panel_of())]
     assert len(texts) == 2
-    assert "current cannot tell load: use power" in texts[0]
+    assert "current cannot show load: use power" in texts[0]
     dc = load_panel("uic60-760-1-15").with_overrides({"drive.1.machine": "jea73"})
     assert blind_concerns(dc) == []

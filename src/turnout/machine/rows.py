@@ -6,12 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from turnout.law.table import Floats
-from turnout.machine.components import Command, Machine, OneMassRail, Stroke, copper_factor
+from turnout.machine.components import Command, Machine, OneMassRail, Stroke
 from turnout.machine.compute import places as at
 from turnout.machine.compute.circuit import switch_off
 from turnout.machine.compute.clutch import kinetic_level
 from turnout.machine.compute.machine_step import WORK_ROWS
 from turnout.machine.compute.rail import bed_force, rod_position
+from turnout.machine.motor_record import copper_factor
 
 TRANSIENT_STEP = 2e-4
 """Longest step in which the fluxes of an induction motor are followed: a hundredth of 50 Hz [s]."""

@@ -3,7 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from turnout.machine.components import Machine, breakdown_point, copper_factor
+from turnout.machine.components import Machine
+from turnout.machine.motor_record import breakdown_point, copper_factor
 from turnout.machine.rows import (
     motor_constant,
     separate_field_current,
@@ -150,7 +151,7 @@ def slip_point(machine: Machine) -> SteadyPoint:
 
 
 BLIND = 0.10
-"""A current that load moves by a smaller share of that at the low end cannot tell the load [-]."""
+"""A current that load moves by a smaller share of that at the low end cannot show the load [-]."""
 
 
 def load_range(machine: Machine) -> tuple[float, float]:
@@ -171,12 +172,12 @@ def load_range(machine: Machine) -> tuple[float, float]:
 
 
 def blind_text(machine: Machine) -> str:
-    """Return a warning where the current cannot tell the load, otherwise nothing."""
+    """Return a warning where the current cannot show the load, otherwise nothing."""
     current, power = load_range(machine)
     if not abs(current) < BLIND:
         return ""
     return (
-        f"current cannot tell load: use power (10 to 100 % of what the clutch transmits moves the "
+        f"current cannot show load: use power (10 to 100 % of what the clutch transmits moves the "
         f"current by {100 * current:+.0f} %, the active power by {100 * power:+.0f} %)"
     )
 

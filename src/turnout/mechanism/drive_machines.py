@@ -79,9 +79,9 @@ def slip_force(panel: Panel, name: str) -> float:
 
 
 def blind_currents(panel: Panel) -> dict[str, str]:
-    """Return, by drive, why the current of its machine cannot tell the load, where it cannot.
+    """Return, by drive, why the current of its machine cannot show the load, where it cannot.
 
-    Only induction motors are looked at: the current of a direct-current motor is its torque.
+    Induction motors only: the current of a direct-current motor is its torque.
     """
     found = {}
     for name, drive in panel.drive.items():
