@@ -14,7 +14,7 @@ from tests.verification.reference import DATA
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
 from turnout.machine.compute.machine_step import accept_step, stored_energy, take_step
-from turnout.machine.induction import gamma_from_inverse_gamma, line_power
+from turnout.machine.line_power import gamma_from_inverse_gamma, line_power
 from turnout.machine.machine_file import load_machines
 from turnout.machine.motor_record import Motor, breakdown_point
 from turnout.machine.rows import machine_row, work_rows

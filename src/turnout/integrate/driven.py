@@ -14,7 +14,7 @@ from turnout.integrate.rods import Rods
 from turnout.kernels.shared_record import shared_record
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
-from turnout.machine.induction import field_energies
+from turnout.machine.line_power import field_energies
 from turnout.machine.rows import work_rows
 from turnout.mechanism.mechanism import DriveMachines, Mechanism
 from turnout.scheme import Scheme

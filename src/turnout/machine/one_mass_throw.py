@@ -12,7 +12,7 @@ from turnout.law.table import Floats
 from turnout.machine.components import Machine, OneMassRail, Throw
 from turnout.machine.compute import places as at
 from turnout.machine.compute.one_mass import throw as throw_kernel
-from turnout.machine.induction import machine_powers
+from turnout.machine.line_power import machine_powers
 from turnout.machine.machine_file import LoadedMachines, load_machines
 from turnout.machine.rows import (
     command_rows,

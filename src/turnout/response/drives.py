@@ -14,7 +14,7 @@ from turnout.integrate.driven import MachineHistory
 from turnout.integrate.duty import Duty
 from turnout.integrate.integration import History
 from turnout.machine.compute import places as at
-from turnout.machine.induction import machine_powers
+from turnout.machine.line_power import machine_powers
 from turnout.machine.rows import supply_voltage
 from turnout.machine.steady import shaft_travel
 from turnout.panel.markers import movement_time
