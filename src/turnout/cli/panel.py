@@ -90,7 +90,7 @@ def show_command(
 @app.command("new", short_help="Write a panel file to edit, with every key explained.")
 def new_command(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE.toml", help="Panel file to write; must not exist.")
+        Path, typer.Argument(metavar="FILE", help="Panel file to write (.toml); must not exist.")
     ],
     source: Annotated[
         str,
