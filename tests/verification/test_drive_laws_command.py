@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from tests.verification.law_rates import near
 from typer.testing import CliRunner, Result
 
@@ -21,6 +22,7 @@ def run(*line: object) -> Result:
     return CliRunner().invoke(app, [str(word) for word in line])
 
 
+@pytest.mark.long
 def test_a_soft_build_up_is_told_by_the_command(tmp_path: Path) -> None:
     folder, panel = tmp_path / "campaign", load_panel("sb1")
     truth = {item.name: item.start for item in default_plan(panel).parameters}

@@ -7,6 +7,7 @@ Limits of the verdict: band of 95 % covers at least 80 %, error at most three re
 
 from pathlib import Path
 
+import pytest
 from tests.verification.twin_campaigns import WINDOW, Twin, campaign, short_sb1
 
 from turnout.calibration.calibrate import calibrate
@@ -73,6 +74,7 @@ def test_the_measured_switch_is_accepted() -> None:
     assert verdict.accepted, verdict.text
 
 
+@pytest.mark.long
 def test_a_switch_with_a_longer_free_length_is_refused(tmp_path: Path) -> None:
     verdict = verdict_on(longer(tmp_path))
     assert verdict.held_back
