@@ -15,6 +15,7 @@ ORDER = (
     "Scaling",
     "Accuracy against cost",
     "Where the time goes",
+    "A throw of a sweep",
 )
 
 

@@ -102,7 +102,8 @@ Written by `python -m benchmarks.studio` on {machine()}, at a load of
 {loads[0]:.1f} before and {loads[1]:.1f} at the end. The default panel, {COUNT} questions of each
 kind over HTTP, from asking to the whole answer in hand: panel changed and checked, rails and
 mechanism, throw, lamps, words, curves and motion, JSON. What the browser takes to draw comes on
-top. On a machine shared with others the time of the processor tells more than that of the clock.
+top; `python -m benchmarks.studio_page` measures in one, from the slider to the painted number.
+On a machine shared with others the time of the processor tells more than that of the clock.
 
 | what moves | median [ms] | least [ms] | nine in ten within [ms] | of the processor, median [ms] |
 |---|---:|---:|---:|---:|

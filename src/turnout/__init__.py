@@ -44,6 +44,8 @@ NAMES = {
     "MachineThrow": "turnout.machine.one_mass_throw",
     "machine_dataset": "turnout.response.machine",
     "fit_machines": "turnout.api.machine",
+    "Monitoring": "turnout.measurement.chain.monitoring",
+    "monitored": "turnout.measurement.chain.monitoring",
     "MachineFit": "turnout.calibration.machine_fit",
     # Measurements, calibration, validation
     "read_recording": "turnout.measurement.formats.file_format",

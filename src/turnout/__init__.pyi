@@ -39,6 +39,8 @@ from turnout.machine.machine_file import LoadedMachines as LoadedMachines
 from turnout.machine.machine_file import load_machines as load_machines
 from turnout.machine.one_mass_throw import MachineThrow as MachineThrow
 from turnout.machine.one_mass_throw import throw_one_mass as throw_one_mass
+from turnout.measurement.chain.monitoring import Monitoring as Monitoring
+from turnout.measurement.chain.monitoring import monitored as monitored
 from turnout.measurement.formats.file_format import read_recording as read_recording
 from turnout.measurement.formats.history import read_history as read_history
 from turnout.metric.channel_features import filtered as filtered
@@ -72,6 +74,7 @@ __all__ = [
     "MachineThrow",
     "MeasurementError",
     "MechanicsError",
+    "Monitoring",
     "NotConverged",
     "PanelError",
     "Pod",
@@ -104,6 +107,7 @@ __all__ = [
     "machine_dataset",
     "make_outline",
     "modes",
+    "monitored",
     "open_response",
     "open_sweep",
     "panel_names",

@@ -103,7 +103,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "web": {
         *("errors", "scheme", "core", "schema", "panel", "response", "measurement", "metric"),
-        *("analysis", "study", "plot", "report"),
+        *("analysis", "study", "detection", "plot", "report"),
     },
     "cli": {
         *(

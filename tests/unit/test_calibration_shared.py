@@ -140,7 +140,7 @@ def test_motors_that_lead_are_noticed_by_all_onsets() -> None:
         replace(movement(f"m{n}", rng=np.random.default_rng(n), late=0.15), clocked=True)
         for n in range(4)
     ]
-    found = fit(misfit(late), PARAMETERS, TRUE, rough=True)
+    found = fit(misfit(late), PARAMETERS, TRUE)
     assert common_lead(found) == pytest.approx(0.15, abs=0.005)
     even = [replace(item, clocked=True) for item in movements()]
-    assert common_lead(fit(misfit(even), PARAMETERS, TRUE, rough=True)) == 0.0
+    assert common_lead(fit(misfit(even), PARAMETERS, TRUE)) == 0.0

@@ -1,10 +1,12 @@
 """A folder of recordings becomes one dataset; what is excluded or odd is said, never dropped."""
 
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from tests.unit.campaigns import copied, edited, made
 from tests.unit.recorded import clean
 
@@ -15,8 +17,8 @@ from turnout.measurement.campaign.build_campaign import BuiltCampaign, build_cam
 from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.measurement.campaign.run_sheet import find_sheet, read_sheet
-from turnout.measurement.campaign.sheet_checks import order_remarks, series_remarks
-from turnout.measurement.formats.file_format import read_recording
+from turnout.measurement.campaign.sheet_checks import order_remarks, series_remarks, swapped_rods
+from turnout.measurement.formats.file_format import WRITERS, read_recording
 from turnout.measurement.recording import Recording
 from turnout.schema.channels import schema_problems
 
@@ -274,3 +276,68 @@ def test_no_slip_is_said_only_where_no_force_saturates(
     forces = [np.array([value, 900.0]) for value in (1000.0, 4000.0, last)]
     (remark,) = series_remarks(read_sheet(sheet).runs, [None] * 3, forces)
     assert said in remark
+
+
+def silenced(folder: Path, column: str, names: str) -> Path:
+    """Write recordings anew in which a column is silent."""
+    for path in sorted(folder.glob(names)):
+        recording = read_recording(path)
+        channel = recording.channels[column]
+        still = replace(channel, values=0.0 * channel.values)
+        changed = replace(recording, channels={**recording.channels, column: still})
+        path.write_bytes(WRITERS[path.suffix](changed))
+    return folder
+
+
+def test_a_dead_rod_does_not_discard_its_movements(tmp_path: Path) -> None:
+    """Six movements of nine were discarded, though rod 1 was measured in all."""
+    built = build_campaign(silenced(copied(tmp_path), "Rod 2", "none_*.csv"))
+    assert built.excluded == ()
+    assert built.dataset is not None
+    known = np.isfinite(built.dataset["drive_force"]).any("time")
+    assert known.sel(drive="1").all()
+    assert known.sel(drive="2").values.tolist() == [False] * 6 + [True] * 3
+    (remark,) = [text for text in built.remarks if "dead channel of drive_force 2" in text]
+    assert "and 5 more" in remark
+    assert "the movement is kept" in remark
+
+
+def test_the_map_states_gains_and_an_average(tmp_path: Path) -> None:
+    folder = copied(tmp_path)
+    path = folder / "channels.toml"
+    text = path.read_text(encoding="utf-8")
+    text = text.replace('column = "Rod 1"', 'column = "Rod 1"\ngain_uncertainty = 0.002')
+    path.write_text(f'recorded_average = "0.1 s"\n{text}', encoding="utf-8")
+    built = build_campaign(folder)
+    assert built.dataset is not None
+    assert built.dataset.attrs["gain_uncertainty"] == '{"drive_force.1": 0.002}'
+    assert built.dataset.attrs["recorded_average"] == 0.1
+
+
+def loaded(*names: str, turned: bool = False) -> xr.Dataset:
+    """Return two free movements and one with an object at each place: its rod rises at once."""
+    time = np.linspace(-1.0, 4.0, 101)
+    free = 6e3 * np.clip(time / 3.0, 0.0, 1.0) ** 3
+    early = 6e3 * np.clip(time / 1.5, 0.0, 1.0)
+    rows = [[free, free]] * 2
+    for place in names:
+        rows.append([early, 1.05 * free] if (place == "drive 1") != turned else [free, early])
+    return xr.Dataset(
+        {"drive_force": (("movement", "drive", "time"), np.array(rows))},
+        {
+            "time": time,
+            "drive": ["1", "2"],
+            "size": ("movement", [0.0, 0.0, *[0.013] * len(names)]),
+            "place": ("movement", ["none", "none", *names]),
+            "direction": ("movement", ["closing"] * (2 + len(names))),
+        },
+    )
+
+
+def test_rods_that_are_exchanged_are_noticed_by_the_force_at_the_object() -> None:
+    """All forces end at the slip level, as on panel sb1; only when they rise differs."""
+    assert swapped_rods(loaded("drive 1", "drive 2")) is None
+    assert swapped_rods(loaded("drive 1", "drive 2", turned=True)) == ("1", "2")
+    # A single movement says nothing.
+    assert swapped_rods(loaded("drive 1", turned=True)) is None
+    assert swapped_rods(loaded("sleeper 6", "sleeper 7", turned=True)) is None

@@ -162,3 +162,23 @@ def test_the_map_shows_errors_and_brackets_what_was_used() -> None:
     assert texts[0] == f"({none:.0f})"
     assert texts[1] == f"({rms[2]:.0f})"
     assert texts[2] == f"{rms[3]:.0f}"
+
+
+def test_a_refusal_names_whether_timing_level_or_shape_is_off() -> None:
+    reasons = judge(hand_made(off=400.0)).reasons
+    assert "mostly in level" in reasons[0]
+
+
+def test_a_verdict_says_what_it_would_notice() -> None:
+    """A spread of 30 N, and 1,000 N for all of a parameter: 3 times 30 N are 9 %."""
+    made = hand_made()
+    answer = xr.full_like(made["rms"], 1000.0).expand_dims(parameter=["drive.1.stiffness"])
+    verdict = judge(made.assign(answer=answer, repeat_spread=0.0 * made["repeat_spread"] + 30.0))
+    (text,) = verdict.power
+    assert text.startswith("drive.1.stiffness off by ")
+    assert 7.0 < float(text.split()[-2]) < 9.0
+    assert any(
+        line.startswith("would notice: drive.1.stiffness") for line in acceptance_lines(verdict)
+    )
+    nothing = judge(made.assign(answer=0.0 * answer))
+    assert nothing.power == ("drive.1.stiffness by no means",)

@@ -49,6 +49,14 @@ def test_a_mark_that_came_too_early_is_found() -> None:
     assert found == pytest.approx([0.047, -0.02], abs=0.002)
 
 
+def test_motors_that_lead_the_rods_are_no_error_of_the_model() -> None:
+    """A right calibration was refused where currents began 150 ms before the rods moved."""
+    led = [movement(0.15, clocked=True), movement(0.151, clocked=True)]
+    assert onset_shifts(led, [response()] * 2) == pytest.approx(0.15, abs=0.002)
+    even = [movement(0.003, clocked=True), movement(-0.004, clocked=True)]
+    assert not onset_shifts(even, [response()] * 2).any()
+
+
 def test_a_motor_current_is_believed() -> None:
     assert onset_shifts([movement(0.047, clocked=True)], [response()]) == 0.0
 

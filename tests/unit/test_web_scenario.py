@@ -9,8 +9,9 @@ import turnout
 from turnout.core.toml import parse_toml
 from turnout.core.toml_edit import with_value
 from turnout.errors import FileError
-from turnout.panel.load import library_text, panel_from_file
+from turnout.panel.load import library_text, load_panel, panel_from_file
 from turnout.panel.object_text import parse_object
+from turnout.web import tasks
 from turnout.web.request import RunRequest
 from turnout.web.scenario import command_line, panel_toml, python_script
 
@@ -25,6 +26,17 @@ SETTINGS = {
 def asked(stiffness: str = "30 kN/mm") -> RunRequest:
     trapped = {"size": "13 mm", "at": "x = 3.65 m", "stiffness": stiffness}
     return RunRequest.model_validate({"panel": "", "object": trapped, "settings": SETTINGS})
+
+
+def test_a_process_begins_with_the_kernels_of_a_loaded_start(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    thrown = []
+    monkeypatch.setattr(tasks, "simulate", lambda panel, **_: thrown.append(panel))
+    tasks.Opening(load_panel("sb2"), {})()
+    loaded = [drive.over_travel_closed > 0 for panel in thrown for drive in panel.drive.values()]
+    assert any(loaded)
+    assert not all(loaded)
 
 
 def test_the_command_names_panel_object_and_changes() -> None:

@@ -6,6 +6,10 @@ study `jea73.md` of the benchmark SB3 (all else). ZD6: at most 2.0 A at 0.88 N m
 1700 rpm +-15 %, 440 W, 4.4 kN, 143 mm (pdfslide.net/document/point-machine.html), 4.0 s at most
 (scribd.com/doc/8242982), slip at 6 to 7 A. The table of docs/machine.md is printed by
 
+ZDJ9: 380 V, 2.5 kN over 220 mm in at most 5.8 s with at most 2.0 A behind 54 ohm a line; S700K:
+380 V, 3 kN over 220 mm in at most 6.6 s; M70: slips at about 150 % of the running current, 115 mm,
+cut off after about 10 s (RailCorp TMG E1583).
+
     python -m tests.verification.test_machine_library
 """
 
@@ -31,7 +35,10 @@ class Sheet:
     peak: float
 
 
-RATED = {"jea73": 3000.0, "jea73-drive2": 3000.0, "zd6": 2450.0, "irs": 4413.0}
+RATED = {
+    **{"jea73": 3000.0, "jea73-drive2": 3000.0, "zd6": 2450.0, "irs": 4413.0},
+    **{"s700k": 3000.0, "zdj9": 2500.0, "m70": 2000.0},
+}
 LIMITS = {
     "jea73": {"slip_current": (1.98, 2.02), "time": (3.0, 3.6)},
     "jea73-drive2": {"slip_current": (1.75, 1.78), "time": (3.2, 3.8)},
@@ -46,6 +53,9 @@ LIMITS = {
         "slip_current": (6.0, 7.0),
         "time": (3.0, 4.0),
     },
+    "s700k": {"running_current": (1.0, 2.0), "time": (4.5, 6.6)},
+    "zdj9": {"running_current": (1.0, 2.0), "time": (4.5, 5.8)},
+    "m70": {"slip_current": (1.4 * 3.05, 1.6 * 3.05), "running_current": (2.9, 3.2)},
 }
 
 

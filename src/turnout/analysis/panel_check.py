@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import xarray as xr
 
 from turnout.analysis.stability import FrictionStability, friction_stability
+from turnout.mechanism.drive_machines import blind_currents
 from turnout.metric.slip import LEAST_SHARE, margins
 from turnout.metric.summary import is_inaccurate
 from turnout.panel.check_shape import resting_slips
@@ -163,6 +164,7 @@ def panel_concerns(panel: Panel, dataset: xr.Dataset) -> list[Concern]:
     return [
         *unusual_concerns(panel),
         *resting_concerns(panel),
+        *blind_concerns(panel),
         *concerns(dataset),
         *flutter_concerns(panel),
     ]
@@ -181,6 +183,26 @@ def unusual_concerns(panel: Panel) -> list[Concern]:
     return [
         Concern("unusual value", item.given, item.usual, "check value and unit")
         for item in unusual_values(panel)
+    ]
+
+
+def blind_concerns(panel: Panel) -> list[Concern]:
+    """Return the machines whose current hardly changes with the load.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> blind_concerns(load_panel("uic60-760-1-15"))
+    []
+    """
+    return [
+        Concern(
+            "blind current",
+            f"drive {name}, {text}",
+            "a current that changes by 10 % or more",
+            "record active power",
+        )
+        for name, text in blind_currents(panel).items()
     ]
 
 

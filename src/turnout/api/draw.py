@@ -5,12 +5,16 @@ from typing import TYPE_CHECKING, Any
 import xarray as xr
 
 from turnout.api.sweep import cells_of
+from turnout.errors import ResponseError
+from turnout.metric.throw_table import throw_table
 from turnout.plot.campaign import plot_overview, plot_stacked
+from turnout.plot.draw import draw_sheet
 from turnout.plot.modes import plot_modes
 from turnout.plot.recording import plot_measured
 from turnout.plot.sweep import plot_sweep_map
 from turnout.plot.throw import plot_throw
 from turnout.plot.validation import plot_comparison, plot_error_map
+from turnout.report.sequence import sequence_sheet
 from turnout.report.view import kind_of
 
 if TYPE_CHECKING:
@@ -36,4 +40,10 @@ def draw(dataset: xr.Dataset, **options: Any) -> "Figure":
         return (plot_comparison if "place" in options else plot_error_map)(dataset, **options)
     if kind == "campaign":
         return (plot_stacked if "place" in options else plot_overview)(dataset, **options)
+    if kind == "sequence":
+        sheet = sequence_sheet(dataset, throw_table(dataset), **options)
+        if not sheet.rows:
+            message = "a sequence of one throw has no course; draw dataset.isel(throw=0)"
+            raise ResponseError(message)
+        return draw_sheet(sheet)
     return (plot_measured if kind == "recording" else plot_throw)(dataset, **options)

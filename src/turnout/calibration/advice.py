@@ -83,7 +83,8 @@ def systematic_errors(found: Fit) -> list[str]:
 def _without_gain_uncertainty(found: Fit) -> Fit:
     """Return a fit as if all gains were exact, so that their uncertainty absorbs no gain error."""
     comparison = found.misfit.comparison
-    known = replace(comparison, uncertainty=replace(comparison.uncertainty, gain=0.0))
+    exact = replace(comparison.uncertainty, gain=0.0)
+    known = replace(comparison, gains={}, uncertainty=exact)
     misfit = replace(found.misfit, comparison=known)
     frame = framed(found.local, misfit)
     return replace(

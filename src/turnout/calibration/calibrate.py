@@ -19,11 +19,13 @@ from turnout.calibration.grid_search import GridSearch, sweep
 from turnout.calibration.measured_movements import MeasuredMovement, observe, selected
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import measured_noise
+from turnout.calibration.parameter import Parameter
 from turnout.calibration.posterior import posterior_of
 from turnout.calibration.requirements import (
     check_campaign,
     drop_unidentified_slip_levels,
     exclude_oversized_objects,
+    unmeasured_drives,
 )
 from turnout.calibration.result import Calibration, StageLog
 from turnout.calibration.result_entries import (
@@ -156,6 +158,7 @@ def calibrate(
         warnings = [
             *excluded_movements(dataset),
             *oversized,
+            *unmeasured_drives(movements, panel),
             *warnings,
             *warnings_from(final, spread),
             *(item.warning for item in gains if item.leaves),
@@ -177,10 +180,7 @@ def calibrate(
         warnings=tuple(dict.fromkeys(warnings)),
         findings=tuple(findings),
         posterior=sampled,
-        causes=(
-            *causes,
-            *(f"gain: {item.text}" for item in gains if item.is_cause),
-        ),
+        causes=(*causes, *(f"gain: {item.text}" for item in gains if item.is_cause)),
         gains=tuple(item.text for item in gains),
     )
     return CalibrationOutcome(
@@ -275,15 +275,8 @@ class _Run:
                 )
                 values = dict(final.values)
                 if last:
-                    lead = common_lead(final)
-                    comparison = replace(misfit.comparison, lead=lead)
-                    start = replace(misfit, base=values, comparison=comparison)
-                    final = fit(start, parameters, values, near=final, on_step=self.watch.found)
-                    found = with_causes(final, start, self.panel, on_step=self.watch.found)
-                    final, tested = found
-                    causes = [item.line for item in tested]
-                    if lead:
-                        causes.append(lead_text(lead))
+                    start = replace(misfit, base=values)
+                    final, causes = self._last(final, start, parameters)
                     values = dict(final.values)
                 scatter = dict(final.misfit.comparison.scatter)
             made = self.evaluator.made - before
@@ -292,6 +285,20 @@ class _Run:
             problem = "no stage was fitted; give one with movements and free parameters"
             raise PanelError([problem], source="stages")
         return logs, sweeps, warnings, final, causes
+
+    def _last(
+        self, near: Fit, start: Misfit, parameters: Sequence[Parameter]
+    ) -> tuple[Fit, list[str]]:
+        """Fit to the end, with a lead of the motors and what else the misfit asks for."""
+        on_step = self.watch.found
+        final = fit(start, parameters, near.values, near=near, on_step=on_step)
+        lead = common_lead(final)
+        if lead:
+            start = replace(start, comparison=replace(start.comparison, lead=lead))
+            final = fit(start, parameters, final.values, near=final, on_step=on_step)
+        final, tested = with_causes(final, start, self.panel, on_step=on_step)
+        causes = [item.line for item in tested]
+        return final, [lead_text(lead), *causes] if lead else causes
 
     def _misfit(
         self,

@@ -13,15 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.calibration.candidate_causes import LEVEL_SCATTER, Cause, candidate_causes
+from turnout.calibration.candidate_causes import Cause, candidate_causes
 from turnout.calibration.drive_law.candidates import level_key
 from turnout.calibration.drive_law.fit_law import END, criteria
 from turnout.calibration.evaluate import Response
 from turnout.calibration.fit import Fit, fit
-from turnout.calibration.measured_movements import OBJECT_FORCE, largest_force
+from turnout.calibration.measured_movements import OBJECT_FORCE
 from turnout.calibration.misfit import Frame, Misfit, framed, jacobian
 from turnout.calibration.noise import peaks_of
 from turnout.calibration.parameter import Parameter
+from turnout.calibration.predict import predicted
 from turnout.calibration.sensors import found_gains
 from turnout.calibration.shared import effective_samples, model_error
 from turnout.errors import SolverError
@@ -31,8 +32,19 @@ Floats = NDArray[np.float64]
 # Where a model misses less than this share of a channel's peak, no cause is looked for [-].
 WORTH = {OBJECT_FORCE: 0.02}
 WORTH_DRIVE = 1.5e-3
-# Difference of the criterion from which on a cause is taken up, and how many at most.
-DECISIVE, MOST_CAUSES = 10.0, 3
+# Difference of the criterion from which on a cause is fitted, how many are taken up at most, and
+# how many are fitted in turn until one is.
+DECISIVE, MOST_CAUSES, ATTEMPTS = 10.0, 3, 2
+# What a fit with a cause may miss at most, as a share of what one without it does [-].
+LESS_MISSED = 0.85
+# How often the levels of the movements are estimated again in a trial.
+LEVEL_PASSES = 2
+# A drive slips within this share of its level, over so many bins; a level of a movement is no
+# further off [-].
+SLIPS, LEAST_SLIPPING, FURTHEST_LEVEL = 0.005, 3, 0.25
+# A drive that reaches the first share of its level, and is measured below the second share of
+# that, has slipped at less [-].
+NEARLY, LOWER = 0.85, 0.98
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,39 +117,45 @@ def with_causes(
         trials = [(_tested(found, cause), cause) for cause in left]
         trials.sort(key=lambda pair: -pair[0].gain)
         tested = [trial for trial, _ in trials if trial.gain > DECISIVE]
-        if not tested:
+        fitted = _first_that_helps(found, first, trials[: min(len(tested), ATTEMPTS)], on_step)
+        if fitted is None:
             break
-        best, cause = trials[0]
-        try:
-            again = _fitted_with(found, first, cause, best, on_step=on_step)
-        except SolverError:
-            break
-        if _missed(again) >= _missed(found):
-            break
-        found, first = (
-            again,
-            replace(
-                first,
-                parameters=again.misfit.parameters,
-                law=again.misfit.law,
-                shape=again.misfit.shape,
-                always=again.misfit.always,
-                comparison=replace(
-                    first.comparison, scatter={**first.comparison.scatter, **cause.scatter}
-                ),
-            ),
-        )
+        found, best, cause = fitted
+        first = _carried_over(first, found, cause)
         size = found.values[cause.parameter.name] if cause.parameter else float("nan")
         taken.append(replace(best, size=size, text=cause.text(size), fitted=True))
         left = tuple(item for item in left if item.name != cause.name or _is_other(item, cause))
-    names = {item.text for item in taken}
-    return found, (
-        *taken,
-        *(
-            item
-            for item in tested
-            if item.text not in names and item.name not in {t.name for t in taken}
-        ),
+    names = {item.name for item in taken}
+    return found, (*taken, *(item for item in tested if item.name not in names))
+
+
+def _first_that_helps(
+    found: Fit,
+    first: Misfit,
+    trials: Sequence[tuple[TestedCause, Cause]],
+    on_step: Callable[[float], None] | None,
+) -> tuple[Fit, TestedCause, Cause] | None:
+    """Fit with the likeliest causes in turn until one makes the model miss less."""
+    for best, cause in trials:
+        try:
+            again = _fitted_with(found, first, cause, best, on_step=on_step)
+        except SolverError:
+            continue
+        if _missed(again) <= LESS_MISSED * _missed(found):
+            return again, best, cause
+    return None
+
+
+def _carried_over(first: Misfit, found: Fit, cause: Cause) -> Misfit:
+    """Return the misfit that fits begin with, with a cause that was taken up."""
+    scatter = {**first.comparison.scatter, **cause.scatter}
+    return replace(
+        first,
+        parameters=found.misfit.parameters,
+        law=found.misfit.law,
+        shape=found.misfit.shape,
+        always=found.misfit.always,
+        comparison=replace(first.comparison, scatter=scatter),
     )
 
 
@@ -270,28 +288,47 @@ def _log_determinant(frame: Frame) -> float:
 
 def _with_own_levels(found: Fit, misfit: Misfit, drive: str) -> float:
     """Return what `_adjusted` does with the slip level of each movement where it slips."""
-    misfit = replace(misfit, effects=own_levels(found, drive))
-    row = misfit.responses([found.values])[0]
-    if any(item.failure for item in row):
-        return float("inf")
-    frame = framed(replace(found.local, simulated=tuple(row)), misfit)
-    return _adjusted(found, misfit, frame, row)
+    effects, least = own_levels(found, drive), float("inf")
+    name = level_key(drive)
+    for _ in range(LEVEL_PASSES):
+        misfit = replace(misfit, effects=effects)
+        row = misfit.responses([found.values])[0]
+        if any(item.failure for item in row):
+            break
+        frame = framed(replace(found.local, simulated=tuple(row)), misfit)
+        least = min(least, _adjusted(found, misfit, frame, row))
+        estimates = [a.estimates.get(name, (0.0, 0.0))[0] for a in frame.alignments]
+        effects = {**effects, name: tuple(np.clip(estimates, -FURTHEST_LEVEL, FURTHEST_LEVEL))}
+    return least
 
 
 def own_levels(found: Fit, drive: str) -> dict[str, tuple[float, ...]]:
-    """Return the effects of a fit with the largest force of each movement that slips as its level.
+    """Return the effects of a fit with a slip level for each movement that slips.
 
-    A movement in which the drive stays below its slip level by more than the scatter says nothing
-    of it and keeps the common one.
+    Where the simulated drive slips, measured over simulated force is how far the level is off.
+    Where it does not quite, a smaller measured peak is a level that the movement has reached. Any
+    other movement says nothing of it and keeps its own.
     """
     name = level_key(drive)
-    common = found.values[name]
     shares = []
-    for movement, response in zip(found.misfit.movements, found.local.simulated, strict=True):
-        largest = largest_force(movement, drive) / common - 1.0
-        simulated = float(np.abs(response.drive_force[drive]).max()) / common - 1.0
-        slips = max(simulated, largest) > -0.5 * LEVEL_SCATTER
-        shares.append(float(np.clip(largest, -0.2, 0.2)) if slips else 0.0)
+    for number, (alignment, response) in enumerate(
+        zip(found.frame.alignments, found.local.simulated, strict=True)
+    ):
+        before = found.misfit.effect(name, number)
+        level = found.values[name] * (1.0 + before)
+        share = before
+        for signal, bins in alignment.parts:
+            if (signal.channel, signal.drive) != ("drive_force", drive):
+                continue
+            shift = alignment.shift
+            model = np.abs(predicted(response, alignment.movement, signal, bins, shift=shift))
+            seen = np.abs(signal.values[bins])
+            slips = model > (1.0 - SLIPS) * level
+            if slips.sum() >= LEAST_SLIPPING:
+                share = (1.0 + before) * float(np.median(seen[slips] / model[slips])) - 1.0
+            elif NEARLY * level < model.max() and seen.max() < LOWER * model.max():
+                share = (1.0 + before) * float(seen.max() / level) - 1.0
+        shares.append(float(np.clip(share, -FURTHEST_LEVEL, FURTHEST_LEVEL)))
     return {**found.misfit.effects, name: tuple(shares)}
 
 

@@ -1,7 +1,8 @@
 """Measured movements as a fit sees them: what was thrown, and means over short bins of time."""
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from turnout.calibration.stages import ANY, NONE, Selection, spread
 from turnout.core.problems import choices
 from turnout.errors import MeasurementError, PanelError
+from turnout.measurement.campaign.sheet_checks import swap_remarks
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import movement_time, ordered_movements
@@ -72,6 +74,8 @@ class MeasuredMovement:
         Time from the onset in which a simulation can be compared [s].
     clocked : bool
         Whether the onset was found from motor currents.
+    average : float
+        Time before each sample over which the recorder averaged; 0 for none [s].
     """
 
     name: str
@@ -82,6 +86,7 @@ class MeasuredMovement:
     signals: tuple[Signal, ...]
     length: float
     clocked: bool
+    average: float = 0.0
 
     @property
     def foreign_object(self) -> ForeignObject | None:
@@ -123,11 +128,14 @@ def observe(
     movements = []
     if not problems:
         bins = _Bins.of(dataset["time"].values)
+        average = float(dataset.attrs.get("recorded_average", 0.0))
         for name in dataset["movement"].values:
             if str(name) in exclude:
                 continue
             try:
-                movements.append(_movement(dataset.sel(movement=name), panel, bins))
+                movements.append(
+                    replace(_movement(dataset.sel(movement=name), panel, bins), average=average)
+                )
             except PanelError as error:
                 problems += [f"{name}: {text}" for text in error.problems]
     if not problems and not movements:
@@ -220,7 +228,8 @@ def _problems(dataset: xr.Dataset, panel: LoadedPanel, exclude: Sequence[str]) -
     if "movement" not in dataset.dims or "drive_force" not in dataset:
         return ["is not a built campaign with drive forces; see `turnout campaign build`"]
     names = [str(name) for name in dataset["movement"].values]
-    problems = [
+    problems = swap_remarks(tuple(json.loads(str(dataset.attrs.get("swapped", "null"))) or ()))
+    problems += [
         f"exclude {name}: there is no such movement; there are {choices(names)}"
         for name in exclude
         if name not in names

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
+from turnout.calibration.trailing_mean import trailing_mean
 
 Floats = NDArray[np.float64]
 
@@ -109,7 +110,12 @@ def prediction(
         onset=response.onsets[movement.direction],
         edges=response.time[0] + cell * (np.arange(response.time.size + 1) - 0.5),
         totals=tuple(
-            np.concatenate(([0.0], np.cumsum(_channel(response, signal), dtype=np.float64) * cell))
+            np.concatenate(
+                (
+                    [0.0],
+                    np.cumsum(_recorded(response, signal, movement), dtype=np.float64) * cell,
+                )
+            )
             for signal, _ in parts
         ),
         failed=False,
@@ -145,6 +151,12 @@ def predicted(
         NaN where the simulation failed.
     """
     return prediction(response, movement, [(signal, bins)]).row(shift)
+
+
+def _recorded(response: Response, signal: Signal, movement: MeasuredMovement) -> Floats:
+    """Return a signal of a response as the recorder of the movement keeps it."""
+    values = _channel(response, signal)
+    return trailing_mean(response.time, values, movement.average) if movement.average else values
 
 
 def _channel(response: Response, signal: Signal) -> Floats:

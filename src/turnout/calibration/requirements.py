@@ -43,22 +43,36 @@ def check_campaign(
                 )
             else:
                 problems.append(f"stage {stage.name}: no movement is selected")
-    for name in panel.drive:
-        changes = [
-            float(np.nanmax(signal.values) - np.nanmin(signal.values))
-            for movement in movements
-            for signal in movement.signals
-            if signal.channel == "drive_force" and signal.drive == name
-        ]
-        if not changes:
-            problems.append(f"drive {name}: no movement has its force; map its column")
-        elif max(changes) < LEAST_FORCE:
+    known = {name: _force_changes(movements, name) for name in panel.drive}
+    if not any(known.values()):
+        problems.append("no movement has the force of a drive; map the columns of the rods")
+    for name, changes in known.items():
+        if changes and max(changes) < LEAST_FORCE:
             problems.append(
                 f"drive {name}: never moves, its force changes by {max(changes):.0f} N at most; "
                 "check its column in the channel map"
             )
     if problems:
         raise MeasurementError(problems, source=source)
+
+
+def _force_changes(movements: Sequence[MeasuredMovement], drive: str) -> list[float]:
+    """Return by how much the force of a drive changes in each movement that has it [N]."""
+    return [
+        float(np.nanmax(signal.values) - np.nanmin(signal.values))
+        for movement in movements
+        for signal in movement.signals
+        if signal.channel == "drive_force" and signal.drive == drive
+    ]
+
+
+def unmeasured_drives(movements: Sequence[MeasuredMovement], panel: LoadedPanel) -> list[str]:
+    """Return a warning on each drive whose force no movement has."""
+    return [
+        f"drive {name}: no movement has its force, so its values come from the other channels alone"
+        for name in panel.drive
+        if not _force_changes(movements, name)
+    ]
 
 
 def exclude_oversized_objects(

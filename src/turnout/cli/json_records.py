@@ -236,7 +236,7 @@ def calibration_record(calibration: "Calibration") -> tuple[Record, dict[str, st
     """Return a calibration, and the unit of each parameter."""
     names = (
         *("panel", "panel_hash", "data", "movements", "parameters", "covariance", "stages"),
-        *("scatter", "posterior", "findings", "warnings"),
+        *("scatter", "posterior", "findings", "warnings", "causes", "gains"),
     )
     record = {name: getattr(calibration, name) for name in names}
     record |= {"trustworthy": not calibration.distrust, "reasons": calibration.distrust}
@@ -254,6 +254,7 @@ def validation_record(
         "judged": verdict.judged,
         "used": verdict.used,
         "cover": verdict.cover,
+        "power": verdict.power,
         "channels": [
             {
                 **{item.name: getattr(part, item.name) for item in fields(part)},

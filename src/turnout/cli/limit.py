@@ -22,9 +22,11 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
+    from turnout.detection.limit_bands import Member
     from turnout.detection.reference import Conditions
     from turnout.detection.throws import Throws
-    from turnout.detection.what_if import Repeat
+    from turnout.detection.what_if import Measure, Repeat
+    from turnout.panel.load import LoadedPanel
     from turnout.sweep.run import SweepProgress
 
 LENGTHS = dict.fromkeys(
@@ -91,6 +93,27 @@ def limit_command(
     rate: Annotated[
         float, typer.Option("--rate", metavar="HZ", help="Samples a second of the recorder.")
     ] = 125.0,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="Estimate within minutes: 400 sound throws, and two sizes at each place.",
+        ),
+    ] = False,
+    panels: Annotated[
+        str | None,
+        typer.Option(
+            "--panels",
+            metavar="STUDY|DIR",
+            help="Bands over panels instead: those of a folder, or the scenarios of a study.",
+        ),
+    ] = None,
+    over_travel: Annotated[
+        bool,
+        typer.Option(
+            "--over-travel", help="Bands over a closing over-travel of 0 to 5 mm instead."
+        ),
+    ] = False,
     known_place: Annotated[
         bool,
         typer.Option(
@@ -138,11 +161,13 @@ def limit_command(
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     from turnout.cli.options import opened_panel
     from turnout.cli.sweep import cores
-    from turnout.detection.added_equipment import check_equipment
+    from turnout.detection.added_equipment import check_equipment, read_measures
     from turnout.detection.drive_quantities import signals_of
+    from turnout.detection.end_positions import end_position_map, throw_ends
     from turnout.detection.limit import limit_map
+    from turnout.detection.limit_bands import limit_bands
     from turnout.detection.reference import Conditions, reference_study
-    from turnout.detection.throws import closing_time, throw_all
+    from turnout.detection.throws import QUICK_SOUND, QUICK_STEPS, STEPS, closing_time, throw_all
     from turnout.detection.what_if import FORMS, check_measures
 
     conditions = Conditions(
@@ -150,49 +175,118 @@ def limit_command(
     )
     measures = list(dict.fromkeys([*(what_if or []), *(FORMS if advise else ())]))
     check_measures(measures)
-    if discrepancy == 0.0:
-        text = "--discrepancy 0: no model is exact; the result is far too good"
-        typer.echo(f"turnout: {text}", err=True)
+    _warn_of_exact_models(discrepancy)
     given = None
     if panel is not None or calibration is not None or settings:
         given = opened_panel(panel, settings, calibration)
-    thrown_panel = reference_study(given, count=1).panel
-    signals_of(thrown_panel, channels)
-    check_equipment(measures, thrown_panel)
     watch, count = _watching(quiet=quiet), workers or cores()
+    steps, least = (QUICK_STEPS, QUICK_SOUND) if quick else (STEPS, sound)
+    if panels is not None or over_travel:
+        _of_one_panel({"--known-place": known_place, "--ends": ends, "--what-if": bool(measures)})
+        members = _members(panels, given, over_travel=over_travel)
+        bands = limit_bands(
+            members, folder, conditions,
+            states=states, sound=least, steps=steps, channels=channels, workers=count,
+            report=lambda name, sweep: watch(sweep, f"{name}, "),
+        )  # fmt: skip
+        _write_bands(bands, out=out, plot=plot, as_json=as_json, quiet=quiet)
+        return
+    thrown = reference_study(given, count=1).panel
+    signals_of(thrown, channels)
+    check_equipment(measures, thrown)
     throws = throw_all(
         given, folder,
-        sound=max(sound, states), states=states, channels=channels, workers=count, report=watch,
+        sound=max(least, states), states=states, channels=channels, steps=steps,
+        workers=count, report=watch,
     )  # fmt: skip
     closing = closing_time(given)
     found = limit_map(throws, conditions, closing=closing)
     if known_place:
-        found = found.merge(
-            _known_place(throws, conditions, closing, quiet=quiet), combine_attrs="no_conflicts"
-        )
+        more = _known_place(throws, conditions, closing, quiet=quiet)
+        found = found.merge(more, combine_attrs="no_conflicts")
     if ends:
-        from turnout.detection.end_positions import end_position_map, throw_ends
-
-        thrown = throw_ends(
+        own = throw_ends(
             given, folder, throws,
             states=min(states, END_STATES), workers=count, report=watch("ends"),
         )  # fmt: skip
-        of_ends = end_position_map(throws, thrown, conditions, closing=closing)
-        found = found.merge(of_ends, combine_attrs="no_conflicts")
-    advice = None
-    if measures:
-        from turnout.detection.added_equipment import read_measures
-        from turnout.detection.what_if import gains, repeated_throw
-
-        read = read_measures(
-            measures, given, folder, throws, conditions,
-            advise=advise, workers=count, report=watch,
-        )  # fmt: skip
-        advice = (
-            gains(throws, conditions, read, closing=closing),
-            repeated_throw(throws, conditions, closing=closing),
-        )
+        more = end_position_map(throws, own, conditions, closing=closing)
+        found = found.merge(more, combine_attrs="no_conflicts")
+    read = read_measures(
+        measures, given, folder, throws, conditions, advise=advise, workers=count, report=watch
+    )
+    advice = _advice(throws, conditions, read, closing) if read else None
     _write(found, advice, out=out, plot=plot, as_json=as_json, quiet=quiet)
+
+
+def _warn_of_exact_models(discrepancy: float) -> None:
+    if discrepancy == 0.0:
+        text = "--discrepancy 0: no model is exact; the result is far too good"
+        typer.echo(f"turnout: {text}", err=True)
+
+
+def _advice(
+    throws: "Throws", conditions: "Conditions", measures: "list[Measure]", closing: float
+) -> "tuple[xr.Dataset, Repeat]":
+    """Return what the measures gain, and the false alarms of a second throw."""
+    from turnout.detection.what_if import gains, repeated_throw
+
+    ranked = gains(throws, conditions, measures, closing=closing)
+    return ranked, repeated_throw(throws, conditions, closing=closing)
+
+
+def _members(
+    panels: str | None, given: "LoadedPanel | None", *, over_travel: bool
+) -> "list[Member]":
+    """Return the panels that bands are wanted for."""
+    from turnout.detection.limit_bands import over_travels, panels_of
+    from turnout.errors import FileError
+
+    if panels is None:
+        return over_travels(given)
+    if over_travel or given is not None:
+        message = "--panels: takes its panels from there alone; leave PANEL and --over-travel out"
+        raise FileError(message)
+    return panels_of(panels)
+
+
+def _of_one_panel(options: "Mapping[str, bool]") -> None:
+    from turnout.errors import FileError
+
+    wanted = [name for name, given in options.items() if given]
+    if wanted:
+        message = f"{', '.join(wanted)}: of one panel only; leave out --panels and --over-travel"
+        raise FileError(message)
+
+
+def _write_bands(
+    found: "xr.Dataset", *, out: Path | None, plot: Path | None, as_json: bool, quiet: bool
+) -> None:
+    """Write files first, then print."""
+    from turnout.detection.limit_bands import band_rows
+
+    still = quiet or as_json
+    if out is not None:
+        from turnout.response.store import response_bytes
+
+        write_and_report(out, response_bytes(found), quiet=still)
+    if plot is not None:
+        from turnout.plot.limit import plot_bands
+        from turnout.plot.style import rendered
+
+        write_and_report(plot, rendered(plot_bands(found), plot.suffix), quiet=still)
+    rows = band_rows(found)
+    if as_json:
+        record = {"panels": found["panel"].to_numpy().tolist(), "bands": rows}
+        written = [path for path in (out, plot) if path is not None]
+        print_json("limit", record, units=LENGTHS | {"a90_middle": "m"}, written=written)
+    elif not quiet:
+        typer.echo(
+            f"a90 [mm] of the bound over {found.sizes['panel']} panels\n"
+            f"{'place':<12}{'5 %':>8}{'middle':>8}{'95 %':>8}"
+        )
+        for row in rows:
+            cells = [_millimetres(row[name]) for name in ("a90_low", "a90_middle", "a90_high")]
+            typer.echo(f"{row['place']:<12}" + "".join(f"{cell:>8}" for cell in cells))
 
 
 def _known_place(
@@ -251,16 +345,16 @@ def _write(
             _print_advice(gain_rows(advice[0]), advice[1])
 
 
-def _watching(*, quiet: bool) -> "Callable[[str], Callable[[SweepProgress], None]]":
+def _watching(*, quiet: bool) -> "Callable[..., Callable[[SweepProgress], None]]":
     """Return what makes a watch for each sweep; a finished one takes its bar off the screen."""
     from turnout.cli.sweep import SweepWatch
 
     shown: list[SweepWatch] = []
 
-    def watch(name: str) -> "Callable[[SweepProgress], None]":
+    def watch(name: str, of: str = "") -> "Callable[[SweepProgress], None]":
         for before in shown:
             before.__exit__()
-        shown[:] = [SweepWatch(TEXTS[name], quiet=quiet).__enter__()]
+        shown[:] = [SweepWatch(of + TEXTS[name], quiet=quiet).__enter__()]
 
         def report(state: "SweepProgress") -> None:
             shown[0].report(state)

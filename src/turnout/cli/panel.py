@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from turnout.cli.json_output import JsonOption, print_json, print_library
+from turnout.cli.match import match_command
 from turnout.cli.modes import modes_command
 from turnout.cli.options import (
     DEFAULT_PANEL,
@@ -24,13 +25,14 @@ from turnout.cli.options import (
 from turnout.errors import FileError
 
 app = typer.Typer(
-    help="Switch panels: list, show, new, check, sections, modes, export, schema.",
+    help="Switch panels: list, show, new, check, match, sections, modes, export, schema.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
 app.command("modes", short_help="Show natural frequencies, modes and flutter stability.")(
     modes_command
 )
+app.command("match", short_help="Collect panels whose throws meet facts.")(match_command)
 
 
 @app.command("list")
@@ -88,7 +90,7 @@ def show_command(
 @app.command("new", short_help="Write a panel file to edit, with every key explained.")
 def new_command(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE.toml", help="Panel file to write; must not exist.")
+        Path, typer.Argument(metavar="FILE", help="Panel file to write (.toml); must not exist.")
     ],
     source: Annotated[
         str,

@@ -75,16 +75,35 @@ def pod_command(
         ),
     ] = None,
     plot: FigureOption = None,
+    roc: Annotated[
+        Path | None,
+        typer.Option(
+            "--roc",
+            metavar="FILE",
+            help="Draw detections against false alarms, with the bound of --limit at --at.",
+        ),
+    ] = None,
+    limit: Annotated[
+        Path | None,
+        typer.Option("--limit", metavar="FILE.nc", help="Map of `turnout limit -o`, for --roc."),
+    ] = None,
+    at: Annotated[
+        str, typer.Option("--at", metavar="PLACE", help="Where the objects were, for --roc.")
+    ] = "sleeper 6",
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Estimate the probability of detection over size, with a90 and a90/95."""
-    check_outputs({"--out": out, "--plot": plot}, {"--out": TABLES, "--plot": FIGURES})
+    check_outputs(
+        {"--out": out, "--plot": plot, "--roc": roc},
+        {"--out": TABLES, "--plot": FIGURES, "--roc": FIGURES},
+    )
     from turnout.detection.pod import estimate_pod
     from turnout.detection.pod_result import PodModel, key_figures
     from turnout.detection.pod_table import read_test_throws
 
     throws = read_test_throws(results)
+    curves = _roc_figure(throws, roc, limit=limit, place=at)
     given = _responses({"--threshold": threshold, "--floor": floor, "--slip": slip}, throws)
     model = PodModel(
         threshold=given.get("--threshold"),
@@ -106,6 +125,8 @@ def pod_command(
         from turnout.plot.style import rendered
 
         write_and_report(plot, rendered(plot_pod(pod_dataset(found)), plot.suffix), quiet=still)
+    if roc is not None:
+        write_and_report(roc, curves, quiet=still)
     if as_json:
         record = key_figures(found) | {
             "notes": found.notes,
@@ -115,10 +136,34 @@ def pod_command(
                 "required_size_bound": found.size_bound,
             },
         }
-        written = [path for path in (out, plot) if path is not None]
+        written = [path for path in (out, plot, roc) if path is not None]
         print_json("pod", record, units=dict.fromkeys(METRES, "m"), written=written)
     elif not quiet:
         _print(found)
+
+
+def _roc_figure(
+    throws: "TestThrows", path: Path | None, *, limit: Path | None, place: str
+) -> bytes:
+    """Return the figure of detections against false alarms; empty where it is not wanted."""
+    if path is None:
+        return b""
+    from turnout.detection.roc import campaign_roc
+    from turnout.errors import FileError
+    from turnout.plot.roc import plot_roc
+    from turnout.plot.style import rendered
+    from turnout.response.store import open_response
+
+    if limit is None:
+        message = "--roc: name the bound, a file of `turnout limit -o`, as --limit FILE.nc"
+        raise FileError(message)
+    found = campaign_roc(throws, open_response(limit), place=place)
+    figure = plot_roc(
+        false_alarms=found.false_alarms, detections=found.detections, intervals=found.intervals,
+        sound=found.sound, rate=found.rate, bound=found.bound,
+        title=f"{found.objects} objects at {place}, {found.sound} sound throws",
+    )  # fmt: skip
+    return rendered(figure, path.suffix)
 
 
 def _responses(texts: dict[str, str | None], throws: "TestThrows") -> dict[str, float]:

@@ -31,7 +31,8 @@ def report_command(
         Path,
         typer.Argument(
             metavar="SOURCE",
-            help="A run, a campaign or a validation (.nc), a calibration (.toml), "
+            help="A run, a sequence of throws, a campaign, a validation or a map of "
+            "`turnout limit` (.nc), a calibration (.toml), "
             "the folder of a campaign, a sweep or a validation.",
         ),
     ],
@@ -160,6 +161,14 @@ def _file_page(
 
         files = validation_figures(dataset, suffixes=FORMS) if drawn else {}
         return validation_page(dataset, suffixes=forms), files
+    if "throw" in dataset.dims:
+        from turnout.report.sequence import sequence_page
+
+        return sequence_page(dataset), {}
+    if dataset.attrs.get("kind") == "limit":
+        from turnout.report.blind_zones import blind_zone_page
+
+        return blind_zone_page(dataset, suffixes=forms), {}
     if "movement" not in dataset.dims:
         return _run_page(dataset, source, panel), {}
     from turnout.report.campaign import campaign_figures, campaign_page

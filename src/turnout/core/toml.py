@@ -247,6 +247,8 @@ class _Scan:
     item: int = 0
     pending: bool = False
     first_line: bool = True
+    # Entries of each array of tables so far.
+    entries: dict[tuple[str, ...], int] = field(default_factory=dict)
     origins: dict[tuple[str, ...], Origin] = field(default_factory=dict)
 
 
@@ -257,7 +259,7 @@ def _origins(text: str) -> dict[tuple[str, ...], Origin]:
         if token.kind == "comment" or token.text == "\n":
             continue
         if token.text == "[":
-            scan.table, comment = _header(stream)
+            scan.table, comment = _header(stream, scan.entries)
             _note(scan, scan.table, comment)
         else:
             scan.key = (*scan.table, *_key(token, stream))
@@ -265,10 +267,15 @@ def _origins(text: str) -> dict[tuple[str, ...], Origin]:
     return scan.origins
 
 
-def _header(stream: Iterator[Token]) -> tuple[tuple[str, ...], str]:
-    """Return the path in the header of a table, of which one bracket was read, and its comment."""
+def _header(
+    stream: Iterator[Token], entries: dict[tuple[str, ...], int]
+) -> tuple[tuple[str, ...], str]:
+    """Return the path in the header of a table, of which one bracket was read, and its comment.
+
+    The path of an entry of an array of tables ends with its number, from 0.
+    """
     path: list[str] = []
-    comment = ""
+    comment, brackets = "", 1
     for token in stream:
         if token.text == "\n":
             break
@@ -276,6 +283,11 @@ def _header(stream: Iterator[Token]) -> tuple[tuple[str, ...], str]:
             comment = token.text
         elif token.kind != "sign":
             path.append(key_name(token))
+        else:
+            brackets += token.text == "["
+    if brackets > 1:
+        number = entries[tuple(path)] = entries.get(tuple(path), -1) + 1
+        path.append(str(number))
     return tuple(path), comment
 
 

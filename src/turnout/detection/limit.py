@@ -20,6 +20,7 @@ from turnout.detection.features import (
 from turnout.detection.floor import touch_floor, touched
 from turnout.detection.population import local_models
 from turnout.detection.reference import Conditions
+from turnout.detection.roc import index_quantiles
 from turnout.detection.throws import Throws
 from turnout.schema.channels import SCHEMA_VERSION
 
@@ -30,10 +31,13 @@ SIZE_STEP, LARGEST_SIZE = 0.1e-3, 25e-3
 WANTED = 0.9
 """Probability of detection of the size a90 [-]."""
 RESAMPLES = 200
+KIND = "limit"
+"""Attribute `kind` of the dataset."""
 BOTH = "both drives"
 """Name of the channel that holds the features of all drives."""
 UNITS = {
     "pod": ("1", "probability of detection"),
+    "index_quantile": ("1", "index of detection that a share of the states stays below"),
     "a90": ("m", "smallest size from which nine of ten objects are detected"),
     "a90_low": ("m", "lower end of the 95 % interval of a90 over drawn states"),
     "a90_high": ("m", "upper end of the 95 % interval of a90 over drawn states"),
@@ -306,6 +310,10 @@ def _dataset(
     dataset = xr.Dataset(
         {
             "pod": (("channel", "place", "size"), pod.mean(axis=1)),
+            "index_quantile": (
+                ("share", "channel", "place", "size"),
+                index_quantiles(pod, false_alarm_rate=conditions.false_alarm_rate),
+            ),
             "a90": (places, seen(pod.mean(axis=1))),
             "a90_low": (places, np.where(np.isinf(low), np.nan, low)),
             "a90_high": (places, np.where(np.isinf(high), np.nan, high)),
@@ -320,6 +328,7 @@ def _dataset(
         },
         {
             "schema_version": SCHEMA_VERSION,
+            "kind": KIND,
             **asdict(conditions),
             "states": states,
             "sound_throws": len(throws.sound),

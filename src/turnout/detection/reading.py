@@ -148,6 +148,9 @@ def throws_of_dataset(dataset: xr.Dataset, *, name: str = "throw") -> list[Recor
         return [_faulty(name, "no drive forces are recorded")]
     if "movement" in dataset.dims:
         return list(_of_movements(dataset))
+    if "throw" in dataset.dims:
+        each = [(dataset.isel(throw=at), at + 1) for at in range(dataset.sizes["throw"])]
+        return [item for one, at in each for item in throws_of_dataset(one, name=f"{name}#{at}")]
     whole = dataset.transpose(..., "drive", "time")
     drives = tuple(str(item) for item in whole["drive"].to_numpy())
     time = whole["time"].to_numpy().astype(np.float64)

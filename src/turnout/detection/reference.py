@@ -9,8 +9,10 @@ from dataclasses import replace
 
 from turnout.detection.conditions import Conditions
 from turnout.detection.drive_quantities import stored_channels
-from turnout.errors import StudyError
+from turnout.errors import PanelError, StudyError
 from turnout.panel.load import LoadedPanel
+from turnout.study.design import Drawn
+from turnout.study.distribution import Distribution
 from turnout.study.load_study import load_study
 from turnout.study.study import Study
 from turnout.study.variable import values_at
@@ -32,7 +34,12 @@ FALSE_ALARM_RATES = (1e-3, 1e-4)
 THROWS_A_DAY = 20
 
 
-def reference_study(panel: LoadedPanel | None = None, *, count: int | None = None) -> Study:
+def reference_study(
+    panel: LoadedPanel | None = None,
+    *,
+    count: int | None = None,
+    over_travel: float | None = None,
+) -> Study:
     """Load the population of the reference case.
 
     Parameters
@@ -42,6 +49,9 @@ def reference_study(panel: LoadedPanel | None = None, *, count: int | None = Non
         over-travel, are those of the study.
     count : int, optional
         States; fewer give the first of them.
+    over_travel : float, optional
+        Middle of the closing over-travel of every drive, instead of that of the study; it varies
+        as much as there, but not below 0 [m].
 
     Examples
     --------
@@ -51,7 +61,26 @@ def reference_study(panel: LoadedPanel | None = None, *, count: int | None = Non
     study = load_study(STUDY)
     if panel is not None:
         study = _with_machines(replace(study, panel=_fitting(panel, study)))
+    if over_travel is not None:
+        study = replace(study, design=replace(study.design, drawn=_moved(study, over_travel)))
     return study if count is None else replace(study, design=replace(study.design, draws=count))
+
+
+def _moved(study: Study, middle: float) -> tuple[Drawn, ...]:
+    """Return what is drawn, the closing over-travel about another middle [m]."""
+    found = []
+    for item in study.design.drawn:
+        if item.name.endswith(OVER_TRAVEL) and isinstance(item.law, Distribution):
+            given = item.law.parameters
+            half = 0.5 * (given["maximum"] - given["minimum"])
+            ends = {"minimum": max(middle - half, 0.0), "maximum": middle + half}
+            found.append(replace(item, law=replace(item.law, parameters={**given, **ends})))
+        else:
+            found.append(item)
+    return tuple(found)
+
+
+OVER_TRAVEL = "over_travel_closed"
 
 
 def _with_machines(study: Study) -> Study:
@@ -84,7 +113,7 @@ def _fitting(panel: LoadedPanel, study: Study) -> LoadedPanel:
     for key in dict.fromkeys(keys):
         try:
             found = key == TEMPERATURE or bool(values_at(panel, key))
-        except (AttributeError, KeyError, TypeError):
+        except (AttributeError, KeyError, TypeError, PanelError):
             found = False
         if not found:
             lacking.append(f"panel {panel.name} has no {key}, which the reference case varies")

@@ -46,6 +46,8 @@ SOUND, FLOOR, OBJECTS = "sound", "floor", "objects"
 OBJECT_INPUTS = ("object.at", "object.size")
 STEPS = (0.7e-3, 2.0e-3, 4.5e-3, 10.0e-3)
 """Sizes thrown at a place beyond its touch floor [m]; between them signatures are interpolated."""
+QUICK_STEPS, QUICK_SOUND = (2.0e-3, 4.5e-3), 400
+"""The same for a quick estimate [m], and its sound throws."""
 RESOLUTION = 0.1e-3
 """Thrown sizes are whole multiples of this [m]."""
 
@@ -165,9 +167,9 @@ def objects_study(study: Study, sizes: Mapping[str, Sequence[float]]) -> Study:
     )
 
 
-def sizes_beyond(floor: Floats) -> Floats:
+def sizes_beyond(floor: Floats, steps: Sequence[float] = STEPS) -> Floats:
     """Return the sizes to throw at places with some touch floors, shape (n_places, n_sizes) [m]."""
-    sizes = np.asarray(floor)[:, np.newaxis] + np.array(STEPS)
+    sizes = np.asarray(floor)[:, np.newaxis] + np.array(steps)
     return np.asarray(np.round(sizes / RESOLUTION) * RESOLUTION)
 
 
@@ -178,6 +180,8 @@ def throw_all(
     sound: int,
     states: int,
     channels: str = FORCE,
+    steps: Sequence[float] = STEPS,
+    over_travel: float | None = None,
     workers: int = 1,
     report: Callable[[str], Report] | None = None,
 ) -> Throws:
@@ -193,13 +197,17 @@ def throw_all(
         Sound throws, and how many of their states are thrown with objects.
     channels : str
         What is evaluated: "force", "current", "power" or "all"; throws keep all there is.
+    steps : sequence of float
+        Sizes thrown at a place beyond its touch floor [m].
+    over_travel : float, optional
+        As `reference_study` takes it [m].
     workers : int
         Processes.
     report : callable, optional
         Given the name of a sweep, returns what watches it.
     """
-    whole = reference_study(panel, count=sound)
-    first = reference_study(panel, count=states)
+    whole = reference_study(panel, count=sound, over_travel=over_travel)
+    first = reference_study(panel, count=states, over_travel=over_travel)
     signals = signals_of(whole.panel, channels)
     folder.mkdir(parents=True, exist_ok=True)
 
@@ -211,7 +219,7 @@ def throw_all(
     where = places_of(whole.panel)
     x = np.array(list(where.values()))
     gaps = gaps_at(run(floor_study(first), FLOOR), x, rail=whole.panel.object_defaults.rail)
-    sizes = sizes_beyond(touch_floor(gaps))
+    sizes = sizes_beyond(touch_floor(gaps), steps)
     rows = {place: tuple(map(float, sizes[i])) for i, place in enumerate(where)}
     sound_set = run(whole, SOUND)
     object_set = run(objects_study(first, rows), OBJECTS)

@@ -14,14 +14,17 @@ from turnout.integrate.rods import Rods
 from turnout.kernels.shared_record import shared_record
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
+from turnout.machine.line_power import field_energies
 from turnout.machine.rows import work_rows
-from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.mechanism import DriveMachines, Mechanism
 from turnout.scheme import Scheme
 
 Floats = NDArray[np.float64]
 
 MOST_EVENTS = 64
 """So many events of a machine are kept; a throw has five."""
+LONGEST_TRANSIENT = 2e-3
+"""In longer steps of the rails an induction motor is a steady circuit [s]."""
 STORES = {
     at.CURRENT: at.INDUCTANCE,
     at.SPEED: at.MOTOR_INERTIA,
@@ -154,6 +157,8 @@ class MachineHistory:
         energy = np.zeros(self.given.shape)
         for state, constant in STORES.items():
             energy += 0.5 * self.constants[:, constant] * self.states[:, :, state] ** 2
+        for number in np.flatnonzero(self.constants[:, at.THREE_PHASE]):
+            energy[:, number] += field_energies(self.constants[number], self.states[:, number])
         return np.asarray(energy - energy[0])
 
     @cached_property
@@ -181,6 +186,20 @@ class MachineHistory:
         return residual + worst, scale + turned_over
 
 
+def run_constants(given: DriveMachines, scheme: Scheme) -> Floats:
+    """Return the constants of the machines in a run of a scheme.
+
+    In long steps, as those of quick mode, induction motors are steady circuits.
+    """
+    three_phase = given.constants[:, at.THREE_PHASE] > 0.0
+    if not three_phase.any() or scheme.step <= LONGEST_TRANSIENT:
+        return given.constants
+    found = given.constants.copy()
+    found[three_phase, at.STEADY_CIRCUIT] = 1.0
+    found[three_phase, at.LONGEST_STEP] = np.inf
+    return found
+
+
 def new_rods(run: PreparedRun, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods | None:
     """Arrange the machines of a mechanism for the kernels; None where there are none.
 
@@ -201,7 +220,7 @@ def new_rods(run: PreparedRun, mechanism: Mechanism, scheme: Scheme, count: int)
         raise SolverError(message)
     n = len(given.names)
     rods = Rods(
-        constants=given.constants,
+        constants=run_constants(given, scheme),
         tables=given.tables,
         commands=given.commands,
         shared_resistance=np.array([given.shared_resistance]),
@@ -251,7 +270,7 @@ def machine_history(run: PreparedRun, mechanism: Mechanism, kept: int) -> Machin
         time=run.stepping.step * run.stepping.stride * np.arange(kept, dtype=np.float64),
         names=given.names,
         records=given.records,
-        constants=given.constants,
+        constants=rods.constants,
         commands=given.commands,
         inputs=given.inputs,
         shift=given.shift,

@@ -173,7 +173,7 @@ def _integrate(
         arrangement, scheme, positions, grid.n_stored, filled_in=grid.filled_in, plan=plan
     )
     run = replace(run, rods=new_rods(run, mechanism, scheme, grid.n_stored))
-    _march(run, 0, 0)  # compiles where needed, while Ctrl-C still ends the program at once
+    _compile_march(run, after_motion=prior is not None)
     with one_thread() as thread:
         code, done = find_start(run, arrangement, scheme, thread, prior), 0
         if code == Code.COMPLETE:
@@ -312,6 +312,22 @@ def _march(run: PreparedRun, first: int, last: int) -> tuple[int, int]:
         run.courses,
         run.rods,
     )
+
+
+# Whether the kernels for drives that are machines, and for others, are at hand.
+_at_hand: set[bool] = set()
+
+
+def _compile_march(run: PreparedRun, *, after_motion: bool) -> None:
+    """Compile or load the time loop on its first use, while Ctrl-C still ends the program at once.
+
+    A motion before the start knows no machines.
+    """
+    for given in (run, replace(run, rods=None)) if after_motion else (run,):
+        machines = given.rods is not None
+        if machines not in _at_hand:
+            _march(given, 0, 0)
+            _at_hand.add(machines)
 
 
 def _march_in_chunks(

@@ -182,7 +182,6 @@ def _present_at_start(laws: LawTable) -> NDArray[np.bool_]:
 
 def _move(motion: PreparedRun, mechanism: Mechanism, thread: Executor | None) -> Code:
     """Move the rails as before a start, from equilibrium without friction."""
-    _call_march(motion, 0)  # compiles where needed, while Ctrl-C still ends the program at once
     if start_at_rest(motion, mechanism, thread) != Code.COMPLETE:
         return Code.NO_EQUILIBRIUM
     last = motion.positions.shape[0] - 1

@@ -86,7 +86,9 @@ def compiled_with_memory(function: Callable[P, T]) -> Callable[P, T]:
 def _compiled(
     function: Callable[P, T], *, memory: bool, loop: bool = False, part: bool = False
 ) -> Callable[P, T]:
-    options: dict[str, Any] = {"forceinline": True} if loop or part else {}
+    options: dict[str, Any] = {"no_cfunc_wrapper": True}  # no kernel is passed to another one
+    if loop or part:
+        options["forceinline"] = True
     if loop:
         options["pipeline_class"] = WithoutOverlap
     kernel: Callable[P, T] = _numba.njit(

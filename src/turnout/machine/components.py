@@ -7,21 +7,18 @@ rail is home against the stock rail.
 
 from typing import Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from turnout.core.quantity import (
     Angle,
     AngularStiffness,
     Current,
     Damping,
-    FieldConstant,
     Force,
     HeatCapacity,
-    Inductance,
     Inertia,
     Length,
     Mass,
-    MotorConstant,
     PerEnergy,
     PositiveNumberList,
     Resistance,
@@ -29,91 +26,15 @@ from turnout.core.quantity import (
     RotationalSpeed,
     ShaftRatio,
     Stiffness,
-    Temperature,
     TemperatureCoefficient,
     Time,
     Torque,
     Voltage,
 )
 from turnout.core.units import SI
-
-COPPER_REFERENCE = 293.15
-"""Temperature at which resistances are given [K]."""
-COPPER_COEFFICIENT = 3.9e-3
-"""Of the resistance of copper, from its value at 20 degC [1/K]."""
+from turnout.machine.motor_record import Motor, Record, breakdown_point
 
 MOST_INSTANTS = 1_000_000
-
-
-class Record(BaseModel):
-    """Base of all records here: unknown keys are refused, nothing changes after validation."""
-
-    model_config = ConfigDict(
-        extra="forbid",
-        frozen=True,
-        strict=True,
-        allow_inf_nan=False,
-        str_strip_whitespace=True,
-    )
-
-
-class Motor(Record):
-    """DC motor with brushes."""
-
-    kind: Literal["permanent magnet", "separate field", "series", "split field"] = Field(
-        "permanent magnet",
-        description="'split field' is a series motor with one field winding for each direction",
-    )
-    voltage: Voltage = Field(gt=0, description="rated, at the supply [V]")
-    resistance: Resistance = Field(
-        gt=0, description="of the copper that carries the armature current, at 20 degC [ohm]"
-    )
-    temperature: Temperature = Field(
-        COPPER_REFERENCE, gt=150, lt=500, description="of the copper [K]"
-    )
-    inductance: Inductance = Field(gt=0, description="of the motor circuit [H]")
-    constant: MotorConstant | None = Field(
-        None, gt=0, le=1e4, description="torque per ampere, of a permanent magnet [V s/rad]"
-    )
-    field_constant: FieldConstant | None = Field(
-        None, gt=0, description="motor constant per ampere of field, unsaturated [V s/(rad A)]"
-    )
-    saturation_current: Current | None = Field(
-        None, gt=0, description="field current that halves the motor constant per ampere [A]"
-    )
-    field_resistance: Resistance | None = Field(
-        None, gt=0, description="of a separate field winding, at 20 degC [ohm]"
-    )
-    brush_drop: Voltage = Field(0.0, ge=0, description="both brushes [V]")
-    contact_loss: float = Field(
-        0.0, ge=0, le=1, description="share of each turn in which a brush has poor contact [-]"
-    )
-    contact_resistance: Resistance = Field(
-        0.0, ge=0, description="that poor contact of a brush adds [ohm]"
-    )
-    loss_torque: Torque = Field(0.0, ge=0, description="dry friction up to the clutch [N m]")
-    brake_torque: Torque = Field(0.0, ge=0, description="dry, when de-energised [N m]")
-    drag: RotationalDrag = Field(0.0, ge=0, description="before the clutch [N m s/rad]")
-    inertia: Inertia = Field(gt=0, description="of all before the clutch [kg m^2]")
-
-    @model_validator(mode="after")
-    def _needs(self) -> Self:
-        needed = {
-            "permanent magnet": ("constant",),
-            "separate field": ("field_constant", "field_resistance"),
-            "series": ("field_constant",),
-            "split field": ("field_constant",),
-        }[self.kind]
-        missing = [name for name in needed if getattr(self, name) is None]
-        if missing:
-            message = f"a {self.kind} motor needs {' and '.join(missing)}"
-            raise ValueError(message)
-        spare = {"constant", "field_constant", "field_resistance"} - set(needed)
-        given = sorted(name for name in spare if getattr(self, name) is not None)
-        if given:
-            message = f"a {self.kind} motor has no {' or '.join(given)}"
-            raise ValueError(message)
-        return self
 
 
 class Clutch(Record):
@@ -262,7 +183,11 @@ class Supply(Record):
     voltage: Voltage | None = Field(
         None, gt=0, description="at its terminals; default the motor's rated one [V]"
     )
-    line_resistance: Resistance = Field(0.0, ge=0, description="of the line there and back [ohm]")
+    line_resistance: Resistance = Field(
+        0.0,
+        ge=0,
+        description="of the line there and back; of an induction motor of each phase [ohm]",
+    )
     shared_resistance: Resistance = Field(
         0.0, ge=0, description="of what several machines share [ohm]"
     )
@@ -283,7 +208,7 @@ class Machine(Record):
     """Point machine."""
 
     description: str = Field("", description="what the machine is, in a few sentences")
-    motor: Motor = Field(description="DC motor with brushes")
+    motor: Motor = Field(description="DC motor with brushes, or three-phase induction motor")
     clutch: Clutch = Field(description="between motor and gear")
     gear: Gear = Field(description="all between the clutch and the rod")
     stroke: Stroke = Field(description="how the rod follows the shaft")
@@ -309,8 +234,13 @@ class Machine(Record):
 
     @property
     def stall_torque(self) -> float:
-        """Torque of the standing motor at its rated voltage, without line [N m]."""
+        """Torque of the standing motor at its rated voltage, without line [N m].
+
+        Of an induction motor the breakdown torque, below which it stalls.
+        """
         motor = self.motor
+        if motor.kind == "induction":
+            return breakdown_point(motor)[1] - motor.loss_torque
         current = (motor.voltage - motor.brush_drop) / motor.resistance
         return self.constant_at_rest * current - motor.loss_torque
 
@@ -322,6 +252,9 @@ class Machine(Record):
                 f"the clutch would never slip: {breakaway:.4g} N m to break away, the motor stalls "
                 f"at {self.stall_torque:.4g} N m; lower clutch.torque or raise motor.voltage"
             )
+            raise ValueError(message)
+        if self.motor.kind == "induction" and self.supply.shared_resistance:
+            message = "supply.shared_resistance is for DC machines; give line_resistance of a phase"
             raise ValueError(message)
         back = self.gear.back_efficiency
         if self.circuit.holding == "gear" and back != 0.0:

@@ -12,6 +12,7 @@ from turnout.law.table import Floats
 from turnout.machine.components import Machine, OneMassRail, Throw
 from turnout.machine.compute import places as at
 from turnout.machine.compute.one_mass import throw as throw_kernel
+from turnout.machine.line_power import machine_powers
 from turnout.machine.machine_file import LoadedMachines, load_machines
 from turnout.machine.rows import (
     command_rows,
@@ -30,7 +31,7 @@ ENERGY_NAMES = {
     "energy_line": "lost in line and supply",
     "energy_brush": "lost at the brushes",
     "energy_snub": "lost in the snubber or the arc",
-    "energy_field": "lost in a separate field winding",
+    "energy_field": "lost in a separate field winding, or in the iron of an induction motor",
     "energy_T0": "dry friction of the motor, brake included",
     "energy_c1": "viscous drag of the motor",
     "energy_gear": "lost in the gear",
@@ -75,6 +76,7 @@ UNITS = {
     "lead_current": "A",
     "voltage": "V",
     "power": "W",
+    "apparent_power": "V A",
     "speed": "rad/s",
     "gear_speed": "rad/s",
     "rod_force": "N",
@@ -262,12 +264,15 @@ def _histories(
     voltage = kept[:, at.SUPPLIED]
     supply = on * np.where(voltage < 0.0, -1.0, 1.0) * lead
     drawn = supply + on * constants[at.FIELD_POWER] / supply_voltage(machine)
-    at_supply = machine.circuit.measured_current == "supply"
+    power, apparent = machine_powers(constants, kept)
+    three_phase = constants[at.THREE_PHASE] > 0.0  # a line's current is that at the supply too
+    at_supply = machine.circuit.measured_current == "supply" and not three_phase
     return {
         "current": drawn if at_supply else lead,
         "lead_current": lead,
         "voltage": voltage,
-        "power": voltage * lead + on * constants[at.FIELD_POWER],
+        "power": power,
+        "apparent_power": apparent,
         "speed": kept[:, at.SPEED],
         "gear_speed": kept[:, at.GEAR_SPEED],
         "rod_force": kept[:, at.ROD_FORCE],

@@ -6,25 +6,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from turnout.law.table import Floats
-from turnout.machine.components import (
-    COPPER_COEFFICIENT,
-    COPPER_REFERENCE,
-    Command,
-    Machine,
-    Motor,
-    OneMassRail,
-    Stroke,
-)
+from turnout.machine.components import Command, Machine, OneMassRail, Stroke
 from turnout.machine.compute import places as at
 from turnout.machine.compute.circuit import switch_off
 from turnout.machine.compute.clutch import kinetic_level
 from turnout.machine.compute.machine_step import WORK_ROWS
 from turnout.machine.compute.rail import bed_force, rod_position
+from turnout.machine.motor_record import copper_factor
 
-
-def copper_factor(motor: Motor) -> float:
-    """Return the resistance of the motor's copper over that at 20 degC."""
-    return 1.0 + COPPER_COEFFICIENT * (motor.temperature - COPPER_REFERENCE)
+TRANSIENT_STEP = 2e-4
+"""Longest step in which the fluxes of an induction motor are followed: a hundredth of 50 Hz [s]."""
 
 
 def supply_voltage(machine: Machine) -> float:
@@ -103,7 +94,7 @@ def _motor_entries(machine: Machine) -> dict[int, float]:
         at.VOLTAGE: supply_voltage(machine),
         at.RESISTANCE: motor.resistance * factor,
         at.LINE_RESISTANCE: line,
-        at.INDUCTANCE: motor.inductance,
+        at.INDUCTANCE: motor.inductance or 0.0,
         at.MOTOR_CONSTANT: motor_constant(machine),
         at.INVERSE_SATURATION: 1.0 / (motor.saturation_current or 1.0) if saturated else 0.0,
         at.BRUSH_DROP: motor.brush_drop,
@@ -114,6 +105,25 @@ def _motor_entries(machine: Machine) -> dict[int, float]:
         at.BRAKE_TORQUE: motor.brake_torque,
         at.MOTOR_DRAG: motor.drag,
         at.MOTOR_INERTIA: motor.inertia,
+        at.LONGEST_STEP: math.inf,
+        **(_induction_entries(machine) if motor.kind == "induction" else {}),
+    }
+
+
+def _induction_entries(machine: Machine) -> dict[int, float]:
+    motor = machine.motor
+    iron = motor.iron_resistance
+    return {
+        at.THREE_PHASE: 1.0,
+        at.STEADY_CIRCUIT: float(not motor.transient),
+        at.PHASE_VOLTAGE: math.sqrt(2.0 / 3.0) * supply_voltage(machine),
+        at.SUPPLY_SPEED: 2.0 * math.pi * (motor.frequency or 0.0),
+        at.POLE_PAIRS: float(motor.pole_pairs or 1),
+        at.ROTOR_RESISTANCE: (motor.rotor_resistance or 0.0) * copper_factor(motor),
+        at.STATOR_INDUCTANCE: motor.stator_inductance or 0.0,
+        at.LEAKAGE_INDUCTANCE: motor.leakage_inductance or 0.0,
+        at.IRON_CONDUCTANCE: 1.0 / iron if iron else 0.0,
+        at.LONGEST_STEP: TRANSIENT_STEP if motor.transient else math.inf,
     }
 
 
@@ -151,7 +161,7 @@ def _circuit_entries(machine: Machine) -> dict[int, float]:
     cranked = hand is not None
     return {
         at.SNUB_RESISTANCE: circuit.snub_resistance,
-        at.OPEN_AFTER: float(circuit.after_cutoff == "open"),
+        at.OPEN_AFTER: float(circuit.after_cutoff == "open" or machine.motor.kind == "induction"),
         at.CONTACTOR_DELAY: circuit.contactor_delay,
         at.CUTOFF_DELAY: circuit.cutoff_delay,
         at.TIME_OUT: math.inf if cranked else circuit.time_out or math.inf,

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 from turnout.machine.components import Machine
+from turnout.machine.motor_record import breakdown_point, copper_factor
 from turnout.machine.rows import (
-    copper_factor,
     motor_constant,
     separate_field_current,
     supply_voltage,
@@ -14,11 +14,15 @@ from turnout.machine.rows import (
 
 @dataclass(frozen=True, slots=True)
 class SteadyPoint:
-    """Current of the motor [A], speed of the shaft [rad/s] and power from the supply [W]."""
+    """Current [A], speed of the shaft [rad/s], active [W] and apparent power [V A] drawn.
+
+    The current is that of the motor; of an induction motor that of the line, rms.
+    """
 
     current: float
     speed: float
     power: float
+    apparent: float
 
 
 def circuit_resistance(machine: Machine) -> float:
@@ -56,12 +60,15 @@ def steady_point(machine: Machine, *, torque: float, drag: bool = True) -> Stead
 
     Notes
     -----
-    k(i) i = T_0 + (c1 + c2) w + torque with V = R i + k(i) w + V_b.
+    k(i) i = T_0 + (c1 + c2) w + torque with V = R i + k(i) w + V_b. An induction motor is on the
+    branch above its breakdown speed, or stands.
     """
     from scipy.optimize import brentq  # slow to load; sweeps of markers need none
 
     motor = machine.motor
     viscous = motor.drag + (machine.gear.drag if drag else 0.0)
+    if motor.kind == "induction":
+        return _induction_point(machine, torque, viscous)
     most = (supply_voltage(machine) - motor.brush_drop) / circuit_resistance(machine)
 
     def short(current: float) -> float:
@@ -72,7 +79,54 @@ def steady_point(machine: Machine, *, torque: float, drag: bool = True) -> Stead
     current = most if short(most) < 0.0 else float(brentq(short, 1e-9 * most, most, xtol=1e-15))
     voltage = supply_voltage(machine)
     power = voltage * (current + separate_field_current(machine))
-    return SteadyPoint(current, max(speed_at(machine, current), 0.0), power)
+    return SteadyPoint(current, max(speed_at(machine, current), 0.0), power, power)
+
+
+def circuit_at(machine: Machine, speed: float) -> tuple[float, SteadyPoint]:
+    """Return torque [N m] and steady point of an induction motor at a speed of its shaft [rad/s].
+
+    Notes
+    -----
+    The Gamma circuit in phasors (rms): R_s in series, then jX_s parallel to jX_l + R_r/s; the iron
+    loss across the terminals, the line before them. T = 3 n_p |I_r|^2 R_r / (s w).
+    """
+    motor, line = machine.motor, machine.supply.line_resistance
+    supply = 2.0 * math.pi * (motor.frequency or 0.0)
+    pairs, factor = motor.pole_pairs or 1, copper_factor(motor)
+    main = 1j * supply * (motor.stator_inductance or 0.0)
+    leak = 1j * supply * (motor.leakage_inductance or 0.0)
+    slip = 1.0 - pairs * speed / supply
+    # by the rotor's admittance, which is 0 at synchronous speed
+    rotor = (motor.rotor_resistance or 0.0) * factor
+    rotor_admittance = slip / (rotor + slip * leak)
+    gap = 1.0 / (1.0 / main + rotor_admittance)
+    stator = motor.resistance * factor + gap
+    iron = 1.0 / motor.iron_resistance if motor.iron_resistance else 0.0
+    whole = line + 1.0 / (1.0 / stator + iron)
+    voltage = supply_voltage(machine) / math.sqrt(3.0)
+    current = voltage / whole
+    through = (voltage - line * current) / stator
+    across = abs(through * gap) ** 2
+    torque = 3.0 * pairs * across * rotor_admittance.real / supply
+    power = 3.0 * voltage * current.real
+    return torque, SteadyPoint(abs(current), speed, power, 3.0 * voltage * abs(current))
+
+
+def _induction_point(machine: Machine, torque: float, viscous: float) -> SteadyPoint:
+    from scipy.optimize import brentq  # slow to load; sweeps of markers need none
+
+    motor = machine.motor
+    supply, line = supply_voltage(machine), machine.supply.line_resistance
+    slip, _ = breakdown_point(motor, voltage=supply, line=line)
+    synchronous = 2.0 * math.pi * (motor.frequency or 0.0) / (motor.pole_pairs or 1)
+
+    def short(speed: float) -> float:
+        return circuit_at(machine, speed)[0] - motor.loss_torque - viscous * speed - torque
+
+    least = (1.0 - min(slip, 1.0)) * synchronous
+    if short(least) < 0.0:
+        return circuit_at(machine, 0.0)[1]
+    return circuit_at(machine, float(brentq(short, least, synchronous, xtol=1e-13)))[1]
 
 
 def torque_for(machine: Machine, force: float) -> float:
@@ -96,6 +150,38 @@ def slip_point(machine: Machine) -> SteadyPoint:
     )
 
 
+BLIND = 0.10
+"""A current that load moves by a smaller share of that at the low end cannot show the load [-]."""
+
+
+def load_range(machine: Machine) -> tuple[float, float]:
+    """Return the changes of current and active power from 10 to 100 % of the load, as shares [-].
+
+    100 % is what the clutch transmits; both are over their values at 10 %.
+
+    Examples
+    --------
+    >>> from turnout.machine.machine_file import load_machines
+    >>> current, power = load_range(load_machines("s700k").machine["s700k"])
+    >>> abs(current) < BLIND < power
+    True
+    """
+    level = machine.clutch.torque * (1.0 - machine.clutch.worn)
+    low, high = (steady_point(machine, torque=share * level) for share in (0.1, 1.0))
+    return high.current / low.current - 1.0, high.power / low.power - 1.0
+
+
+def blind_text(machine: Machine) -> str:
+    """Return a warning where the current cannot show the load, otherwise nothing."""
+    current, power = load_range(machine)
+    if not abs(current) < BLIND:
+        return ""
+    return (
+        f"current cannot show load: use power (10 to 100 % of what the clutch transmits moves the "
+        f"current by {100 * current:+.0f} %, the active power by {100 * power:+.0f} %)"
+    )
+
+
 def steady_lines(machine: Machine) -> list[str]:
     """Return a table of steady points in mid-stroke."""
     slip = slip_point(machine)
@@ -110,6 +196,8 @@ def steady_lines(machine: Machine) -> list[str]:
             f"  {force / 1e3:>10.2f}{point.current:>12.4f}{point.speed:>14.1f}{rod:>11.2f}"
             f"{point.power:>8.0f}"
         )
+    blind = blind_text(machine)
+    rows += [f"  {blind}"] if blind else []
     rows.append(
         f"  the clutch slips at {held / 1e3:.2f} kN with {slip.current:.4f} A, {slip.power:.0f} W"
     )

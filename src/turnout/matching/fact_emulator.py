@@ -25,6 +25,8 @@ Floats = NDArray[np.float64]
 
 MOST_FOR_SPREADS = 350
 """So many points are used to find the three spreads."""
+LEAST_SPREAD, MOST_SPREAD = np.log(1e-3), np.log(100.0)
+"""Bounds of the logarithms of the spreads, in standard deviations of the values."""
 FEWEST = 30
 """Points below which no emulator is made."""
 
@@ -97,7 +99,7 @@ def fit_emulator(points: Floats, values: Floats, *, rng: np.random.Generator) ->
         method="Nelder-Mead",
         options={"maxfev": 80, "xatol": 0.05, "fatol": 0.1},
     )
-    first, second, noise = np.exp(2.0 * found.x)
+    first, second, noise = _variances(found.x)
     factor = cho_factor(first * grams[0] + second * grams[1] + noise * np.eye(len(y)), lower=True)
     weights = cho_solve(factor, y)
     inverse = cho_solve(factor, np.eye(len(y)))
@@ -109,9 +111,14 @@ def fit_emulator(points: Floats, values: Floats, *, rng: np.random.Generator) ->
     return Emulator(coefficients=coefficients, error=error, spread=spread)
 
 
+def _variances(logs: Floats) -> Floats:
+    """Return the squares of the three spreads; the noise is never so small that rounding counts."""
+    return np.asarray(np.exp(2.0 * np.clip(logs, LEAST_SPREAD, MOST_SPREAD)))
+
+
 def _misfit(logs: Floats, grams: tuple[Floats, ...], y: Floats) -> float:
     """Return the negative logarithm of the marginal likelihood, without its constant."""
-    first, second, noise = np.exp(2.0 * np.clip(logs, -9.0, 5.0))
+    first, second, noise = _variances(logs)
     matrix = first * grams[0] + second * grams[1] + noise * np.eye(len(y))
     lower, _ = factor = cho_factor(matrix, lower=True)
     return float(0.5 * y @ cho_solve(factor, y) + np.log(np.diag(lower)).sum())

@@ -19,9 +19,9 @@ from turnout.matching.propose import latin_hypercube, plausible_points
 
 Floats = NDArray[np.float64]
 
-FIRST_WAVE, WAVE = 160, 80
+FIRST_WAVE, WAVE = 160, 40
 """Panels of the first wave, which cover the ranges, and of each later one."""
-CUT_OFFS = (3.0, 3.0, 2.0, 1.0, 0.5)
+CUT_OFFS = (3.0, 3.0, 2.0, 0.5, -0.5)
 """Implausibility up to which points are tried, in the waves after the first; the last holds on."""
 MOST_TRAINING = 400
 SPARE = 4

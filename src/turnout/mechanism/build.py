@@ -10,9 +10,10 @@ From panel records to a mechanism; see `build_rails` for the rails, `laws` for w
 These files alone see both definition and mechanics.
 """
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,9 +91,9 @@ def shape_of(
         named += records
     key += [(name, rail.fit_gap is None) for name, rail in panel.rail.items()]
     for family, record in ((panel.chair, Chair), (panel.drive, Drive), (panel.rail, Rail)):
-        fields = _geometry(record)
+        values = _geometry(record)
         for name, member in family.items():
-            key.append((name, *(_plain(getattr(member, field)) for field in fields)))
+            key.append((name, *map(_plain, values(vars(member)))))
     key += [(item.name, item.rail, item.x, item.height) for item in objects]
     return tuple(key), tuple(named)
 
@@ -107,8 +108,13 @@ def _shaping(panel: type[Record]) -> tuple[str, ...]:
 
 
 @cache
-def _geometry(record: type[Record]) -> tuple[str, ...]:
-    return tuple(name for name in record.model_fields if name not in _LAW_ALONE[record])
+def _geometry(record: type[Record]) -> Callable[[Mapping[str, object]], tuple[object, ...]]:
+    """Return what takes the values of the geometry from those of a record; far quicker than asking.
+
+    The record has more than one such field.
+    """
+    fields = (name for name in record.model_fields if name not in _LAW_ALONE[record])
+    return itemgetter(*fields)
 
 
 Floats = NDArray[np.float64]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from turnout.machine.components import Machine
 from turnout.machine.rows import machine_row, start_state, stroke_table
-from turnout.machine.steady import shaft_travel
+from turnout.machine.steady import blind_text, shaft_travel
 from turnout.mechanism.mechanism import DriveMachines, LawIndex
 from turnout.panel.markers import marker_offsets, ordered_movements, start_level
 from turnout.panel.model import Panel
@@ -76,6 +76,21 @@ def slip_force(panel: Panel, name: str) -> float:
     machine = fitted_machine(panel, name)
     level = machine.clutch.torque * (1.0 - machine.clutch.worn)
     return level * machine.gear.efficiency / shaft_travel(machine)
+
+
+def blind_currents(panel: Panel) -> dict[str, str]:
+    """Return, by drive, why the current of its machine cannot show the load, where it cannot.
+
+    Induction motors only: the current of a direct-current motor is its torque.
+    """
+    found = {}
+    for name, drive in panel.drive.items():
+        if drive.machine is None or panel.machine[drive.machine].motor.kind != "induction":
+            continue
+        text = blind_text(fitted_machine(panel, name))
+        if text:
+            found[name] = f"{drive.machine}: {text}"
+    return found
 
 
 def command_times(panel: Panel, name: str) -> Floats:

@@ -269,7 +269,8 @@ def _machines(dataset: xr.Dataset) -> list[tuple[str, str]]:
             text += f", {current.max():.2f} A at most; over its last 0.1 s "
             text += f"{current[last].mean():.2f} A, {power.values[inside][last].mean():.0f} W"
         lines.append(("machine", text))
-    return lines
+    blind: dict[str, str] = json.loads(dataset.attrs.get("blind_currents", "{}"))
+    return lines + [("", f"drive {name}, {text}") for name, text in blind.items()]
 
 
 def _margin(margin: Margin) -> str:

@@ -69,3 +69,40 @@ def plot_limit(dataset: xr.Dataset, *, channel: str = "both drives") -> "Figure"
         fontsize=10,
     )
     return figure
+
+
+def plot_bands(dataset: xr.Dataset) -> "Figure":
+    """Draw the bands of a90 over panels along the blade.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        With a90 over panel and place, and a90_band over share and place.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    ax = figure.subplots()
+    x, band = dataset["x"].to_numpy(), 1e3 * dataset["a90_band"].to_numpy()
+    each = 1e3 * dataset["a90"].to_numpy()
+    names = [str(name) for name in dataset["panel"].to_numpy()]
+    few = len(names) <= FEW
+    for name, row in zip(names, each, strict=True):
+        label = name if few else None
+        ax.plot(x, row, color=None if few else "0.75", linewidth=0.8, label=label)
+    ax.fill_between(x, band[0], band[-1], color="0.9", zorder=0, label="90 % of the panels")
+    ax.plot(x, band[len(band) // 2], "o-", color="black", markersize=4, label="middle")
+    ax.set_ylim(bottom=0.0)
+    ax.set_xlabel("Position from the toe [m]")
+    ax.set_ylabel("a90 of the bound [mm]")
+    ax.grid(visible=True, color="0.88", linewidth=0.6)
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.legend(fontsize=8)
+    figure.suptitle(f"Smallest object that can be seen, {len(names)} panels", fontsize=10)
+    return figure
+
+
+FEW = 8
+"""Panels that are named in the figure of bands."""

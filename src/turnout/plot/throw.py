@@ -71,6 +71,9 @@ def plot_throw(
     ResponseError
         When there is nothing to draw, or the overlay has a drive or sensor that the run has not.
     """
+    if "throw" in dataset.dims:
+        message = "a sequence of throws is drawn throw by throw: dataset.isel(throw=0), ..."
+        raise ResponseError(message)
     under = _under(dataset, overlay) if overlay is not None else {}
     rows = [(label, curves) for label, curves in throw_rows(dataset) if curves or under.get(label)]
     if not rows:

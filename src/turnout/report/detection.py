@@ -6,7 +6,9 @@ from typing import Any
 
 from turnout.detection.trends import LEAST_THROWS, staying_causes, trend_of
 from turnout.metric.finding import Finding
+from turnout.plot.detection import trend_sheet
 from turnout.report.page import Page, Section, Table
+from turnout.report.run import picture_of
 
 MILLI = 1e3
 SAFETY = (
@@ -43,7 +45,7 @@ def detection_page(verdicts: Sequence[Mapping[str, Any]], *, about: Mapping[str,
             text="Log odds: logarithm of the likelihood ratio, object against every other cause. "
             "Gaps with their 95 % intervals are inferred from the drive forces.",
             tables=[_table(verdicts)],
-        )
+        ),
     ]
     if called:
         sections.append(
@@ -55,6 +57,7 @@ def detection_page(verdicts: Sequence[Mapping[str, Any]], *, about: Mapping[str,
                 heading="Trends",
                 text="Straight lines through all throws that were judged. A worn clutch shows in "
                 "the largest force only where the drive slips.",
+                pictures=[picture_of(trend_sheet(verdicts))],
                 tables=[_trends(verdicts)],
             )
         )

@@ -6,12 +6,14 @@ from html import escape
 import xarray as xr
 
 from turnout.metric.finding import Finding, findings
+from turnout.metric.throw_table import throw_table
 from turnout.plot.draw import draw_sheet
 from turnout.plot.sheet import Sheet
 from turnout.plot.style import rendered, title_of
 from turnout.plot.throw_sheet import throw_sheet
 from turnout.report.campaign import campaign_findings
 from turnout.report.page import data_address
+from turnout.report.sequence import sequence_findings, sequence_sheet
 from turnout.report.sweep import sweep_findings
 from turnout.report.validation import validation_findings
 from turnout.validation.acceptance import judge
@@ -58,6 +60,8 @@ class View:
         if kind in ("campaign", "validation"):
             count = self.dataset.sizes["movement"]
             return f"{attributes.get('title', kind)}: {count} movements"
+        if kind == "sequence":
+            return str(attributes.get("title", kind))
         return title_of(self.dataset)
 
     def _findings(self) -> list[Finding]:
@@ -68,6 +72,8 @@ class View:
             return validation_findings(self.dataset, judge(self.dataset))
         if kind == "campaign":
             return campaign_findings(self.dataset)
+        if kind == "sequence":
+            return sequence_findings(self.dataset, throw_table(self.dataset))
         return [] if kind == "modes" else findings(self.dataset)
 
     def _picture(self) -> str:
@@ -82,7 +88,10 @@ class View:
         )
 
     def _sheet(self) -> Sheet | None:
-        """Return a run over time; many of them have too many lines for a glance."""
+        """Return a run over time, a sequence over its throws; others have too many lines."""
+        if kind_of(self.dataset) == "sequence":
+            course = sequence_sheet(self.dataset, throw_table(self.dataset))
+            return course if course.rows else None
         one = kind_of(self.dataset) in ("run", "recording")
         if not one or self.dataset.sizes.get("time", 0) < 2:
             return None
@@ -96,7 +105,7 @@ def view(dataset: xr.Dataset) -> View:
     Parameters
     ----------
     dataset : xarray.Dataset
-        One run, simulated or measured, a campaign, a sweep or a validation.
+        One run, simulated or measured, a sequence of throws, a campaign, a sweep or a validation.
 
     Returns
     -------
@@ -128,6 +137,8 @@ def kind_of(dataset: xr.Dataset) -> str:
         return str(dataset.attrs["kind"])
     if "movement" in dataset.dims:
         return "campaign"
+    if "throw" in dataset.dims and "time" in dataset.dims:
+        return "sequence"
     return "recording" if "channel_map_hash" in dataset.attrs else "run"
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from turnout.core.provenance import provenance
 from turnout.integrate.integration import History
+from turnout.mechanism.drive_machines import blind_currents
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
@@ -251,6 +252,7 @@ def describe_run(
         "foreign_objects": json.dumps([_object_record(panel, item) for item in objects]),
         "movements": movement_records(moved_throws(panel, history)),
         **({"machine_throws": duty_records(panel, made)} if (made := duties(history)) else {}),
+        **({"blind_currents": json.dumps(blind)} if (blind := blind_currents(panel)) else {}),
         "lock_rule": panel.lock.rule,
         "lock_gap_limit": panel.lock.gap_limit,
         "lock_gap_limits": json.dumps(panel.gap_limits()),

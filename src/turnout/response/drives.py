@@ -14,6 +14,7 @@ from turnout.integrate.driven import MachineHistory
 from turnout.integrate.duty import Duty
 from turnout.integrate.integration import History
 from turnout.machine.compute import places as at
+from turnout.machine.line_power import machine_powers
 from turnout.machine.rows import supply_voltage
 from turnout.machine.steady import shaft_travel
 from turnout.panel.markers import movement_time
@@ -104,13 +105,21 @@ def machine_signals(panel: Panel, history: History) -> dict[str, Variable]:
     voltage, lead = state[:, :, at.SUPPLIED], state[:, :, at.CURRENT]
     field = state[:, :, at.ENERGISED] * machines.constants[:, at.FIELD_POWER]
     power = voltage * lead + field
+    apparent = np.abs(power)
+    three_phase = machines.constants[:, at.THREE_PHASE] > 0.0
+    for number in np.flatnonzero(three_phase):
+        power[:, number], apparent[:, number] = machine_powers(
+            machines.constants[number], state[:, number]
+        )
     rated = np.array([supply_voltage(machine) for machine in machines.records])
     places = [machine.circuit.measured_current for machine in machines.records]
-    current = np.where(np.array(places) == "supply", power / rated, lead)
+    from_supply = (np.array(places) == "supply") & ~three_phase  # a line's current is in both
+    current = np.where(from_supply, power / rated, lead)
     return {
         "drive_current": of_drives(current),
         "drive_voltage": of_drives(voltage),
         "drive_power": of_drives(power),
+        **({"drive_apparent_power": of_drives(apparent)} if three_phase.any() else {}),
         "motor_speed": of_drives(state[:, :, at.SPEED]),
         "clutch_slip": of_drives(state[:, :, at.SLIP]),
         "clutch_heat": of_drives(machines.sums(at.CLUTCH)),

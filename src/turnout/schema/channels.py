@@ -96,6 +96,7 @@ CHANNELS: Mapping[str, Channel] = _table(
     ),
     Channel("drive_voltage", ("drive", "time"), "V", "voltage at the motor circuit"),
     Channel("drive_power", ("drive", "time"), "W", "power from the supply"),
+    Channel("drive_apparent_power", ("drive", "time"), "V A", "apparent power from the supply"),
     Channel("motor_speed", ("drive", "time"), "rad/s", "speed of the motor", "closing"),
     Channel("clutch_slip", ("drive", "time"), "rad", "slip of the clutch", "closing"),
     Channel("clutch_heat", ("drive", "time"), "J", "heat of the slipping clutch", "taken out"),
@@ -279,11 +280,14 @@ OF_MACHINES = frozenset(
         *("energy_brush", "energy_motor_friction", "energy_gear", "energy_machine", "work_rods"),
     }
 )
+# Made where machines have a three-phase motor.
+OF_THREE_PHASE = frozenset({"drive_apparent_power"})
 # Made on request only.
 ON_REQUEST = frozenset({"fastening_force", "fastening_moment"})
 OPTIONAL = (
     MEASURED
     | OF_MACHINES
+    | OF_THREE_PHASE
     | ON_REQUEST
     | {
         *("single_object_force", "object_contact_time", "object_left", "object_broken"),

@@ -81,8 +81,12 @@ def read_variable(parsed: ParsedStudy, record: VariableRecord, *, where: str) ->
 def read_together(parsed: ParsedStudy, record: TogetherRecord, *, where: str) -> None:
     """Read variables that go side by side: a list of cases."""
     named = []
+    for key in record.factors:
+        if key not in record.keys:
+            text = f' = "{key}": is none of its keys{nearest(key, record.keys)}'
+            parsed.add_problem(f"{where}.factors", text)
     for key in record.keys:
-        record_of_key = VariableRecord.model_validate({"key": key})
+        record_of_key = VariableRecord.model_validate({"key": key, "factor": key in record.factors})
         named.append(_add_variable(parsed, record_of_key, where=f"{where}.keys"))
     rows = []
     for number, row in enumerate(record.rows, 1):

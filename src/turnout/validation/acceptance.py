@@ -15,6 +15,10 @@ Floats = NDArray[np.float64]
 LEAST_COVER, MOST_SPREADS = 0.80, 3.0
 FEATURES = ("contact", "slope", "peak", "plateau")
 WORST = 3
+# Share of a difference that a shift or a factor must explain to name it.
+EXPLAINED = 0.5
+# A parameter that may be off by more than this is not judged at all [-].
+MOST_POWER = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +37,8 @@ class ChannelResult:
         Of repeats [N].
     cover : float
         Share of measured instants within the band of 95 %.
+    kind : str
+        What most of the difference is: "timing", "level" or "shape".
     errors : dict of str to (float, float)
         Mean and standard deviation of predicted less measured features: "contact" [s], "slope"
         (relative), "peak", "plateau" [N]; NaN where there are none.
@@ -45,6 +51,7 @@ class ChannelResult:
     spread: float
     cover: float
     errors: dict[str, tuple[float, float]]
+    kind: str = ""
 
     @property
     def spreads(self) -> float:
@@ -56,9 +63,10 @@ class ChannelResult:
         """Why the prediction of this channel is not accepted; empty where it is."""
         if self.spreads <= MOST_SPREADS:
             return ()
+        kind = f", mostly in {self.kind}" if self.kind else ""
         return (
             f"{self.channel} is off by {self.rms:.0f} N, {self.spreads:.1f} times the spread of "
-            f"repeats, more than {MOST_SPREADS:g}",
+            f"repeats, more than {MOST_SPREADS:g}{kind}",
         )
 
 
@@ -80,6 +88,8 @@ class Acceptance:
         Why the model is not accepted.
     worst : tuple of str
         Movements that are furthest off, in words.
+    power : tuple of str
+        How far off each parameter would have to be for the verdict to notice, in words.
     """
 
     channels: tuple[ChannelResult, ...]
@@ -89,6 +99,7 @@ class Acceptance:
     held_back: bool
     reasons: tuple[str, ...]
     worst: tuple[str, ...]
+    power: tuple[str, ...] = ()
 
     @property
     def accepted(self) -> bool:
@@ -151,7 +162,66 @@ def judge(validation: xr.Dataset) -> Acceptance:
         cover=cover,
         reasons=tuple(reasons),
         worst=_worst(part),
+        power=_power(part),
     )
+
+
+def _power(part: xr.Dataset) -> tuple[str, ...]:
+    """Say by how much each parameter would have to be off for a channel to be refused.
+
+    A parameter that is off by a share `e` changes a channel by `e` times its answer, which must
+    exceed three repeat spreads, beside what the channel is off already.
+    """
+    if "answer" not in part or not part.sizes.get("parameter", 0):
+        return ()
+    answer = ((part["answer"] ** 2).mean("movement")) ** 0.5
+    allowed = (MOST_SPREADS * part["repeat_spread"]) ** 2 - (part["rms"] ** 2).mean("movement")
+    needed = allowed.clip(min=0.0) ** 0.5
+    found = []
+    for name in part["parameter"].values:
+        shares = (needed / answer.sel(parameter=name)).values
+        shares = shares[np.isfinite(shares)]
+        if shares.size and shares.min() < MOST_POWER:
+            found.append(f"{name} off by {100 * shares.min():.2g} %")
+        else:
+            found.append(f"{name} by no means")
+    return tuple(found)
+
+
+def error_kind(measured: Floats, predicted: Floats) -> str:
+    """Return what most of a difference is: "timing", "level" or "shape".
+
+    Timing is what a shift explains (the slope of the prediction), level what a factor and an offset
+    do; where neither explains half of it, the shape differs.
+
+    Parameters
+    ----------
+    measured, predicted : ndarray, shape (n_movements, n_times)
+        NaN where nothing was measured [N].
+
+    Examples
+    --------
+    >>> wave = np.sin(np.arange(200) / 20.0)[None, :]
+    >>> error_kind(np.roll(wave, 3), wave), error_kind(1.1 * wave + 0.2, wave)
+    ('timing', 'level')
+    """
+    known = np.isfinite(measured) & np.isfinite(predicted)
+    off = (measured - predicted)[known]
+    total = float(off @ off)
+    if not total:
+        return ""
+    slope = np.gradient(predicted, axis=1)
+    columns = {
+        "timing": [slope[known]],
+        "level": [predicted[known], np.ones(off.size)],
+    }
+    shares = {}
+    for name, rows in columns.items():
+        matrix = np.nan_to_num(np.stack(rows, axis=1))
+        rest = off - matrix @ np.linalg.lstsq(matrix, off, rcond=None)[0]
+        shares[name] = 1.0 - float(rest @ rest) / total
+    best = max(shares, key=lambda name: shares[name])
+    return best if shares[best] > EXPLAINED else "shape"
 
 
 def _result(part: xr.Dataset) -> ChannelResult:
@@ -165,6 +235,10 @@ def _result(part: xr.Dataset) -> ChannelResult:
         spread=float(part["repeat_spread"]),
         cover=_cover(part),
         errors={name: _error(part, name) for name in FEATURES},
+        kind=error_kind(
+            np.atleast_2d(part["measured"].transpose("movement", "time").values),
+            np.atleast_2d(part["predicted"].transpose("movement", "time").values),
+        ),
     )
 
 
@@ -231,6 +305,8 @@ def acceptance_lines(verdict: Acceptance) -> list[str]:
         )
     seen = "held back" if verdict.held_back else "all used for the fit"
     lines.append(f"{verdict.judged} movements judged, {seen}; {verdict.used} used for the fit")
+    if verdict.power:
+        lines.append(f"would notice: {', '.join(verdict.power)}")
     if verdict.worst:
         lines.append(f"furthest off: {choices(verdict.worst)}")
     return lines
@@ -283,6 +359,8 @@ def page_text(validation: xr.Dataset, verdict: Acceptance, *, figures: list[str]
     lines += ["", f"{verdict.judged} movements judged; the fit has seen {verdict.used}.", ""]
     lines += [f"From throw to throw: {scatter_text(validation)}.", ""]
     lines += [f"{text}.\n" for text in notes(validation)]
+    if verdict.power:
+        lines += [f"This validation would notice: {', '.join(verdict.power)}.", ""]
     if verdict.worst:
         lines += ["Furthest off:", "", *(f"- {text}" for text in verdict.worst), ""]
     lines += [f"![{name}]({name})\n" for name in figures]
@@ -306,7 +384,12 @@ def notes(validation: xr.Dataset) -> list[str]:
     texts = [str(text) for text in json.loads(validation.attrs.get("left_out", "[]"))]
     moved = validation["onset_shift"].values if "onset_shift" in validation else np.zeros(0)
     moved = 1e3 * moved[moved != 0.0]
-    if moved.size:
+    if moved.size > 1 and np.ptp(moved) == 0.0:
+        texts.append(
+            f"the motors run {moved[0]:.0f} ms before the rods move in {moved.size} movements, "
+            "which is taken off"
+        )
+    elif moved.size:
         texts.append(
             f"{moved.size} onsets without motor current: those that fit the free part of each "
             f"movement are {moved.min():.0f} to {moved.max():.0f} ms after the marks"

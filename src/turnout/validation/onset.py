@@ -21,6 +21,8 @@ REACH, COARSE, FINE = 0.4, 0.01, 0.001
 UNCERTAINTY = 0.05
 # Before the onset, and before the contact [s]; a part shorter than `LEAST` is not used.
 BEFORE, CLEARANCE, LEAST = 0.3, 0.1, 0.3
+# Onsets that currents mark are good to 5 ms each; three times that in all movements is a lead [s].
+CLEAR_LEAD = 0.015
 # Share of the largest force that a model may miss without saying something of the onset [-].
 MISSED = 0.01
 
@@ -38,20 +40,33 @@ def onset_shifts(movements: Sequence[MeasuredMovement], responses: Sequence[Resp
     Returns
     -------
     ndarray, shape (n_movements,)
-        [s]; zero where a motor current marked the onset; of a movement that touches its object at
-        once, the median of the others in its direction.
+        [s]; where motor currents marked the onsets, the lead of the motors over the rods, zero for
+        none; of a movement that touches its object at once, the median of the others in its
+        direction.
     """
     found = np.array(
-        [
-            0.0 if item.clocked else _shift(item, response)
-            for item, response in zip(movements, responses, strict=True)
-        ]
+        [_shift(item, response) for item, response in zip(movements, responses, strict=True)]
     )
+    clocked = np.array([item.clocked for item in movements], dtype=np.bool_)
+    found[clocked] = _lead(found[clocked])
     directions = np.array([item.direction for item in movements])
     for number in np.flatnonzero(np.isnan(found)):
         alike = found[(directions == directions[number]) & np.isfinite(found)]
         found[number] = float(np.median(alike)) if alike.size else 0.0
     return found
+
+
+def _lead(shifts: Floats) -> float:
+    """Return how long motors run before the rods move, where all movements say so [s].
+
+    Examples
+    --------
+    >>> _lead(np.array([0.149, 0.151, np.nan])), _lead(np.array([0.004, -0.003]))
+    (0.15, 0.0)
+    """
+    known = shifts[np.isfinite(shifts)]
+    lead = float(np.median(known)) if known.size > 1 else 0.0
+    return lead if abs(lead) > CLEAR_LEAD else 0.0
 
 
 def _shift(item: MeasuredMovement, response: Response) -> float:

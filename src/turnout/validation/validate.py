@@ -120,6 +120,7 @@ def validate(
             "repeat_spread": _spread(measured, groups, scatter),
             "used": ("movement", np.isin(sheet["movement"].values, _used(calibration))),
             "onset_shift": ("movement", model.shifts, {"units": "s"}),
+            "answer": _answers(model, measured, calibration),
             **_features(measured, forecast),
         },
         attrs={
@@ -135,6 +136,22 @@ def validate(
             "left_out": json.dumps([*excluded_movements(dataset), *oversized]),
         },
     )
+
+
+def _answers(model: _Model, measured: xr.DataArray, calibration: Calibration) -> xr.DataArray:
+    """Return how much forces change with each parameter, as root mean square [N for all of it]."""
+    known = measured.notnull()
+    rows = [
+        ((measured.copy(data=model.slopes[item.name] * item.value) ** 2).where(known).mean("time"))
+        ** 0.5
+        for item in calibration.fitted
+    ]
+    names = [item.name for item in calibration.fitted]
+    if not rows:
+        empty = measured.isel(time=0, drop=True)
+        return empty.expand_dims(parameter=names).isel(parameter=slice(0, 0))
+    stacked = xr.concat(rows, dim="parameter", coords="minimal", compat="override")
+    return stacked.assign_coords(parameter=names)
 
 
 def _used(calibration: Calibration) -> list[str]:

@@ -76,6 +76,10 @@ def studio_app(studio: Studio, worker: Worker, *, largest: int = LARGEST_UPLOAD)
             Route("/api/job/{job}/stop", desk.stop, methods=["POST"]),
             Route("/api/file/{kind}", desk.file, methods=["POST"]),
             Route("/api/recording", desk.recording, methods=["POST"]),
+            Route("/api/limit", desk.limit, methods=["POST"]),
+            Route("/api/detector", desk.detector, methods=["POST"]),
+            Route("/api/judge", desk.judge, methods=["POST"]),
+            Route("/api/judge/{detector}", desk.judge_shown, methods=["POST"]),
             Route("/api/measured/{mark}", desk.measured, methods=["POST"]),
             Route("/api/campaign/{name:path}", desk.campaign_file),
             Mount("/page", StaticFiles(directory=PAGE)),
@@ -167,8 +171,25 @@ class _Addresses:
         return await self._forward("measured", request, mark=request.path_params["mark"])
 
     async def recording(self, request: Request) -> Response:
-        """Put a recording into a file, under the name that the page gives, and have it read."""
-        name = plain_name(request.query_params.get("name", ""), "recording")
+        """Have a recording read."""
+        return await self._read("recording", request)
+
+    async def limit(self, request: Request) -> Response:
+        return await self._read("limit", request)
+
+    async def detector(self, request: Request) -> Response:
+        return await self._read("detector", request)
+
+    async def judge(self, request: Request) -> Response:
+        return await self._read("judge", request)
+
+    async def judge_shown(self, request: Request) -> Response:
+        mark = request.path_params["detector"]
+        return await self._forward("judge shown", request, detector=mark)
+
+    async def _read(self, task: str, request: Request) -> Response:
+        """Put what was sent into a file, under the name that the page gives, and have it read."""
+        name = plain_name(request.query_params.get("name", ""), task)
         chosen = request.query_params.get("map", "")
         if len(chosen) > LARGEST_QUESTION:
             raise TooLargeError(LARGEST_QUESTION)
@@ -176,8 +197,9 @@ class _Addresses:
             path = Path(folder) / name
             with _created(path) as file:
                 await _received(request, self.largest, file.write)
-            options = {"path": str(path), "map": chosen}
-            return _response(await self.worker.answer(Task("recording", options=options)))
+            detector = request.query_params.get("detector", "")[:LONGEST_JOB]
+            options = {"path": str(path), "map": chosen, "detector": detector}
+            return _response(await self.worker.answer(Task(task, options=options)))
 
     async def campaign_file(self, request: Request) -> Response:
         """Hand out a recording of the campaign."""

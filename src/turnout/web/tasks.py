@@ -5,13 +5,14 @@ Only this process parses what the page sends, so bad content cannot block the se
 
 import json
 import secrets
+import tempfile
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
@@ -68,9 +69,15 @@ from turnout.web.throw import (
     thrown,
 )
 
+if TYPE_CHECKING:
+    from turnout.detection.detector import Detector
+
 # Sizes of the caches.
-MOST_PANELS, MOST_RUNS, MOST_MEASURED = 12, 3, 20
+MOST_PANELS, MOST_RUNS, MOST_MEASURED, MOST_DETECTORS = 12, 3, 20, 2
 LARGEST_PANEL = 4_000_000
+# Thrown before the first reply: without over-travel, and with the loaded start that it brings,
+# which has kernels of its own.
+WARMING = ("sb1", "uic60-760-1-15")
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +103,8 @@ class Opening:
 
     def __call__(self) -> Callable[[Task, Question], Reply]:
         """Load or compile the kernels, so that no reply waits for that."""
-        simulate(load_panel("sb1"), scheme=Scheme.of("quick"), throw=False)
+        for name in WARMING:
+            simulate(load_panel(name), scheme=Scheme.of("quick"), throw=False)
         return TaskHandler(self).answer
 
 
@@ -115,6 +123,7 @@ class TaskHandler:
         self._texts = LRUCache[str](MOST_PANELS)
         self._runs = LRUCache[xr.Dataset](MOST_RUNS)
         self._sent = LRUCache[Measured](MOST_MEASURED)
+        self._detectors = LRUCache["Detector"](MOST_DETECTORS)
         self._ahead: deque[Callable[[], object]] = deque()
         self._tasks: Mapping[str, Callable[[Task, Question], Reply]] = {
             "panel/open": self._open_panel,
@@ -125,6 +134,10 @@ class TaskHandler:
             "map": self._map,
             "file": self._file,
             "recording": self._recording,
+            "limit": self._limit,
+            "detector": self._detector,
+            "judge": self._judge,
+            "judge shown": self._judge_shown,
             "measured": self._measured,
             "ahead": self._one_ahead,
         }
@@ -263,6 +276,54 @@ class TaskHandler:
         movements = [measured_record(mark, item) for mark, item in marks.items()]
         content = Reply.of({"lines": lines, "movements": movements}).content
         return Reply(content, kept=tuple((m, measured_to_bytes(item)) for m, item in marks.items()))
+
+    def _limit(self, task: Task, _question: Question) -> Reply:
+        """Read a map of `turnout limit`."""
+        from turnout.web.netcdf import limit_record
+
+        return Reply.of(limit_record(Path(task.options["path"])))
+
+    def _detector(self, task: Task, _question: Question) -> Reply:
+        """Read a detector file."""
+        from turnout.web.detecting import described_detector, read_detector
+
+        path = Path(task.options["path"])
+        mark = f"detector-{secrets.token_hex(8)}"
+        found = self._detectors.put(mark, read_detector(path))
+        content = Reply.of(described_detector(found, mark)).content
+        return Reply(content, kept=((mark, path.read_bytes()),))
+
+    def _detector_of(self, mark: str) -> "Detector":
+        """Return a detector by its mark."""
+        found = self._detectors.get(mark)
+        if found is None and mark in self._restored:
+            from turnout.web.detecting import read_detector
+
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / "kept.detector"
+                path.write_bytes(self._restored[mark])
+                found = self._detectors.put(mark, read_detector(path))
+        if found is None:
+            message = "this detector is no longer loaded; send its file again"
+            raise UnknownMarkError(mark, message)
+        return found
+
+    def _judge(self, task: Task, _question: Question) -> Reply:
+        """Judge the throws of a file."""
+        from turnout.web.detecting import judged_record, sent_throws
+
+        detector = self._detector_of(task.options["detector"])
+        path = Path(task.options["path"])
+        throws = sent_throws(path, task.options["map"], self._opening.folder)
+        return Reply.of(judged_record(detector, throws))
+
+    def _judge_shown(self, task: Task, question: Question) -> Reply:
+        """Judge the throw that the page shows."""
+        from turnout.web.detecting import judged_record, run_throws
+
+        detector = self._detector_of(task.options["detector"])
+        _, dataset = self._thrown(read_request(RunRequest, task.content), question)
+        return Reply.of(judged_record(detector, run_throws(dataset)))
 
     def _measured(self, task: Task, question: Question) -> Reply:
         """Return a measured movement on the time of a run."""

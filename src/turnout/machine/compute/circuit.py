@@ -10,6 +10,7 @@ import math
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute.clutch import update_clutch
+from turnout.machine.compute.induction import drop_fluxes
 from turnout.machine.compute.machine_step import SECOND, accept_step, span_of, take_step
 from turnout.machine.compute.places import (
     ARMATURE_OPEN,
@@ -61,6 +62,7 @@ from turnout.machine.compute.places import (
     LOCK_ALLOWED,
     LOCK_GAP,
     LOCKED,
+    LONGEST_STEP,
     LOSS_TORQUE,
     NEXT_COMMAND,
     NOT_CONVERGED,
@@ -80,6 +82,7 @@ from turnout.machine.compute.places import (
     SPEED,
     STILL_TORQUE,
     SUPPLIED,
+    THREE_PHASE,
     TIME_OUT,
     TWIST,
     VOLTAGE,
@@ -117,7 +120,7 @@ def switch_on(constants: Floats, state: Floats, time: float, direction: float) -
         state[SUPPLIED] = 0.0
         return
     state[ARMATURE_OPEN] = 0.0
-    reversed_voltage = direction < 0.0 and constants[SERIES] == 0.0
+    reversed_voltage = direction < 0.0 and constants[SERIES] + constants[THREE_PHASE] == 0.0
     state[SUPPLIED] = -constants[VOLTAGE] if reversed_voltage else constants[VOLTAGE]
     state[CIRCUIT_RESISTANCE] = constants[RESISTANCE] + constants[LINE_RESISTANCE]
 
@@ -137,6 +140,8 @@ def switch_off(constants: Floats, state: Floats) -> None:
         state[ENERGIES + SNUB] += coil
         state[ENERGIES + INTO_STORES] -= coil
         state[CURRENT] = 0.0
+        if constants[THREE_PHASE] > 0.0:
+            drop_fluxes(constants, state)
 
 
 @compiled_part
@@ -411,7 +416,8 @@ def advance(
         if left <= INSTANT:
             return CONVERGED
         pieces += 1
-        h = _piece(constants, rail, table, state, (time, left), work, log)
+        most = min(left, constants[LONGEST_STEP])
+        h = _piece(constants, rail, table, state, (time, most), work, log)
         if h <= 0.0 or pieces > 1 << HALVINGS:
             return NOT_CONVERGED
         time = min(end, instant) if h == left else time + h

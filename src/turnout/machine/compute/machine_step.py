@@ -9,8 +9,14 @@ import math
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
+from turnout.machine.compute.induction import (
+    add_electrical_energy,
+    field_energy,
+    stored_in_stage,
+)
 from turnout.machine.compute.motor import net_voltage
 from turnout.machine.compute.places import (
+    ARMATURE_OPEN,
     BED_REST,
     BED_STIFFNESS,
     BRUSH,
@@ -77,6 +83,7 @@ from turnout.machine.compute.places import (
     STOP_STIFFNESS,
     SUPPLIED,
     SUPPLY,
+    THREE_PHASE,
     TWIST,
 )
 from turnout.machine.compute.rail import bed_force, rod_position
@@ -199,7 +206,11 @@ def _add_motor_energy(
 ) -> None:
     i, w1 = stage[CURRENT], stage[SPEED]
     heat = weight * i * i
-    if state[ENERGISED] > 0.0:
+    if constants[THREE_PHASE] > 0.0:
+        if state[ARMATURE_OPEN] == 0.0:
+            add_electrical_energy(constants, state, stage, weight)
+        heat, i = 0.0, 0.0
+    elif state[ENERGISED] > 0.0:
         taken = state[SUPPLIED] - net_voltage(state)
         state[ENERGIES + SUPPLY] += weight * (state[SUPPLIED] * i + constants[FIELD_POWER])
         state[ENERGIES + FIELD] += weight * constants[FIELD_POWER]
@@ -241,6 +252,8 @@ def _add_stored_energy(
     """Add what the stages put into springs, masses and the coil, and what the rail takes."""
     g, weight = lengths
     into = constants[INDUCTANCE] * stage[CURRENT] * (stage[CURRENT] - before[CURRENT])
+    if constants[THREE_PHASE] > 0.0:
+        into += stored_in_stage(constants, stage, before)
     into += constants[MOTOR_INERTIA] * stage[SPEED] * (stage[SPEED] - before[SPEED])
     into += constants[GEAR_INERTIA] * stage[GEAR_SPEED] * (stage[GEAR_SPEED] - before[GEAR_SPEED])
     into += constants[CLUTCH_STIFFNESS] * stage[TWIST] * (stage[TWIST] - before[TWIST])
@@ -265,6 +278,8 @@ def stored_energy(constants: Floats, rail: Floats, state: Floats) -> float:
     energy += constants[MOTOR_INERTIA] * state[SPEED] ** 2
     energy += constants[GEAR_INERTIA] * state[GEAR_SPEED] ** 2
     energy += constants[CLUTCH_STIFFNESS] * state[TWIST] ** 2
+    if constants[THREE_PHASE] > 0.0:
+        energy += 2.0 * field_energy(constants, state)
     if rail[ONE_MASS] > 0.0:
         y = state[RAIL_POSITION]
         energy += rail[RAIL_MASS] * state[RAIL_SPEED] ** 2

@@ -14,6 +14,7 @@ import math
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
+from turnout.machine.compute.induction import induction_torque
 from turnout.machine.compute.places import (
     ARMATURE_OPEN,
     BRUSH_DROP,
@@ -35,12 +36,15 @@ from turnout.machine.compute.places import (
     SPEED,
     STILL_TORQUE,
     SUPPLIED,
+    THREE_PHASE,
     TWIST,
 )
 
 ITERATIONS = 60
 ROUNDING = 4e-14
 """Residual, as a share of the sum of its terms, that counts as zero."""
+UNSOLVED = 1e-9
+"""The same where a bracket has closed without a solution."""
 
 
 @compiled_part
@@ -51,7 +55,7 @@ def net_voltage(state: Floats) -> float:
 
 @compiled_part
 def motor_torque(
-    constants: Floats, state: Floats, g: float, current: float, w1: float
+    constants: Floats, state: Floats, g: float, base: Floats, w1: float
 ) -> tuple[float, float, float]:
     """Return current, torque and slope of the torque at a motor speed.
 
@@ -61,8 +65,8 @@ def motor_torque(
         Rows of the machine; of the state only the circuit is read.
     g : float
         Length of the stage [s].
-    current : float
-        What the earlier stages leave of the current, i* [A].
+    base : ndarray
+        What the earlier stages leave: of the current i* [A], or of the fluxes.
     w1 : float
         [rad/s].
 
@@ -70,11 +74,14 @@ def motor_torque(
     -----
     L (i - i*)/g + R i + u_b + e = U with u_b in V_b Sgn(i); R includes what a brush of poor contact
     adds. A permanent magnet has e = k w1, T = k i; a series motor p = K i/(1 + |i|/i_s),
-    e = d p w1, T = d p i, and a quadratic for |i| with exactly one positive root. The torque never
-    rises with w1.
+    e = d p w1, T = d p i, and a quadratic for |i| with exactly one positive root. Their torque
+    never rises with w1; that of an induction motor does below breakdown, by far less than J_1/g.
     """
     if state[ARMATURE_OPEN] > 0.0:
         return 0.0, 0.0, 0.0
+    if constants[THREE_PHASE] > 0.0:
+        return induction_torque(constants, state, g, base, w1)
+    current = base[CURRENT]
     k, drop = constants[MOTOR_CONSTANT], constants[BRUSH_DROP]
     r = constants[INDUCTANCE] / g + state[CIRCUIT_RESISTANCE] + state[BRUSH_RESISTANCE]
     q = net_voltage(state) + constants[INDUCTANCE] / g * current
@@ -126,7 +133,7 @@ def _residual(
     w2: float,
 ) -> tuple[float, float, float, float, float, float]:
     """Return residual, slope and scale at w1 without t_0; clutch torque, its slope and current."""
-    i, torque, torque_slope = motor_torque(constants, state, g, base[CURRENT], w1)
+    i, torque, torque_slope = motor_torque(constants, state, g, base, w1)
     clutch, clutch_slope = clutch_torque(constants, state, g, base[TWIST], w1 - w2)
     inertia = constants[MOTOR_INERTIA] / g
     gain = constants[HAND_GAIN] * state[HAND_ON]
@@ -195,6 +202,8 @@ def motor_side(
             if not settled:
                 w1 = new
                 continue
+            if constants[THREE_PHASE] > 0.0 and not abs(f) <= UNSOLVED * (scale + still):
+                break  # torque rises faster than the inertia's J1/g: the step is too long
         if checked or w1 * sign >= 0.0:
             return w1, i, clutch, -clutch_slope * (1.0 - clutch_slope / slope)
         # the guess had the wrong sign: the motor stands, or turns the other way

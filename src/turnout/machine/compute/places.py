@@ -53,13 +53,23 @@ the closing direction. Flags are 0.0 or 1.0.
     HAND_SPEED,  # [rad/s]
     HAND_RAMP,  # [s]
     HAND_STAYS,  # 1: the hand does not let go at the limit contact
+    THREE_PHASE,  # 1: induction motor, with the constants below
+    STEADY_CIRCUIT,  # 1: its fluxes follow at once
+    PHASE_VOLTAGE,  # peak, line to neutral [V]
+    SUPPLY_SPEED,  # 2 pi f [rad/s]
+    POLE_PAIRS,
+    ROTOR_RESISTANCE,  # R_r, seen from the stator [ohm]; the stator's is RESISTANCE
+    STATOR_INDUCTANCE,  # L_s [H]
+    LEAKAGE_INDUCTANCE,  # L_l, all on the rotor's side [H]
+    IRON_CONDUCTANCE,  # 1/R_fe across the terminals [1/ohm]
+    LONGEST_STEP,  # of the machine within a step of the rails [s]
     DRY_RATIO,  # of the gear's efficiency where it is dry to that where it is not; 1: nowhere dry
     DRY_FROM,  # rod positions between which it is dry [m]
     DRY_TO,
     CONTACT_LOSS,  # share of each turn of the motor in which a brush has poor contact
     CONTACT_RESISTANCE,  # added there [ohm]
     CONSTANTS,
-) = range(53)
+) = range(63)
 
 
 (SCREW, CRANK, TABLE) = range(3)
@@ -88,7 +98,7 @@ the closing direction. Flags are 0.0 or 1.0.
 
 # --- state -------------------------------------------------------------------------------------
 (
-    CURRENT,  # [A]
+    CURRENT,  # of the motor; of an induction motor that of the line, rms [A]
     SPEED,  # of the motor, w1 [rad/s]
     TWIST,  # of the clutch, a [rad]
     GEAR_SPEED,  # w2 [rad/s]
@@ -96,6 +106,10 @@ the closing direction. Flags are 0.0 or 1.0.
     RAIL_POSITION,  # y [m]
     RAIL_SPEED,  # [m/s]
     RAIL_TWIST,  # displacement of the elastic-plastic friction, b [m]
+    STATOR_FLUX,  # of an induction motor, along the supply's voltage [V s]
+    STATOR_FLUX_ACROSS,  # a quarter of a turn ahead of it
+    ROTOR_FLUX,
+    ROTOR_FLUX_ACROSS,
     SLIP,  # of the clutch, th1 - th2 - a [rad]
     ROD_POSITION,  # x [m]
     ROD_FORCE,  # [N]
@@ -123,9 +137,9 @@ the closing direction. Flags are 0.0 or 1.0.
     GEAR_RATIO,  # DRY_RATIO where the gear is dry, else 1
     BRUSH_RESISTANCE,  # CONTACT_RESISTANCE while a brush has poor contact, else 0 [ohm]
     ENERGIES,  # the first of the sums below
-) = range(35)
+) = range(39)
 
-INTEGRATED = 8
+INTEGRATED = 12
 """So many states, from the first on, obey differential equations."""
 
 # --- sums of power times step by the scheme's own weights [J] -----------------------------------
@@ -135,7 +149,7 @@ INTEGRATED = 8
     LINE,
     BRUSH,
     SNUB,
-    FIELD,
+    FIELD,  # separate field winding, or the iron of an induction motor
     MOTOR_FRICTION,
     MOTOR_DRAG_HEAT,
     GEAR,

@@ -16,8 +16,10 @@ import math
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
+from turnout.machine.compute.induction import fill_fluxes
 from turnout.machine.compute.motor import ITERATIONS, ROUNDING, motor_side
 from turnout.machine.compute.places import (
+    ARMATURE_OPEN,
     CLUTCH_STIFFNESS,
     CONVERGED,
     CURRENT,
@@ -37,6 +39,7 @@ from turnout.machine.compute.places import (
     ROD_FORCE,
     ROD_POSITION,
     SPEED,
+    THREE_PHASE,
     TWIST,
 )
 from turnout.machine.compute.rail import friction_twist, rail_side, rod_position
@@ -52,7 +55,9 @@ def load_factor(constants: Floats, state: Floats, force: float, sign: float) -> 
 
 @compiled_part
 def _fill(
+    constants: Floats,
     rail: Floats,
+    state: Floats,
     g: float,
     base: Floats,
     stage: Floats,
@@ -64,6 +69,8 @@ def _fill(
     stage[GEAR_ANGLE] = base[GEAR_ANGLE] + g * w2
     stage[ROD_POSITION], stage[ROD_FORCE] = x, force
     stage[RAIL_POSITION] = y
+    if constants[THREE_PHASE] > 0.0 and state[ARMATURE_OPEN] == 0.0:
+        fill_fluxes(constants, state, g, base, stage, w1)
     if rail[ONE_MASS] > 0.0:
         moved = y - base[RAIL_POSITION]
         stage[RAIL_SPEED] = moved / g
@@ -156,7 +163,7 @@ def solve_stage(
                 stands, w2 = True, 0.0
                 continue
         if settled:
-            _fill(rail, g, base, stage, (i, w1, w2, x, force, y))
+            _fill(constants, rail, state, g, base, stage, (i, w1, w2, x, force, y))
             stage[TWIST] = clutch / constants[CLUTCH_STIFFNESS]
             return CONVERGED
     return NOT_CONVERGED

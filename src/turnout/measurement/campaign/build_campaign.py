@@ -17,8 +17,8 @@ from turnout.core.moving_average import moving_average
 from turnout.core.provenance import provenance
 from turnout.errors import ListedError, MeasurementError, TurnoutError
 from turnout.measurement.campaign.campaign_folder import STORE, refuse_links_outside, refuse_outside
+from turnout.measurement.campaign.dead_rods import change_of_rods, without_dead_rods
 from turnout.measurement.campaign.find_throws import Detection
-from turnout.measurement.campaign.motion_signals import force_changes
 from turnout.measurement.campaign.recorded_throw import RecordedThrow, stored_throws
 from turnout.measurement.campaign.run_sheet import RunSheet, SheetRow, find_sheet, read_sheet
 from turnout.measurement.campaign.sheet_checks import (
@@ -28,8 +28,10 @@ from turnout.measurement.campaign.sheet_checks import (
     order_remarks,
     series_remarks,
     slip_remarks,
+    swap_remarks,
+    swapped_rods,
 )
-from turnout.measurement.chain.apply import load_channel_map, map_hash
+from turnout.measurement.chain.apply import load_channel_map, map_hash, stated_uncertainties
 from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.quality.channel_faults import MEASURED, Limits
 from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
@@ -232,7 +234,9 @@ def build_campaign(
         detection=detection,
         report=report,
     )
-    verdicts = _verdicts(sheet.runs, pieces, channel_map, limits=limits)
+    judged = _verdicts(sheet.runs, pieces, channel_map, limits=limits)
+    living = [without_dead_rods(*pair) for pair in zip(pieces, judged, strict=True)]
+    pieces, verdicts = [piece for piece, _ in living], [found for _, found in living]
     excluded = tuple(
         Excluded(run, _reasons(found))
         for run, found in zip(sheet.runs, verdicts, strict=True)
@@ -249,8 +253,9 @@ def build_campaign(
         if isinstance(piece, RecordedThrow) and isinstance(found, ThrowQuality) and found.usable
     ]
     slipped = _slipped([piece for _, piece, _ in usable])
-    remarks = [*extra_files(sheet, folder), *_remarks(usable, slipped)]
     dataset = _dataset(usable, slipped, sheet, channel_map, excluded) if usable else None
+    pair = json.loads(dataset.attrs.get("swapped", "[]")) if dataset is not None else []
+    remarks = [*swap_remarks(pair), *extra_files(sheet, folder), *_remarks(usable, slipped)]
     return BuiltCampaign(dataset, sheet, excluded, tuple(remarks), reused)
 
 
@@ -351,10 +356,7 @@ def _remarks(
     usable: Sequence[tuple[SheetRow, RecordedThrow, ThrowQuality]], slipped: Sequence[bool | None]
 ) -> list[str]:
     runs = [run for run, _, _ in usable]
-    forces = [
-        force_changes(piece.dataset["drive_force"].values, rate=piece.rate)
-        for _, piece, _ in usable
-    ]
+    forces = [change_of_rods(piece) for _, piece, _ in usable]
     said: dict[str, list[SheetRow]] = {}
     for run, piece, verdict in usable:
         for text in (*piece.notes, *verdict.remarks):
@@ -397,4 +399,12 @@ def _dataset(
         "filter": "moving average over 0.1 s",
         "excluded": json.dumps(out),
     }
+    stated = stated_uncertainties(channel_map)
+    if stated:
+        attributes["gain_uncertainty"] = json.dumps(stated)
+    if channel_map.recorded_average is not None:
+        attributes["recorded_average"] = float(channel_map.recorded_average)
+    pair = swapped_rods(dataset)
+    if pair:
+        attributes["swapped"] = json.dumps(pair)
     return dataset.assign_attrs(attributes)

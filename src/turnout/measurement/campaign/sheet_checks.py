@@ -6,6 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.problems import nearest
@@ -17,6 +18,9 @@ from turnout.measurement.formats.file_format import FORMATS
 # A rod force saturates where it grew by the first share of its largest value over a series of
 # objects, and by less than the second from the second largest object to the largest [-].
 GROWN, LEVEL = 0.2, 0.02
+# How much more one rod must rise than any other, by how much on average [N], and in how many
+# movements with an object at a drive.
+SWAPPED, LEAST_RISE, LEAST_VOTES = 1.5, 50.0, 2
 NOT_RECORDINGS = {*SHEETS, "channels.toml", "truth.nc", "campaign.nc"}
 
 
@@ -168,6 +172,83 @@ def _saturates(series: Sequence[tuple[float, NDArray[np.float64]]]) -> bool:
     rows = np.abs(np.stack([force for _, force in sorted(series, key=lambda item: item[0])]))
     grown = rows[-2] - rows[0] > GROWN * rows[-1]
     return bool((grown & (rows[-1] - rows[-2] < LEVEL * rows[-1])).any())
+
+
+def swapped_rods(dataset: xr.Dataset) -> tuple[str, str] | None:
+    """Return two drives whose rods have changed places: the force rises at the wrong one.
+
+    An object beside a drive loads its rod far more, and earlier, than any other. Where it is
+    another rod that rises above what it carries without an object, in every movement with an object
+    at a drive and in two at least, columns are exchanged.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Stacked movements: `drive_force` (movement, drive, time), time zero at the onset.
+
+    Returns
+    -------
+    tuple of str or None
+        The two drives, in the order of their names.
+    """
+    drives = [str(name) for name in dataset["drive"].values]
+    forces = dataset["drive_force"].transpose("movement", "drive", "time").values
+    forces = forces[:, :, dataset["time"].values >= 0.0]
+    sizes, places = dataset["size"].values, [str(place) for place in dataset["place"].values]
+    directions = dataset["direction"].values
+    votes = set()
+    count = 0
+    for number, place in enumerate(places):
+        name = place.removeprefix("drive ")
+        free = (sizes == 0) & (directions == directions[number])
+        if sizes[number] <= 0 or not place.startswith("drive ") or name not in drives:
+            continue
+        if not free.any():
+            continue
+        rise = _rises(forces[number], forces[free])
+        own, most = drives.index(name), int(np.argmax(rise))
+        if rise[most] > max(SWAPPED * np.delete(rise, most).max(initial=0.0), LEAST_RISE):
+            votes.add(tuple(sorted((drives[own], drives[most]))))
+            count += 1
+    if count < LEAST_VOTES or len(votes) != 1:
+        return None
+    one, other = votes.pop()
+    return (one, other) if one != other else None
+
+
+def _rises(forces: NDArray[np.float64], free: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return by how much each rod carries more than without an object, as a mean over time [N].
+
+    Parameters
+    ----------
+    forces : ndarray, shape (n_drives, n)
+        Of one movement [N].
+    free : ndarray, shape (n_free, n_drives, n)
+        Of movements without an object in its direction [N].
+    """
+    with np.errstate(invalid="ignore"):
+        more = np.abs(forces) - np.abs(free).mean(axis=0)
+    known = np.isfinite(more)
+    total = np.where(known & (more > 0.0), more, 0.0).sum(axis=1)
+    return np.asarray(total / np.maximum(known.sum(axis=1), 1))
+
+
+def swap_remarks(pair: Sequence[str] | None) -> list[str]:
+    """Return a remark on rods that have changed places.
+
+    Examples
+    --------
+    >>> swap_remarks(("1", "2"))[0].split(":")[0]
+    'swapped channels of drive_force 1 and 2'
+    """
+    if not pair:
+        return []
+    one, other = pair
+    return [
+        f"swapped channels of drive_force {one} and {other}: with an object at a drive the force "
+        "of the other one rises; exchange their columns in the channel map, or the places in the "
+        "run sheet"
+    ]
 
 
 def slip_remarks(runs: Sequence[SheetRow], slipped: Sequence[bool | None]) -> list[str]:

@@ -201,7 +201,34 @@ def raw_from_physical(dataset: xr.Dataset, channel_map: ChannelMap) -> Recording
 
 def map_hash(channel_map: ChannelMap) -> str:
     """Hash what a channel map says, whatever its file looks like."""
-    return content_hash(_plain(channel_map.model_dump()))
+    return content_hash(_plain(_without_new(channel_map.model_dump())))
+
+
+# Keys that came later: a map without them keeps its hash, so that nothing is read again.
+_LATER = ("gain_uncertainty", "recorded_average")
+
+
+def _without_new(value: Any) -> Any:
+    """Return nested data without later keys that are not stated."""
+    if not isinstance(value, dict):
+        return value
+    kept = {key: item for key, item in value.items() if item is not None or key not in _LATER}
+    return {key: _without_new(item) for key, item in kept.items()}
+
+
+def stated_uncertainties(channel_map: ChannelMap) -> dict[str, float]:
+    """Return the uncertainty of the sensitivity of each force channel that states one [-].
+
+    Examples
+    --------
+    >>> stated_uncertainties(load_channel_map("two-rods"))
+    {}
+    """
+    return {
+        key: float(sensor.gain_uncertainty)
+        for key, dimension, sensor in sensors(channel_map)
+        if dimension is FORCE and sensor.gain_uncertainty is not None
+    }
 
 
 def _open(name_or_path: Path | str) -> TomlFile:

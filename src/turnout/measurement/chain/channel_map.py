@@ -150,6 +150,13 @@ class SensorRecord(Record):
     offset: RawValue | None = Field(None, description="reading at no load, in a unit of the column")
     tare: Rest | None = Field(None, description="rest whose mean is taken off as zero")
     optional: bool = Field(False, description="whether recordings may lack the column: NaN then")
+    gain_uncertainty: float | None = Field(
+        None,
+        ge=0,
+        lt=0.5,
+        description="standard uncertainty of the sensitivity, default 0.01; known loads or a shunt "
+        "narrow it [-]",
+    )
 
 
 class Amplified(SensorRecord):
@@ -236,6 +243,9 @@ class ChannelMap(Record):
     title: str = Field("", description="what was measured with it")
     rate: Frequency | None = Field(
         None, gt=0, description="sample rate of the dataset [Hz]; default the highest of a column"
+    )
+    recorded_average: Time | None = Field(
+        None, gt=0, le=2, description="the recorder averages over this time before each sample [s]"
     )
     drive_force: dict[str, AnySensor] = Field({}, description="by the name of the drive")
     drive_current: dict[str, AnySensor] = Field({}, description="by the name of the drive")

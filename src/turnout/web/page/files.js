@@ -90,10 +90,13 @@ function useObject() {
   settled();
 }
 
+// The channel map for recordings: its text, or the name of one that the server knows.
+export const chosenMap = () => (byId("map").value === "sent" ? mapText : byId("map").value);
+
 async function sendRecording() {
   const file = byId("recording").files[0];
   if (!file) return;
-  const map = byId("map").value === "sent" ? mapText : byId("map").value;
+  const map = chosenMap();
   const { lines, movements } = await send("/api/recording", file, { map });
   notes(lines);
   listMovements(file.name, movements);

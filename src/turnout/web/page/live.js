@@ -50,7 +50,7 @@ async function requestThrow(preview, since = null) {
     if (mine < shown) return;
     shown = mine;
     stale(true);
-    note(state.answer ? "not up to date: the previous throw" : "");
+    note(state.answer ? "not up to date" : "");
     message(error.message);
   } finally {
     clearTimeout(slow);

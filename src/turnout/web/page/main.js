@@ -1,11 +1,13 @@
 // Assembles the page.
 import { panelOfAddress, startAddress, warnings } from "./address.js";
 import { startChannels } from "./channels.js";
-import { begin, showPanel, startFiles } from "./files.js";
+import { begin, chosenMap, showPanel, startFiles } from "./files.js";
 import { startCompare } from "./compare.js";
 import { startControls } from "./controls.js";
 import { startCurves } from "./curves.js";
 import { message, startLive } from "./live.js";
+import { startDetector, useMaps } from "./detector.js";
+import { startLimit } from "./limit.js";
 import { startMap } from "./map.js";
 import { drawPlan, startPlan } from "./plan.js";
 import { startPlayer } from "./player.js";
@@ -59,6 +61,9 @@ async function run() {
   startCurves();
   startCompare();
   startMap();
+  startLimit();
+  startDetector();
+  useMaps(chosenMap);
   on("answer", words);
   for (const what of ["answer", "frame", "theme", "view", "scale"]) on(what, showScene);
   startPlayer();

@@ -80,7 +80,7 @@ function cell(kind, text, size, place) {
 function table(found, chosen, wanted) {
   const head = document.createElement("tr");
   const title = (text) => Object.assign(document.createElement("th"), { scope: "col", textContent: text });
-  head.append(title("mm"), ...chosen.map((place) => title(place.name.replace("sleeper ", "").replace("drive ", "Drive ").replace("sensor ", ""))));
+  head.append(title("mm"), ...chosen.map((place) => title(place.name.replace("sleeper ", "").replace("drive ", "D").replace("sensor ", ""))));
   const rows = wanted.map((size, row) => {
     const line = document.createElement("tr"), name = document.createElement("th");
     name.scope = "row";

@@ -1,0 +1,239 @@
+"""The command `turnout panel match`: panels that meet facts, from ranges of what is not known."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from turnout.cli.json_output import JsonOption, print_json
+from turnout.cli.options import (
+    FIGURES,
+    INTERRUPTED,
+    FigureOption,
+    QuietOption,
+    check_outputs,
+    write_and_report,
+)
+
+if TYPE_CHECKING:
+    from turnout.matching.facts import Facts
+    from turnout.matching.match import Matching, MatchProgress
+    from turnout.matching.remaining import Gain, Range
+    from turnout.matching.survey import Survey
+
+SECONDS_BETWEEN_LINES = 10.0
+DRAWN = 8
+"""Parameters of the pair plot: those of which the facts leave least."""
+
+
+def match_command(
+    facts: Annotated[
+        str, typer.Argument(metavar="FACTS", help="Facts file (.toml), or paper-facts.")
+    ],
+    folder: Annotated[
+        Path,
+        typer.Option("--folder", metavar="DIR", help="Keeps the panels; run again to continue."),
+    ] = Path("matching"),
+    count: Annotated[
+        int, typer.Option("--count", metavar="N", min=10, help="Accepted panels wanted.")
+    ] = 200,
+    most: Annotated[
+        int, typer.Option("--most", metavar="N", min=100, help="Panels tried at most.")
+    ] = 4000,
+    choose: Annotated[
+        int, typer.Option("--choose", metavar="N", min=2, help="Panels written to --study.")
+    ] = 50,
+    study: Annotated[
+        Path | None,
+        typer.Option("--study", metavar="FILE.toml", help="Write panels far apart as a study."),
+    ] = None,
+    plot: FigureOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Collect panels whose throws meet facts, and rank what to measure next.
+
+    Ranges, facts and possible measurements are in FACTS. Panels are tried in waves, drawn where
+    emulators of the earlier ones leave facts possible.
+    """
+    check_outputs({"--study": study, "--plot": plot}, {"--study": (".toml",), "--plot": FIGURES})
+    from turnout.matching.facts import load_facts
+    from turnout.matching.match import match_panel
+    from turnout.matching.survey import survey
+
+    read = load_facts(facts)
+    log = _Log(quiet=quiet)
+    try:
+        found = match_panel(read, folder, count=count, most=most, report=log.tried)
+        shown = survey(read, found.points, folder, report=log.surveyed)
+    except KeyboardInterrupt:
+        text = "turnout: interrupted; run the same command to continue"
+        typer.echo(text, err=True)
+        raise typer.Exit(INTERRUPTED) from None
+    _write(read, found, shown, study=study, choose=choose, plot=plot, quiet=quiet or as_json)
+    if as_json:
+        written = [path for path in (study, plot) if path is not None]
+        print_json("panel match", match_record(found, shown), written=written)
+    elif not quiet:
+        for line in match_lines(found, shown):
+            typer.echo(line)
+
+
+class _Log:
+    """Says now and then on stderr how far a matching is."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._quiet = quiet
+        self._due = time.monotonic() + 2.0
+
+    def tried(self, state: "MatchProgress") -> None:
+        self._say(
+            f"wave {state.wave + 1}: {state.tried} panels tried, {state.accepted} of "
+            f"{state.wanted} accepted"
+        )
+
+    def surveyed(self, done: int, total: int) -> None:
+        self._say(f"measurements and answers: panel {done} of {total}")
+
+    def _say(self, text: str) -> None:
+        now = time.monotonic()
+        if not self._quiet and now >= self._due:
+            self._due = now + SECONDS_BETWEEN_LINES
+            typer.echo(f"turnout: {text}", err=True)
+
+
+def _write(
+    facts: "Facts",
+    found: "Matching",
+    shown: "Survey",
+    *,
+    study: Path | None,
+    choose: int,
+    plot: Path | None,
+    quiet: bool,
+) -> None:
+    from turnout.matching.propose import farthest_points
+
+    if study is not None and len(shown.points):
+        from turnout.matching.ensemble import study_text
+
+        chosen = shown.points[farthest_points(shown.points, choose)]
+        write_and_report(study, study_text(facts, chosen, name=study.stem), quiet=quiet)
+    if plot is not None and len(shown.points) > 2:
+        from turnout.matching.remaining import ranges
+        from turnout.plot.pairs import plot_pairs
+        from turnout.plot.style import rendered
+
+        left = [item.left for item in ranges(facts, shown.points)]
+        numbers = sorted(sorted(range(len(left)), key=left.__getitem__)[:DRAWN])
+        values, bounds = {}, {}
+        for number in numbers:
+            item = facts.parameters[number]
+            name, factor = _axis(item.name, item.unit)
+            values[name] = factor * item.value(shown.points[:, number])
+            bounds[name] = (factor * item.minimum, factor * item.maximum)
+        title = f"{facts.name}: {len(shown.points)} panels within the stated ranges"
+        figure = plot_pairs(values, bounds=bounds, title=title)
+        write_and_report(plot, rendered(figure, plot.suffix), quiet=quiet)
+
+
+def _axis(name: str, unit: str) -> tuple[str, float]:
+    """Return the label of an axis, and the factor from SI to its unit."""
+    usual = {"m": ("mm", 1e3), "N": ("kN", 1e-3), "N/m": ("kN/m", 1e-3)}
+    shown, factor = usual.get(unit, (unit, 1.0))
+    return (f"{name} [{shown}]" if shown else name), factor
+
+
+def match_record(found: "Matching", shown: "Survey") -> dict[str, object]:
+    """Return a matching for `--json`, in SI."""
+    from turnout.matching.remaining import answer_rows, combinations, gains, ranges
+
+    facts, points = found.facts, shown.points
+    known = len(points) > 2
+    return {
+        "facts": facts.name,
+        "panel": facts.panel.name,
+        "panel_hash": facts.panel.hash,
+        "tried": len(found.tried),
+        "accepted": len(points),
+        "throws": sum(item.throws for item in found.tried) + shown.throws,
+        "processor_time": sum(item.seconds for item in found.tried),
+        "waves": waves(found),
+        "ranges": ranges(facts, points) if known else [],
+        "combinations": combinations(facts, points) if known else [],
+        "measurements": gains(facts, points, shown.measured, shown.answers) if known else [],
+        "answers": answer_rows(facts.answers, shown.answers) if known else [],
+    }
+
+
+def waves(found: "Matching") -> list[dict[str, float]]:
+    """Return panels tried and accepted, and the share of the ranges left, wave by wave."""
+    rows = []
+    for wave in sorted({item.wave for item in found.tried}):
+        own = [item for item in found.tried if item.wave == wave]
+        rows.append(
+            {
+                "wave": wave + 1,
+                "tried": len(own),
+                "accepted": sum(item.accepted for item in own),
+                "share": own[0].share,
+            }
+        )
+    return rows
+
+
+def match_lines(found: "Matching", shown: "Survey") -> list[str]:
+    """Return a matching as lines for the screen."""
+    from turnout.matching.remaining import (
+        FEWEST,
+        answer_rows,
+        combinations,
+        fixed_direction,
+        gains,
+        ranges,
+    )
+
+    facts, points = found.facts, shown.points
+    throws = sum(item.throws for item in found.tried) + shown.throws
+    minutes = sum(item.seconds for item in found.tried) / 60.0
+    lines = [
+        f"{len(points)} of {len(found.tried)} panels meet all {len(facts.facts)} facts "
+        f"({throws} throws, {minutes:.0f} min of processor time)"
+    ]
+    if len(points) < FEWEST:
+        return [*lines, f"too few to describe; at least {FEWEST} are needed"]
+    lines += ["", f"{'parameter':<26}{'stated':>22}{'5 ... 95 % accepted':>26}{'left':>7}"]
+    lines += [_range_line(item) for item in ranges(facts, points)]
+    pairs = combinations(facts, points)
+    lines += ["", "strongly correlated (rank):" if pairs else "no pair is strongly correlated"]
+    lines += [f"  {item.first} and {item.second}: {item.correlation:+.2f}" for item in pairs]
+    fixed = ", ".join(f"{share:+.2f} {name}" for share, name in fixed_direction(facts, points))
+    lines += ["", f"fixed most, in shares of the ranges: {fixed}"]
+    if facts.measurements:
+        lines += ["", f"{'further measurement':<44}{'precision':>12}{'panels left':>13}"]
+        ranked = gains(facts, points, shown.measured, shown.answers)
+        lines += [_gain_line(item) for item in ranked]
+    if facts.answers:
+        lines += ["", f"{'answer':<52}{'5 %':>10}{'50 %':>10}{'95 %':>10}"]
+        lines += [_answer_line(row) for row in answer_rows(facts.answers, shown.answers)]
+    return lines
+
+
+def _range_line(item: "Range") -> str:
+    label, factor = _axis("", item.unit)
+    stated = f"{factor * item.minimum:.4g} ... {factor * item.maximum:.4g}"
+    accepted = f"{factor * item.low:.4g} ... {factor * item.high:.4g}{label.replace(' ', ' ')}"
+    return f"{item.name:<26}{stated:>22}{accepted:>26}{100 * item.left:>6.0f} %"
+
+
+def _gain_line(item: "Gain") -> str:
+    label, factor = _axis("", item.unit)
+    precision = f"{factor * item.precision:.3g}{label}"
+    return f"{item.name:<44}{precision:>12}{100 * item.left:>11.0f} %"
+
+
+def _answer_line(row: "dict[str, float | str]") -> str:
+    label, factor = _axis(str(row["name"]), str(row["unit"]))
+    cells = "".join(f"{factor * float(row[name]):>10.3g}" for name in ("low", "median", "high"))
+    return f"{label:<52}{cells}"

@@ -1,0 +1,212 @@
+"""The limit for many panels: bands of a90 over plausible panels, or over the closing over-travel.
+
+Each panel has a folder of its own, in which its throws are kept; a run that was stopped goes on.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.detection.conditions import Conditions
+from turnout.detection.drive_quantities import FORCE
+from turnout.detection.limit import limit_map
+from turnout.detection.throws import (
+    QUICK_SOUND,
+    QUICK_STEPS,
+    Report,
+    closing_time,
+    throw_all,
+)
+from turnout.errors import StudyError
+from turnout.panel.load import LoadedPanel, load_panel
+from turnout.study.load_study import load_study
+
+Floats = NDArray[np.float64]
+
+OVER_TRAVELS = (0.0, 1e-3, 2e-3, 3e-3, 4e-3, 5e-3)
+"""Middles of the closing over-travel of all drives [m]."""
+SHARES = (0.05, 0.5, 0.95)
+UNITS = {
+    "a90": ("m", "smallest size from which nine of ten objects are detected"),
+    "touch_floor": ("m", "size that is touched in nine of ten states"),
+    "a90_band": ("m", "size that a share of the panels stays below; NaN beyond what was thrown"),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """One of the panels.
+
+    Attributes
+    ----------
+    name : str
+        Of its folder and in the result.
+    panel : LoadedPanel or None
+        None for that of the reference case.
+    over_travel : float or None
+        Middle of the closing over-travel of its drives; None leaves that of the population [m].
+    """
+
+    name: str
+    panel: LoadedPanel | None
+    over_travel: float | None = None
+
+
+def panels_of(source: str, *, most: int | None = None) -> list[Member]:
+    """Return the panels of a folder of panel files, or those that a study makes.
+
+    Parameters
+    ----------
+    source : str
+        A folder; a study of the library; or a study file, whose scenarios each change its panel.
+    most : int, optional
+        The first ones.
+
+    Raises
+    ------
+    StudyError
+        When there is none.
+    """
+    folder = Path(source)
+    if folder.is_dir():
+        found = [
+            Member(name=file.stem, panel=load_panel(str(file)))
+            for file in sorted(folder.glob("*.toml"))
+        ]
+    else:
+        study = load_study(source)
+        count = study.count if most is None else min(most, study.count)
+        found = [
+            Member(name=f"panel-{number}", panel=study.panel.with_overrides(scenario.overrides))
+            for number, scenario in ((n, study.scenario(n)) for n in range(count))
+        ]
+    if not found:
+        message = "holds no panel file (.toml)"
+        raise StudyError([message], source=source)
+    return found if most is None else found[:most]
+
+
+def over_travels(panel: LoadedPanel | None) -> list[Member]:
+    """Return a panel with its closing over-travel at 0 to 5 mm.
+
+    Examples
+    --------
+    >>> [member.name for member in over_travels(None)][:2]
+    ['over-travel-0', 'over-travel-1']
+    """
+    return [
+        Member(name=f"over-travel-{1e3 * value:g}", panel=panel, over_travel=value)
+        for value in OVER_TRAVELS
+    ]
+
+
+def limit_bands(
+    members: Sequence[Member],
+    folder: Path,
+    conditions: Conditions,
+    *,
+    states: int,
+    sound: int = QUICK_SOUND,
+    steps: Sequence[float] = QUICK_STEPS,
+    channels: str = FORCE,
+    workers: int = 1,
+    report: Callable[[str, str], Report] | None = None,
+) -> xr.Dataset:
+    """Return a90 at each place for each panel, and its bands.
+
+    Parameters
+    ----------
+    members : sequence of Member
+        From `panels_of` or `over_travels`.
+    folder : Path
+        Holds a folder for each.
+    conditions : Conditions
+        Discrepancy, noise, history, rate of false alarms.
+    states, sound : int
+        States with objects and sound throws of each panel.
+    steps : sequence of float
+        Sizes thrown at a place beyond its touch floor [m].
+    channels : str
+        What is evaluated.
+    workers : int
+        Processes.
+    report : callable, optional
+        Given the name of a panel and that of a sweep, returns what watches it.
+
+    Returns
+    -------
+    xarray.Dataset
+        `a90` and `touch_floor` over panel and place, `a90_band` over share and place.
+    """
+    maps = []
+    for member in members:
+        throws = throw_all(
+            member.panel, folder / member.name,
+            sound=max(sound, states), states=states, channels=channels, steps=steps,
+            over_travel=member.over_travel, workers=workers,
+            report=None if report is None else _named(report, member.name),
+        )  # fmt: skip
+        maps.append(limit_map(throws, conditions, closing=closing_time(member.panel)))
+    return bands_of([member.name for member in members], maps)
+
+
+def _named(report: Callable[[str, str], Report], panel: str) -> Callable[[str], Report]:
+    return lambda sweep: report(panel, sweep)
+
+
+def bands_of(names: Sequence[str], maps: Sequence[xr.Dataset]) -> xr.Dataset:
+    """Put maps of panels side by side, at the places that all of them have.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the panels.
+    maps : sequence of xarray.Dataset
+        From `limit_map`.
+    """
+    common = [
+        name
+        for name in maps[0]["place"].to_numpy().tolist()
+        if all(name in item["place"] for item in maps)
+    ]
+    if not common:
+        message = "the panels have no place of the same name: nothing can be compared"
+        raise StudyError([message], source="limit")
+    at = [item.sel(channel="both drives", place=common) for item in maps]
+    a90 = np.array([item["a90"].to_numpy() for item in at])
+    filled = np.where(np.isfinite(a90), a90, np.inf)
+    band = np.quantile(filled, SHARES, axis=0, method="nearest")
+    found = xr.Dataset(
+        {
+            "a90": (("panel", "place"), a90),
+            "touch_floor": (
+                ("panel", "place"), np.array([item["touch_floor"].to_numpy() for item in at])
+            ),
+            "a90_band": (("share", "place"), np.where(np.isfinite(band), band, np.nan)),
+        },
+        {
+            "panel": list(names), "place": common, "share": list(SHARES),
+            "x": ("place", at[0]["x"].data),
+        },
+        {**maps[0].attrs, "kind": "limit bands"},
+    )  # fmt: skip
+    for name, (units, text) in UNITS.items():
+        found[name].attrs |= {"units": units, "long_name": text}
+    return found
+
+
+def band_rows(dataset: xr.Dataset) -> list[dict[str, float | str | None]]:
+    """Return the bands place by place [m]; None beyond what was thrown."""
+    rows: list[dict[str, float | str | None]] = []
+    for place in dataset["place"].to_numpy().tolist():
+        at = dataset.sel(place=place)
+        row: dict[str, float | str | None] = {"place": str(place)}
+        for name, share in zip(("a90_low", "a90_middle", "a90_high"), SHARES, strict=True):
+            value = float(at["a90_band"].sel(share=share))
+            row[name] = value if np.isfinite(value) else None
+        rows.append(row)
+    return rows

@@ -1,0 +1,168 @@
+"""Judge throws with a detector that the page has sent: verdicts, expected bands, places, trends."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from turnout.detection.detector import Detector
+from turnout.detection.reading import read_table, throws_of_dataset
+from turnout.detection.recorded import Recorded
+from turnout.detection.switch_history import predict
+from turnout.detection.throw_verdict import CANNOT, Verdict
+from turnout.detection.trends import staying_causes
+from turnout.errors import FileError
+from turnout.measurement.chain.apply import apply_chain
+from turnout.measurement.formats.history import is_history, read_history
+from turnout.plot.detection import trend_sheet
+from turnout.plot.sheet import Line, Row, Sheet, sheet_record
+from turnout.web.measured import channel_map_of, sent_recording
+from turnout.web.netcdf import sent_dataset
+
+MOST_THROWS = 200
+KILO = 1e3
+DEVIATIONS = 1.96
+"""Of a normal distribution, half of the interval that holds 95 %."""
+SAFETY = "Advisory: replaces neither lock nor end-position sensors."
+
+
+def read_detector(path: Path) -> Detector:
+    """Read a detector file; messages name it as the user does."""
+    try:
+        return Detector.load(path)
+    except FileError as error:
+        raise FileError(str(error).replace(str(path), path.name)) from None
+
+
+def described_detector(detector: Detector, mark: str) -> dict[str, Any]:
+    """Return what the page shows of a detector."""
+    known = detector.knowledge
+    return {
+        "mark": mark,
+        "panel": str(known.about.get("panel", "")),
+        "throws": detector.known.throws,
+        "drives": list(known.layout.drives),
+        "places": list(known.places),
+        "safety": SAFETY,
+    }
+
+
+def sent_throws(path: Path, chosen: str, folder: Path | None) -> list[Recorded]:
+    """Return the throws of a file that the page sent.
+
+    Parameters
+    ----------
+    path : Path
+        A table with a row a throw, a CSV file of this page, a dataset (.nc), or a recording.
+    chosen : str
+        Channel map of a recording: its text, the name of a library map, or "campaign".
+    folder : Path, optional
+        Of the studio's campaign.
+    """
+    try:
+        if path.suffix == ".nc":
+            return throws_of_dataset(sent_dataset(path), name=path.name)
+        if is_history(path):
+            return throws_of_dataset(read_history(path), name=path.name)
+        if not chosen and path.suffix == ".csv":
+            return read_table(path)
+    except FileError as error:
+        raise FileError(str(error).replace(str(path), path.name)) from None
+    if not chosen:
+        message = f"{path.name}: choose its channel map under 'Measured throw', then send it again"
+        raise FileError(message)
+    recording, _ = sent_recording(path)
+    dataset = apply_chain(recording, channel_map_of(chosen, folder))
+    return throws_of_dataset(dataset, name=path.name)
+
+
+def run_throws(dataset: xr.Dataset) -> list[Recorded]:
+    """Return the throw that the page shows."""
+    return throws_of_dataset(dataset, name="the throw shown")
+
+
+def judged_record(detector: Detector, throws: Sequence[Recorded]) -> dict[str, Any]:
+    """Return verdicts, each with the throw in its expected band, and trends, as plain data."""
+    if len(throws) > MOST_THROWS:
+        message = f"{len(throws)} throws: at most {MOST_THROWS}; use `turnout detect run` for more"
+        raise FileError(message)
+    verdicts = [detector.judge(throw) for throw in throws]
+    rows = [asdict(item) for item in verdicts]
+    trends = trend_sheet(rows) if len(verdicts) > 1 else None
+    staying = [
+        f"{name} stays since {rows[since]['name']} (cumulated log odds {total:.1f})"
+        for name, (since, total) in staying_causes(rows).items()
+    ]
+    return {
+        "verdicts": [
+            _verdict_record(detector, verdict)
+            | {"band": sheet_record(band) if (band := _band(detector, throw, verdict)) else None}
+            for throw, verdict in zip(throws, verdicts, strict=True)
+        ],
+        "trends": sheet_record(trends) if trends else None,
+        "staying": staying,
+        "history": detector.known.throws,
+        "safety": SAFETY,
+    }
+
+
+def _verdict_record(detector: Detector, verdict: Verdict) -> dict[str, Any]:
+    x_of = detector.knowledge.setting.places
+    record: dict[str, Any] = _plain(asdict(verdict))
+    shares = verdict.places
+    record["lines"] = verdict.lines()
+    record["blade"] = [
+        {"name": name, "x": float(x_of[name]), "value": float(shares.get(name, 0.0))}
+        for name in detector.knowledge.places
+    ]
+    return record
+
+
+def _band(detector: Detector, throw: Recorded, verdict: Verdict) -> Sheet | None:
+    """Return a throw in the band of 95 % of sound throws of this switch at its friction level."""
+    if verdict.status == CANNOT:
+        return None
+    _, features = detector.features(throw)
+    known = detector.knowledge
+    model, layout = known.model, known.layout
+    number = int(np.argmin(np.abs(model.level - verdict.friction)))
+    mean, covariance = predict(model, known.errors(), detector.known, number)
+    mean = mean + model.slope[number] * (verdict.friction - model.level[number])
+    mean, half = mean[: layout.size], DEVIATIONS * np.sqrt(np.diag(covariance)[: layout.size])
+    seen = np.isfinite(features) & np.isin(
+        np.arange(layout.size), detector.view(verdict.part).features
+    )
+    rows = []
+    for row, drive in enumerate(layout.drives):
+        own = np.flatnonzero((layout.drive == row) & seen)
+        time = layout.time[own]
+        curves = (
+            ("low", mean[own] - half[own]),
+            ("high", mean[own] + half[own]),
+            ("expected", mean[own]),
+            ("this throw", features[own]),
+        )
+        lines = tuple(Line(label=text, x=time, y=values / KILO) for text, values in curves)
+        rows.append(Row(f"Drive {drive}\nforce [kN]", lines))
+    return Sheet(
+        name="band",
+        title="",
+        caption="",
+        x_label="Time on the schedule of the panel [s]",
+        rows=tuple(rows),
+    )
+
+
+def _plain(value: Any) -> Any:
+    """Return plain data fit for JSON: None for what is no finite number."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value.item() if isinstance(value, np.generic) else value

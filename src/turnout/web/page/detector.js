@@ -1,0 +1,133 @@
+// Verdicts of a detector: where, how large, what else; the throw in its expected band; trends.
+import { post, send } from "./api.js";
+import { drawBlade } from "./blade.js";
+import { message } from "./live.js";
+import { on, state } from "./state.js";
+import { isOpen } from "./tabs.js";
+
+const byId = (id) => document.getElementById(id);
+const styleOf = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const LEVELS = { sound: "good", object: "bad" };
+const MILLI = 1000;
+let detector = null, judged = null;
+
+async function guarded(work) {
+  try {
+    message("");
+    await work();
+  } catch (error) {
+    message(error.message);
+  }
+}
+
+async function readDetector() {
+  const file = byId("detector-file").files[0];
+  if (!file) return;
+  detector = await send("/api/detector", file);
+  byId("detector-state").textContent = `${file.name}: for ${detector.panel || "a panel"}, ${detector.throws} sound throws of this switch known. ${detector.safety}`;
+  for (const id of ["judge-file", "judge-shown"]) byId(id).disabled = false;
+}
+
+function show(found) {
+  judged = found;
+  byId("judged").hidden = false;
+  byId("judged-throw").replaceChildren(...found.verdicts.map((item, number) => new Option(`${item.name}: ${item.status}`, number)));
+  const first = found.verdicts.findIndex((item) => item.status !== "sound");
+  byId("judged-throw").value = String(Math.max(first, 0));
+  draw();
+}
+
+const millimetres = (value) => (value === null ? "?" : (MILLI * value).toFixed(1));
+
+function gaps(verdict) {
+  const row = (cells, tag) => {
+    const made = document.createElement("tr");
+    made.append(...cells.map((text) => Object.assign(document.createElement(tag), { textContent: text })));
+    return made;
+  };
+  const rows = verdict.gaps.map((gap) => {
+    const above = gap.called ?? gap.above > 0.5, made = row([gap.name, `${millimetres(gap.middle)} mm`, `${millimetres(gap.low)} to ${millimetres(gap.high)}`, `${millimetres(gap.limit)} mm`, above ? "above" : "below"], "td");
+    made.className = above ? "over" : "";
+    return made;
+  });
+  byId("judged-gaps").replaceChildren(...(rows.length ? [row(["Virtual sensor", "Gap", "95 % interval [mm]", "Limit", ""], "th"), ...rows] : []));
+}
+
+const suffix = (number) => (number ? number + 1 : "");
+
+function layoutOf(sheet, { together }) {
+  const size = parseFloat(getComputedStyle(document.documentElement).fontSize), ink = styleOf("--ink"), grid = styleOf("--grid");
+  const layout = { paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: ink, size: 0.8 * size, family: "system-ui, DejaVu Sans, sans-serif" }, margin: { l: 4.6 * size, r: size, t: 0.6 * size, b: 2.6 * size }, hovermode: "x", legend: { orientation: "h", y: 1.16 }, shapes: [], showlegend: true };
+  const count = sheet.rows.length, gap = 0.09;
+  sheet.rows.forEach((row, number) => {
+    const s = suffix(number), high = (1 - gap * (count - 1)) / count, top = 1 - number * (high + gap), last = number === count - 1;
+    layout[`xaxis${s}`] = { anchor: `y${s}`, matches: number ? "x" : undefined, gridcolor: grid, zeroline: false, showticklabels: last, title: last ? { text: sheet.x_label, standoff: 2 } : undefined };
+    if (together) Object.assign(layout[`xaxis${s}`], { dtick: sheet.rows[0].lines[0].x.length < 20 ? 1 : undefined });
+    layout[`yaxis${s}`] = { anchor: `x${s}`, domain: [Math.max(top - high, 0), top], gridcolor: grid, zerolinecolor: grid, title: { text: row.label.replaceAll("\n", "<br>"), standoff: 3 } };
+    for (const level of row.levels) layout.shapes.push({ type: "line", xref: `x${s} domain`, yref: `y${s}`, x0: 0, x1: 1, y0: level.at, y1: level.at, line: { color: styleOf("--bad"), width: 1, dash: "dash" } });
+  });
+  return layout;
+}
+
+const COLOURS = ["--accent", "--bad", "--on", "--missed", "--soft", "--ink"];
+
+function band(sheet) {
+  const looks = {
+    low: { line: { width: 0 }, showlegend: false, hoverinfo: "skip" },
+    high: { line: { width: 0 }, fill: "tonexty", fillcolor: "rgba(120,130,145,.3)", name: "95 % of sound throws of this switch" },
+    expected: { line: { color: styleOf("--soft"), width: 1, dash: "dash" } },
+    "this throw": { line: { color: styleOf("--bad"), width: 1.8 } },
+  };
+  const traces = sheet.rows.flatMap((row, number) => row.lines.map((line) => ({
+    type: "scatter", mode: "lines", name: line.label, x: line.x, y: line.y, xaxis: `x${suffix(number)}`, yaxis: `y${suffix(number)}`, ...looks[line.label], ...(number ? { showlegend: false } : {}),
+  })));
+  Plotly.react(byId("judged-band"), traces, layoutOf(sheet, { together: false }), { responsive: false, displaylogo: false, displayModeBar: false });
+}
+
+function trends() {
+  const { trends: sheet, staying } = judged;
+  byId("trend-box").hidden = !sheet;
+  if (!sheet) return;
+  byId("judged-staying").textContent = staying.length ? `${staying.join("; ")}.` : "No cause stays over these throws.";
+  let order = 0;
+  const traces = sheet.rows.flatMap((row, number) => row.lines.map((line) => {
+    const colour = styleOf(COLOURS[order++ % COLOURS.length]);
+    return { type: "scatter", mode: "lines+markers", name: line.label, x: line.x, y: line.y, xaxis: `x${suffix(number)}`, yaxis: `y${suffix(number)}`, line: { color: colour, width: 1.3, dash: ["solid", "dash", "dot", "dashdot"][number] }, marker: { color: colour, size: 5 } };
+  }));
+  Plotly.react(byId("judged-trends"), traces, layoutOf(sheet, { together: true }), { responsive: false, displaylogo: false, displayModeBar: false });
+}
+
+function draw() {
+  if (!judged || !isOpen("detector")) return;
+  const verdict = judged.verdicts[Number(byId("judged-throw").value)] ?? judged.verdicts[0];
+  const [head, ...rest] = verdict.lines;
+  byId("judged-verdict").dataset.level = LEVELS[verdict.status] ?? "look";
+  const strong = document.createElement("strong");
+  strong.textContent = `${verdict.name}: ${verdict.status}`;
+  byId("judged-head").replaceChildren(strong, head.startsWith(strong.textContent) ? head.slice(strong.textContent.length) : ` ${head}`);
+  byId("judged-lines").textContent = rest.map((line) => line.trim()).join(" \u00b7 ");
+  const known = verdict.status === "object";
+  byId("judged-blade").toggleAttribute("hidden", !known);
+  if (known) drawBlade(byId("judged-blade"), [...verdict.blade].sort((a, b) => a.x - b.x).map((place) => ({ ...place, text: place.value ? place.value.toFixed(2) : "", look: place.value ? "missed" : "" })));
+  gaps(verdict);
+  byId("judged-band").hidden = !verdict.band;
+  if (verdict.band) band(verdict.band);
+  trends();
+}
+
+export function startDetector() {
+  byId("detector-file").addEventListener("change", () => guarded(readDetector));
+  byId("judge-file").addEventListener("change", () => guarded(async () => {
+    const file = byId("judge-file").files[0];
+    if (file) show(await send("/api/judge", file, { detector: detector.mark, map: chosenMap() }));
+  }));
+  byId("judge-shown").addEventListener("click", () => guarded(async () => {
+    if (state.request) show(await post(`/api/judge/${detector.mark}`, { ...state.request, preview: false }));
+  }));
+  byId("judged-throw").addEventListener("change", draw);
+  for (const what of ["view", "theme"]) on(what, draw);
+  new ResizeObserver(draw).observe(byId("view-detector"));
+}
+
+let chosenMap = () => "";
+export const useMaps = (choose) => { chosenMap = choose; };

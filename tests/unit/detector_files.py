@@ -1,0 +1,74 @@
+"""Files that the studio's views of detection are tried with: small, made within seconds."""
+
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from tests.unit.detector_toy import toy_set, toy_setting, toy_throw
+
+from turnout.detection.detector import Detector
+from turnout.detection.train_detector import knowledge_of_sets
+from turnout.response.store import save_response
+from turnout.schema.channels import SCHEMA_VERSION
+
+
+def detector_file(folder: Path) -> Path:
+    """Write a detector of the switch of formulas, trained on few throws."""
+    sets = {
+        "sound": toy_set(420),
+        "object": toy_set(260, kind="object"),
+        "dry chairs": toy_set(40, kind="dry chairs"),
+        "adjustment": toy_set(40, kind="adjustment"),
+        "history": toy_set(36, seed=9, sound_seed=9, repeats=12),
+    }
+    known = knowledge_of_sets(sets, toy_setting(), draws=2, history_draws=1, histories=(8,))
+    path = folder / "toy.detector"
+    Detector(known).save(path)
+    return path
+
+
+def table_file(folder: Path, sizes: list[float]) -> Path:
+    """Write a table with a row a throw, of these object sizes [m]; 0 for none."""
+    lines = ["throw,rate [Hz],start [s],force 1 [N],force 2 [N]"]
+    for seed, size in enumerate(sizes):
+        rows = toy_throw(seed=seed, size=size).force
+        cells = [" ".join(f"{value:.1f}" for value in row) for row in rows]
+        lines.append(f"t{seed},125,-4.4,{cells[0]},{cells[1]}")
+    path = folder / "throws.csv"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+def limit_file(folder: Path) -> Path:
+    """Write a map as `turnout limit` does: detection rises within 2 mm about a size."""
+    sizes = np.linspace(0.5e-3, 30e-3, 60)
+    middle = np.array([2e-3, 5e-3, 11e-3, 4e-3])
+    pod = np.clip(0.5 + (sizes - middle[:, np.newaxis]) / 2e-3, 0.0, 1.0)
+    places = ["drive 1", "sleeper 3", "sleeper 6", "drive 2"]
+    one = ("channel", "place")
+    dataset = xr.Dataset(
+        {
+            "pod": ((*one, "size"), np.stack([pod, 0.5 * pod])),
+            "a90": (one, np.stack([middle + 0.8e-3, np.full(4, np.nan)])),
+            "a90_low": (one, np.stack([middle, np.full(4, np.nan)])),
+            "a90_high": (one, np.stack([middle + 1e-3, np.full(4, np.nan)])),
+            "touch_floor": (("place",), np.array([0.5e-3, 2e-3, 6e-3, 1e-3])),
+            "largest_size": (("place",), np.array([30e-3, 30e-3, 30e-3, 20e-3])),
+        },
+        {
+            "channel": ["both drives", "drive 1"],
+            "place": places,
+            "x": (("place",), [0.3, 1.8, 3.6, 6.9]),
+            "size": sizes,
+        },
+        {
+            "schema_version": SCHEMA_VERSION,
+            "discrepancy": 0.05,
+            "false_alarm_rate": 1e-3,
+            "history": 0,
+            "states": 50,
+        },
+    )
+    path = folder / "limit.nc"
+    save_response(dataset, path)
+    return path

@@ -1,0 +1,102 @@
+"""Causes of a misfit: each tested by one more parameter, the decisive one fitted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, response
+
+from turnout.calibration.candidate_causes import SOFT_SHARE, candidate_causes, soft_bushing
+from turnout.calibration.causes import own_levels, with_causes
+from turnout.calibration.fit import fit
+from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.predict import predicted
+from turnout.calibration.stages import default_plan
+from turnout.panel.load import load_panel
+
+
+def averaged(*, stated: float = 0.0) -> list[MeasuredMovement]:
+    """Movements of a recorder that averages over 0.3 s, which the map states or not."""
+    made = []
+    for number in range(6):
+        rng = np.random.default_rng(number)
+        item = movement(f"m{number}", rng=rng)
+        signal = item.signals[0]
+        late = replace(item, average=0.3, clocked=True)
+        clean = predicted(response(TRUE), late, signal, np.arange(signal.time.size))
+        values = clean + 2.0 * rng.standard_normal(clean.size)
+        made.append(replace(late, average=stated, signals=(replace(signal, values=values),)))
+    return made
+
+
+def test_a_recorder_that_averages_is_found_and_freed_of() -> None:
+    panel = load_panel("sb1")
+    whole = misfit(averaged())
+    found = fit(whole, PARAMETERS, TRUE)
+    again, (cause, *_) = with_causes(found, whole, panel)
+    assert cause.name == "recorder filter"
+    assert cause.fitted
+    assert cause.gain > 100.0
+    assert cause.size == pytest.approx(0.3, abs=0.02)
+    assert 'recorded_average = "0.' in cause.text
+    assert again.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
+
+
+def test_an_average_that_the_map_states_is_no_cause() -> None:
+    whole = misfit(averaged(stated=0.3))
+    found = fit(whole, PARAMETERS, TRUE)
+    assert found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
+    assert with_causes(found, whole, load_panel("sb1"))[1] == ()
+
+
+def test_a_soft_bushing_has_its_stiffness_beyond_its_travel() -> None:
+    panel = load_panel("sb1")
+    made = soft_bushing(panel, "2", {}, travel=2e-3)
+    table = panel.with_overrides(made).drive["2"]
+    extension, force = (np.array(made[f"drive.2.{key}"]) for key in ("extension", "force"))
+    np.testing.assert_allclose(extension, -extension[::-1])
+    np.testing.assert_allclose(force, -force[::-1])
+    slopes = np.diff(force) / np.diff(extension)
+    assert slopes[2] == pytest.approx(SOFT_SHARE * 810e3)
+    assert slopes[3] == pytest.approx(810e3)
+    assert slopes[4] == pytest.approx(1e4, rel=1e-3)
+    assert table.force is not None
+    assert soft_bushing(panel, "2", {}, travel=0.0) == {}
+
+
+def test_every_cause_is_one_that_the_panel_can_be_thrown_with() -> None:
+    panel = load_panel("sb1")
+    parameters = default_plan(panel).parameters
+    names = [item.name for item in candidate_causes(panel, parameters)]
+    assert names.count("bushing shape") == 3
+    assert names.count("clutch") == 2
+    assert {"recorder filter", "sections", "friction by chair"} < set(names)
+    values = {item.name: item.start for item in parameters}
+    for cause in candidate_causes(panel, parameters):
+        for size in cause.tries:
+            assert cause.text(size)
+            if cause.law is not None and cause.parameter is not None:
+                panel.with_overrides(cause.law({**values, cause.parameter.name: size}))
+
+
+def test_friction_by_chair_keeps_its_mean() -> None:
+    panel = load_panel("sb1")
+    parameters = default_plan(panel).parameters
+    cause = next(c for c in candidate_causes(panel, parameters) if c.name == "friction by chair")
+    assert cause.law is not None
+    assert cause.parameter is not None
+    made = cause.law({"chair.friction_coefficient": 0.4, cause.parameter.name: 0.5})
+    friction = np.array(list(made.values()), dtype=np.float64)
+    assert friction.mean() == pytest.approx(0.4)
+    assert np.ptp(friction) == pytest.approx(0.4)
+
+
+def test_movements_that_do_not_slip_keep_the_common_level() -> None:
+    whole = misfit([movement("m", rng=np.random.default_rng(0))])
+    found = fit(whole, PARAMETERS, TRUE)
+    high = replace(found, values={**found.values, "drive.1.saturation_force": 20e3})
+    assert own_levels(high, "1")["drive.1.saturation_force"] == (0.0,)
+    level = float(np.abs(found.local.simulated[0].drive_force["1"]).max())
+    lower = replace(found, values={**found.values, "drive.1.saturation_force": level})
+    (share,) = own_levels(lower, "1")["drive.1.saturation_force"]
+    assert share == pytest.approx(0.0, abs=2e-3)

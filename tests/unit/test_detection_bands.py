@@ -1,0 +1,77 @@
+"""The limit for many panels."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.unit.detection_throws import toy_throws
+from typer.testing import CliRunner
+
+from turnout.cli.main import app
+from turnout.detection import limit_bands as bands
+from turnout.detection.limit import limit_map
+from turnout.detection.reference import Conditions, reference_study
+from turnout.errors import StudyError
+from turnout.panel.load import library_text
+from turnout.plot.limit import plot_bands
+
+CLOSING = 0.8
+
+
+def test_the_over_travel_moves_its_population_and_nothing_else() -> None:
+    usual, moved = reference_study(count=40), reference_study(count=40, over_travel=0.5e-3)
+    name = "drive.1.over_travel_closed"
+    values = [moved.scenario(number).inputs[name] for number in range(40)]
+    assert min(values) >= 0.0
+    assert max(values) <= 1.5e-3
+    assert np.ptp(values) > 1e-3
+    first, other = usual.scenario(3).inputs, moved.scenario(3).inputs
+    changed = {key for key in first if first[key] != other[key]}
+    assert changed == {name, "drive.2.over_travel_closed"}
+
+
+def test_panels_come_from_a_folder_or_from_a_study(tmp_path: Path) -> None:
+    for name in ("b", "a"):
+        (tmp_path / f"{name}.toml").write_text(library_text("uic60-760-1-15"))
+    assert [item.name for item in bands.panels_of(str(tmp_path))] == ["a", "b"]
+    (tmp_path / "none").mkdir()
+    with pytest.raises(StudyError, match="holds no panel file"):
+        bands.panels_of(str(tmp_path / "none"))
+    found = bands.panels_of("switch-states", most=3)
+    assert len(found) == 3
+    assert len({item.panel.hash for item in found if item.panel is not None}) == 3
+
+
+def test_bands_hold_what_the_panels_give(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    made: list[Path] = []
+
+    def throw_all(_: object, folder: Path, **__: object) -> object:
+        made.append(folder)
+        given = toy_throws()
+        return replace(given, change=given.change * (1.0 + 0.2 * len(made)))
+
+    monkeypatch.setattr(bands, "throw_all", throw_all)
+    monkeypatch.setattr(bands, "closing_time", lambda _: CLOSING)
+    members = bands.over_travels(None)
+    found = bands.limit_bands(members, tmp_path, Conditions(), states=20)
+    assert made == [tmp_path / item.name for item in members]
+    given = toy_throws()
+    alone = limit_map(replace(given, change=1.2 * given.change), Conditions(), closing=CLOSING)
+    np.testing.assert_allclose(found["a90"][0], alone["a90"].sel(channel="both drives"))
+    assert np.all(np.diff(found["a90"], axis=0) <= 0.0)  # more force, less size
+    rows = bands.band_rows(found)
+    assert rows[0]["a90_low"] < rows[0]["a90_high"]  # type: ignore[operator]
+    assert found["a90_band"].attrs["units"] == "m"
+    ax = plot_bands(found).axes[0]
+    assert "over-travel-5" in [text.get_text() for text in ax.get_legend().get_texts()]
+    monkeypatch.setattr(bands, "limit_bands", lambda *_, **__: found)
+    line = ["limit", "--over-travel", "--folder", str(tmp_path / "kept")]
+    shown = CliRunner().invoke(app, [*line, "--plot", str(tmp_path / "bands.png")])
+    assert shown.exit_code == 0, shown.exception
+    assert "over 6 panels" in shown.output
+    record = json.loads(CliRunner().invoke(app, [*line, "--json"]).stdout)
+    assert record["bands"][0]["a90_middle"] == pytest.approx(rows[0]["a90_middle"])
+    refused = CliRunner().invoke(app, [*line, "--ends"])
+    assert "--ends: of one panel only" in str(refused.exception)

@@ -1,0 +1,235 @@
+"""History matching: emulators, regions, facts files, waves that resume, and what comes of them."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from turnout.cli.main import app
+from turnout.core.toml import parse_toml
+from turnout.errors import FileError, StudyError
+from turnout.matching import match
+from turnout.matching.ensemble import panels_of, study_text
+from turnout.matching.fact_emulator import Emulation, fit_emulator
+from turnout.matching.facts import Facts, Sum, facts_text, load_facts, read_facts
+from turnout.matching.match import MatchProgress, match_panel
+from turnout.matching.measures import MEASURES
+from turnout.matching.meet_facts import Thrower, evaluate, holds, panel_at
+from turnout.matching.propose import farthest_points, plausible_points
+from turnout.matching.remaining import gains, ranges
+from turnout.study.load_study import load_study
+
+TOY = """
+schema_version = 1
+name = "toy"
+panel = "sb1"
+seed = 4
+
+[[parameter]]
+name = "friction"
+keys = ["chair.friction_coefficient"]
+minimum = 0.1  # assumption: greased
+maximum = 0.6
+
+[[parameter]]
+name = "stiffness"
+keys = ["drive.1.stiffness"]
+minimum = "300 kN/m"  # assumption: soft
+maximum = "1200 kN/m"
+scale = "log"
+
+[[parameter]]
+name = "chairs"
+keys = ["chair.x"]
+apply = "add"
+minimum = "0 m"  # assumption: in place
+maximum = "1 mm"
+
+[[fact]]
+name = "effort"
+measure = "plateau force"
+of = "1"
+least = "600 N"
+most = "900 N"
+
+[[fact]]
+name = "slower"
+measure = "plateau force"
+of = "1"
+terms = [{}, { set = { "chair.friction_coefficient" = 0.0 }, factor = -1.0 }]
+least = "0 N"
+late = true
+
+[[measurement]]
+name = "friction itself"
+parameter = "friction"
+precision = 0.01  # assumption: tribometer
+
+[[measurement]]
+name = "end force"
+measure = "end force"
+of = "1"
+precision = "5 kN"  # assumption: a guess
+
+[[answer]]
+name = "end gap"
+measure = "end gap"
+of = "1"
+"""
+
+
+@pytest.fixture
+def toy(monkeypatch: pytest.MonkeyPatch) -> Facts:
+    monkeypatch.setattr(match, "FIRST_WAVE", 36)
+    monkeypatch.setattr(match, "WAVE", 8)
+    return read_facts(parse_toml(TOY, source="toy"))
+
+
+def test_an_emulator_recovers_a_quadratic() -> None:
+    rng = np.random.default_rng(1)
+    points = rng.random((60, 3))
+    z = 2.0 * points - 1.0
+    values = 3.0 + z[:, 0] - 2.0 * z[:, 1] * z[:, 2]
+    found = fit_emulator(points, values, rng=rng)
+    assert found.error < 0.02
+    assert found.explained > 0.999
+    fact = Sum(name="f", terms=(), unit="", least=2.0, most=4.0)
+    inside = Emulation.of([found], [fact]).implausibility(points) <= 0.0
+    assert (inside == ((values >= 2.0) & (values <= 4.0))).mean() > 0.95
+
+
+def test_plausible_points_fill_a_small_region_and_say_how_small() -> None:
+    """A corner of 0.05 by 0.05: 1/400 of the square."""
+    rng = np.random.default_rng(2)
+    points = rng.random((80, 2))
+    emulators = [fit_emulator(points, points[:, n], rng=rng) for n in range(2)]
+    facts = [Sum(name=str(n), terms=(), unit="", most=0.05) for n in range(2)]
+    emulation = Emulation.of(emulators, facts)
+    found, share = plausible_points(
+        emulation, 200, start=np.zeros((0, 2)), limit=0.0, rng=np.random.default_rng(3)
+    )
+    assert found.shape == (200, 2)
+    assert found.max() < 0.06
+    assert 0.015 < found.mean() < 0.035
+    assert share == pytest.approx(0.0025, rel=0.3)
+
+
+def test_farthest_points_spread() -> None:
+    line = np.linspace(0.0, 1.0, 11)[:, np.newaxis]
+    assert farthest_points(line, 3) == [5, 0, 10]
+
+
+def test_the_useful_measurement_comes_first(toy: Facts) -> None:
+    rng = np.random.default_rng(5)
+    points = rng.random((60, 3))
+    ranked = gains(
+        toy,
+        points,
+        measured=np.column_stack([points[:, 0], rng.random(60)]),
+        answers=points[:, :1],
+    )
+    assert [item.name for item in ranked] == ["friction itself", "end force"]
+    assert ranked[0].answers < 0.05
+    assert ranked[1].left > 0.99
+    assert ranked[1].parameters == pytest.approx(1.0, abs=1e-3)
+
+
+def test_ranges_in_the_scale_of_the_parameter(toy: Facts) -> None:
+    found = ranges(toy, np.array([[0.0, 0.5, 0.0], [1.0, 0.5, 1.0], [0.5, 0.5, 0.5]]))
+    assert found[0].median == pytest.approx(0.35)
+    assert found[1].median == pytest.approx(np.sqrt(300e3 * 1200e3))
+    assert found[1].left == pytest.approx(0.0, abs=1e-12)
+    assert found[0].origin == "assumption: greased"
+
+
+def test_a_matching_is_what_it_says_and_resumes_to_the_same(toy: Facts, tmp_path: Path) -> None:
+    whole = match_panel(toy, tmp_path / "whole", count=18, most=120)
+    assert len(whole.points) >= 18
+    for item in whole.tried:
+        if item.accepted:
+            assert 600.0 <= item.values[0] <= 900.0
+    assert evaluate(toy, whole.points[0]).accepted
+
+    def interrupt(state: MatchProgress) -> None:
+        if state.tried == 30:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        match_panel(toy, tmp_path / "cut", count=18, most=120, report=interrupt)
+    with (tmp_path / "cut" / match.TRIED).open("a") as file:
+        file.write('{"wave": 0, "sha')  # a line that was cut off
+    again = match_panel(toy, tmp_path / "cut", count=18, most=120)
+    assert [str(replace(item, seconds=0.0)) for item in again.tried] == [
+        str(replace(item, seconds=0.0)) for item in whole.tried
+    ]
+
+    other = replace(toy, seed=5)
+    with pytest.raises(FileError, match="other facts or ranges"):
+        match_panel(other, tmp_path / "whole", count=10)
+
+    path = tmp_path / "some.toml"
+    path.write_text(study_text(toy, whole.points[:3], name="some"), encoding="utf-8")
+    study = load_study(path)
+    assert study.count == 3
+    for panel, point in zip(panels_of(study), whole.points, strict=False):
+        made = panel_at(toy, point)
+        assert panel.drive["1"].stiffness == pytest.approx(made.drive["1"].stiffness, rel=1e-5)
+        assert panel.chair["3"].x == pytest.approx(made.chair["3"].x, rel=1e-5)
+
+
+WRONG = [
+    ('of = "1"\nleast', 'of = "7"\nleast', 'of = "7": is no drive'),
+    ('measure = "plateau force"', 'measure = "plateu"', "nearest is 'plateau force'"),
+    ('minimum = "300 kN/m"', "minimum = 300", "has no unit"),
+    ('keys = ["chair.x"]', 'keys = ["chair.y"]', '"chair.y"'),
+    ('least = "600 N"\nmost = "900 N"\n', "", "needs `least` or `most`"),
+    ('parameter = "friction"', 'parameter = "fiction"', "nearest is 'friction'"),
+    ('most = "900 N"', 'most = "900 N"\nobject = "13 mm@nowhere"', "nowhere"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "words"), WRONG, ids=[words for _, _, words in WRONG])
+def test_a_wrong_file_is_refused_with_the_place(old: str, new: str, words: str) -> None:
+    assert old in TOY
+    with pytest.raises(StudyError) as error:
+        read_facts(parse_toml(TOY.replace(old, new, 1), source="toy"))
+    assert words in str(error.value)
+
+
+def test_the_library_file_has_an_origin_for_every_range_and_fact() -> None:
+    facts = load_facts("paper-facts")
+    assert [item.name for item in facts.parameters if not item.origin] == []
+    named = [line for line in facts_text("paper-facts").splitlines() if line.startswith("name = ")]
+    assert len(named) > len(facts.facts) > 20
+
+
+def table_of_measures() -> str:
+    """What the page on plausible panels must hold, word for word."""
+    lines = ["| measure | of | unit | what it is |", "|---|---|---|---|"]
+    for name, item in MEASURES.items():
+        of = {"drive?": "drive, or the worst", "": "-"}.get(item.of, item.of)
+        lines.append(f"| `{name}` | {of} | {item.dimension.unit or '-'} | {item.meaning} |")
+    return "\n".join(lines)
+
+
+def test_the_page_holds_the_measures() -> None:
+    page = Path(__file__).parents[2] / "docs" / "plausible-panels.md"
+    assert table_of_measures() in page.read_text(encoding="utf-8")
+
+
+def test_the_panels_of_the_library_study_are_accepted_by_sweeps() -> None:
+    study = load_study("plausible-panels")
+    panels = panels_of(study)
+    assert len({panel.hash for panel in panels}) == study.count >= 20
+    facts = load_facts("paper-facts")
+    early = [fact for fact in facts.facts if not fact.late][:8]
+    thrower = Thrower(panels[0])
+    for fact in early:
+        assert holds(fact, thrower.sum(fact, among=tuple(early))), fact.name
+
+
+def test_the_command_refuses_a_facts_file_that_is_not_there(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["panel", "match", str(tmp_path / "none.toml")])
+    assert isinstance(done.exception, FileError)
