@@ -98,6 +98,11 @@ def test_what_looks_like_no_closing_is_refused_with_its_likeness() -> None:
     (verdict,) = detector.predict(rest)
     assert verdict.status == "cannot judge"
     assert "likeness to sound throws" in verdict.reason
+    small = recording(toy_throw())
+    small["drive_force"] = 0.1 * small["drive_force"]
+    (verdict,) = detector.predict(small)
+    assert verdict.status == "cannot judge"
+    assert "times the size of a sound one" in verdict.reason
     swapped = recording(toy_throw())
     swapped["drive_force"] = -swapped["drive_force"]
     assert [item.status for item in detector.predict(swapped)] == ["cannot judge"]

@@ -117,8 +117,8 @@ class MovementFinder:
             for number, part in enumerate(layout.parts)
         }
 
-    def movements(self, time: Floats, force: Floats) -> tuple[list[Match], dict[str, float]]:
-        """Return movements in the order of time, and the highest correlation of each kind.
+    def movements(self, time: Floats, force: Floats) -> tuple[list[Match], tuple[float, float]]:
+        """Return movements in the order of time, and likeness and size of the best closing.
 
         Parameters
         ----------
@@ -137,9 +137,9 @@ class MovementFinder:
         for part in self._layout.parts:
             starts = np.arange(long[0] - part.edges[0], long[-1] - part.edges[-1] + 1e-9, STEP)
             curves[part.name] = (starts, *self._likeness(part, starts, long, total))
-        best = {
-            name: float(likeness.max(initial=-1.0)) for name, (_, likeness, _) in curves.items()
-        }
+        _, likeness, size = curves[CLOSING]
+        most = int(likeness.argmax()) if likeness.size else -1
+        best = (float(likeness[most]), float(size[most])) if likeness.size else (0.0, 1.0)
         candidates = [
             match for part in self._layout.parts for match in _peaks(part, *curves[part.name])
         ]
@@ -256,10 +256,17 @@ def located(
     closings = [item for item in found if item.name == CLOSING]
     listed = recording.listed
     if not closings:
+        likeness, size = best
         reason = (
             "no closing movement was found in it: the likeness to sound throws is "
-            f"{max(best.get(CLOSING, 0.0), 0.0):.2f} at best, {LEAST_MATCH:g} is needed"
+            f"{max(likeness, 0.0):.2f} at best, {LEAST_MATCH:g} is needed"
         )
+        if likeness >= LEAST_MATCH:
+            low, high = AMPLITUDE
+            reason = (
+                "no closing movement was found in it: what looks most like one has "
+                f"{size:.2g} times the size of a sound one, {low:g} to {high:g} is needed"
+            )
         faults = [
             f"drive {name}: {fault}"
             for name, row in zip(layout.drives, rows, strict=True)
