@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from turnout.core.threads import one_blas_thread
 from turnout.detection.calibrating import throw_levels
+from turnout.detection.find_movements import MovementFinder, located
 from turnout.detection.judging import CYCLE, View, evidence_of, make_view
 from turnout.detection.knowledge import Knowledge, load, store
 from turnout.detection.recorded import (
@@ -75,15 +76,30 @@ class Detector:
             From `read_throws`; or a throw or a campaign in schema terms.
         """
         if isinstance(throws, Recorded):
-            return [self.judge(throws)]
-        if hasattr(throws, "data_vars"):
+            throws = [throws]
+        elif hasattr(throws, "data_vars"):
             from turnout.detection.reading import throws_of_dataset
 
-            return [self.judge(item) for item in throws_of_dataset(cast("xr.Dataset", throws))]
-        return [self.judge(item) for item in throws]
+            throws = throws_of_dataset(cast("xr.Dataset", throws))
+        return [self.judge(throw) for item in throws for throw in self.located(item)]
+
+    def located(self, recording: Recorded) -> list[Recorded]:
+        """Return the throws of a recording; where no channel marks them, they are found."""
+        layout = self.knowledge.layout
+        rising = bool(np.all(np.diff(recording.time) > 0.0))
+        if recording.marked or recording.fault or not rising:
+            return [replace(recording, marked=True)]
+        if any(name not in recording.drives for name in layout.drives):
+            return [replace(recording, marked=True)]
+        with one_blas_thread():
+            return located(recording, layout, MovementFinder(self.view(), layout), self._aligner)
 
     def judge(self, throw: Recorded) -> Verdict:
         """Judge one throw; one that cannot be judged says why."""
+        if not throw.marked:
+            throws = self.located(throw)
+            several = f"holds {len(throws)} throws; `predict` judges each"
+            throw = throws[0] if len(throws) == 1 else replace(throw, fault=several)
         fault = recording_fault(throw, self.knowledge.layout)
         if fault:
             return Verdict(name=throw.name, status=CANNOT, reason=fault, advice=ADVICE[CANNOT])
@@ -169,7 +185,7 @@ class Detector:
             On each throw, before any of them was learned.
         """
         found, rows = [], []
-        for throw in throws:
+        for throw in [one for item in throws for one in self.located(item)]:
             if recording_fault(throw, self.knowledge.layout):
                 found.append(self.judge(throw))
                 continue
@@ -218,7 +234,7 @@ class Detector:
         trapped : sequence of bool
             Whether there was an object.
         """
-        verdicts = self.predict(throws)
+        verdicts = [self.judge(throw) for throw in throws]
         judged = [
             (v.alarm, t) for v, t in zip(verdicts, trapped, strict=True) if v.status != CANNOT
         ]

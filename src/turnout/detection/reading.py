@@ -1,7 +1,8 @@
 """Throws from whatever holds them: campaign folders, recordings with a map, datasets, tables."""
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,11 @@ from numpy.typing import NDArray
 from turnout.detection.recorded import Recorded
 from turnout.detection.throw_layout import CLOSING, OPENING
 from turnout.errors import FileError, TurnoutError
-from turnout.measurement.campaign.build_campaign import BuiltCampaign, build_campaign
+from turnout.measurement.campaign.build_campaign import (
+    CHANNEL_FILE,
+    BuiltCampaign,
+    build_campaign,
+)
 from turnout.measurement.campaign.find_throws import FoundThrow, find_throws
 from turnout.measurement.chain.apply import apply_chain, load_channel_map
 from turnout.measurement.formats.file_format import read_recording
@@ -42,7 +47,7 @@ def read_throws(path: Path | str, *, channels: Path | str | None = None) -> list
     """
     place = Path(path)
     if place.is_dir():
-        return throws_of_campaign(build_campaign(place, channels=channels))
+        return _of_folder(place, channels)
     if channels is not None:
         dataset = apply_chain(read_recording(place), load_channel_map(channels))
         return throws_of_dataset(dataset, name=place.name)
@@ -54,6 +59,67 @@ def read_throws(path: Path | str, *, channels: Path | str | None = None) -> list
         return read_table(place)
     message = f"{place}: needs a channel map: --channels MAP.toml"
     raise FileError(message)
+
+
+def _of_folder(folder: Path, channels: Path | str | None) -> list[Recorded]:
+    """Return the closings of a campaign; of forces alone, each recording as a whole."""
+    campaign = build_campaign(folder, channels=channels)
+    found = {item.name: item for item in throws_of_campaign(campaign)}
+    chain = load_channel_map(channels if channels is not None else folder / CHANNEL_FILE)
+    if chain.drive_current:
+        return list(found.values())
+    reasons = {item.run.name: item.reasons for item in campaign.excluded}
+    throws: list[Recorded] = []
+    for file in dict.fromkeys(run.file for run in campaign.sheet.runs):
+        runs = [run for run in campaign.sheet.runs if run.file == file and run.direction == CLOSING]
+        if not runs:
+            continue
+        said = [reason for run in runs for reason in reasons.get(run.name, ())]
+        if not all(reason.startswith(OF_FINDING) for reason in said):
+            throws += [found[run.name] for run in runs]
+            continue
+        dataset = apply_chain(read_recording(folder / file), chain)
+        if any(reason.startswith(DEAD) for reason in said) and _rests(dataset):
+            throws += [found[run.name] for run in runs]
+            continue
+        whole = _unmarked(
+            dataset,
+            name=str(Path(file).with_suffix("")),
+            shown=[found[run.name].onsets for run in runs if not found[run.name].fault],
+        )
+        listed = {run.name: {"size": run.size, "place": run.place} for run in runs}
+        throws.append(replace(whole, listed=listed))
+    return throws
+
+
+DEAD = "dead channel"
+OF_FINDING = (
+    *("movement ", "truncated", "drift", "direction", "reversed polarity", "swapped channels"),
+    *("sampling rate: the throw begins", DEAD),
+)
+"""Reasons to leave a movement out that a wrong cut can make; the match checks these again."""
+LEAST_RANGE = 200.0
+"""Range of a drive force over a recording below which its channel is dead [N]."""
+
+
+def _rests(dataset: xr.Dataset) -> bool:
+    """Whether some drive force hardly changes over a whole recording."""
+    low, high = np.nanquantile(dataset["drive_force"].transpose("drive", "time"), [0.01, 0.99], 1)
+    return bool(np.any(high - low < LEAST_RANGE))
+
+
+def _unmarked(dataset: xr.Dataset, *, name: str, shown: Sequence[Mapping[str, float]]) -> Recorded:
+    """Return a whole recording whose throws the detector finds."""
+    whole = dataset.transpose(..., "drive", "time")
+    return Recorded(
+        name=name,
+        time=whole["time"].to_numpy().astype(np.float64),
+        force=whole["drive_force"].to_numpy().astype(np.float64),
+        drives=tuple(str(item) for item in whole["drive"].to_numpy()),
+        onsets=shown[0] if shown else {},
+        marked=False,
+        shown=tuple(shown),
+    )
 
 
 def throws_of_campaign(campaign: BuiltCampaign) -> list[Recorded]:
@@ -73,7 +139,11 @@ def _faulty(name: str, fault: str) -> Recorded:
 
 
 def throws_of_dataset(dataset: xr.Dataset, *, name: str = "throw") -> list[Recorded]:
-    """Return the throws of a dataset in schema terms, measured or simulated."""
+    """Return the throws of a dataset in schema terms, measured or simulated.
+
+    Where no current shows the movements, the one that is returned is the whole recording:
+    `Detector.predict` finds the throws in it.
+    """
     if "drive_force" not in dataset:
         return [_faulty(name, "no drive forces are recorded")]
     if "movement" in dataset.dims:
@@ -87,6 +157,14 @@ def throws_of_dataset(dataset: xr.Dataset, *, name: str = "throw") -> list[Recor
     force = whole["drive_force"].to_numpy().astype(np.float64)
     found = find_throws(whole)
     closings = [item for item in found if item.direction == CLOSING]
+    if _by_forces(whole, found):
+        shown = [
+            {CLOSING: item.onset}
+            | ({} if (before := _opening_before(found, item)) is None else {OPENING: before.onset})
+            for item in closings
+            if not item.cut_start
+        ]
+        return [_unmarked(whole, name=name, shown=shown)]
     if not closings:
         return [_faulty(name, "no closing movement was found in it")]
     throws = []
@@ -110,6 +188,13 @@ def throws_of_dataset(dataset: xr.Dataset, *, name: str = "throw") -> list[Recor
             )
         )
     return throws
+
+
+def _by_forces(dataset: xr.Dataset, found: tuple[FoundThrow, ...]) -> bool:
+    """Whether no channel but the forces shows when movements begin."""
+    if found:
+        return found[0].source == "force"
+    return "drive_current" not in dataset
 
 
 def _opening_before(found: tuple[FoundThrow, ...], closing: FoundThrow) -> FoundThrow | None:
@@ -225,5 +310,7 @@ def _of_row(row: dict[str, str], number: int, drives: tuple[str, ...]) -> Record
     try:
         (found,) = throws_of_dataset(dataset, name=name)
     except (TurnoutError, ValueError):
+        found = None
+    if found is None or len(found.shown) > 1:
         return _faulty(name, "holds several closings; one row is one throw")
     return found

@@ -54,6 +54,14 @@ class Recorded:
         Why it cannot be judged; empty otherwise.
     labels : mapping of str to object
         What is known besides, such as size and place of a test object.
+    marked : bool
+        Whether onsets come from a current, a run sheet or a table. Else this is a whole recording
+        of forces alone, which may hold several throws; the detector finds them by their likeness
+        to sound ones.
+    shown : sequence of mapping of str to float
+        Onsets of each closing, with its opening, that the forces of such a recording show [s].
+    listed : mapping of str to mapping
+        Names of the closings that a run sheet lists for it, in the order of time, with labels.
     """
 
     name: str
@@ -64,6 +72,9 @@ class Recorded:
     exact: bool = False
     fault: str = ""
     labels: Mapping[str, Any] = field(default_factory=dict)
+    marked: bool = True
+    shown: Sequence[Mapping[str, float]] = ()
+    listed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
 def recording_fault(throw: Recorded, layout: Layout) -> str:
@@ -114,7 +125,7 @@ def _channel_fault(throw: Recorded, row: int, layout: Layout) -> str:
         return f"{1.0 / np.median(steps):.0f} samples a second; {LEAST_RATE:.0f} are needed"
     if steps.max() > MOST_HOLES:
         return f"{steps.max():.2f} s without samples"
-    return _value_fault(force[inside])
+    return value_fault(force[inside])
 
 
 END_MISSING = 0.5
@@ -123,7 +134,8 @@ START_MISSING = 0.1
 """Of the rest before the onset, not needed: the first value counts for it [s]."""
 
 
-def _value_fault(values: Floats) -> str:
+def value_fault(values: Floats) -> str:
+    """Return what is wrong with the samples of a channel, shape (n,) [N]; empty if nothing is."""
     largest = float(np.abs(values).max())
     if largest > LARGEST_FORCE:
         return f"up to {largest:.3g} N; is the unit right?"
@@ -225,19 +237,24 @@ class Aligner:
 
     def align(self, throw: Recorded) -> dict[str, float]:
         """Return the onsets under which sound throws explain the early part best."""
-        found = {
-            name: onset
-            for name, onset in throw.onsets.items()
-            if name == CLOSING or (name == OPENING and self._part == CYCLE)
-        }
+        found = {name: throw.onsets[name] for name in self.names(throw)}
         for _ in range(2 if len(found) > 1 else 1):
             for name in found:
                 tried = [found | {name: throw.onsets[name] + shift} for shift in SHIFTS]
-                scores = self._scores(throw, tried) - 0.5 * (SHIFTS / ONSET_DEVIATION) ** 2
+                scores = self.scores(throw, tried) - 0.5 * (SHIFTS / ONSET_DEVIATION) ** 2
                 found[name] = throw.onsets[name] + _peak(SHIFTS, scores)
         return found
 
-    def _scores(self, throw: Recorded, tried: Sequence[Mapping[str, float]]) -> Floats:
+    def names(self, throw: Recorded) -> list[str]:
+        """Return the movements of a throw that are used."""
+        return [
+            name
+            for name in throw.onsets
+            if name == CLOSING or (name == OPENING and self._part == CYCLE)
+        ]
+
+    def scores(self, throw: Recorded, tried: Sequence[Mapping[str, float]]) -> Floats:
+        """Return how well sound throws explain the early part, a log likelihood for each try."""
         features = np.array(
             [features_of_recorded(throw, self._layout, item)[self._features] for item in tried]
         )
