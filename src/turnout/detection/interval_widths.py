@@ -176,7 +176,7 @@ def reach_of_call(
     --------
     >>> gaps = [(0, True, 0.01 * number) for number in range(100)]
     >>> round(reach_of_call(gaps, factors=[1.0], object_factors=[2.0], otherwise=0.0), 3)
-    0.49
+    0.485
     """
     if len(open_gaps) < LEAST_MISSES:
         return otherwise

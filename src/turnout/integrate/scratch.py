@@ -57,12 +57,14 @@ def acquire_buffer(count: int) -> Floats:
     return found
 
 
-def uninitialised_lines(*shape: int) -> Floats:
-    """Return an array from `acquire_buffer` that begins at a cache line; it may hold anything."""
+def zeroed_lines(*shape: int) -> Floats:
+    """Return an array of zeros from `acquire_buffer` that begins at a cache line."""
     count = int(np.prod(shape))
     memory = acquire_buffer(int(whole_lines(count)) + LANES)
     first = (-(memory.ctypes.data // 8)) % LANES
-    return memory[first : first + count].reshape(shape)
+    found = memory[first : first + count].reshape(shape)
+    found.fill(0.0)
+    return found
 
 
 def release_buffers() -> None:

@@ -114,8 +114,8 @@ def farthest_points(points: Floats, count: int) -> list[int]:
 
     Examples
     --------
-    >>> farthest_points(np.array([[0.5], [0.0], [1.0], [0.6]]), 3)
-    [0, 2, 1]
+    >>> farthest_points(np.array([[0.5], [0.0], [1.0], [0.6], [0.4]]), 3)
+    [0, 1, 2]
     """
     middle = np.median(points, axis=0)
     chosen = [int(np.argmin(np.linalg.norm(points - middle, axis=1)))]
