@@ -2,10 +2,23 @@
 
 from functools import cache
 from importlib import resources
+from pathlib import Path
 
 from turnout.core.problems import choices, nearest
 from turnout.core.toml import decode
 from turnout.errors import FileError
+
+
+def names_a_file(name_or_path: str | Path) -> bool:
+    """Return whether a file is meant: a path, or a text with ".toml" or a path separator.
+
+    Examples
+    --------
+    >>> names_a_file("sb1"), names_a_file("sb1.toml"), names_a_file(Path("sb1"))
+    (False, True, True)
+    """
+    text = str(name_or_path)
+    return isinstance(name_or_path, Path) or text.endswith(".toml") or "/" in text or "\\" in text
 
 
 @cache

@@ -14,7 +14,7 @@ from typing import Any, Self
 
 from pydantic import BaseModel, PrivateAttr, ValidationError
 
-from turnout.core.library import names_in_library, text_in_library
+from turnout.core.library import names_a_file, names_in_library, text_in_library
 from turnout.core.problems import choices, describe_error, nearest
 from turnout.core.quantity import unit_of
 from turnout.core.toml import Origin, TomlFile, parse_toml, read_toml
@@ -230,7 +230,7 @@ def load_machines(
 
 def _open(name_or_path: str | Path) -> TomlFile:
     name = str(name_or_path).strip()
-    if isinstance(name_or_path, Path) or name.endswith(".toml") or "/" in name or "\\" in name:
+    if isinstance(name_or_path, Path) or names_a_file(name):
         return read_toml(Path(name).expanduser())
     return parse_toml(machine_text(name), source=name)
 

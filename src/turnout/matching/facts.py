@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from turnout.core.json_files import to_plain
-from turnout.core.library import names_in_library, text_in_library
+from turnout.core.library import names_a_file, names_in_library, text_in_library
 from turnout.core.problems import choices, describe_error, nearest, show_value
 from turnout.core.provenance import content_hash
 from turnout.core.toml import TomlFile, parse_toml, read_toml
@@ -197,7 +197,7 @@ def load_facts(name_or_path: str | Path) -> Facts:
     'uic60-760-1-15'
     """
     name = str(name_or_path).strip()
-    if isinstance(name_or_path, Path) or name.endswith(".toml") or "/" in name or "\\" in name:
+    if isinstance(name_or_path, Path) or names_a_file(name):
         return read_facts(read_toml(Path(name)))
     return read_facts(parse_toml(facts_text(name), source=name))
 

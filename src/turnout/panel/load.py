@@ -12,7 +12,7 @@ from pydantic import PrivateAttr
 
 from turnout.core.files import user_path
 from turnout.core.html_table import html_table
-from turnout.core.library import names_in_library, text_in_library
+from turnout.core.library import names_a_file, names_in_library, text_in_library
 from turnout.core.problems import Problem, choices
 from turnout.core.provenance import content_hash
 from turnout.core.toml import Origin, TomlFile, parse_toml, read_toml
@@ -338,7 +338,7 @@ def panel_source(name_or_path: str | Path) -> str | Path:
         )
         raise FileError(message)
     name = name_or_path.strip()
-    if name.endswith(".toml") or "/" in name or "\\" in name:
+    if names_a_file(name):
         return user_path(name)
     return name
 

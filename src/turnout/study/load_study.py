@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from turnout.core.files import user_path
-from turnout.core.library import names_in_library, text_in_library
+from turnout.core.library import names_a_file, names_in_library, text_in_library
 from turnout.core.toml import TomlFile, parse_toml, read_toml
 from turnout.errors import PanelError
 from turnout.panel.load import LoadedPanel, load_panel
@@ -37,7 +37,7 @@ def study_text(name: str) -> str:
 def open_study(name_or_path: str | Path) -> TomlFile:
     """Read a study of the library by its name, or a study file by its path."""
     name = str(name_or_path).strip()
-    if isinstance(name_or_path, Path) or name.endswith(".toml") or "/" in name or "\\" in name:
+    if isinstance(name_or_path, Path) or names_a_file(name):
         return read_toml(user_path(name))
     return parse_toml(study_text(name), source=name)
 

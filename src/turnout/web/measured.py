@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from turnout.core.library import names_a_file
 from turnout.core.toml import parse_toml
 from turnout.errors import FileError
 from turnout.measurement.campaign.build_campaign import CHANNEL_FILE, BuiltCampaign
@@ -117,7 +118,7 @@ def channel_map_of(text: str, folder: Path | None) -> ChannelMap:
         return load_channel_map(folder / CHANNEL_FILE)
     if "\n" in text or "=" in text:
         return parse_channel_map(parse_toml(text, source="channel map"))
-    if text.endswith(".toml") or "/" in text or "\\" in text:
+    if names_a_file(text):
         message = (
             f"channel map '{text[:80]}': the page takes no files of this machine; send the map's "
             "text, or name one of the library"

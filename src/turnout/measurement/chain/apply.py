@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from turnout.core.files import require_regular_file, user_path
+from turnout.core.library import names_a_file
 from turnout.core.problems import choices, describe_error, nearest
 from turnout.core.provenance import content_hash, version
 from turnout.core.toml import TomlFile, decode, parse_toml, read_toml
@@ -233,7 +234,7 @@ def stated_uncertainties(channel_map: ChannelMap) -> dict[str, float]:
 
 def _open(name_or_path: Path | str) -> TomlFile:
     text = str(name_or_path)
-    if isinstance(name_or_path, Path) or text.endswith(".toml") or "/" in text or "\\" in text:
+    if names_a_file(name_or_path):
         path = user_path(name_or_path)
         require_regular_file(path)
         return read_toml(path)
