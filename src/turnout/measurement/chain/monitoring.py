@@ -227,7 +227,7 @@ def _window(run: xr.Dataset, chosen: Monitoring) -> int:
         if abs(size * chosen.rate - own) > 1e-3 * own or size < 1 or time.size < size:
             problems.append(
                 f"rate = {chosen.rate:g} 1/s: the run has {own:g} 1/s, which must be a multiple "
-                "of it; keep the run at 1000 1/s (output_interval = 1 ms)"
+                "of it; take such a rate, or store the run every 1 ms (--every '1 ms')"
             )
     if problems:
         raise MeasurementError(problems, source="monitoring")
