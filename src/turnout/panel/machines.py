@@ -80,7 +80,7 @@ def _joined(library: dict[str, Any], own: Any) -> Any:
 def check_machines(draft: Draft) -> Iterator[Problem]:
     """Find drives whose machine is not there or does not go with the rest of the drive."""
     known = [*draft.names["machine"], *names_in_library(LIBRARY)]
-    shared: dict[str, float] = {}
+    shared: dict[str, Any] = {}
     for name, drive in draft.records["drive"].items():
         yield from until_unknown(_drive(("drive", name), drive, known))
         yield from until_unknown(_supply(("drive", name), drive, draft.records["machine"], shared))
@@ -99,16 +99,32 @@ def _drive(path: tuple[str, str], drive: Any, known: list[str]) -> Iterator[Prob
 
 
 def _supply(
-    path: tuple[str, str], drive: Any, machines: dict[str, Any], shared: dict[str, float]
+    path: tuple[str, str], drive: Any, machines: dict[str, Any], shared: dict[str, Any]
 ) -> Iterator[Problem]:
     """Refuse machines that share a supply and do not agree on it."""
     if drive.machine is None or drive.machine not in machines:
         return
-    found = machines[drive.machine].supply.shared_resistance
-    shared.setdefault("first", found)
-    if found != shared["first"]:
+    machine = machines[drive.machine]
+    found = machine.supply.shared_resistance
+    first = shared.setdefault("first", machine)
+    if found != first.supply.shared_resistance:
         text = (
             f": its machine has supply.shared_resistance = {found:g} ohm, another drive's "
-            f"{shared['first']:g} ohm; all drives share one supply, so give one value"
+            f"{first.supply.shared_resistance:g} ohm; all drives share one supply, so give one "
+            "value"
         )
         yield Problem((*path, "machine"), text)
+    elif found and _source(machine) != _source(first):
+        text = (
+            f": its machine takes {_source(machine)}, another drive's {_source(first)}; machines "
+            "with supply.shared_resistance share one supply"
+        )
+        yield Problem((*path, "machine"), text)
+
+
+def _source(machine: Any) -> str:
+    """Return what a machine must be fed with to share a supply with others."""
+    if machine.motor.kind != "induction":
+        return "direct current"
+    voltage = machine.supply.voltage or machine.motor.voltage
+    return f"three phases of {voltage:g} V, {machine.motor.frequency:g} Hz"
