@@ -52,6 +52,7 @@ from numba.core.compiler import (  # noqa: E402
     DefaultPassBuilder,
 )
 from numba.core.registry import CPUDispatcher  # noqa: E402
+from numba.core.runtime.nrt import rtsys  # noqa: E402
 
 
 class _PlainCode(JITCodeLibrary):
@@ -65,20 +66,6 @@ class _PlainCode(JITCodeLibrary):
         self._finalized = True
 
 
-class _WithoutOverlap(CompilerBase):
-    """Compile with the flag `noalias`: no array that is written overlaps another.
-
-    Without it a vectorised loop over several arrays begins with overlap checks, which short loops
-    do not repay.
-    """
-
-    def define_pipelines(self) -> list[object]:
-        """Return the pipeline of Numba with the flag set."""
-        self.state.flags.noalias = True
-        pipeline: object = DefaultPassBuilder.define_nopython_pipeline(self.state)  # type: ignore[no-untyped-call]
-        return [pipeline]
-
-
 class _Whole(CompilerBase):
     """Compile a kernel that Python calls, as Numba does."""
 
@@ -88,19 +75,34 @@ class _Whole(CompilerBase):
         return [pipeline]
 
 
-def _inner(base: type[CompilerBase]) -> type[CompilerBase]:
-    """Return a compiler as another one, for kernels that only other kernels call."""
+class _WithoutOverlap(_Whole):
+    """Compile with the flag `noalias`: no array that is written overlaps another.
 
-    class Inner(base):  # type: ignore[misc, valid-type]
-        def define_pipelines(self) -> list[object]:
-            state = self.state
-            state.flags.no_cpython_wrapper = True
-            state.flags.no_compile = True
-            codegen = state.targetctx.codegen()
-            state.library = _PlainCode(codegen, state.func_id.func_qualname)  # type: ignore[no-untyped-call]
-            return super().define_pipelines()  # type: ignore[no-any-return]
+    Without it a vectorised loop over several arrays begins with overlap checks, which short loops
+    do not repay.
+    """
 
-    return Inner
+    def define_pipelines(self) -> list[object]:
+        """Return the pipeline of Numba with the flag set."""
+        self.state.flags.noalias = True
+        return super().define_pipelines()
+
+
+class _Inner(_Whole):
+    """Compile a kernel that only other kernels call."""
+
+    def define_pipelines(self) -> list[object]:
+        """Return the pipeline of Numba, which then ends with plain code."""
+        state = self.state
+        state.flags.no_cpython_wrapper = True
+        state.flags.no_compile = True
+        codegen = state.targetctx.codegen()
+        state.library = _PlainCode(codegen, state.func_id.func_qualname)  # type: ignore[no-untyped-call]
+        return super().define_pipelines()
+
+
+class _InnerLoop(_Inner, _WithoutOverlap):
+    """The same of arrays that do not overlap."""
 
 
 class _PlainCodeFiles(CompileResultCacheImpl):
@@ -149,14 +151,49 @@ class _InnerKernel(CPUDispatcher):
         self.overloads[tuple(found.signature.args)] = found
 
 
-class _Kernel(CPUDispatcher):
-    """What Python calls; in another kernel its name stands for its inner kernel."""
+class _KernelCache(FunctionCache):
+    """Cache of kernels that Python calls."""
 
-    inner: _InnerKernel
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Load machine code without all that Numba knows of types, which only compiling asks for.
+
+        Filling its registries takes longer than all else that happens here.
+        """
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+
+
+class _Kernel(CPUDispatcher):
+    """What Python calls; in another kernel its name stands for its inner kernel.
+
+    Cache and inner kernel are made when they are first asked for: most kernels are not, where the
+    few that Python calls are at hand.
+    """
+
+    loop, kept = False, False
+    _inner: Any = None
 
     @property
     def _numba_type_(self) -> types.Dispatcher:
-        return types.Dispatcher(self.inner)  # type: ignore[arg-type]
+        if self._inner is None:
+            compiler = _InnerLoop if self.loop else _Inner
+            options = dict(self.targetoptions)
+            inner = _InnerKernel(self.py_func, targetoptions=options, pipeline_class=compiler)
+            if self.kept:
+                inner.enable_caching()
+            self._inner = inner
+        return types.Dispatcher(self._inner)
+
+    def enable_caching(self) -> None:
+        """Keep the machine code."""
+        self._cache = _KernelCache(self.py_func)  # type: ignore[no-untyped-call]
+
+    def compile(self, sig: Any) -> Any:
+        """Compile or load the kernel for the types of its arguments."""
+        if self.kept and not isinstance(self._cache, _KernelCache):
+            self.enable_caching()
+        return super().compile(sig)
 
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
@@ -202,12 +239,7 @@ def _compiled(
     if loop or part:
         options["forceinline"] = True
     compiler = _WithoutOverlap if loop else _Whole
-    kernel: Any = _Kernel(function, targetoptions=dict(options), pipeline_class=compiler)
-    kernel.inner = _InnerKernel(
-        function, targetoptions=dict(options), pipeline_class=_inner(compiler)
-    )
-    if CACHE_VARIABLE in os.environ:
-        kernel.enable_caching()
-        kernel.inner.enable_caching()
+    kernel: Any = _Kernel(function, targetoptions=options, pipeline_class=compiler)
+    kernel.loop, kernel.kept = loop, CACHE_VARIABLE in os.environ
     found: Callable[P, T] = kernel
     return found
