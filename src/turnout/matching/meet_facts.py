@@ -1,6 +1,6 @@
 """Facts of one panel: each throw is made once, costly facts only where all others hold."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +10,7 @@ from turnout.errors import PanelError, TurnoutError
 from turnout.matching.facts import Facts, Sum, Term
 from turnout.matching.measures import MEASURES, Thrown
 from turnout.panel.foreign_object import ForeignObject
-from turnout.panel.load import LoadedPanel, panel_from_document
+from turnout.panel.load import LoadedPanel, as_written
 from turnout.panel.object_text import parse_object
 from turnout.response.save import Save
 from turnout.response.simulate import simulate
@@ -119,13 +119,7 @@ def panel_at(facts: Facts, point: Floats) -> LoadedPanel:
     PanelError
         When its values contradict each other.
     """
-    changed = facts.panel.with_overrides(facts.overrides(point))
-    return panel_from_document(
-        replace(changed.document, given={}),
-        source=changed.source,
-        folder=changed.folder,
-        overrides={},
-    )
+    return as_written(facts.panel.with_overrides(facts.overrides(point)))
 
 
 def is_valid(facts: Facts, point: Floats) -> bool:
@@ -164,7 +158,7 @@ def evaluate(
     fault = ""
     try:
         for late in (False, True):
-            chosen = _in_order(facts, late=late)
+            chosen = in_order(facts, late=late)
             among = tuple(facts.facts[number] for number in chosen)
             allowed = 1 if late else failures or len(chosen)
             for number in chosen:
@@ -179,7 +173,7 @@ def evaluate(
     return Evaluation(values=values, accepted=accepted, fault=fault, throws=thrower.made)
 
 
-def _in_order(facts: Facts, *, late: bool) -> list[int]:
+def in_order(facts: Facts, *, late: bool) -> list[int]:
     """Return the numbers of facts in the order in which they are tried: cheap ones first."""
     chosen = [number for number, fact in enumerate(facts.facts) if fact.late is late]
     return sorted(chosen, key=lambda number: _cost(facts.facts[number]))
