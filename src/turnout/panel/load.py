@@ -100,6 +100,10 @@ class LoadedPanel(Panel):
                 del values["machine"]
                 for drive in values["drive"].values():
                     del drive["machine"]
+            for rail in values["rail"].values():  # and one that touches, before edges could meet
+                edge = rail["running_edge"]
+                if edge is not None and not edge["tangent_offset"]:
+                    del edge["tangent_offset"]
             self._hash = content_hash(
                 values
                 | {f"matrices of {name}": given.digest for name, given in self.matrices.items()}
