@@ -35,8 +35,9 @@ LARGEST_SIZE, SIZE_STEP = 40e-3, 1e-4
 FLUTTER_CUTOFF = 300.0
 """Modes above are looked at only where those below can flutter [Hz].
 
-On the default panel without chair dashpots, which flutters at 110 Hz, growth rates without them are
-within 0.02 1/s of those of all modes; those of slow modes, near 5 Hz, are too large by up to 0.1 1/s.
+On the default panel without chair dashpots, which flutters at 110 Hz, growth rates without them
+are within 0.02 1/s of those of all modes; those of slow modes, near 5 Hz, are too large by 0.1 1/s
+at most.
 """
 
 
