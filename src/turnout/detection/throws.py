@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from turnout.detection.drive_quantities import (
     FORCE,
     Signal,
-    amplitudes,
     force_peaks,
     read_signals,
     signals_of,
@@ -30,6 +29,7 @@ from turnout.detection.reference import (
     reference_study,
     switch_inputs,
 )
+from turnout.detection.signal_errors import SignalErrors, signal_errors
 from turnout.panel.load import LoadedPanel
 from turnout.study.design import Axis
 from turnout.study.random_inputs import TemperatureLaw
@@ -79,8 +79,8 @@ class Throws:
         [m]
     sizes : ndarray, shape (n_places, n_sizes)
         Thrown at each place [m].
-    amplitude : ndarray, shape (n_signals,)
-        Peak of each signal in the nominal sound throw [N], [A] or [W].
+    errors : SignalErrors
+        How the discrepancy shows in each signal.
     signals : tuple of Signal
         What was recorded of the drives.
     """
@@ -96,8 +96,13 @@ class Throws:
     places: tuple[str, ...]
     x: Floats
     sizes: Floats
-    amplitude: Floats
+    errors: SignalErrors
     signals: tuple[Signal, ...]
+
+    @property
+    def amplitude(self) -> Floats:
+        """Peak of each signal in the nominal sound throw [N], [A] or [W]."""
+        return self.errors.amplitude
 
 
 def places_of(panel: LoadedPanel) -> dict[str, float]:
@@ -293,8 +298,11 @@ def throws_from(
         places=tuple(where),
         x=np.array(list(where.values())),
         sizes=sizes,
-        amplitude=amplitudes(
-            study.panel.with_overrides({FRICTION: NOMINAL_FRICTION}), signals, scheme=study.scheme
+        errors=signal_errors(
+            study.panel.with_overrides({FRICTION: NOMINAL_FRICTION}),
+            signals,
+            time=sound["time"].to_numpy(),
+            scheme=study.scheme,
         ),
         signals=tuple(signals),
     )
