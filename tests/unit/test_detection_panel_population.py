@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from turnout.detection.panel_population import population_for
 from turnout.detection.reference import reference_study, switch_inputs
+from turnout.detection.throws import checked_throws, refuse_open_end
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel, load_panel
 from turnout.study.load_study import load_study
@@ -92,12 +94,30 @@ def test_a_last_movement_of_another_name_keeps_its_start() -> None:
 def test_a_fit_of_nothing_does_not_vary_and_that_is_said() -> None:
     study = reference_study(load_panel("60e1-300-1-9"))
     assert not any("fit_gap" in name for name in study.variables)
-    assert "panel 60e1-300-1-9 has no rail.fit_gap.value: it does not vary" in study.remarks
+    assert "panel 60e1-300-1-9 has no number rail.fit_gap.value: it does not vary" in study.remarks
     one = reference_study(load_panel("60e1-300-1-9", overrides={"rail.fit_gap": "0.5 mm"}))
     assert one.variables["rail.fit_gap.value.factor"].key == "rail.fit_gap"
     assert not one.remarks
 
 
-def test_what_is_no_switch_panel_is_refused() -> None:
-    with pytest.raises(StudyError, match="panel sb1 has no rail"):
-        reference_study(load_panel("sb1"))
+def test_typed_shapes_and_single_rails_do_not_vary() -> None:
+    typed = reference_study(load_panel("sb2"))  # stress-free "closed" and "open", gaps typed
+    assert not any("stress_free" in name for name in typed.variables)
+    assert "panel sb2 has no number rail.A.stress_free: it does not vary" in typed.remarks
+    one = reference_study(load_panel("sb1"))
+    assert one.scenario(0).overrides
+
+
+def test_a_last_movement_that_opens_and_throws_that_fail_are_refused() -> None:
+    panel = load_panel("sb1")  # stress-free where it is open, beyond what its drives hold
+    where = {"drive 1": 0.3, "drive 2": 6.9}
+    with pytest.raises(StudyError, match=r"leaves rail switch open \(111 mm at drive 1"):
+        refuse_open_end(panel, where, np.tile([0.1113, 0.04], (5, 1)))
+    refuse_open_end(panel, where, np.tile([0.002, 0.04], (5, 1)))
+    sweep = xr.Dataset(
+        {"outcome": ("scenario", ["invalid"] * 3 + ["complete"]),
+         "reason": ("scenario", ["drive.1: slips at rest"] * 3 + [""])}
+    )  # fmt: skip
+    with pytest.raises(StudyError, match=r"3 of 4 throws .* The first: drive.1: slips at rest"):
+        checked_throws(sweep, panel="own")
+    assert checked_throws(sweep.isel(scenario=[2, 3]), panel="own").sizes["scenario"] == 2

@@ -3,7 +3,8 @@
 The study file of the reference case says how much switches and throws scatter about its own panel.
 For another panel the scatter is the same and lies about the values of that panel: its closing
 over-travel, its stress-free position, its times. Each of its drives has the inputs of a drive. What
-the panel does not have, such as a fit, does not vary, and the remarks of the study say so.
+the panel does not have as a number, such as a fit, or a stress-free position where the shape is
+typed, does not vary, and the remarks of the study say so.
 """
 
 from collections.abc import Sequence
@@ -38,8 +39,6 @@ BOUNDS = {
     "extra_time": (0.0, np.inf),
 }
 """What values may be."""
-OPTIONAL = ("rail.fit_gap",)
-"""What a panel may do without."""
 MIDDLES = ("minimum", "maximum", "mean", "median", "mode")
 """Parameters of distributions that are values, not spreads."""
 
@@ -75,10 +74,11 @@ def population_for(study: Study, panel: LoadedPanel) -> Study:
         variable = study.variables[item.name]
         drive = drive_of(variable.key)
         key = _own_key(variable.key, study.panel, panel)
-        if drive is not None and drive not in panel.drive:
+        of_second_rail = key.startswith(SECOND_RAIL) and len(panel.rail) == 1
+        if of_second_rail or (drive is not None and drive not in panel.drive):
             del variables[item.name]
             continue
-        if not _has(panel, key):
+        if not _varies(panel, key):
             lacking.append(key)
             del variables[item.name]
             continue
@@ -90,10 +90,10 @@ def population_for(study: Study, panel: LoadedPanel) -> Study:
             for variable, law in _of_further_drive(name, study, panel):
                 variables[variable.name] = variable
                 laws.append(Drawn(name=variable.name, law=law))
-    _refuse_no_switch(panel, [*lacking, *(f.key for f in study.fields if not _has(panel, f.key))])
+    _refuse_no_switch(panel, [f.key for f in study.fields if not _varies(panel, f.key)])
     copula = _copula(study.design.copula, columns, len(laws))
     design = replace(study.design, drawn=tuple(laws), copula=copula)
-    remarks = tuple(f"panel {panel.name} has no {key}: it does not vary" for key in lacking)
+    remarks = tuple(f"panel {panel.name} has no number {key}: it does not vary" for key in lacking)
     return replace(
         study, panel=panel, variables=variables, design=design,
         fields=tuple(_along(item, panel) for item in study.fields),
@@ -109,11 +109,9 @@ def _along(field: RandomField, panel: LoadedPanel) -> RandomField:
 
 
 def _refuse_no_switch(panel: LoadedPanel, lacking: Sequence[str]) -> None:
-    """Refuse a panel without drives, or without what every switch panel of its kind has."""
+    """Refuse a panel without drives or chairs."""
     faults = [
-        f"panel {panel.name} has no {key}, which the reference case varies"
-        for key in lacking
-        if not key.startswith(OPTIONAL)
+        f"panel {panel.name} has no {key}, which the reference case varies" for key in lacking
     ]
     if not panel.drive:
         faults.append(f"panel {panel.name} has no drive, so nothing shows an object")
@@ -147,12 +145,17 @@ def last_movement(panel: LoadedPanel) -> str:
 
 def _own_key(key: str, base: LoadedPanel, panel: LoadedPanel) -> str:
     """Return a key with the names that rails and the last movement have in another panel."""
-    if key == FIT and not _has(panel, key):
+    if key == FIT and not _varies(panel, key):
         return FIT.removesuffix(".value") if _one_fit(panel) else key
-    for old, new in zip(_names(base), _names(panel), strict=False):
+    names = _names(panel)
+    for number, old in enumerate(_names(base)):
         if key.startswith(old):
-            return new + key.removeprefix(old)
+            return (names[number] if number < len(names) else SECOND_RAIL) + key.removeprefix(old)
     return key
+
+
+SECOND_RAIL = "rail.second."
+"""Of keys that a panel with one rail does not have."""
 
 
 FIT = "rail.fit_gap.value"
@@ -235,13 +238,15 @@ def _of_further_drive(
     return found
 
 
-def _has(panel: LoadedPanel, key: str) -> bool:
+def _varies(panel: LoadedPanel, key: str) -> bool:
+    """Return whether a panel has a number, or a list of them, that can vary."""
     if key == TEMPERATURE_KEY or "extra_time" in key:  # may be given to any drive
         return True
     try:
-        return any(value is not None for value in values_at(panel, key).values())
+        values = values_at(panel, key).values()
     except (AttributeError, KeyError, TypeError, PanelError):
         return False
+    return any(isinstance(value, int | float | tuple | list) for value in values)
 
 
 def _copula(factor: Floats | None, columns: list[int], count: int) -> Floats | None:

@@ -30,6 +30,7 @@ from turnout.detection.reference import (
     switch_inputs,
 )
 from turnout.detection.signal_errors import SignalErrors, signal_errors
+from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
 from turnout.study.design import Axis
 from turnout.study.random_inputs import TemperatureLaw
@@ -219,11 +220,12 @@ def throw_all(
     def run(study: Study, name: str) -> xr.Dataset:
         watch = report(name) if report is not None else None
         run_sweep(study, folder / name, workers=workers, report=watch)
-        return open_sweep(folder / name)
+        return checked_throws(open_sweep(folder / name), panel=study.panel.name)
 
     where = places_of(whole.panel)
     x = np.array(list(where.values()))
     gaps = gaps_at(run(floor_study(first), FLOOR), x, rail=whole.panel.object_defaults.rail)
+    refuse_open_end(whole.panel, where, gaps)
     sizes = sizes_beyond(touch_floor(gaps), steps)
     rows = {place: tuple(map(float, sizes[i])) for i, place in enumerate(where)}
     sound_set = run(whole, SOUND)
@@ -231,6 +233,40 @@ def throw_all(
     return throws_from(
         whole, sound_set, object_set, gap=gaps, where=where, sizes=sizes, signals=signals
     )
+
+
+def checked_throws(dataset: xr.Dataset, *, panel: str) -> xr.Dataset:
+    """Return a sweep of sound throws, refused where most of them cannot be made."""
+    outcome = dataset["outcome"].astype(str).to_numpy()
+    lost = outcome != "complete"
+    if lost.mean() > MOST_LOST:
+        reasons = dataset["reason"].astype(str).to_numpy()[lost] if "reason" in dataset else [""]
+        first = reasons[0] or outcome[lost][0]
+        message = (
+            f"{int(lost.sum())} of {lost.size} throws of the population of panel {panel} did not "
+            f"end; check the panel (turnout panel check). The first: {first}"
+        )
+        raise StudyError([message], source="limit")
+    return dataset
+
+
+MOST_LOST = 0.5
+"""Share of throws that may fail, such as objects that find no room [-]."""
+OPEN = 30e-3
+"""Touch floor at a drive from which the rail counts as open [m]."""
+
+
+def refuse_open_end(panel: LoadedPanel, where: Mapping[str, float], gaps: Floats) -> None:
+    """Refuse a panel whose last movement does not close the rail that objects lie at."""
+    floor = dict(zip(where, touch_floor(gaps).tolist(), strict=True))
+    open_at = [f"drive {name}" for name in panel.drive if not floor[f"drive {name}"] < OPEN]
+    if len(open_at) == len(panel.drive):
+        message = (
+            f"the last movement of panel {panel.name} leaves rail {panel.object_defaults.rail} "
+            f"open ({1e3 * floor[open_at[0]]:.0f} mm at {open_at[0]} in one of ten states): let it "
+            "close that rail, or set object_defaults.rail to the other"
+        )
+        raise StudyError([message], source="limit")
 
 
 def stored_throws(panel: LoadedPanel | None, folder: Path, *, channels: str = FORCE) -> Throws:
