@@ -87,7 +87,7 @@ def limit_command(
         ),
     ] = 200,
     sound: Annotated[
-        int, typer.Option("--sound", metavar="N", min=400, help="Sound throws of the population.")
+        int, typer.Option("--sound", metavar="N", min=100, help="Sound throws of the population.")
     ] = 1500,
     rate: Annotated[
         float, typer.Option("--rate", metavar="HZ", help="Samples a second of the recorder.")
@@ -96,7 +96,7 @@ def limit_command(
         bool,
         typer.Option(
             "--quick",
-            help="Estimate within minutes: 400 sound throws, and two sizes at each place.",
+            help="Estimate within minutes: at most 400 sound throws, two sizes at each place.",
         ),
     ] = False,
     panels: Annotated[
@@ -105,6 +105,12 @@ def limit_command(
             "--panels",
             metavar="STUDY|DIR",
             help="Bands over panels instead: those of a folder, or the scenarios of a study.",
+        ),
+    ] = None,
+    most: Annotated[
+        int | None,
+        typer.Option(
+            "--most", metavar="N", min=1, help="Of --panels: so many of them, evenly chosen."
         ),
     ] = None,
     over_travel: Annotated[
@@ -181,10 +187,10 @@ def limit_command(
     if panel is not None or calibration is not None or settings:
         given = opened_panel(panel, settings, calibration)
     watch, count = _watching(quiet=quiet), workers or cores()
-    steps, least = (QUICK_STEPS, QUICK_SOUND) if quick else (STEPS, sound)
+    steps, least = (QUICK_STEPS, min(sound, QUICK_SOUND)) if quick else (STEPS, sound)
     if panels is not None or over_travel:
         _of_one_panel({"--known-place": known_place, "--ends": ends, "--what-if": bool(measures)})
-        members = _members(panels, given, over_travel=over_travel)
+        members = _members(panels, given, over_travel=over_travel, most=most)
         bands = limit_bands(
             members, folder, conditions,
             states=states, sound=least, steps=steps, channels=channels, workers=count,
@@ -216,8 +222,9 @@ def limit_command(
         more = end_position_map(throws, own, conditions, closing=closing)
         found = found.merge(more, combine_attrs="no_conflicts")
     read = read_measures(
-        measures, given, folder, throws, conditions, advise=advise, workers=count, report=watch
-    )
+        measures, given, folder, throws, conditions,
+        advise=advise, steps=steps, workers=count, report=watch,
+    )  # fmt: skip
     advice = _advice(throws, conditions, read, closing) if read else None
     write_map(found, advice, out=out, plot=plot, as_json=as_json, quiet=quiet)
 
@@ -265,7 +272,7 @@ def _advice(
 
 
 def _members(
-    panels: str | None, given: "LoadedPanel | None", *, over_travel: bool
+    panels: str | None, given: "LoadedPanel | None", *, over_travel: bool, most: int | None
 ) -> "list[Member]":
     """Return the panels that bands are wanted for."""
     from turnout.detection.limit_bands import over_travels, panels_of
@@ -276,7 +283,7 @@ def _members(
     if over_travel or given is not None:
         message = "--panels: takes its panels from there alone; leave PANEL and --over-travel out"
         raise FileError(message)
-    return panels_of(panels)
+    return panels_of(panels, most=most)
 
 
 def _of_one_panel(options: "Mapping[str, bool]") -> None:
