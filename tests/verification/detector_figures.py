@@ -1,13 +1,17 @@
 """Figures of a detector on throws of switches that it never saw."""
 
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import beta
 
+from turnout.core.files import write_atomic
 from turnout.detection.calibrating import AT_ONCE, Errors, learn_history
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.judging import CYCLE, View, evidence_of, make_view
@@ -56,6 +60,22 @@ class Judged:
             self.verdict.append(verdict)
 
 
+def of_each_switch(
+    switches: NDArray[np.intp], folder: Path, work: Callable[[int], Mapping[str, list[Any]]]
+) -> list[dict[str, list[Any]]]:
+    """Return what is found of each switch, kept in a folder so that a stopped run goes on."""
+    folder.mkdir(parents=True, exist_ok=True)
+    found = []
+    for done, switch in enumerate(switches.tolist(), 1):
+        path = folder / f"{switch}.json"
+        if not path.exists():
+            write_atomic(path, json.dumps(work(switch)).encode())
+            if done % 20 == 0:
+                print(f"{folder.name}: {done} of {len(switches)} switches", flush=True)
+        found.append(json.loads(path.read_text()))
+    return found
+
+
 def verdicts_on(
     knowledge: Knowledge, view: View, features: Floats, *, rate: float
 ) -> list[Verdict]:
@@ -89,7 +109,7 @@ def judge_alone(
     for kind, throws in sets.items():
         if kind.startswith("history"):
             continue
-        change = changes_of(throws, sets["sound"], knowledge)
+        change = changes_of(throws, sets.get("sound", throws), knowledge)
         for _ in range(draws):
             fixed = errors.of_switches(len(throws.level))
             features = throws.features + fixed + errors.of_throws(throws.rates)
@@ -157,9 +177,9 @@ def changes_of(throws: ThrowSet, sound: ThrowSet, knowledge: Knowledge) -> Float
     return np.array(found)
 
 
-def drawn_errors(knowledge: Knowledge, seed: int) -> Errors:
+def drawn_errors(knowledge: Knowledge, *seed: int) -> Errors:
     """Return what draws the errors of measured throws, as large as the detector assumes."""
-    rng = np.random.default_rng([seed, 12])
+    rng = np.random.default_rng([*seed, 12])
     return Errors(knowledge.errors(), part=knowledge.layout.part, rng=rng)
 
 
