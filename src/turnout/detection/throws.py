@@ -13,14 +13,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.detection.drive_quantities import (
-    FORCE,
-    Signal,
-    amplitudes,
-    force_peaks,
-    read_signals,
-    signals_of,
-)
+from turnout.detection.conditions import FORCE
+from turnout.detection.drive_quantities import Signal, amplitudes, read_signals, signals_of
 from turnout.detection.floor import touch_floor
 from turnout.detection.reference import (
     FIELD_MEAN,
@@ -126,9 +120,13 @@ def closing_time(panel: LoadedPanel | None = None) -> float:
     return max(float(item.start) for item in loaded.movement.values())
 
 
-def nominal_amplitude(study: Study, *, friction: float) -> Floats:
-    """Return the peak absolute force of each drive in a sound throw of the panel itself [N]."""
-    return force_peaks(study.panel.with_overrides({FRICTION: friction}), scheme=study.scheme)
+def nominal_amplitude(study: Study, *, friction: float, quantity: str = FORCE) -> Floats:
+    """Return the peak of a quantity of each drive in a sound throw of the panel itself.
+
+    Of forces absolute [N], of currents [A] and powers [W] after the inrush.
+    """
+    panel = study.panel.with_overrides({FRICTION: friction})
+    return amplitudes(panel, signals_of(panel, quantity), scheme=study.scheme)
 
 
 def floor_study(study: Study) -> Study:
