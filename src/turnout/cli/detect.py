@@ -13,6 +13,7 @@ from turnout.cli.options import (
     CalibrationOption,
     PanelArgument,
     QuietOption,
+    SetOption,
     check_outputs,
     write_and_report,
 )
@@ -65,6 +66,7 @@ RateOption = Annotated[
 def train_command(
     panel: PanelArgument = None,
     calibration: CalibrationOption = None,
+    settings: SetOption = [],  # noqa: B006 - typer copies it
     study: Annotated[
         Path | None,
         typer.Option(
@@ -133,8 +135,8 @@ def train_command(
     allowances = Allowances(discrepancy=discrepancy)
     counts = {"sound": sound, "objects": objects, "defects": defects, "switches": switches}
     given = None
-    if panel is not None or calibration is not None:
-        given = opened_panel(panel, [], calibration)
+    if panel is not None or calibration is not None or settings:
+        given = opened_panel(panel, settings, calibration)
     knowledge = train_detector(
         folder,
         panel=given,

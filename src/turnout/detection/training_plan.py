@@ -53,7 +53,7 @@ FROZEN_FORCE, FROZEN_CHAIRS = (50.0, 400.0), (3, 25)
 """Force at which the ice on a chair breaks [N], and how many chairs in a row are frozen."""
 SLOWER = (0.15, 0.6)
 """By how much a movement takes longer: weak supply, brushes, dry gear [s]."""
-WEAKER = (0.75, 0.93)
+WEAKER = (0.85, 0.97)
 """Share of its rated voltage that the motor of a slow machine gets [-]."""
 
 DEFECT = ", defect"
@@ -367,13 +367,18 @@ def with_frozen_blade(row: Row, rng: Rng, population: Population) -> Row:
 
 
 def with_slow_drive(row: Row, rng: Rng, population: Population) -> Row:
-    """Let one drive, or as often all of them, take longer in both directions."""
+    """Let one drive, or as often all of them, take longer in both directions.
+
+    A machine gets a lower voltage; how long it takes follows from that.
+    """
     drives = list(population.study.panel.drive)
     slow = drives if rng.random() < ALL_SLOW else [str(rng.choice(drives))]
     longer = float(rng.uniform(*SLOWER))
     changed = dict(row)
     for name, movement in population.study.panel.movement.items():
         for drive in drives:
+            if population.study.panel.drive[drive].machine is not None:
+                continue
             key = f"movement.{name}.extra_time.{drive}"
             usual = float(changed.get(key, movement.extra_time.get(drive, 0.0)))
             changed[key] = usual + (longer if drive in slow else 0.0)
