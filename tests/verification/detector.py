@@ -16,6 +16,7 @@ import numpy as np
 from tests.verification.detector_cases import SOFT_KINDS
 from tests.verification.detector_figures import (
     Judged,
+    Uses,
     a90_of_places,
     cause_figures,
     false_alarms,
@@ -115,11 +116,12 @@ def figures_of(
     return {
         "time": lambda: verdict_times(knowledge, test["object"]),
         "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, fewer, draws=2)),
-        "known": lambda: verdict_figures(knowledge, judge_with_history(knowledge, test)),
+        "known": lambda: known_figures(
+            knowledge, *judge_with_history(knowledge, test, kept / "known")
+        ),
         "other": lambda: other_figures(knowledge, forces),
-        "narrow": lambda: narrow_figures(knowledge, narrow),
+        "narrow": lambda: narrow_figures(knowledge, narrow, kept),
         "rates alone": lambda: rates_alone(knowledge, test["sound"], draws=3),
-        "rates known": lambda: rates_known(knowledge, test, kept / "known"),
         "known place": lambda: known_place_a90(knowledge, test["sound"], test["object"]),
         "unknown": lambda: unknown_auroc(knowledge, test),
         "ice": lambda: [vars_of(item) for item in ice_ramps(knowledge, cases["ice"])],
@@ -133,11 +135,21 @@ VERDICTS_ON_SOUND = 3000
 """Sound throws that get a whole verdict; for the rates of alarms all are judged."""
 
 
-def narrow_figures(knowledge: Knowledge, narrow: dict[str, ThrowSet]) -> dict[str, object]:
+def known_figures(knowledge: Knowledge, test: dict[str, ThrowSet], kept: Path) -> dict[str, object]:
+    """Return figures of verdicts after a history, and rates of alarms of many more uses."""
+    judged, ratios = judge_with_history(knowledge, test, kept / "known")
+    return verdict_figures(knowledge, judged) | {"rates": rates_known(knowledge, ratios)}
+
+
+def narrow_figures(
+    knowledge: Knowledge, narrow: dict[str, ThrowSet], kept: Path
+) -> dict[str, object]:
     """Return a90 and false alarms in the narrow population, by the same detector [m]."""
     places = knowledge.setting.places
     alone = judge_alone(knowledge, {"object": narrow["object"]}, draws=2)
-    known = judge_with_history(knowledge, narrow)
+    known, _ = judge_with_history(
+        knowledge, narrow, kept / "narrow", uses=Uses(verdicts=1, sound=0, causes=0)
+    )
     return {
         "alone": a90_of_places(alone, places),
         "known": a90_of_places(known, places),

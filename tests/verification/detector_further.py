@@ -22,8 +22,7 @@ from turnout.detection.knowledge import Knowledge
 from turnout.detection.switch_history import observe
 from turnout.detection.throw_set import ThrowSet
 from turnout.detection.train_detector import knowledge_of_sets
-from turnout.detection.training_plan import ADJUSTED, DRY, HISTORY, OBJECT, SOUND
-from turnout.detection.training_sets import after_history
+from turnout.detection.training_plan import HISTORY, OBJECT, SOUND
 
 Floats = NDArray[np.float64]
 
@@ -47,47 +46,21 @@ def rates_alone(
 
 
 def rates_known(
-    knowledge: Knowledge,
-    sets: Mapping[str, ThrowSet],
-    folder: Path,
-    *,
-    history: int = 20,
-    again: int = 50,
-    causes_again: int = 10,
+    knowledge: Knowledge, ratios: Sequence[Mapping[str, list[float]]], *, history: int = 20
 ) -> dict[str, dict[str, dict[str, float]]]:
     """Return alarms after a history, of sound throws, dry chairs and re-adjusted drives.
 
-    Dry chairs from low and from high friction stand apart too.
+    Parameters
+    ----------
+    knowledge : Knowledge
+        With thresholds.
+    ratios : sequence of dict
+        Of each switch, from `judge_with_history`.
+    history : int
+        Throws known.
     """
-    population = make_view(knowledge)
     calibrated = knowledge.calibration(part=CYCLE, history=history)
     assert calibrated is not None
-    sound = sets[HISTORY]
-    first = int(np.bincount(sound.switch).max())
-
-    def of_switch(switch: int) -> dict[str, list[float]]:
-        errors = drawn_errors(knowledge, 22, switch)
-        own, fixed = sound.of(sound.switch == switch), errors.of_switches(1)
-        known = own.of(own.row % first < history)
-        expected = learn_history(
-            knowledge, known.features + fixed + errors.of_throws(known.rates), view=population
-        )
-        view = make_view(knowledge, known=expected)
-        judged = {SOUND: own.of(own.row % first >= history)}
-        for kind in (DRY, ADJUSTED):
-            item = sets[after_history(kind)]
-            judged[kind] = item.of(item.switch == switch)
-        dry = judged[DRY]
-        judged[f"{DRY}, low friction"] = dry.of(dry.level < MIDDLE)
-        judged[f"{DRY}, high friction"] = dry.of(dry.level >= MIDDLE)
-        found = {}
-        for name, item in judged.items():
-            uses = again if name == SOUND else causes_again
-            rows = [item.features + fixed + errors.of_throws(item.rates) for _ in range(uses)]
-            found[name] = alarms_of(view, np.concatenate(rows))[0].tolist() if len(item.row) else []
-        return found
-
-    ratios = of_each_switch(np.unique(sound.switch), folder, of_switch)
     return {
         rate: {
             name: false_alarm_limits([np.array(item[name]) > threshold for item in ratios])
@@ -95,10 +68,6 @@ def rates_known(
         }
         for rate, threshold in calibrated.thresholds.items()
     }
-
-
-MIDDLE = 0.3
-"""Friction level that parts low from high [-]."""
 
 
 def known_place_a90(
