@@ -20,16 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.detection.conditions import Conditions
-from turnout.detection.drive_quantities import (
-    CURRENT,
-    FORCE,
-    POWER,
-    Signal,
-    after_inrush,
-    force_peaks,
-    read_signals,
-)
+from turnout.detection.conditions import CURRENT, FORCE, POWER, Conditions
+from turnout.detection.drive_quantities import Signal, after_inrush, force_peaks, read_signals
 from turnout.detection.features import correlation, discrepancy_covariance
 from turnout.machine.components import Machine
 from turnout.machine.rows import supply_voltage
