@@ -14,7 +14,15 @@ from turnout.calibration.causes import with_causes
 from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import Spread, spread_of
 from turnout.calibration.evaluate import Evaluator
-from turnout.calibration.fit import JOINT_SHARES, ROUGH_SHARES, Fit, fit
+from turnout.calibration.fit import (
+    BRIEF_DECREASE,
+    JOINT_SHARES,
+    MIN_DECREASE,
+    ROUGH_SHARES,
+    Fit,
+    brief_fit,
+    fit,
+)
 from turnout.calibration.grid_search import GridSearch, sweep
 from turnout.calibration.measured_movements import MeasuredMovement, observe, selected
 from turnout.calibration.misfit import Misfit
@@ -291,13 +299,23 @@ class _Run:
     ) -> tuple[Fit, list[str]]:
         """Fit to the end, with a lead of the motors and what else the misfit asks for."""
         on_step = self.watch.found
-        final = fit(start, parameters, near.values, near=near, on_step=on_step)
-        lead = common_lead(final)
+        found = brief_fit(start, parameters, near.values, near=near, on_step=on_step)
+        lead = common_lead(found)
         if lead:
             start = replace(start, comparison=replace(start.comparison, lead=lead))
-            final = fit(start, parameters, final.values, near=final, on_step=on_step)
-        final, tested = with_causes(final, start, self.panel, on_step=on_step)
-        causes = [item.line for item in tested]
+            found = brief_fit(start, parameters, found.values, near=found, on_step=on_step)
+        search = with_causes(found, start, self.panel, on_step=on_step)
+        final = fit(
+            replace(search.first, base=search.found.values),
+            search.found.parameters,
+            search.found.values,
+            near=search.found,
+            # Shorter steps of the solver are no remedy for what it still misses.
+            refined=not search.misses,
+            min_decrease=BRIEF_DECREASE if search.misses else MIN_DECREASE,
+            on_step=on_step,
+        )
+        causes = [item.line for item in search.tested]
         return final, [lead_text(lead), *causes] if lead else causes
 
     def _misfit(
