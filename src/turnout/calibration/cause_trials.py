@@ -1,6 +1,6 @@
 """How well each cause explains what a model misses: tried with values adjusted to first order."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from turnout.calibration.drive_law.fit_law import criteria
 from turnout.calibration.evaluate import Response
 from turnout.calibration.fit import Fit
 from turnout.calibration.misfit import Frame, Misfit, framed, jacobian
+from turnout.calibration.parameter import Parameter
 from turnout.calibration.predict import predicted
 from turnout.calibration.shared import effective_samples, model_error
 
@@ -81,65 +82,184 @@ def with_cause(misfit: Misfit, cause: Cause) -> Misfit:
     )
 
 
-def cause_trials(found: Fit, causes: Sequence[Cause]) -> list[tuple[TestedCause, Cause]]:
+def cause_trials(
+    found: Fit, causes: Sequence[Cause], *, most: int, decisive: float
+) -> list[list[tuple[TestedCause, Cause]]]:
     """Try causes at their sizes, with all values adjusted to first order; the likeliest first.
 
     Only the change that a cause makes is thrown, quickly: what quick throws are off by is off
-    alike with the cause and without, and is taken from both.
+    alike with the cause and without, and is taken from both. Causes that change forces in
+    proportion are chosen together, one after the other, since one may show only where another is
+    known; each other cause is tried by itself.
+
+    Parameters
+    ----------
+    found : Fit
+        What misses something.
+    causes : sequence of Cause
+        To be tried.
+    most : int
+        Causes of a choice at most.
+    decisive : float
+        Difference of the criterion from which on a cause is chosen [-].
+
+    Returns
+    -------
+    list of list of (TestedCause, Cause)
+        Choices of one or several causes, the likeliest choice first; then what is left.
     """
     before = _judging(found.misfit)
     frame = framed(found.local, before)
-    J = jacobian(found.local, frame, [item.name for item in found.parameters])
+    names = [item.name for item in found.parameters]
+    J = jacobian(found.local, frame, names)
+    r = before.residuals_of(found.local.simulated, frame)
     samples = effective_samples(frame.alignments, before.comparison)
-    plain = _adjusted(before.residuals_of(found.local.simulated, frame), J, frame)
+    plain = _adjusted(r, J, frame)
     origin = replace(found.misfit, quick=True).responses([found.values])[0]
-    trials = []
+    linear, single = [], []
     for cause in causes:
-        sizes, best = _tried(found, cause, before, frame, J, origin)
+        misfit = _judging(with_cause(found.misfit, cause))
+        if cause.smooth:
+            columns = _columns(found, cause, misfit, before, frame, r, origin)
+            if columns is not None:
+                linear.append((cause, columns))
+            continue
+        sizes, best = _tried(found, cause, misfit, origin)
         gain = criteria(plain, parameters=0, samples=samples)[1]
-        # A prior pays for its parameter itself.
-        gain -= criteria(best, parameters=int(len(cause.parameters) <= 1), samples=samples)[1]
-        trials.append(
-            (TestedCause(name=cause.name, text=cause.text(sizes), sizes=sizes, gain=gain), cause)
-        )
-    return sorted(trials, key=lambda pair: -pair[0].gain)
+        gain -= criteria(best, parameters=1, samples=samples)[1]
+        single.append([(_trial(cause, sizes, gain), cause)])
+    chosen = _chosen_together(r, J, linear, samples=samples, most=most, decisive=decisive)
+    return sorted([*chosen, *single], key=lambda choice: -sum(item.gain for item, _ in choice))
+
+
+def _trial(cause: Cause, sizes: tuple[float, ...], gain: float) -> TestedCause:
+    return TestedCause(name=cause.name, text=cause.text(sizes), sizes=sizes, gain=gain)
 
 
 def _tried(
-    found: Fit,
-    cause: Cause,
-    before: Misfit,
-    frame: Frame,
-    J: Floats,
-    origin: Sequence[Response],
+    found: Fit, cause: Cause, misfit: Misfit, origin: Sequence[Response]
 ) -> tuple[tuple[float, ...], float]:
-    """Return the likeliest sizes of a cause, and minus twice the log-likelihood with it."""
-    misfit = _judging(with_cause(found.misfit, cause))
+    """Return the likeliest size of a cause, and minus twice the log-likelihood with it."""
     if not cause.parameters:
         drive = next(iter(cause.scatter)).split(".")[1]
         return (), _with_own_levels(found, misfit, drive)
-    names = [item.name for item in cause.parameters]
-    origin_of = {item.name: item.start for item in cause.parameters}
-    moved = names if cause.smooth else names * len(cause.tries)
-    points = [
-        {**found.values, **origin_of, name: size}
-        for name, size in zip(moved, cause.tries, strict=True)
-    ]
-    rows = _changed(found, misfit, points, origin, thrown=bool(cause.law or cause.smooth))
-    usable = [n for n, row in enumerate(rows) if not any(item.failure for item in row)]
-    if not usable or (cause.smooth and len(usable) < len(rows)):
-        return tuple(item.start for item in cause.parameters), float("inf")
-    if cause.smooth:
-        return _along(found, cause, before, frame, J, rows)
+    (parameter,) = cause.parameters
+    points = [{**found.values, parameter.name: size} for size in cause.tries]
+    rows = _changed(found, misfit, points, origin, thrown=cause.law is not None)
     results = []
-    for number in usable:
-        local = replace(found.local, simulated=tuple(rows[number]))
-        there = framed(local, misfit)
-        r = misfit.residuals_of(rows[number], there)
+    for size, row in zip(cause.tries, rows, strict=True):
+        if any(item.failure for item in row):
+            continue
+        there = framed(replace(found.local, simulated=tuple(row)), misfit)
         slopes = jacobian(found.local, there, [item.name for item in found.parameters])
-        results.append((_adjusted(r, slopes, there), (cause.tries[number],)))
-    best, sizes = min(results)
+        results.append((_adjusted(misfit.residuals_of(row, there), slopes, there), (size,)))
+    best, sizes = min(results, default=(float("inf"), (parameter.start,)))
     return sizes, best
+
+
+def _columns(
+    found: Fit,
+    cause: Cause,
+    misfit: Misfit,
+    before: Misfit,
+    frame: Frame,
+    r: Floats,
+    origin: Sequence[Response],
+) -> Floats | None:
+    """Return the change of the residuals with each parameter of a cause, for one `_scale` of it.
+
+    None where a throw failed.
+    """
+    start = {item.name: item.start for item in cause.parameters}
+    points = [
+        {**found.values, **start, item.name: size}
+        for item, size in zip(cause.parameters, cause.tries, strict=True)
+    ]
+    rows = _changed(found, misfit, points, origin, thrown=True)
+    if any(item.failure for row in rows for item in row):
+        return None
+    shares = [
+        _scale(item, size) / (size - item.start)
+        for item, size in zip(cause.parameters, cause.tries, strict=True)
+    ]
+    return np.column_stack([before.residuals_of(row, frame) - r for row in rows]) * shares
+
+
+def _scale(parameter: Parameter, size: float) -> float:
+    """Return the deviation of a parameter's prior, or the size that is tried [its unit]."""
+    return parameter.prior or abs(size - parameter.start)
+
+
+def _chosen_together(
+    r: Floats,
+    J: Floats,
+    linear: Sequence[tuple[Cause, Floats]],
+    *,
+    samples: float,
+    most: int,
+    decisive: float,
+) -> list[list[tuple[TestedCause, Cause]]]:
+    r"""Choose causes one after the other, those chosen and all values adjusted with each.
+
+    With the columns `A` of parameters that have priors, in their deviations, and `A'` what of them
+    no value can imitate, they are integrated out,
+
+    .. math:: D = \min_{\theta, a} \|r + J \theta + A a\|^2 + \|a\|^2 + \ln\det(I + A'^T A'),
+
+    a parameter without a prior costs :math:`\ln n`.
+    """
+    if not linear:
+        return []
+    Q = np.linalg.qr(J)[0]
+    rest = r - Q @ (Q.T @ r)
+    blocks = [A - Q @ (Q.T @ A) for _, A in linear]
+
+    def deviance(numbers: Sequence[int]) -> tuple[float, Floats]:
+        own = np.array([float(item.prior > 0) for n in numbers for item in linear[n][0].parameters])
+        if not numbers:
+            return float(rest @ rest), own
+        A = np.hstack([blocks[n] for n in numbers])
+        normal = A.T @ A + np.diag(own)
+        a = np.linalg.lstsq(normal, -A.T @ rest, rcond=None)[0]
+        left = rest + A @ a
+        known = own > 0
+        total = float(left @ left + (own * a) @ a) + float(np.sum(~known)) * np.log(samples)
+        total += float(np.linalg.slogdet(normal[np.ix_(known, known)])[1])
+        return total, np.asarray(a, dtype=np.float64)
+
+    taken: list[int] = []
+    gains: list[float] = []
+    least = deviance([])[0]
+    left = list(range(len(linear)))
+    choice: list[tuple[TestedCause, Cause]] = []
+    others: list[list[tuple[TestedCause, Cause]]] = []
+    while left and len(taken) < most:
+        scores = {n: least - deviance([*taken, n])[0] for n in left}
+        best = max(scores, key=lambda n: scores[n])
+        if scores[best] <= decisive:
+            break
+        taken.append(best)
+        gains.append(scores[best])
+        least -= scores[best]
+        name = linear[best][0].name
+        left = [n for n in left if n != best and linear[n][0].name != name]
+    sizes = iter(deviance(taken)[1].tolist())
+    for n, gain in zip(taken, gains, strict=True):
+        choice.append((_trial(linear[n][0], _reached(linear[n][0], sizes), gain), linear[n][0]))
+    for n in (n for n in range(len(linear)) if n not in taken):
+        value, a = deviance([*taken, n])
+        own = iter(a.tolist()[a.size - len(linear[n][0].parameters) :])
+        cause = linear[n][0]
+        others.append([(_trial(cause, _reached(cause, own), least - value), cause)])
+    return [choice, *others] if choice else others
+
+
+def _reached(cause: Cause, sizes: Iterator[float]) -> tuple[float, ...]:
+    """Return the sizes of a cause from those in its scales, within the bounds."""
+    return tuple(
+        min(max(item.start + next(sizes) * _scale(item, size), item.lower), item.upper)
+        for item, size in zip(cause.parameters, cause.tries, strict=True)
+    )
 
 
 def _changed(
@@ -194,52 +314,6 @@ def _adjusted(residuals: Floats, J: Floats, frame: Frame) -> float:
     """Return minus twice the log-likelihood with all values adjusted to first order."""
     rest = residuals + J @ np.linalg.lstsq(J, -residuals, rcond=None)[0]
     return float(rest @ rest) + _log_determinant(frame)
-
-
-def _along(
-    found: Fit,
-    cause: Cause,
-    misfit: Misfit,
-    frame: Frame,
-    J: Floats,
-    rows: Sequence[Sequence[Response]],
-) -> tuple[tuple[float, ...], float]:
-    r"""Return the likeliest sizes where a cause is adjusted to first order too, and what is left.
-
-    With the columns `A` of parameters that have priors, in their deviations, and `A'` what of them
-    no value can imitate, they are integrated out,
-
-    .. math:: D = \min_{	heta, a} \|r + J 	heta + A a\|^2 + \|a\|^2 + \ln\det(I + A'^T A')
-    """
-    r = misfit.residuals_of(found.local.simulated, frame)
-    parameters = cause.parameters
-    start = np.array([found.values.get(item.name, item.start) for item in parameters])
-    widths = np.array([item.prior or np.inf for item in parameters])
-    steps = np.array(cause.tries) - start
-    scale = np.where(np.isfinite(widths), widths, np.abs(steps))
-    A = np.column_stack([misfit.residuals_of(row, frame) - r for row in rows]) * (scale / steps)
-    own = np.isfinite(widths).astype(np.float64)
-    whole = np.vstack(
-        [
-            np.column_stack([J, A]),
-            np.column_stack([np.zeros((len(parameters), J.shape[1])), np.diag(own)]),
-        ]
-    )
-    right = np.concatenate([-r, np.zeros(len(parameters))])
-    likeliest = np.linalg.lstsq(whole, right, rcond=None)[0][J.shape[1] :]
-    reached = np.clip(
-        start + likeliest * scale,
-        [item.lower for item in parameters],
-        [item.upper for item in parameters],
-    )
-    a = (reached - start) / scale
-    plain = r + A @ a
-    rest = plain + J @ np.linalg.lstsq(J, -plain, rcond=None)[0]
-    apart = A - J @ np.linalg.lstsq(J, A, rcond=None)[0]
-    deviance = float(rest @ rest) + float((own * a) @ a) + _log_determinant(frame)
-    if own.all():
-        deviance += float(np.linalg.slogdet(np.eye(a.size) + apart.T @ apart)[1])
-    return tuple(reached.tolist()), deviance
 
 
 def _log_determinant(frame: Frame) -> float:

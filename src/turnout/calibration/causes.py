@@ -28,9 +28,12 @@ Floats = NDArray[np.float64]
 # Where a model misses less than this share of a channel's peak, no cause is looked for [-].
 WORTH = {OBJECT_FORCE: 0.02}
 WORTH_DRIVE = 1.5e-3
+CLEARLY = 3.0
 # Difference of the criterion from which on a cause is fitted, how many are taken up at most, and
 # how many are fitted in turn until one is.
 DECISIVE, MOST_CAUSES, ATTEMPTS = 10.0, 3, 3
+# Causes of which several may be, one a drive.
+SEVERAL = ("clutch", "drive law")
 # What a fit with a cause may miss at most, as a share of what one without it does [-].
 LESS_MISSED = 0.85
 
@@ -57,14 +60,17 @@ class CauseSearch:
     misses: bool
 
 
-def is_worth_a_search(found: Fit) -> bool:
-    """Return whether a model misses more of a channel than another solver would, or by its gain."""
-    if any(item.leaves for item in found_gains(found)):
+def is_worth_a_search(found: Fit, *, share: float = 1.0) -> bool:
+    """Return whether a model misses more of a channel than another solver would, or by its gain.
+
+    `share` is how many times as much [-]; from `CLEARLY` on no fit need be finished to see it.
+    """
+    if share <= 1.0 and any(item.leaves for item in found_gains(found)):
         return True
     comparison = found.misfit.comparison
     return any(
         model_error(comparison, key)
-        > max(WORTH.get(key[0], WORTH_DRIVE) * peak, 1.5 * comparison.noise[key].white)
+        > share * max(WORTH.get(key[0], WORTH_DRIVE) * peak, 1.5 * comparison.noise[key].white)
         for key, peak in peaks_of(found.misfit.movements).items()
     )
 
@@ -92,25 +98,39 @@ def with_causes(
     -------
     CauseSearch
     """
-    taken: list[TestedCause] = []
+    taken: list[tuple[TestedCause, Cause]] = []
     tested: list[TestedCause] = []
     left = candidate_causes(panel, found.parameters)
     while (misses := is_worth_a_search(found)) and len(taken) < MOST_CAUSES:
-        trials = cause_trials(found, left)
-        tested = [trial for trial, _ in trials if trial.gain > DECISIVE]
-        fitted = _first_that_helps(found, first, trials[: min(len(tested), ATTEMPTS)], on_step)
+        choices = cause_trials(found, left, most=MOST_CAUSES - len(taken), decisive=DECISIVE)
+        tested = [item for choice in choices for item, _ in choice if item.gain > DECISIVE]
+        good = [choice for choice in choices if choice[0][0].gain > DECISIVE]
+        fitted = _first_that_helps(found, first, good[:ATTEMPTS], on_step)
         if fitted is None:
             break
-        found, best, cause = fitted
-        first = with_cause(first, cause)
-        sizes = tuple(found.values[item.name] for item in cause.parameters)
-        taken.append(replace(best, sizes=sizes, text=cause.text(sizes), fitted=True))
-        left = tuple(item for item in left if item.name != cause.name or _is_other(item, cause))
-    names = {item.name for item in taken}
+        found, choice = fitted
+        for _, cause in choice:
+            first = with_cause(first, cause)
+        taken += choice
+        names = {cause.name for _, cause in choice}
+        left = tuple(
+            item
+            for item in left
+            if item not in [cause for _, cause in choice]
+            and (item.name not in names or item.name in SEVERAL)
+        )
+    results = [_as_fitted(item, cause, found) for item, cause in taken]
+    names = {item.name for item in results}
     others = [item for item in tested if item.name not in names]
     return CauseSearch(
-        found=found, first=first, tested=(*taken, *_each_name_once(others)), misses=misses
+        found=found, first=first, tested=(*results, *_each_name_once(others)), misses=misses
     )
+
+
+def _as_fitted(item: TestedCause, cause: Cause, found: Fit) -> TestedCause:
+    """Return a cause at the sizes that were fitted."""
+    sizes = tuple(found.values[parameter.name] for parameter in cause.parameters)
+    return replace(item, sizes=sizes, text=cause.text(sizes), fitted=True)
 
 
 def _each_name_once(tested: Sequence[TestedCause]) -> list[TestedCause]:
@@ -121,23 +141,18 @@ def _each_name_once(tested: Sequence[TestedCause]) -> list[TestedCause]:
 def _first_that_helps(
     found: Fit,
     first: Misfit,
-    trials: Sequence[tuple[TestedCause, Cause]],
+    choices: Sequence[Sequence[tuple[TestedCause, Cause]]],
     on_step: Callable[[float], None] | None,
-) -> tuple[Fit, TestedCause, Cause] | None:
-    """Fit with the likeliest causes in turn until one makes the model miss less."""
-    for best, cause in trials:
+) -> tuple[Fit, Sequence[tuple[TestedCause, Cause]]] | None:
+    """Fit with the likeliest choices in turn until one makes the model miss less."""
+    for choice in choices:
         try:
-            again = _fitted_with(found, first, cause, best, on_step=on_step)
+            again = _fitted_with(found, first, choice, on_step=on_step)
         except SolverError:
             continue
         if _missed(again) <= LESS_MISSED * _missed(found):
-            return again, best, cause
+            return again, choice
     return None
-
-
-def _is_other(item: Cause, taken: Cause) -> bool:
-    """Return whether a cause of the same name may still be added to one that was taken up."""
-    return item is not taken and taken.name in ("clutch", "drive law")
 
 
 def _missed(found: Fit) -> float:
@@ -152,19 +167,22 @@ def _missed(found: Fit) -> float:
 def _fitted_with(
     found: Fit,
     first: Misfit,
-    cause: Cause,
-    best: TestedCause,
+    choice: Sequence[tuple[TestedCause, Cause]],
     *,
     on_step: Callable[[float], None] | None,
 ) -> Fit:
-    """Fit all values together with a cause, from where both are."""
-    values = dict(found.values)
-    effects = dict(found.misfit.effects)
-    if not cause.parameters:
-        effects = own_levels(found, next(iter(cause.scatter)).split(".")[1])
-    values |= {item.name: size for item, size in zip(cause.parameters, best.sizes, strict=True)}
-    misfit = replace(with_cause(first, cause), base=values)
-    scatter = {**found.misfit.comparison.scatter, **cause.scatter}
+    """Fit all values together with causes, from where both are."""
+    values, vary = dict(found.values), list(found.parameters)
+    effects, scatter = dict(found.misfit.effects), dict(found.misfit.comparison.scatter)
+    misfit = first
+    for tested, cause in choice:
+        if not cause.parameters:
+            effects = own_levels(found, next(iter(cause.scatter)).split(".")[1])
+        values |= {p.name: size for p, size in zip(cause.parameters, tested.sizes, strict=True)}
+        vary += cause.parameters
+        scatter |= cause.scatter
+        misfit = with_cause(misfit, cause)
+    misfit = replace(misfit, base=values)
     kept = replace(misfit.comparison, noise=found.misfit.comparison.noise, scatter=scatter)
     start = replace(
         found,
@@ -172,5 +190,4 @@ def _fitted_with(
         misfit=replace(misfit, comparison=kept, effects=effects),
         local=replace(found.local, stepped={}),
     )
-    vary = (*found.parameters, *cause.parameters)
     return brief_fit(misfit, vary, values, near=start, on_step=on_step)

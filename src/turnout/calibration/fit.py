@@ -55,7 +55,7 @@ MIN_DECREASE = 0.05
 ROUGH_STEPS, ROUGH_REJECTED, ROUGH_DECREASE = 6, 2, 0.01
 # Of a brief fit: passes with noise found again, steps of each, how often movement effects are
 # thrown again in a step, and the decrease below which a step is not tried.
-BRIEF_PASSES, BRIEF_STEPS, BRIEF_EFFECTS, BRIEF_DECREASE = 3, 5, 2, 0.5
+BRIEF_PASSES, BRIEF_STEPS, BRIEF_EFFECTS, BRIEF_DECREASE = 2, 5, 1, 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -197,6 +197,8 @@ def brief_fit(
     values: Mapping[str, float],
     *,
     near: Fit,
+    passes: int = BRIEF_PASSES,
+    steps: int = BRIEF_STEPS,
     on_step: Callable[[float], None] | None = None,
 ) -> Fit:
     """Fit near to the end only, to see what a model misses: few steps with slopes of quick throws.
@@ -212,6 +214,10 @@ def brief_fit(
         As of `fit`.
     near : Fit
         Where it starts, with its noise.
+    passes : int
+        How often noise and discrepancy are estimated at most.
+    steps : int
+        Of each pass at most; with none, what is missed at the start is looked at.
     on_step : callable, optional
         As of `fit`.
 
@@ -227,9 +233,9 @@ def brief_fit(
     )
     present = replace(misfit, comparison=kept, effects=near.misfit.effects, quick_slopes=True)
     local, iterations = near.local, 0
-    for _ in range(BRIEF_PASSES):
+    for _ in range(passes):
         found = _least_squares(
-            present, parameters, values, rough=False, brief=True, on_step=on_step, local=local
+            present, parameters, values, rough=False, brief=steps, on_step=on_step, local=local
         )
         iterations += found.iterations
         values, local = found.values, found.local
@@ -257,7 +263,7 @@ def _least_squares(
     on_step: Callable[[float], None] | None,
     local: Linearisation | None = None,
     min_decrease: float = MIN_DECREASE,
-    brief: bool = False,
+    brief: int | None = None,
 ) -> Fit:
     """Levenberg-Marquardt within bounds, in one state of noise and scatter."""
     names = [item.name for item in parameters]
@@ -269,8 +275,8 @@ def _least_squares(
     damping, iterations = 1e-4, 0
     max_steps, max_rejected = (ROUGH_STEPS, ROUGH_REJECTED) if rough else (MAX_STEPS, MAX_STEPS)
     passes = 1 if rough else EFFECT_PASSES
-    if brief:
-        max_steps, max_rejected, passes = BRIEF_STEPS, ROUGH_REJECTED, BRIEF_EFFECTS
+    if brief is not None:
+        max_steps, max_rejected, passes = brief, ROUGH_REJECTED, BRIEF_EFFECTS
         min_decrease = BRIEF_DECREASE
     message, converged = "", rough
     while True:
@@ -296,8 +302,10 @@ def _least_squares(
             trial_cost = float(r_trial @ r_trial) + _prior_cost(parameters, trial)
             if np.isfinite(trial_cost) and trial_cost < cost:
                 damping, accepted, misfit = 0.1 * damping, True, trial_misfit
-                if not (rough or brief) and cost - trial_cost > max(
-                    EXTENDING_DECREASE, EXTENDING_SHARE * trial_cost
+                if (
+                    not rough
+                    and brief is None
+                    and cost - trial_cost > max(EXTENDING_DECREASE, EXTENDING_SHARE * trial_cost)
                 ):
                     max_steps = max(max_steps, min(iterations + EXTRA_STEPS, STEP_LIMIT))
                 break
@@ -306,6 +314,8 @@ def _least_squares(
                 message, converged = "converged to the noise of the solver", True
                 break
         if not accepted:
+            if brief is not None and rejected == max_rejected:
+                message, converged = "converged as far as slopes of quick throws lead", True
             break
         local = replace(local, values=trial, simulated=here)
     return Fit(

@@ -11,6 +11,7 @@ from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs
 from turnout.calibration.linearisation import (
     DIFFERENCE,
     FINE_DIFFERENCE,
+    SAME_BRIEF_SLOPE,
     SAME_FINE_SLOPE,
     SAME_SLOPE,
     Linearisation,
@@ -200,7 +201,8 @@ class Misfit:
         Near is judged movement by movement, as each is simulated at its own values.
         """
         whole = {**self.base, **values}
-        most = SAME_SLOPE if self.coarse else SAME_FINE_SLOPE
+        most = SAME_SLOPE if self.quick else SAME_FINE_SLOPE
+        most = SAME_BRIEF_SLOPE if self.quick_slopes else most
         stale = [n for n in range(len(self.movements)) if self._shift(whole, n, previous) > most]
         same = set(vary) <= set(previous.stepped) and previous.quick == self.coarse
         if not same or len(stale) == len(self.movements):

@@ -147,6 +147,8 @@ MEASURED = ("drive_force", "drive_current", "object_force")
 CHANCE = 1e-4
 # A switch is thrown with some kilonewtons, and no object bears more than this [N].
 MOST_FORCE = 2e5
+# A line is looked for in overlapping parts of a movement, of so many periods at least.
+PARTS, PERIODS = 4, 10
 # So many equal samples from the start on are a rest without noise.
 LEAST_REST = 10
 
@@ -384,18 +386,49 @@ def hum_faults(
     rate: float,
     limits: Limits,
 ) -> list[Fault]:
-    """Find a line of the mains whose amplitude is above its limit, after the inrush."""
+    """Find a steady line of the mains whose amplitude is above its limit, after the inrush.
+
+    A load cell that is struck rings at a few tens of hertz and dies away; mains do not.
+    """
     part = values[begin + round(0.2 * rate) : finish]
     most, unit = dict(limits.most_hum)[key], "A" if key == "drive_current" else "N"
     faults = []
     for frequency in limits.mains:
         if frequency > 0.4 * rate or part.size * frequency < 10 * rate:
             continue
-        amplitude = line_amplitude(part, frequency=frequency, rate=rate)
+        amplitude = steady_amplitude(part, frequency=frequency, rate=rate)
         if amplitude > most:
             text = f"{amplitude:.3g} {unit} at {frequency:.4g} Hz, at most {most:g} {unit}"
             faults.append(Fault("mains hum", name, text))
     return faults
+
+
+def steady_amplitude(values: Floats, *, frequency: float, rate: float) -> float:
+    """Return the amplitude that a line has throughout: the median over overlapping parts.
+
+    A part is a quarter of the whole, at least ten periods of the line. Of what dies away, as a
+    ringing after an impact, most parts hold nothing.
+
+    Examples
+    --------
+    >>> time = np.arange(3000) / 1000.0
+    >>> line = 80.0 * np.sin(2.0 * np.pi * 50.0 * time)
+    >>> round(steady_amplitude(line, frequency=50.0, rate=1000.0), 1)
+    80.0
+    >>> ringing = np.where(time > 1.5, line * np.exp(-(time - 1.5) / 0.15), 0.0)
+    >>> steady_amplitude(8.0 * ringing, frequency=50.0, rate=1000.0) < 20.0
+    True
+    """
+    length = min(values.size, max(values.size // PARTS, int(np.ceil(PERIODS * rate / frequency))))
+    starts = np.unique(np.linspace(0, values.size - length, 2 * PARTS - 1).astype(int))
+    return float(
+        np.median(
+            [
+                line_amplitude(values[start : start + length], frequency=frequency, rate=rate)
+                for start in starts
+            ]
+        )
+    )
 
 
 def line_amplitude(values: Floats, *, frequency: float, rate: float) -> float:
