@@ -19,7 +19,7 @@ from turnout.lazy import loader
 
 NAMES = {
     # Panels and objects
-    "load_panel": "turnout.panel.load",
+    "load_panel": "turnout.study.case:load_panel_or_case",
     "panel_names": "turnout.panel.load:library_names",
     "LoadedPanel": "turnout.panel.load",
     "ForeignObject": "turnout.panel.foreign_object",
