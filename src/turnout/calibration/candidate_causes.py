@@ -47,7 +47,7 @@ class Cause:
         Its size, or several with priors that describe it together; none where each movement has
         its own.
     tries : tuple of float
-        Sizes that are tried, in the unit of the parameter; of several, each by itself.
+        Sizes that are tried, in the unit of the parameter; of several, each alone.
     smooth : bool
         Whether forces change in proportion to it: then one size is tried, and the likeliest
         follows with those of all values.

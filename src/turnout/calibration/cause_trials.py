@@ -90,7 +90,7 @@ def cause_trials(
     Only the change that a cause makes is thrown, quickly: what quick throws are off by is off
     alike with the cause and without, and is taken from both. Causes that change forces in
     proportion are chosen together, one after the other, since one may show only where another is
-    known; each other cause is tried by itself.
+    known; each other cause is tried alone.
 
     Parameters
     ----------

@@ -217,7 +217,7 @@ def brief_fit(
     passes : int
         How often noise and discrepancy are estimated at most.
     steps : int
-        Of each pass at most; with none, what is missed at the start is looked at.
+        Of each pass at most; with none, only what the start misses is found.
     on_step : callable, optional
         As of `fit`.
 
@@ -273,11 +273,8 @@ def _least_squares(
         whole = {**misfit.base, **values}
         local = replace(local, values=whole, simulated=tuple(misfit.responses([whole])[0]))
     damping, iterations = 1e-4, 0
-    max_steps, max_rejected = (ROUGH_STEPS, ROUGH_REJECTED) if rough else (MAX_STEPS, MAX_STEPS)
-    passes = 1 if rough else EFFECT_PASSES
-    if brief is not None:
-        max_steps, max_rejected, passes = brief, ROUGH_REJECTED, BRIEF_EFFECTS
-        min_decrease = BRIEF_DECREASE
+    max_steps, max_rejected, passes = _limits(rough=rough, brief=brief)
+    min_decrease = min_decrease if brief is None else BRIEF_DECREASE
     message, converged = "", rough
     while True:
         misfit, local, frame = update_movement_effects(misfit, local, names, passes=passes)
@@ -302,11 +299,8 @@ def _least_squares(
             trial_cost = float(r_trial @ r_trial) + _prior_cost(parameters, trial)
             if np.isfinite(trial_cost) and trial_cost < cost:
                 damping, accepted, misfit = 0.1 * damping, True, trial_misfit
-                if (
-                    not rough
-                    and brief is None
-                    and cost - trial_cost > max(EXTENDING_DECREASE, EXTENDING_SHARE * trial_cost)
-                ):
+                worth = max(EXTENDING_DECREASE, EXTENDING_SHARE * trial_cost)
+                if not rough and brief is None and cost - trial_cost > worth:
                     max_steps = max(max_steps, min(iterations + EXTRA_STEPS, STEP_LIMIT))
                 break
             damping, rejected = max(10.0 * damping, 1e-3), rejected + 1
@@ -330,6 +324,13 @@ def _least_squares(
         message=message or f"stopped after {iterations} steps before convergence",
         converged=converged,
     )
+
+
+def _limits(*, rough: bool, brief: int | None) -> tuple[int, int, int]:
+    """Return steps, rejected ones in a row and passes of movement effects of a fit at most."""
+    if brief is not None:
+        return brief, ROUGH_REJECTED, BRIEF_EFFECTS
+    return (ROUGH_STEPS, ROUGH_REJECTED, 1) if rough else (MAX_STEPS, MAX_STEPS, EFFECT_PASSES)
 
 
 def _prior_cost(parameters: Sequence[Parameter], values: Mapping[str, float]) -> float:
