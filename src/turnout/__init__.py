@@ -98,7 +98,7 @@ _MOVED = {
 _WITHOUT_DATASETS = (
     *("turnout.errors", "turnout.core", "turnout.panel", "turnout.section", "turnout.integrate"),
     *("turnout.scheme", "turnout.response.save", "turnout.analysis.stability"),
-    *("turnout.study.load_study", "turnout.detection"),
+    *("turnout.study.load_study", "turnout.study.case", "turnout.detection"),
 )
 
 

@@ -20,16 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.detection.conditions import Conditions
-from turnout.detection.drive_quantities import (
-    CURRENT,
-    FORCE,
-    POWER,
-    Signal,
-    after_inrush,
-    force_peaks,
-    read_signals,
-)
+from turnout.detection.conditions import CURRENT, FORCE, POWER, Conditions
+from turnout.detection.drive_quantities import Signal, after_inrush, force_peaks, read_signals
 from turnout.detection.features import correlation, discrepancy_covariance
 from turnout.machine.components import Machine
 from turnout.machine.rows import supply_voltage
@@ -83,12 +75,14 @@ def signal_errors(
     if all(item.quantity == FORCE for item in signals):
         peaks = force_peaks(panel, scheme=scheme)
         names = list(panel.drive)
-        amplitude = np.array([peaks[names.index(item.drive)] for item in signals])
-        return forces_only(amplitude, count=time.size)
+        own_peaks = np.array([peaks[names.index(item.drive)] for item in signals])
+        return forces_only(own_peaks, count=time.size)
     dataset = simulate(panel, scheme=scheme)
     instants = dataset["time"].to_numpy()
     values = read_signals(dataset.expand_dims("scenario"), signals)[0]
-    amplitude, peak, gain = [], [], []
+    amplitude: list[float] = []
+    peak: list[float] = []
+    gain: list[Floats] = []
     for item, row in zip(signals, values, strict=True):
         force = dataset["drive_force"].sel(drive=item.drive).to_numpy()
         peak.append(float(np.abs(force).max()))
