@@ -73,7 +73,7 @@ class Counts:
 
 PRESETS = {
     "full": Counts(switches=200, known=200, sound=100, objects=140, causes=10),
-    "reduced": Counts(switches=200, known=20, sound=60, objects=39, causes=2),
+    "reduced": Counts(switches=80, known=20, sound=60, objects=39, causes=2),
     "small": Counts(switches=20, known=20, sound=10, objects=13, causes=1),
 }
 """Sizes of the benchmark by name; a smaller one is no part of a larger one."""

@@ -57,7 +57,7 @@ def fine_layout(layout: Layout) -> Layout:
     --------
     >>> from turnout.panel.load import load_panel
     >>> fine_layout(layout_of_panel(load_panel("uic60-760-1-15"))).windows
-    402
+    408
     """
     parts = [
         replace(part, window=STEP, count=round(part.count * part.window / STEP))
