@@ -169,6 +169,8 @@ class DetectorMethod:
             for name in (SOUND, HISTORY, OBJECT, *DEFECTS)
             if np.any(whole.labels["role"] == name)
         }
-        told = setting_of(panels_study().panel, amplitude=train.amplitude, allowances=self.errors)
+        made_for = setting_of(
+            panels_study().panel, amplitude=train.amplitude, allowances=self.errors
+        )
         with one_blas_thread():
-            return Taught(teach(sets, told))
+            return Taught(teach(sets, made_for))
