@@ -117,7 +117,7 @@ def test_the_flangeway_is_told_with_its_place(thrown: Thrown) -> None:
     least = float(thrown.dataset["least_flangeway"])
     rail = thrown.dataset["least_flangeway_rail"].values
     line = line_of(screen(thrown), f"{1e3 * least:.2f} mm, rail {rail} at x = ")
-    assert line.endswith("BELOW the limit of 58 mm")
+    assert line.endswith("TOO NARROW: at least 58 mm required")
 
 
 def test_test_pieces_are_told(thrown: Thrown) -> None:

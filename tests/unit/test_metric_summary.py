@@ -25,7 +25,7 @@ def test_the_end_state_is_told() -> None:
     assert "TKK1 yes" in text
     assert "no drive slipped" in text
     assert "13 mm at sleeper 6 (x = 3.6 m), rail A" in text
-    assert "BELOW the limit of 58 mm" in text
+    assert "TOO NARROW: at least 58 mm required" in text
     assert "cut-off 300 Hz" in text
 
 

@@ -44,10 +44,10 @@ def test_a_limit_that_is_missed_is_told(alone: xr.Dataset) -> None:
     limit = load_panel(DEFAULT).flangeway
     assert limit is not None
     assert limit.limit == pytest.approx(LIMIT)
-    assert "above the limit of 58 mm" in dict(summary(alone))["least flangeway"]
+    assert "; at least 58 mm required" in dict(summary(alone))["least flangeway"]
     assert concerns(alone) == []
     short = throw(DEFAULT, overrides=(("drive.2.stroke", 0.075),))
     assert float(short["least_flangeway"]) < LIMIT
     assert np.isfinite(float(short["least_flangeway_x"]))
-    assert "BELOW the limit of 58 mm" in dict(summary(short))["least flangeway"]
+    assert "TOO NARROW: at least 58 mm required" in dict(summary(short))["least flangeway"]
     assert [item for item in concerns(short) if item.what == "flangeway below its limit"]

@@ -252,6 +252,8 @@ def _flangeway(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
     if thrown is None:
         yield f"  {NEEDS_THROW}"
         return
+    from turnout.metric.summary import format_required_flangeway
+
     least = float(thrown.dataset["least_flangeway"])
     if math.isnan(least):
         yield "  not known: the rails need running_edge, head_width and fit_gap"
@@ -260,8 +262,7 @@ def _flangeway(panel: "LoadedPanel", thrown: Thrown | None) -> Iterator[str]:
     text = f"  {1e3 * least:.2f} mm, rail {thrown.dataset['least_flangeway_rail'].values!s}"
     text += f" at x = {place:g} m"
     if panel.flangeway is not None:
-        below = least < panel.flangeway.limit
-        text += f"; {'BELOW' if below else 'above'} the limit of {1e3 * panel.flangeway.limit:g} mm"
+        text += f"; {format_required_flangeway(least, panel.flangeway.limit)}"
     yield text
 
 

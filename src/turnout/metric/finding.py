@@ -9,7 +9,13 @@ import xarray as xr
 
 from turnout.metric.channel_features import final_value
 from turnout.metric.slip import Slip, margins, slips
-from turnout.metric.summary import format_force, format_length, is_inaccurate, numerical_warning
+from turnout.metric.summary import (
+    format_force,
+    format_length,
+    format_required_flangeway,
+    is_inaccurate,
+    numerical_warning,
+)
 from turnout.metric.verdict import Verdict, verdict
 
 HEADLINE = "Outcome"
@@ -268,7 +274,7 @@ def _flangeway(dataset: xr.Dataset) -> list[Finding]:
         detail += "; the panel gives no limit"
         return [Finding("fact", "Least flangeway", format_length(least), detail)]
     level: Level = "good" if least >= limit else "look"
-    detail += f"; {'above' if least >= limit else 'BELOW'} the limit of {1e3 * limit:g} mm"
+    detail += f"; {format_required_flangeway(least, limit)}"
     return [Finding(level, "Least flangeway", format_length(least), detail)]
 
 

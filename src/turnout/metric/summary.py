@@ -38,6 +38,18 @@ def format_length(length: xr.DataArray | float) -> str:
     return f"{round(float(length) * 1e3, 2) + 0.0:.2f} mm"
 
 
+def format_required_flangeway(least: float, required: float) -> str:
+    """Return what is required of a flangeway, and whether the least one [m] is too narrow.
+
+    Examples
+    --------
+    >>> format_required_flangeway(0.0565, 0.058)
+    'TOO NARROW: at least 58 mm required'
+    """
+    requirement = f"at least {1e3 * required:g} mm required"
+    return f"TOO NARROW: {requirement}" if least < required else requirement
+
+
 def format_overrides(changes: Mapping[str, object]) -> str:
     """Return what a panel was changed in; calibrated numbers with five digits.
 
@@ -334,8 +346,7 @@ def _flangeway(dataset: xr.Dataset) -> list[tuple[str, str]]:
     )
     limit = float(dataset.attrs.get("flangeway_limit", math.nan))
     if not math.isnan(limit):
-        below = float(dataset["least_flangeway"]) < limit
-        text += f"; {'BELOW the' if below else 'above the'} limit of {limit * 1e3:g} mm"
+        text += f"; {format_required_flangeway(float(dataset['least_flangeway']), limit)}"
     return [("least flangeway", text)]
 
 
