@@ -18,7 +18,7 @@ from turnout.open_benchmark.definition import (
 from turnout.open_benchmark.make_throws import claim_folder
 from turnout.open_benchmark.metrics import clustered_rate, detectable, roc_curve
 from turnout.open_benchmark.minirocket import fit_minirocket
-from turnout.open_benchmark.recording import Recorder, correlated, recorded
+from turnout.open_benchmark.recorder_errors import Recorder, correlated, recorded
 from turnout.open_benchmark.verdicts import Verdicts, read_verdicts, write_verdicts
 
 # ---- definition
@@ -193,7 +193,7 @@ def test_all_faults_of_a_verdict_file_are_said_at_once(tmp_path: Path) -> None:
         read_verdicts(path, throws=np.array([1]), positions=POSITIONS)
     text = str(fault.value)
     assert 'column "alarm" is missing' in text
-    assert 'column "alarms" is unknown; is "alarm" meant?' in text
+    assert 'column "alarms" is unknown; nearest is ' in text
     assert '"x" needs all of x, x_low and x_high' in text
 
 

@@ -1,17 +1,18 @@
 """Every method of the open benchmark sees what is obvious, and gives the same numbers twice."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.unit.benchmark_toy import toy_benchmark
 
-from turnout.open_benchmark.dataset import open_benchmark
 from turnout.open_benchmark.definition import Counts
 from turnout.open_benchmark.make_throws import make_throws
 from turnout.open_benchmark.method import Method
 from turnout.open_benchmark.run_methods import Conditions, methods_for, run_method
 from turnout.open_benchmark.score import score_verdicts
+from turnout.open_benchmark.sides import open_benchmark
 from turnout.open_benchmark.verdicts import Verdicts
 
 BENCH = toy_benchmark()
@@ -22,7 +23,8 @@ BASELINES = methods_for(Conditions(track="machines"))
 def test_each_baseline_sees_an_obvious_object(method: Method, tmp_path: Path) -> None:
     if method.name in ("isolation-forest", "boosting"):
         pytest.importorskip("sklearn")
-    result = run_method(method, BENCH, tmp_path, data="toy")
+    one = replace(method, settings=method.settings[:1])  # type: ignore[type-var]
+    result = run_method(one, BENCH, tmp_path, data="toy")
     place, share, count = result["score"]["obvious"]
     assert count >= 3
     # 25 mm are 3.75 kN here, on 0.4 kN of all that differs otherwise

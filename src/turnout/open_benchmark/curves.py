@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.open_benchmark.dataset import Benchmark
 from turnout.open_benchmark.definition import SOUND
 from turnout.open_benchmark.method import object_touched
 from turnout.open_benchmark.metrics import roc_curve
 from turnout.open_benchmark.score import HARD, KNOWN_PLACE, MID_SPAN
+from turnout.open_benchmark.sides import Benchmark
 from turnout.open_benchmark.verdicts import read_verdicts
 
 Floats = NDArray[np.float64]

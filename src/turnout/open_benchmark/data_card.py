@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 
 from turnout.core.files import write_atomic
-from turnout.open_benchmark.dataset import read_throws_file
 from turnout.open_benchmark.definition import TEST, TRAIN, VERSION
 from turnout.open_benchmark.make_throws import THROWS
+from turnout.open_benchmark.sides import read_throws_file
 
 CARD, TABLE = "data-card.md", "table.md"
 NOTHING = "-"

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from turnout.detection.alarm_threshold import threshold_for
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.throw_layout import Layout
-from turnout.open_benchmark.dataset import Benchmark, Side, window_features
 from turnout.open_benchmark.definition import OBJECT, SOUND
+from turnout.open_benchmark.sides import Benchmark, Side, window_features
 
 Floats = NDArray[np.float64]
 

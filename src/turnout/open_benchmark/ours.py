@@ -28,11 +28,11 @@ from turnout.detection.throw_layout import Layout
 from turnout.detection.throw_set import ThrowSet
 from turnout.detection.training import setting_of, teach
 from turnout.detection.training_plan import DEFECTS
-from turnout.open_benchmark.dataset import Side, window_features
 from turnout.open_benchmark.definition import HISTORY, OBJECT, SOUND, panels_study
 from turnout.open_benchmark.make_throws import STEP, fine_layout
 from turnout.open_benchmark.method import Judged, Model
-from turnout.open_benchmark.recording import slopes
+from turnout.open_benchmark.recorder_errors import slopes
+from turnout.open_benchmark.sides import Side, window_features
 
 Floats = NDArray[np.float64]
 Settings = Sequence[Mapping[str, Any]]

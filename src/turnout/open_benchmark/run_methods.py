@@ -13,12 +13,12 @@ from turnout.core.json_files import to_plain
 from turnout.detection.allowances import Allowances
 from turnout.errors import StudyError
 from turnout.open_benchmark.classical import ComponentsMethod, LimitsMethod, WarpingMethod
-from turnout.open_benchmark.dataset import Benchmark, open_benchmark, read_throws_file
 from turnout.open_benchmark.definition import MARKERS, TEST, TRAIN, WITH_MACHINES
 from turnout.open_benchmark.learned import BoostingMethod, ForestMethod, RocketMethod
 from turnout.open_benchmark.method import Method, fold_of_panels, judged_of, tune
 from turnout.open_benchmark.ours import DetectorMethod
 from turnout.open_benchmark.score import plain, score_verdicts
+from turnout.open_benchmark.sides import Benchmark, open_benchmark, read_throws_file
 from turnout.open_benchmark.verdicts import Verdicts, read_verdicts, write_verdicts
 
 RESULTS = "results"

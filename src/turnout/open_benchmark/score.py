@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.open_benchmark.dataset import Benchmark, Side
 from turnout.open_benchmark.definition import OBJECT, SOUND
 from turnout.open_benchmark.method import object_touched
 from turnout.open_benchmark.metrics import (
@@ -21,6 +20,7 @@ from turnout.open_benchmark.metrics import (
     detectable,
     macro_f1,
 )
+from turnout.open_benchmark.sides import Benchmark, Side
 from turnout.open_benchmark.switch_throws import UNKNOWN
 from turnout.open_benchmark.verdicts import Verdicts
 

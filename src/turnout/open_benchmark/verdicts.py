@@ -147,8 +147,7 @@ def _column_faults(frame: pd.DataFrame, positions: Sequence[str]) -> list[str]:
     faults = [f'column "{name}" is missing' for name in (THROW, SCORE, ALARM) if name not in given]
     for name in given:
         if name not in allowed:
-            near = nearest(name, allowed)
-            hint = f'; is "{near}" meant?' if near else f"; allowed are {choices(allowed)}"
+            hint = nearest(name, allowed) or f"; allowed are {choices(allowed)}"
             faults.append(f'column "{name}" is unknown{hint}')
     faults += [f'column "{name}" is there twice' for name in set(given) if given.count(name) > 1]
     for name in given:

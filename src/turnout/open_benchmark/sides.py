@@ -20,7 +20,7 @@ from turnout.detection.training import layout_of_panel
 from turnout.errors import FileError, StudyError
 from turnout.open_benchmark.definition import HISTORY, MARKERS, TEST, TRAIN, VERSION, panels_study
 from turnout.open_benchmark.make_throws import MISSING, THROWS, fine_layout
-from turnout.open_benchmark.recording import Recorder, amplitudes, recorded
+from turnout.open_benchmark.recorder_errors import Recorder, amplitudes, recorded
 
 Floats = NDArray[np.float64]
 CHANNELS = ("force", "current", "power")
