@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from turnout.core.files import write_atomic
 from turnout.core.json_files import to_plain
 from turnout.detection.allowances import Allowances
@@ -15,10 +17,11 @@ from turnout.errors import StudyError
 from turnout.open_benchmark.classical import ComponentsMethod, LimitsMethod, WarpingMethod
 from turnout.open_benchmark.definition import MARKERS, TEST, TRAIN, WITH_MACHINES
 from turnout.open_benchmark.learned import BoostingMethod, ForestMethod, RocketMethod
+from turnout.open_benchmark.make_throws import data_digest
 from turnout.open_benchmark.method import Method, fold_of_panels, judged_of, tune
 from turnout.open_benchmark.ours import DetectorMethod
 from turnout.open_benchmark.score import plain, score_verdicts
-from turnout.open_benchmark.sides import Benchmark, open_benchmark, read_throws_file
+from turnout.open_benchmark.sides import TRACKS, Benchmark, open_benchmark, read_throws_file
 from turnout.open_benchmark.verdicts import Verdicts, read_verdicts, write_verdicts
 
 RESULTS = "results"
@@ -108,7 +111,11 @@ def run_methods(
     if unknown:
         faults = [f'method "{name}": there are {", ".join(names)}' for name in unknown]
         raise StudyError(faults, source="benchmark")
-    data = str(read_throws_file(folder).attrs["data"])
+    whole = read_throws_file(folder)
+    data = {
+        track: data_digest(whole.isel(throw=np.flatnonzero(whole["track"].to_numpy() == track)))
+        for track in TRACKS
+    }
     todo = [
         (own, method)
         for own in conditions
@@ -121,11 +128,11 @@ def run_methods(
         if report is not None:
             report(f"{own.name}, {method.title}", done, len(todo))
         place = folder / RESULTS / own.name
-        kept = _kept(place / f"{method.name}.json", data)
+        kept = _kept(place / f"{method.name}.json", data[own.track])
         if kept is None:
             if bench is None or bench[0] != own:
                 bench = (own, own.open(folder))
-            kept = run_method(method, bench[1], place, data=data)
+            kept = run_method(method, bench[1], place, data=data[own.track])
         found.setdefault(own.name, {})[method.name] = kept
     return found
 

@@ -19,7 +19,7 @@ from turnout.detection.throw_layout import Layout
 from turnout.detection.training import layout_of_panel
 from turnout.errors import FileError, StudyError
 from turnout.open_benchmark.definition import HISTORY, MARKERS, TEST, TRAIN, VERSION, panels_study
-from turnout.open_benchmark.make_throws import MISSING, THROWS, fine_layout
+from turnout.open_benchmark.make_throws import MISSING, THROWS, data_digest, fine_layout
 from turnout.open_benchmark.recorder_errors import Recorder, amplitudes, recorded
 
 Floats = NDArray[np.float64]
@@ -142,7 +142,7 @@ class Benchmark:
     amplitude : ndarray, shape (n_signals,)
         Peak of the mean sound throw.
     attrs : mapping of str to object
-        Digests of definition and data, counts, version.
+        Digests of definition, data, and those of this track (`track_data`); counts, version.
     """
 
     train: Side
@@ -228,7 +228,8 @@ def open_benchmark(
     return Benchmark(
         train=sides[TRAIN], test=sides[TEST], layout=layout, time=time, signals=signals,
         history=history, errors=errors, track=track,
-        amplitude=np.mean(list(peak.values()), axis=0), attrs=dict(whole.attrs),
+        amplitude=np.mean(list(peak.values()), axis=0),
+        attrs={**whole.attrs, "track_data": data_digest(own)},
     )  # fmt: skip
 
 
