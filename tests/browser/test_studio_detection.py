@@ -24,9 +24,11 @@ def test_a_limit_follows_the_size_of_the_slider(
     assert page.evaluate(BARS) == ["1.00", "0.50", "0.00", "1.00"]
     page.screenshot(path=shots / "limit.png")
     assert page.locator("#limit-blade rect[fill*=hatch]").count() == 1
+    assert page.locator("#limit-blade line.mark").count() == 4  # only the place known
     assert "Below 90 % at sleeper 3, sleeper 6" in page.locator("#limit-note").inner_text()
     page.get_by_label("Forces").select_option("drive 1")
     assert page.evaluate(BARS)[3] == "0.50"
+    assert page.locator("#limit-blade line.mark").count() == 0  # known for both drives together
     page.locator("#limit-file").set_input_files(table_file(tmp_path, [0.0]))
     page.wait_for_selector("#message:not([hidden])")
     assert "no netCDF-4 file" in page.locator("#message").inner_text()

@@ -3,6 +3,7 @@
 import numpy as np
 
 from turnout.detection.drive_quantities import Signal
+from turnout.detection.signal_errors import forces_only
 from turnout.detection.throws import Throws
 
 
@@ -31,6 +32,6 @@ def toy_throws(*, states: int = 60, seed: int = 1, drives: int = 2) -> Throws:
         places=("drive 1", "sleeper 1"),
         x=np.array([0.3, 0.6]),
         sizes=sizes,
-        amplitude=np.full(drives, 3000.0),
+        errors=forces_only(np.full(drives, 3000.0), count=time.size),
         signals=tuple(Signal(quantity="force", drive=str(n + 1)) for n in range(drives)),
     )

@@ -52,6 +52,8 @@ def limit_file(folder: Path) -> Path:
             "a90": (one, np.stack([middle + 0.8e-3, np.full(4, np.nan)])),
             "a90_low": (one, np.stack([middle, np.full(4, np.nan)])),
             "a90_high": (one, np.stack([middle + 1e-3, np.full(4, np.nan)])),
+            "known_pod": (("place", "size"), 0.9 * pod),
+            "known_a90": (("place",), middle + 1.8e-3),
             "touch_floor": (("place",), np.array([0.5e-3, 2e-3, 6e-3, 1e-3])),
             "largest_size": (("place",), np.array([30e-3, 30e-3, 30e-3, 20e-3])),
         },
@@ -63,6 +65,7 @@ def limit_file(folder: Path) -> Path:
         },
         {
             "schema_version": SCHEMA_VERSION,
+            "kind": "limit",
             "discrepancy": 0.05,
             "false_alarm_rate": 1e-3,
             "history": 0,

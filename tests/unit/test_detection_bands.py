@@ -36,6 +36,7 @@ def test_panels_come_from_a_folder_or_from_a_study(tmp_path: Path) -> None:
     for name in ("b", "a"):
         (tmp_path / f"{name}.toml").write_text(library_text("uic60-760-1-15"))
     assert [item.name for item in bands.panels_of(str(tmp_path))] == ["a", "b"]
+    assert [item.name for item in bands.panels_of(str(tmp_path), most=1)] == ["a"]
     (tmp_path / "none").mkdir()
     with pytest.raises(StudyError, match="holds no panel file"):
         bands.panels_of(str(tmp_path / "none"))

@@ -8,13 +8,13 @@ from tests.unit.detection_throws import toy_throws
 
 from turnout.detection.drive_quantities import (
     Signal,
-    amplitudes,
     noise_of,
     signals_of,
     stored_channels,
 )
 from turnout.detection.limit import limit_map
 from turnout.detection.reference import Conditions, reference_study
+from turnout.detection.signal_errors import SignalErrors, discrepancy_of_signals, signal_errors
 from turnout.detection.throws import Throws
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel, load_panel
@@ -36,7 +36,11 @@ def with_currents(share: float) -> Throws:
         throws,
         sound=np.concatenate([throws.sound, current], axis=1),
         change=np.concatenate([throws.change, 1e-3 * share * throws.change], axis=-2),
-        amplitude=np.concatenate([throws.amplitude, 1e-3 * throws.amplitude]),
+        errors=SignalErrors(
+            amplitude=np.concatenate([throws.amplitude, 1e-3 * throws.amplitude]),
+            force_peak=np.tile(throws.amplitude, 2),
+            gain=np.repeat([1.0, 1e-3], 2)[:, None] * np.ones(throws.time.size),
+        ),
         signals=(*throws.signals, *(Signal(quantity="current", drive=n) for n in ("1", "2"))),
     )
 
@@ -53,10 +57,49 @@ def test_a_panel_has_the_forces_of_all_drives_and_the_currents_of_machines() -> 
 def test_noise_and_amplitude_are_those_of_each_quantity() -> None:
     signals = signals_of(machine_panel(), "all")
     assert noise_of(signals, Conditions()).tolist() == [20.0, 20.0, 0.02, 0.02, 5.0, 5.0]
-    found = amplitudes(machine_panel(), signals)
+    time = np.arange(0.0, 8.5, 0.008)
+    errors = signal_errors(machine_panel(), signals, time=time)
+    found = errors.amplitude
     assert np.all((found[:2] > 2e3) & (found[:2] < 8e3))
     assert np.all((found[2:4] > 0.8) & (found[2:4] < 3.0))  # the inrush of 10 A is left out
     np.testing.assert_allclose(found[4:] / found[2:4], 190.0, rtol=0.35)
+    np.testing.assert_array_equal(errors.force_peak, np.tile(found[:2], 3))
+    np.testing.assert_array_equal(errors.gain[:2], 1.0)
+    moving = errors.gain[2] > 0.0
+    assert 0.4 < moving.mean() < 0.9  # two throws of 3 s in 8.5 s
+    assert np.all(errors.gain[2][time < 0.1] == 0.0)  # off
+    assert 0.1e-3 < errors.gain[2][moving].mean() < 0.3e-3  # A/N
+    np.testing.assert_allclose(errors.gain[4][moving] / errors.gain[2][moving], 190.0, rtol=0.35)
+
+
+def test_a_machine_error_is_one_of_currents_and_powers_and_follows_the_force() -> None:
+    throws = with_currents(1.0)
+    means = np.eye(throws.time.size)[::50]
+
+    def covariance(**given: float) -> np.ndarray:
+        return discrepancy_of_signals(
+            throws.time, means, errors=throws.errors, signals=throws.signals,
+            conditions=Conditions(**given),  # type: ignore[arg-type]
+        )  # fmt: skip
+
+    found, count = covariance(), len(means)
+    force, current = slice(0, count), slice(2 * count, 3 * count)
+    kernel = found[force, force] / (0.05 * 3000.0) ** 2
+    np.testing.assert_allclose(found[force, current], 1e-3 * found[force, force])
+    own = (0.05 * 3.0) ** 2 + (0.02 * 3.0) ** 2
+    np.testing.assert_allclose(found[current, current], own * kernel)
+    np.testing.assert_array_equal(found[count : 2 * count, current], 0.0)  # the other drive
+    exact = covariance(machine_discrepancy=0.0)
+    whole = exact[np.ix_(np.r_[force, current], np.r_[force, current])]
+    assert np.linalg.matrix_rank(whole) == count  # the current says what the force says
+
+
+def test_a_current_beside_the_force_adds_no_second_look_at_it() -> None:
+    """Independent errors would lower the error of the mean of both by a third."""
+    throws = with_currents(1.0)
+    found = limit_map(throws, Conditions(machine_discrepancy=0.0), closing=CLOSING)
+    both, force = (found["a90"].sel(channel=name) for name in ("both drives", "force"))
+    np.testing.assert_allclose(both, force, atol=0.3e-3)
 
 
 def test_the_clutch_takes_the_place_of_the_slip_level() -> None:

@@ -4,10 +4,11 @@ import pytest
 import xarray as xr
 from tests.unit.detection_throws import toy_throws
 
+from turnout.detection.known_place_map import known_place_map
 from turnout.detection.limit import limit_map
 from turnout.detection.reference import Conditions
 from turnout.errors import ResponseError
-from turnout.metric.blade_map import blade_map
+from turnout.metric.blade_map import blade_map, blade_maps
 
 
 def test_each_place_has_its_probability_and_floor() -> None:
@@ -21,6 +22,20 @@ def test_each_place_has_its_probability_and_floor() -> None:
     assert found[0].a90 == pytest.approx(float(dataset["a90"][0, 0]))
     assert found[0].known_a90 is None
     assert blade_map(dataset, 20e-3)[0].pod is None
+
+
+def test_known_places_are_those_of_both_drives() -> None:
+    throws = toy_throws()
+    dataset = limit_map(throws, Conditions(), closing=0.8)
+    known = known_place_map(throws, Conditions(), closing=0.8, draws=1000)
+    dataset = dataset.merge(known, combine_attrs="no_conflicts")
+    found = blade_map(dataset, 2e-3)
+    at = known["known_pod"].sel(place="sleeper 1").sel(size=2e-3, method="nearest")
+    assert found[1].known_pod == pytest.approx(float(at), abs=1e-9)
+    assert found[1].known_a90 == pytest.approx(float(known["known_a90"][1]))
+    assert blade_map(dataset, 2e-3, channel="drive 1")[1].known_pod is None
+    rows = blade_maps(dataset, [1e-3, 2e-3])
+    assert rows[1] == found
 
 
 def test_another_dataset_or_channel_is_refused() -> None:

@@ -114,6 +114,11 @@ def test_a_limit_keeps_its_numbers(studio: Client, files: dict[str, Path]) -> No
     at = int(np.argmin(np.abs(np.array(found["sizes"]) - 11e-3)))
     assert both["pod"][2][at] == pytest.approx(0.5, abs=0.01)
     assert found["channels"]["drive 1"]["a90"] == [None] * 4
+    assert both["known_pod"][2][at] == pytest.approx(0.45, abs=0.01)
+    assert both["known_a90"][2] == pytest.approx(12.8e-3)
+    assert found["channels"]["drive 1"]["known_a90"] == [None] * 4
+    assert both["pod"][3][-1] is None  # 30 mm were not thrown at Drive 2
+    assert both["untouched"][2] == [size < 6e-3 for size in found["sizes"]]
 
 
 @pytest.mark.parametrize(

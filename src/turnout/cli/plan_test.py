@@ -42,12 +42,12 @@ def plan_test_command(
 ) -> None:
     """Plan a day of tests: objects, places and order that determine the switch and a90 best."""
     check_outputs({"--out": out}, {"--out": (".csv",)})
+    from turnout.cli.limit import conditions_of_options
     from turnout.cli.options import opened_panel
     from turnout.cli.watch import watched
     from turnout.detection.day_plan import candidates, full_grid, known_after, ordered, plan
-    from turnout.detection.reference import Conditions
 
-    conditions = Conditions(discrepancy=discrepancy)
+    conditions = conditions_of_options(discrepancy=discrepancy)
     given = None
     if panel is not None or calibration is not None or settings:
         given = opened_panel(panel, settings, calibration)

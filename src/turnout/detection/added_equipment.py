@@ -26,6 +26,7 @@ from turnout.detection.drive_quantities import ALL
 from turnout.detection.limit import limit_map
 from turnout.detection.reference import reference_study, switch_inputs
 from turnout.detection.throws import (
+    STEPS,
     Report,
     Throws,
     closing_time,
@@ -43,7 +44,7 @@ from turnout.sweep.run import run_sweep
 Floats = NDArray[np.float64]
 
 READINGS, READINGS_SOUND = "readings", "readings-sound"
-STATES, DRIVE_SOUND = 24, 600
+STATES, DRIVE_SOUND = 24, 200
 """States thrown for a sensor or a drive, and sound throws of a panel with a further drive."""
 GAP_ERROR, SENSOR_ERROR = 0.3e-3, 0.1e-3
 """Of the model and of a position sensor [m]; assumptions."""
@@ -285,6 +286,7 @@ def drive_measure(
     throws: Throws,
     conditions: Conditions,
     *,
+    steps: Sequence[float] = STEPS,
     workers: int = 1,
     report: Callable[[str], Report] | None = None,
 ) -> Measure:
@@ -302,6 +304,8 @@ def drive_measure(
         From there.
     conditions : Conditions
         Discrepancy, history.
+    steps : sequence of float
+        As `throw_all` took them [m].
     workers : int
         Processes.
     report : callable, optional
@@ -313,7 +317,7 @@ def drive_measure(
     made = with_drive(reference_study(panel, count=1).panel, x)
     quantities = {item.quantity for item in throws.signals}
     given = throw_all(
-        made, folder / f"drive-{x:g}", sound=DRIVE_SOUND, states=STATES,
+        made, folder / f"drive-{x:g}", sound=DRIVE_SOUND, states=STATES, steps=steps,
         channels=quantities.pop() if len(quantities) == 1 else ALL,
         workers=workers, report=report,
     )  # fmt: skip
@@ -338,6 +342,7 @@ def read_measures(
     conditions: Conditions,
     *,
     advise: bool = False,
+    steps: Sequence[float] = STEPS,
     workers: int = 1,
     report: Callable[[str], Report] | None = None,
 ) -> list[Measure]:
@@ -357,6 +362,8 @@ def read_measures(
         Without a measure.
     advise : bool
         Whether to add sensors and a drive where a90 is largest.
+    steps : sequence of float
+        As `throw_all` took them [m].
     workers : int
         Processes.
     report : callable, optional
@@ -376,7 +383,14 @@ def read_measures(
         elif equipment[0] == "drive":
             found.append(
                 drive_measure(
-                    text, panel, folder, throws, conditions, workers=workers, report=report
+                    text,
+                    panel,
+                    folder,
+                    throws,
+                    conditions,
+                    steps=steps,
+                    workers=workers,
+                    report=report,
                 )
             )
         else:

@@ -1,10 +1,15 @@
 """What a detector meets besides the population: discrepancy, noise, history, false alarms."""
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from turnout.errors import StudyError
 
 KERNELS = ("exponential", "matern 3/2")
+FORCE, CURRENT, POWER = "force", "current", "power"
+UNITS = {FORCE: "N", CURRENT: "A", POWER: "W"}
+"""Quantities of a drive."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,6 +21,9 @@ class Conditions:
     discrepancy : float
         Standard deviation of the difference between model and switch, a share of the amplitude:
         the peak absolute force of the nominal sound throw, a constant of each drive [-].
+    machine_discrepancy : float
+        The same of what current and power are for a given force, a share of their peak after the
+        inrush; assumption [-].
     kernel : str
         Correlation of the discrepancy over time: "exponential", :math:`e^{-|t|/\tau}`, or
         "matern 3/2".
@@ -39,6 +47,7 @@ class Conditions:
     """
 
     discrepancy: float = 0.05
+    machine_discrepancy: float = 0.02
     kernel: str = "exponential"
     correlation_time: float = 0.5
     fixed_share: float = 0.5
@@ -52,19 +61,60 @@ class Conditions:
 
     def __post_init__(self) -> None:
         """Refuse what has no meaning, all of it at once."""
-        faults = []
-        if not 0.0 <= self.discrepancy < 1.0:
-            faults.append(f"discrepancy = {self.discrepancy:g}: must be from 0 to below 1")
-        if not 0.0 < self.false_alarm_rate < 0.5:
-            text = "must be more than 0 and below 0.5; without false alarms nothing is detected"
-            faults.append(f"false alarm rate = {self.false_alarm_rate:g}: {text}")
-        if self.history < 0:
-            faults.append(f"history = {self.history}: must be a number of throws, 0 or more")
-        for name, unit in (("noise", "N"), ("current_noise", "A"), ("power_noise", "W")):
-            if not getattr(self, name) > 0.0:
-                text = f"{name.replace('_', ' ')} = {getattr(self, name):g} {unit}"
-                faults.append(f"{text}: must be more than 0")
-        if self.kernel not in KERNELS:
-            faults.append(f'kernel = "{self.kernel}": allowed are {", ".join(KERNELS)}')
+        faults = condition_faults(self)
         if faults:
-            raise StudyError(faults)
+            listed = [f"{name} = {given}: {text}" for name, (given, text) in faults.items()]
+            raise StudyError(listed, source="conditions of detection")
+
+
+def condition_faults(given: object) -> dict[str, tuple[str, str]]:
+    """Return what is wrong with conditions: the value as text and what is allowed, by name.
+
+    Parameters
+    ----------
+    given : object
+        With the attributes of `Conditions`, or some of them.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> condition_faults(SimpleNamespace(rate=0.0))
+    {'rate': ('0 Hz', 'must be more than 0')}
+    """
+    faults: dict[str, tuple[str, str]] = {}
+    for name, (holds, unit, text) in RULES.items():
+        value = getattr(given, name, None)
+        if value is not None and not holds(value):
+            faults[name] = (f"{value:g} {unit}".rstrip(), text)
+    kernel = getattr(given, "kernel", None)
+    if kernel is not None and kernel not in KERNELS:
+        faults["kernel"] = (f'"{kernel}"', f"allowed are {', '.join(KERNELS)}")
+    return faults
+
+
+def _share(value: float) -> bool:
+    return 0.0 <= value < 1.0
+
+
+def _positive(value: float) -> bool:
+    return 0.0 < value < math.inf
+
+
+RULES: dict[str, tuple[Callable[[float], bool], str, str]] = {
+    "discrepancy": (_share, "", "must be from 0 to below 1"),
+    "machine_discrepancy": (_share, "", "must be from 0 to below 1"),
+    "correlation_time": (_positive, "s", "must be more than 0"),
+    "fixed_share": (lambda value: 0.0 <= value <= 1.0, "", "must be from 0 to 1"),
+    "noise": (_positive, "N", "must be more than 0"),
+    "current_noise": (_positive, "A", "must be more than 0"),
+    "power_noise": (_positive, "W", "must be more than 0"),
+    "rate": (_positive, "Hz", "must be more than 0"),
+    "history": (lambda value: value >= 0, "", "must be a number of throws, 0 or more"),
+    "false_alarm_rate": (
+        lambda value: 0.0 < value < 0.5,  # noqa: PLR2004
+        "",
+        "must be more than 0 and below 0.5; without false alarms nothing is detected",
+    ),
+    "level_deviation": (lambda value: 0.0 <= value < math.inf, "", "must be 0 or more"),
+}
+"""What holds of each value, its unit, and what is said where it does not."""

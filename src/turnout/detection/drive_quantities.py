@@ -8,18 +8,17 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.problems import choices
-from turnout.detection.conditions import Conditions
+from turnout.detection.conditions import CURRENT, FORCE, POWER, Conditions
 from turnout.errors import StudyError
 from turnout.panel.foreign_object import resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.response.drives import HELD, INRUSH, OFF
 from turnout.response.signals import drive_signals
-from turnout.response.simulate import simulate, solve_placed
+from turnout.response.simulate import solve_placed
 from turnout.scheme import Scheme
 
 Floats = NDArray[np.float64]
 
-FORCE, CURRENT, POWER = "force", "current", "power"
 CHANNELS = {FORCE: "drive_force", CURRENT: "drive_current", POWER: "drive_power"}
 """Channel of a dataset of each quantity."""
 ALL = "all"
@@ -95,41 +94,7 @@ def read_signals(dataset: xr.Dataset, signals: Sequence[Signal]) -> Floats:
     return np.stack(rows, axis=1)
 
 
-def amplitudes(
-    panel: LoadedPanel, signals: Sequence[Signal], *, scheme: Scheme | None = None
-) -> Floats:
-    """Return the peak of each signal in a sound throw; of currents and powers after the inrush.
-
-    Parameters
-    ----------
-    panel : LoadedPanel
-        At its nominal friction.
-    signals : sequence of Signal
-        Of its drives.
-    scheme : Scheme, optional
-        Numerical choices.
-
-    Returns
-    -------
-    ndarray, shape (n_signals,)
-        [N], [A] or [W].
-    """
-    if all(item.quantity == FORCE for item in signals):
-        force = force_peaks(panel, scheme=scheme)
-        names = list(panel.drive)
-        return np.array([force[names.index(item.drive)] for item in signals])
-    dataset = simulate(panel, scheme=scheme)
-    values = read_signals(dataset.expand_dims("scenario"), signals)[0]
-    time = dataset["time"].to_numpy()
-    found = []
-    for item, row in zip(signals, values, strict=True):
-        state = dataset["drive_state"].sel(drive=item.drive).to_numpy()
-        used = np.isfinite(row) & (item.quantity == FORCE or _after_inrush(time, state))
-        found.append(float(np.abs(row[used]).max()))
-    return np.array(found)
-
-
-def _after_inrush(time: Floats, state: Floats) -> NDArray[np.bool_]:
+def after_inrush(time: Floats, state: Floats) -> NDArray[np.bool_]:
     """Return where a machine has been switched on for longer than its inrush."""
     on = (state > OFF) & (state < HELD)
     starts = time[1:][on[1:] & ~on[:-1]]

@@ -12,7 +12,6 @@ from turnout.core.threads import one_blas_thread
 from turnout.detection.bound import predictive, probability_of_detection
 from turnout.detection.drive_quantities import Signal, noise_of, quantities_of
 from turnout.detection.features import (
-    discrepancy_covariance,
     features_of,
     noise_covariance,
     window_means,
@@ -21,6 +20,7 @@ from turnout.detection.floor import touch_floor, touched
 from turnout.detection.population import local_models
 from turnout.detection.reference import Conditions
 from turnout.detection.roc import index_quantiles
+from turnout.detection.signal_errors import discrepancy_of_signals
 from turnout.detection.throws import Throws
 from turnout.schema.channels import SCHEMA_VERSION
 
@@ -137,8 +137,12 @@ def sound_throws(
     sampled = 1.0 / float(throws.time[1] - throws.time[0])
     expected = predictive(
         models,
-        discrepancy=discrepancy_covariance(
-            throws.time, means, amplitude=throws.amplitude, conditions=conditions
+        discrepancy=discrepancy_of_signals(
+            throws.time,
+            means,
+            errors=throws.errors,
+            signals=throws.signals,
+            conditions=conditions,
         ),
         noise=noise_covariance(
             means,

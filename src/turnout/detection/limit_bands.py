@@ -11,8 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.detection.conditions import Conditions
-from turnout.detection.drive_quantities import FORCE
+from turnout.detection.conditions import FORCE, Conditions
 from turnout.detection.limit import limit_map
 from turnout.detection.throws import (
     QUICK_SOUND,
@@ -64,7 +63,7 @@ def panels_of(source: str, *, most: int | None = None) -> list[Member]:
     source : str
         A folder; a study of the library; or a study file, whose scenarios each change its panel.
     most : int, optional
-        The first ones.
+        So many of them, evenly chosen from the first to the last.
 
     Raises
     ------
@@ -79,15 +78,28 @@ def panels_of(source: str, *, most: int | None = None) -> list[Member]:
         ]
     else:
         study = load_study(source)
-        count = study.count if most is None else min(most, study.count)
         found = [
             Member(name=f"panel-{number}", panel=study.panel.with_overrides(scenario.overrides))
-            for number, scenario in ((n, study.scenario(n)) for n in range(count))
+            for number, scenario in ((n, study.scenario(n)) for n in evenly(study.count, most))
         ]
+        return found
     if not found:
         message = "holds no panel file (.toml)"
         raise StudyError([message], source=source)
-    return found if most is None else found[:most]
+    return [found[number] for number in evenly(len(found), most)]
+
+
+def evenly(count: int, most: int | None) -> list[int]:
+    """Return at most so many numbers below a count, evenly from the first to the last.
+
+    Examples
+    --------
+    >>> evenly(45, 4), evenly(3, None)
+    ([0, 15, 29, 44], [0, 1, 2])
+    """
+    if most is None or most >= count:
+        return list(range(count))
+    return [round(number) for number in np.linspace(0.0, count - 1.0, most)]
 
 
 def over_travels(panel: LoadedPanel | None) -> list[Member]:

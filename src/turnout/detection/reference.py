@@ -9,13 +9,12 @@ from dataclasses import replace
 
 from turnout.detection.conditions import Conditions
 from turnout.detection.drive_quantities import stored_channels
-from turnout.errors import PanelError, StudyError
+from turnout.detection.panel_population import population_for
 from turnout.panel.load import LoadedPanel
 from turnout.study.design import Drawn
 from turnout.study.distribution import Distribution
 from turnout.study.load_study import load_study
 from turnout.study.study import Study
-from turnout.study.variable import values_at
 
 STUDY = "detection-reference"
 
@@ -45,8 +44,7 @@ def reference_study(
     Parameters
     ----------
     panel : LoadedPanel, optional
-        In place of the default panel; values of the study that are no factors, such as the closing
-        over-travel, are those of the study.
+        In place of the default panel; the population lies about its values, see `population_for`.
     count : int, optional
         States; fewer give the first of them.
     over_travel : float, optional
@@ -60,7 +58,7 @@ def reference_study(
     """
     study = load_study(STUDY)
     if panel is not None:
-        study = _with_machines(replace(study, panel=_fitting(panel, study)))
+        study = _with_machines(population_for(study, panel))
     if over_travel is not None:
         study = replace(study, design=replace(study.design, drawn=_moved(study, over_travel)))
     return study if count is None else replace(study, design=replace(study.design, draws=count))
@@ -104,23 +102,6 @@ def _with_machines(study: Study) -> Study:
 
 
 SLIP_LEVEL = "saturation_force"
-
-
-def _fitting(panel: LoadedPanel, study: Study) -> LoadedPanel:
-    """Return a panel that has all that the population varies, or refuse it."""
-    keys = [*(item.key for item in study.variables.values()), *(item.key for item in study.fields)]
-    lacking = []
-    for key in dict.fromkeys(keys):
-        try:
-            found = key == TEMPERATURE or bool(values_at(panel, key))
-        except (AttributeError, KeyError, TypeError, PanelError):
-            found = False
-        if not found:
-            lacking.append(f"panel {panel.name} has no {key}, which the reference case varies")
-    if lacking:
-        lacking.append(f"take a panel such as {study.panel.name}, or a calibration of it")
-        raise StudyError(lacking, source=STUDY)
-    return panel
 
 
 def switch_inputs(study: Study) -> tuple[str, ...]:

@@ -13,14 +13,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.detection.drive_quantities import (
-    FORCE,
-    Signal,
-    amplitudes,
-    force_peaks,
-    read_signals,
-    signals_of,
-)
+from turnout.detection.conditions import FORCE
+from turnout.detection.drive_quantities import Signal, read_signals, signals_of
 from turnout.detection.floor import touch_floor
 from turnout.detection.reference import (
     FIELD_MEAN,
@@ -30,6 +24,8 @@ from turnout.detection.reference import (
     reference_study,
     switch_inputs,
 )
+from turnout.detection.signal_errors import SignalErrors, signal_errors
+from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
 from turnout.study.design import Axis
 from turnout.study.random_inputs import TemperatureLaw
@@ -79,8 +75,8 @@ class Throws:
         [m]
     sizes : ndarray, shape (n_places, n_sizes)
         Thrown at each place [m].
-    amplitude : ndarray, shape (n_signals,)
-        Peak of each signal in the nominal sound throw [N], [A] or [W].
+    errors : SignalErrors
+        How the discrepancy shows in each signal.
     signals : tuple of Signal
         What was recorded of the drives.
     """
@@ -96,8 +92,13 @@ class Throws:
     places: tuple[str, ...]
     x: Floats
     sizes: Floats
-    amplitude: Floats
+    errors: SignalErrors
     signals: tuple[Signal, ...]
+
+    @property
+    def amplitude(self) -> Floats:
+        """Peak of each signal in the nominal sound throw [N], [A] or [W]."""
+        return self.errors.amplitude
 
 
 def places_of(panel: LoadedPanel) -> dict[str, float]:
@@ -126,9 +127,16 @@ def closing_time(panel: LoadedPanel | None = None) -> float:
     return max(float(item.start) for item in loaded.movement.values())
 
 
-def nominal_amplitude(study: Study, *, friction: float) -> Floats:
-    """Return the peak absolute force of each drive in a sound throw of the panel itself [N]."""
-    return force_peaks(study.panel.with_overrides({FRICTION: friction}), scheme=study.scheme)
+def nominal_amplitude(study: Study, *, friction: float, quantity: str = FORCE) -> Floats:
+    """Return the peak of a quantity of each drive in a sound throw of the panel itself.
+
+    Of forces absolute [N], of currents [A] and powers [W] after the inrush.
+    """
+    panel = study.panel.with_overrides({FRICTION: friction})
+    errors = signal_errors(
+        panel, signals_of(panel, quantity), time=np.zeros(1), scheme=study.scheme
+    )
+    return errors.amplitude
 
 
 def floor_study(study: Study) -> Study:
@@ -214,11 +222,12 @@ def throw_all(
     def run(study: Study, name: str) -> xr.Dataset:
         watch = report(name) if report is not None else None
         run_sweep(study, folder / name, workers=workers, report=watch)
-        return open_sweep(folder / name)
+        return checked_throws(open_sweep(folder / name), panel=study.panel.name)
 
     where = places_of(whole.panel)
     x = np.array(list(where.values()))
     gaps = gaps_at(run(floor_study(first), FLOOR), x, rail=whole.panel.object_defaults.rail)
+    refuse_open_end(whole.panel, where, gaps)
     sizes = sizes_beyond(touch_floor(gaps), steps)
     rows = {place: tuple(map(float, sizes[i])) for i, place in enumerate(where)}
     sound_set = run(whole, SOUND)
@@ -226,6 +235,40 @@ def throw_all(
     return throws_from(
         whole, sound_set, object_set, gap=gaps, where=where, sizes=sizes, signals=signals
     )
+
+
+def checked_throws(dataset: xr.Dataset, *, panel: str) -> xr.Dataset:
+    """Return a sweep of sound throws, refused where most of them cannot be made."""
+    outcome = dataset["outcome"].astype(str).to_numpy()
+    lost = outcome != "complete"
+    if lost.mean() > MOST_LOST:
+        reasons = dataset["reason"].astype(str).to_numpy()[lost] if "reason" in dataset else [""]
+        first = reasons[0] or outcome[lost][0]
+        message = (
+            f"{int(lost.sum())} of {lost.size} throws of the population of panel {panel} did not "
+            f"end; check the panel (turnout panel check). The first: {first}"
+        )
+        raise StudyError([message], source="limit")
+    return dataset
+
+
+MOST_LOST = 0.5
+"""Share of throws that may fail, such as objects that find no room [-]."""
+OPEN = 30e-3
+"""Touch floor at a drive from which the rail counts as open [m]."""
+
+
+def refuse_open_end(panel: LoadedPanel, where: Mapping[str, float], gaps: Floats) -> None:
+    """Refuse a panel whose last movement does not close the rail that objects lie at."""
+    floor = dict(zip(where, touch_floor(gaps).tolist(), strict=True))
+    open_at = [f"drive {name}" for name in panel.drive if not floor[f"drive {name}"] < OPEN]
+    if len(open_at) == len(panel.drive):
+        message = (
+            f"the last movement of panel {panel.name} leaves rail {panel.object_defaults.rail} "
+            f"open ({1e3 * floor[open_at[0]]:.0f} mm at {open_at[0]} in one of ten states): let it "
+            "close that rail, or set object_defaults.rail to the other"
+        )
+        raise StudyError([message], source="limit")
 
 
 def stored_throws(panel: LoadedPanel | None, folder: Path, *, channels: str = FORCE) -> Throws:
@@ -293,8 +336,11 @@ def throws_from(
         places=tuple(where),
         x=np.array(list(where.values())),
         sizes=sizes,
-        amplitude=amplitudes(
-            study.panel.with_overrides({FRICTION: NOMINAL_FRICTION}), signals, scheme=study.scheme
+        errors=signal_errors(
+            study.panel.with_overrides({FRICTION: NOMINAL_FRICTION}),
+            signals,
+            time=sound["time"].to_numpy(),
+            scheme=study.scheme,
         ),
         signals=tuple(signals),
     )

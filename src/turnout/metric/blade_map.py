@@ -1,11 +1,15 @@
 """The blade coloured by what can be seen at one size: from the map that `turnout limit` writes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from turnout.errors import ResponseError
+
+Floats = NDArray[np.float64]
 
 BOTH = "both drives"
 
@@ -29,6 +33,9 @@ class PlaceSeen:
     a90, known_a90 : float or None
         Size that nine of ten times is seen, and the same if only the place is known; None beyond
         what was thrown, or where it is not in the map [m].
+    known_pod : float or None
+        Probability of detection if only the place is known; None as for `pod`, or where it is not
+        in the map, which has it for both drives together [-].
     """
 
     place: str
@@ -38,6 +45,7 @@ class PlaceSeen:
     touch_floor: float
     a90: float | None
     known_a90: float | None
+    known_pod: float | None = None
 
 
 def blade_map(dataset: xr.Dataset, size: float, *, channel: str = BOTH) -> list[PlaceSeen]:
@@ -57,6 +65,23 @@ def blade_map(dataset: xr.Dataset, size: float, *, channel: str = BOTH) -> list[
     ResponseError
         For another dataset, or a channel that it does not have.
     """
+    return blade_maps(dataset, [size], channel=channel)[0]
+
+
+def blade_maps(
+    dataset: xr.Dataset, sizes: Sequence[float] | Floats, *, channel: str = BOTH
+) -> list[list[PlaceSeen]]:
+    """Return what `blade_map` returns for each of some sizes.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A file of `turnout limit -o`.
+    sizes : sequence of float
+        Of the object [m].
+    channel : str
+        One of `dataset["channel"]`.
+    """
     if dataset.attrs.get("kind") != "limit":
         message = "is no map of `turnout limit`: run turnout limit -o limit.nc and take that file"
         raise ResponseError(message)
@@ -65,29 +90,48 @@ def blade_map(dataset: xr.Dataset, size: float, *, channel: str = BOTH) -> list[
         message = f'channel "{channel}": this map has {", ".join(channels)}'
         raise ResponseError(message)
     at = dataset.sel(channel=channel)
-    pod = [
-        np.interp(size, at["size"].to_numpy(), row) if size <= largest + ROUNDING else np.nan
-        for row, largest in zip(at["pod"].to_numpy(), at["largest_size"].to_numpy(), strict=True)
-    ]
-    known = at["known_a90"].to_numpy() if "known_a90" in at else np.full(len(pod), np.nan)
+    own = at["size"].to_numpy()
+    names, x = [str(name) for name in at["place"].to_numpy()], at["x"].to_numpy()
+    floor, a90 = at["touch_floor"].to_numpy(), at["a90"].to_numpy()
+    largest = at["largest_size"].to_numpy() if "largest_size" in at else np.full(x.size, np.inf)
+    nothing = np.full(len(names), np.nan)
+    has_known = channel == BOTH and "known_pod" in at
+    known = at["known_a90"].to_numpy() if has_known else nothing
+    pods, known_pods = (
+        _at_sizes(at[name].transpose("place", "size").to_numpy(), own, sizes, largest)
+        if present
+        else np.full((len(sizes), len(names)), np.nan)
+        for name, present in (("pod", True), ("known_pod", has_known))
+    )
     return [
-        PlaceSeen(
-            place=str(at["place"][number].item()),
-            x=float(at["x"][number]),
-            pod=_known(pod[number]),
-            untouched=bool(size < float(at["touch_floor"][number])),
-            touch_floor=float(at["touch_floor"][number]),
-            a90=_known(at["a90"][number]),
-            known_a90=_known(known[number]),
-        )
-        for number in range(len(pod))
+        [
+            PlaceSeen(
+                place=names[number],
+                x=float(x[number]),
+                pod=_known(pods[row, number]),
+                untouched=bool(size < floor[number]),
+                touch_floor=float(floor[number]),
+                a90=_known(a90[number]),
+                known_a90=_known(known[number]),
+                known_pod=_known(known_pods[row, number]),
+            )
+            for number in range(len(names))
+        ]
+        for row, size in enumerate(sizes)
     ]
+
+
+def _at_sizes(pod: Floats, own: Floats, sizes: Sequence[float] | Floats, largest: Floats) -> Floats:
+    """Return a probability at some sizes, shape (n_sizes, n_places); NaN beyond what was thrown."""
+    wanted = np.asarray(sizes, dtype=np.float64)
+    found = np.array([np.interp(wanted, own, row) for row in pod]).T
+    return np.where(wanted[:, np.newaxis] <= largest + ROUNDING, found, np.nan)
 
 
 ROUNDING = 1e-9
 """Of sizes [m]."""
 
 
-def _known(value: float | xr.DataArray) -> float | None:
+def _known(value: float) -> float | None:
     number = float(value)
     return number if np.isfinite(number) else None

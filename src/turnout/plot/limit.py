@@ -32,9 +32,13 @@ def plot_limit(dataset: xr.Dataset, *, channel: str = "both drives") -> "Figure"
     figure = Figure(figsize=(9.0, 4.6), layout="constrained")
     FigureCanvasAgg(figure)
     ax = figure.subplots()
-    pod = np.where(size[:, np.newaxis] <= largest, at["pod"].to_numpy().T, np.nan)
     top = float(np.ceil(max(floor.max() * 2.0, np.nanmax(1e3 * at["a90"].fillna(0.0)) * 1.25)))
-    drawn = ax.contourf(x, size, np.ma.masked_invalid(pod), levels=LEVELS, cmap="RdYlGn")
+    drawn = ax.contourf(x, size, at["pod"].to_numpy().T, levels=LEVELS, cmap="RdYlGn")
+    if np.any(largest < top):
+        ax.fill_between(
+            x, largest, max(top, float(largest.max())), facecolor="0.94", edgecolor="0.7",
+            linewidth=0.8, label="not thrown",
+        )  # fmt: skip
     ax.fill_between(
         x, 0.0, floor, facecolor="white", edgecolor=GREY, hatch="///", linewidth=0.8,
         label="not touched in 1 of 10 states or more",
@@ -63,7 +67,7 @@ def plot_limit(dataset: xr.Dataset, *, channel: str = "both drives") -> "Figure"
     ax.legend(loc="upper right", fontsize=8, framealpha=0.9)
     said = dataset.attrs
     figure.suptitle(
-        f"What {said.get('quantities', 'force')} of {channel} can show at best: discrepancy "
+        f"Best detection by {said.get('quantities', 'force')}, {channel}: discrepancy "
         f"{100 * said['discrepancy']:g} %, "
         f"{said['history']} throws known, false-alarm rate {said['false_alarm_rate']:g}",
         fontsize=10,

@@ -7,8 +7,9 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from turnout.errors import FileError
+from turnout.errors import FileError, ResponseError
 from turnout.measurement.formats.hdf5 import Content
+from turnout.metric.blade_map import PlaceSeen, blade_maps
 from turnout.response.store import open_response
 
 LIMIT_CHANNELS = ("pod", "a90", "touch_floor")
@@ -51,9 +52,9 @@ def limit_record(path: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``places`` (name, x, touch floor, largest size thrown [m]), ``sizes`` [m], and for each
-        channel ``pod`` (place, size), ``a90``, ``a90_low``, ``a90_high`` (place) [m]; None where
-        it is beyond what was thrown.
+        ``places`` (name, x, touch floor [m]), ``sizes`` [m], and for each channel ``pod``,
+        ``known_pod`` and ``untouched`` (place, size), ``a90``, ``a90_low``, ``a90_high``,
+        ``known_a90`` (place) [m]; None where it is beyond what was thrown, or not in the map.
 
     Raises
     ------
@@ -65,29 +66,21 @@ def limit_record(path: Path) -> dict[str, Any]:
     if lacking or not {"channel", "place", "size"} <= set(dataset.dims):
         message = f"{path.name}: is no map of `turnout limit` (no {', '.join(lacking) or 'sizes'})"
         raise FileError(message)
-    largest = dataset.get("largest_size", dataset["touch_floor"] * np.inf)
-    channels = {}
-    for name in dataset["channel"].values:
-        one = dataset.sel(channel=name).transpose("place", "size", ...)
-        channels[str(name)] = {
-            "pod": _numbers(one["pod"].values),
-            **{
-                key: _numbers(one[key].values)
-                for key in ("a90", "a90_low", "a90_high")
-                if key in one
-            },
+    sizes = dataset["size"].values
+    try:
+        seen = {
+            str(name): blade_maps(dataset, sizes, channel=str(name))
+            for name in dataset["channel"].values
         }
+    except ResponseError as error:
+        message = f"{path.name}: {error}"
+        raise FileError(message) from None
+    channels = {name: _channel(dataset.sel(channel=name), rows) for name, rows in seen.items()}
     return {
         "name": path.name,
         "places": [
-            {"name": str(name), "x": float(x), "floor": _number(floor), "largest": _number(most)}
-            for name, x, floor, most in zip(
-                dataset["place"].values,
-                dataset["x"].values,
-                dataset["touch_floor"].values,
-                largest.values,
-                strict=True,
-            )
+            {"name": place.place, "x": place.x, "floor": _number(place.touch_floor)}
+            for place in next(iter(seen.values()))[0]
         ],
         "sizes": _numbers(dataset["size"].values),
         "channels": channels,
@@ -99,8 +92,24 @@ def limit_record(path: Path) -> dict[str, Any]:
     }
 
 
-def _number(value: float) -> float | None:
-    return round(float(value), 6) if np.isfinite(value) else None
+def _channel(dataset: xr.Dataset, rows: list[list[PlaceSeen]]) -> dict[str, Any]:
+    """Return what one channel shows, place by place; rows are those of each size."""
+    places = range(len(rows[0]))
+    found: dict[str, Any] = {
+        key: [[getattr(row[place], key) for row in rows] for place in places]
+        for key in ("pod", "known_pod", "untouched")
+    }
+    found |= {
+        key: [getattr(rows[0][place], key) for place in places] for key in ("a90", "known_a90")
+    }
+    ends = {key: _numbers(dataset[key].values) for key in ("a90_low", "a90_high") if key in dataset}
+    for key in ("pod", "known_pod", "a90", "known_a90"):
+        found[key] = _numbers(found[key])
+    return found | ends
+
+
+def _number(value: float | None) -> float | None:
+    return round(float(value), 6) if value is not None and np.isfinite(value) else None
 
 
 def _numbers(values: Any) -> Any:

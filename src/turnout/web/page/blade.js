@@ -12,7 +12,7 @@ function add(parent, tag, attributes, text = "") {
 
 const short = (name) => name.replace("sleeper ", "").replace("drive ", "D").replace("sensor ", "");
 
-// `places`: {name, x, value (0 to 1, or null), text, title, hatched, look}
+// `places`: {name, x, value and mark (0 to 1, or null), text, title, hatched, look}
 export function drawBlade(svg, places) {
   const size = parseFloat(getComputedStyle(document.documentElement).fontSize), width = svg.clientWidth || svg.parentElement.clientWidth;
   const height = HEIGHT * size, top = TOP * size, base = height - FOOT * size, side = SIDE * size;
@@ -33,6 +33,10 @@ export function drawBlade(svg, places) {
     add(group, "title", {}, place.title ?? `${place.name}: ${place.text}`);
     if (place.hatched) add(group, "rect", { x, y: top, width: wide, height: base - top, fill: `url(#${svg.id}-hatch)` });
     add(group, "rect", { class: `bar ${place.look ?? ""}`, x, y, width: wide, height: Math.max(base - y, 0) });
+    if (place.mark !== null && place.mark !== undefined) {
+      const level = base - place.mark * (base - top);
+      add(group, "line", { class: "mark", x1: x, x2: x + wide, y1: level, y2: level });
+    }
     add(group, "text", { x: x + wide / 2, y: Math.max(y - 4, 0.8 * size), "text-anchor": "middle" }, place.text);
     add(group, "text", { class: "soft", x: x + wide / 2, y: base + 1.1 * size, "text-anchor": "middle" }, short(place.name));
   }

@@ -9,32 +9,28 @@ const byId = (id) => document.getElementById(id);
 const MILLI = 1000;
 let found = null;
 
-function between(values, sizes, size) {
-  if (size > sizes[sizes.length - 1]) return null;
-  const next = sizes.findIndex((item) => item >= size);
-  if (next <= 0) return values[0];
-  const share = (size - sizes[next - 1]) / (sizes[next] - sizes[next - 1]), [low, high] = [values[next - 1], values[next]];
-  return low === null || high === null ? null : low + share * (high - low);
-}
+// All values come from the map at its own sizes; the one nearest to the slider is shown.
+const nearest = (sizes, size) => sizes.reduce((best, item, number) => (Math.abs(item - size) < Math.abs(sizes[best] - size) ? number : best), 0);
 
 const mm = (value) => (value === null || value === undefined ? "beyond what was thrown" : `${(MILLI * value).toFixed(1)} mm`);
 
 function draw() {
   if (!found || !isOpen("map") || !state.panel) return;
-  const size = state.values["object.size"] / MILLI, channel = found.channels[byId("limit-channel").value];
+  const channel = found.channels[byId("limit-channel").value], at = nearest(found.sizes, state.values["object.size"] / MILLI), size = found.sizes[at];
   const places = found.places.map((place, number) => {
-    const beyond = place.largest !== null && size > place.largest;
-    const value = beyond ? null : between(channel.pod[number], found.sizes, size), hatched = size < place.floor;
+    const value = channel.pod[number][at], known = channel.known_pod[number][at], hatched = channel.untouched[number][at];
     const interval = channel.a90_low ? ` (95 %: ${mm(channel.a90_low[number])} to ${mm(channel.a90_high[number])})` : "";
+    const only = known === null ? "" : `; if only the place is known, detected in ${Math.round(100 * known)} %, 90 % from ${mm(channel.known_a90[number])} on`;
     return {
-      ...place, value, hatched, text: value === null ? "?" : value.toFixed(2), look: value === null ? "" : value >= 0.9 ? "good" : value >= 0.5 ? "look" : "missed",
-      title: `${place.name}: ${value === null ? "larger than what was thrown" : `detected in ${Math.round(100 * value)} %`}; 90 % from ${mm(channel.a90[number])} on${interval}; touched in 9 of 10 states from ${mm(place.floor)} on`,
+      ...place, value, mark: known, hatched, text: value === null ? "?" : value.toFixed(2), look: value === null ? "" : value >= 0.9 ? "good" : value >= 0.5 ? "look" : "missed",
+      title: `${place.name}: ${value === null ? "larger than what was thrown" : `detected in ${Math.round(100 * value)} %`}; 90 % from ${mm(channel.a90[number])} on${interval}${only}; touched in 9 of 10 states from ${mm(place.floor)} on`,
     };
   });
   drawBlade(byId("limit-blade"), places.sort((a, b) => a.x - b.x));
   const { discrepancy, false_alarm_rate: rate, history } = found.conditions, blind = places.filter((place) => place.value !== null && place.value < 0.9);
-  const said = [`probability that drive forces show an object of ${(MILLI * size).toFixed(1)} mm (the size of the slider), by the best possible method`];
+  const said = [`probability that drive forces show an object of ${(MILLI * size).toFixed(1)} mm (the slider), by the best possible method`];
   if (discrepancy !== undefined) said.push(`model error ${100 * discrepancy} %, ${history} sound throws known, ${rate} false alarms a throw`);
+  if (places.some((place) => place.mark !== null)) said.push("line in a bar: if only the place is known; the truth lies between");
   said.push("hatched: often not even touched");
   byId("limit-note").textContent = `${found.name}: ${said.join("; ")}. ${blind.length ? `Below 90 % at ${blind.map((place) => place.name).join(", ")}.` : "At least 90 % everywhere."}`;
 }

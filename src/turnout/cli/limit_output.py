@@ -1,0 +1,172 @@
+"""What `turnout limit` prints and writes."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from turnout.cli.json_output import print_json
+from turnout.cli.options import write_and_report
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from turnout.detection.what_if import Repeat
+
+LENGTHS = dict.fromkeys(
+    (
+        *("x", "touch_floor", "largest_size", "a90", "a90_low", "a90_high"),
+        *("gap_limit", "revealed_gap", "gain", "gain_worst"),
+        *("known_a90", "known_a90_low", "known_a90_high"),
+    ),
+    "m",
+)
+
+
+def write_bands(
+    found: "xr.Dataset", *, out: Path | None, plot: Path | None, as_json: bool, quiet: bool
+) -> None:
+    """Write files first, then print."""
+    from turnout.detection.limit_bands import band_rows
+
+    still = quiet or as_json
+    if out is not None:
+        from turnout.response.store import response_bytes
+
+        write_and_report(out, response_bytes(found), quiet=still)
+    if plot is not None:
+        from turnout.plot.limit import plot_bands
+        from turnout.plot.style import rendered
+
+        write_and_report(plot, rendered(plot_bands(found), plot.suffix), quiet=still)
+    rows = band_rows(found)
+    if as_json:
+        record = {"panels": found["panel"].to_numpy().tolist(), "bands": rows}
+        written = [path for path in (out, plot) if path is not None]
+        print_json("limit", record, units=LENGTHS | {"a90_middle": "m"}, written=written)
+    elif not quiet:
+        typer.echo(
+            f"a90 [mm] of the bound over {found.sizes['panel']} panels\n"
+            f"{'place':<12}{'5 %':>8}{'middle':>8}{'95 %':>8}"
+        )
+        for row in rows:
+            cells = [_millimetres(row[name]) for name in ("a90_low", "a90_middle", "a90_high")]
+            typer.echo(f"{row['place']:<12}" + "".join(f"{cell:>8}" for cell in cells))
+
+
+def write_map(
+    found: "xr.Dataset",
+    advice: "tuple[xr.Dataset, Repeat] | None",
+    *,
+    out: Path | None,
+    plot: Path | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Write files first, then print."""
+    from turnout.detection.end_positions import end_rows
+    from turnout.detection.known_place_map import known_rows
+    from turnout.detection.limit import rows_of
+    from turnout.detection.what_if import gain_rows
+
+    still = quiet or as_json
+    if out is not None:
+        from turnout.response.store import response_bytes
+
+        write_and_report(out, response_bytes(found), quiet=still)
+    if plot is not None:
+        from turnout.plot.limit import plot_limit
+        from turnout.plot.style import rendered
+
+        write_and_report(plot, rendered(plot_limit(found), plot.suffix), quiet=still)
+    if as_json:
+        record = {
+            "conditions": _plain(found.attrs),
+            "places": rows_of(found),
+            "known_place": known_rows(found) if "known_pod" in found else None,
+            "end_positions": end_rows(found) if "end_pod" in found else None,
+            "measures": gain_rows(advice[0]) if advice else None,
+            "second_throw": advice[1] if advice else None,
+        }
+        written = [path for path in (out, plot) if path is not None]
+        print_json("limit", record, units=LENGTHS, written=written)
+    elif not quiet:
+        _print(found)
+        if "known_pod" in found:
+            _print_known(known_rows(found), draws=int(found.attrs["known_draws"]))
+        if "end_pod" in found:
+            _print_ends(end_rows(found))
+        if advice:
+            _print_advice(gain_rows(advice[0]), advice[1])
+
+
+def _plain(attributes: "dict[str, object]") -> "dict[str, object]":
+    return {
+        name: value.tolist() if hasattr(value, "tolist") else value
+        for name, value in attributes.items()
+    }
+
+
+def _print(found: "xr.Dataset") -> None:
+    from turnout.detection.limit import rows_of
+
+    said = found.attrs
+    typer.echo(
+        f"{said['quantities'].capitalize()} of the drives: smallest size that the bound detects "
+        f"in 90 % of {said['states']} states "
+        f"(discrepancy {100 * said['discrepancy']:g} %, {said['history']} sound throws known, "
+        f"false-alarm rate {said['false_alarm_rate']:g}); optimistic: place and size are known"
+    )
+    channels = [str(name) for name in found["channel"].to_numpy()]
+    others = "".join(f"{name + ' alone':>16}" for name in channels[1:])
+    typer.echo(f"{'place':<12}{'x [m]':>7}{'touch floor':>13}{'a90 [mm]':>10}{'95 %':>15}{others}")
+    for row in rows_of(found):
+        cells = [_millimetres(row[name]) for name in ("a90", "a90_low", "a90_high")]
+        more = "".join(f"{_millimetres(row[f'a90, {name}']):>16}" for name in channels[1:])
+        typer.echo(
+            f"{row['place']:<12}{row['x']:>7.2f}{_millimetres(row['touch_floor']):>13}"
+            f"{cells[0]:>10}{cells[1] + ' ... ' + cells[2]:>15}{more}"
+        )
+
+
+def _millimetres(value: object) -> str:
+    return f"{1e3 * value:.1f}" if isinstance(value, float) else "beyond"
+
+
+def _print_known(rows: "list[dict[str, float | str | None]]", *, draws: int) -> None:
+    typer.echo(
+        f"\nif the place is known, size and state not ({draws} sound throws drawn): the limit lies "
+        "between the two"
+    )
+    typer.echo(f"{'place':<12}{'a90 [mm]':>10}{'95 %':>15}")
+    for row in rows:
+        cells = [_millimetres(row[f"known_a90{end}"]) for end in ("", "_low", "_high")]
+        typer.echo(f"{row['place']:<12}{cells[0]:>10}{cells[1] + ' ... ' + cells[2]:>15}")
+
+
+def _print_ends(rows: "list[Mapping[str, float | str | None]]") -> None:
+    typer.echo(
+        f"\nend position: {'at':<10}{'limit [mm]':>11}{'shown at limit':>16}"
+        f"{'shown in 90 % from [mm]':>25}  by"
+    )
+    for row in rows:
+        limit, share = row["gap_limit"], row["end_pod_at_limit"]
+        assert isinstance(limit, float)
+        assert isinstance(share, float)
+        typer.echo(
+            f"{'':<14}{row['position']:<10}{1e3 * limit:>11.1f}{100 * share:>14.1f} %"
+            f"{_millimetres(row['revealed_gap']):>25}  {row['channel']}"
+        )
+
+
+def _print_advice(rows: "list[Mapping[str, float | str]]", repeat: "Repeat") -> None:
+    typer.echo(f"\n{'measure':<18}{'gain of a90 [mm]':>17}{'worst place [mm]':>18}  meaning")
+    for row in rows:
+        gain, worst = float(row["gain"]), float(row["gain_worst"])
+        typer.echo(f"{row['measure']:<18}{1e3 * gain:>17.2f}{1e3 * worst:>18.2f}  {row['note']}")
+    typer.echo(
+        f"false alarms a switch and year: {repeat.once_a_year:.3g}; {repeat.twice_a_year:.2g} if a "
+        f"second throw must confirm (correlation {repeat.correlation:.2f}: independent throws "
+        "would square the rate)"
+    )

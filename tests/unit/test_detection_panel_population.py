@@ -1,0 +1,123 @@
+"""The population of the reference case for other panels: about their values, for their drives."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from turnout.detection.panel_population import population_for
+from turnout.detection.reference import reference_study, switch_inputs
+from turnout.detection.throws import checked_throws, refuse_open_end
+from turnout.errors import StudyError
+from turnout.panel.load import LoadedPanel, load_panel
+from turnout.study.load_study import load_study
+from turnout.study.study import Study
+
+DEFAULT = "uic60-760-1-15"
+
+
+def drawn(study: Study, name: str, count: int = 200) -> np.ndarray:
+    return np.array([float(study.design.drawn_values(n)[name]) for n in range(count)])
+
+
+def bounds(study: Study, name: str) -> tuple[float, float]:
+    law = next(item.law for item in study.design.drawn if item.name == name)
+    return law.bounds  # type: ignore[union-attr]
+
+
+def test_the_panel_of_the_study_keeps_it_as_it_is() -> None:
+    own = load_study("detection-reference")
+    given = population_for(own, load_panel(DEFAULT))
+    assert given.digest == own.digest
+
+
+def test_the_over_travel_scatters_about_that_of_the_panel() -> None:
+    panel = load_panel(DEFAULT, overrides={"drive.1.over_travel_closed": "5.5 mm"})
+    study = reference_study(panel)
+    assert bounds(study, "drive.1.over_travel_closed") == pytest.approx((4.5e-3, 6.5e-3))
+    assert bounds(study, "drive.2.over_travel_closed") == pytest.approx((2.8e-3, 4.8e-3))
+    clamp = reference_study(load_panel("60e1-300-1-9-clamp-lock"))
+    assert bounds(clamp, "drive.1.over_travel_closed") == pytest.approx((0.0, 1.5e-3))
+
+
+def test_stress_free_position_and_inertia_lie_about_those_of_the_panel() -> None:
+    changed = {"rail.straight.stress_free": 0.4, "rail.curved.stress_free": 0.6}
+    study = reference_study(
+        load_panel(DEFAULT, overrides={**changed, "rail.lateral_inertia_scale": 1.08})
+    )
+    assert bounds(study, "rail.straight.stress_free") == pytest.approx((0.38, 0.42))
+    both = drawn(study, "rail.straight.stress_free") + drawn(study, "rail.curved.stress_free")
+    np.testing.assert_allclose(both, 1.0, atol=2e-3)  # still one position
+    assert bounds(study, "rail.lateral_inertia_scale") == pytest.approx((0.9 * 1.08, 1.1 * 1.08))
+
+
+def with_third_drive() -> LoadedPanel:
+    from turnout.detection.added_equipment import with_drive
+
+    return with_drive(load_panel(DEFAULT), 3.6)
+
+
+@pytest.mark.parametrize(
+    ("panel", "drives"),
+    [
+        (load_panel("60e1-300-1-9"), ["1"]),
+        (load_panel("60e1-500-1-12"), ["1", "2"]),
+        (with_third_drive(), ["1", "2", "3"]),
+    ],
+    ids=["one drive", "two drives", "three drives"],
+)
+def test_every_drive_has_its_inputs_and_no_other(panel: LoadedPanel, drives: list[str]) -> None:
+    study = reference_study(panel, count=4)
+    own = [name for name in switch_inputs(study) if name.startswith("drive.")]
+    assert sorted(own) == sorted(
+        f"drive.{name}.{rest}"
+        for name in drives
+        for rest in ("stiffness.factor", "saturation_force.factor", "over_travel_closed")
+    )
+    scenario = study.scenario(3)
+    changed = panel.with_overrides(dict(scenario.overrides))
+    assert set(changed.drive) == set(drives)
+    last = changed.movement["return"].extra_time
+    assert set(last) == set(drives[1:])
+
+
+def test_a_further_drive_leaves_the_states_of_the_others() -> None:
+    base, more = reference_study(count=3), reference_study(with_third_drive(), count=3)
+    before, after = (item.design.drawn_values(2) for item in (base, more))
+    assert all(after[name] == pytest.approx(before[name], rel=1e-12) for name in before)
+
+
+def test_a_last_movement_of_another_name_keeps_its_start() -> None:
+    panel = load_panel("60e1-300-1-9", overrides={"movement.return.start": "5 s"})
+    assert bounds(reference_study(panel), "movement.return.start") == pytest.approx((4.98, 5.02))
+
+
+def test_a_fit_of_nothing_does_not_vary_and_that_is_said() -> None:
+    study = reference_study(load_panel("60e1-300-1-9"))
+    assert not any("fit_gap" in name for name in study.variables)
+    assert "panel 60e1-300-1-9 has no number rail.fit_gap.value: it does not vary" in study.remarks
+    one = reference_study(load_panel("60e1-300-1-9", overrides={"rail.fit_gap": "0.5 mm"}))
+    assert one.variables["rail.fit_gap.value.factor"].key == "rail.fit_gap"
+    assert not one.remarks
+
+
+def test_typed_shapes_and_single_rails_do_not_vary() -> None:
+    typed = reference_study(load_panel("sb2"))  # stress-free "closed" and "open", gaps typed
+    assert not any("stress_free" in name for name in typed.variables)
+    assert "panel sb2 has no number rail.A.stress_free: it does not vary" in typed.remarks
+    one = reference_study(load_panel("sb1"))
+    assert one.scenario(0).overrides
+
+
+def test_a_last_movement_that_opens_and_throws_that_fail_are_refused() -> None:
+    panel = load_panel("sb1")  # stress-free where it is open, beyond what its drives hold
+    where = {"drive 1": 0.3, "drive 2": 6.9}
+    with pytest.raises(StudyError, match=r"leaves rail switch open \(111 mm at drive 1"):
+        refuse_open_end(panel, where, np.tile([0.1113, 0.04], (5, 1)))
+    refuse_open_end(panel, where, np.tile([0.002, 0.04], (5, 1)))
+    sweep = xr.Dataset(
+        {"outcome": ("scenario", ["invalid"] * 3 + ["complete"]),
+         "reason": ("scenario", ["drive.1: slips at rest"] * 3 + [""])}
+    )  # fmt: skip
+    with pytest.raises(StudyError, match=r"3 of 4 throws .* The first: drive.1: slips at rest"):
+        checked_throws(sweep, panel="own")
+    assert checked_throws(sweep.isel(scenario=[2, 3]), panel="own").sizes["scenario"] == 2
