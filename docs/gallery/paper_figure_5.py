@@ -47,7 +47,9 @@ sheet = Sheet(
         Row("Drive 2\n[kN]", lines("drive_force", "2", 1e-3)),
     ),
 )
-draw_sheet(sheet).savefig("paper_figure_5.png", dpi=110)
+figure = draw_sheet(sheet)
+figure.draw_without_rendering()  # the ticks of five rows are known after a first layout only
+figure.savefig("paper_figure_5.png", dpi=110)
 
 current = {size: throw["drive_current"].sel(drive="2") for size, throw in throws.items()}
 running = slice(begin + 3.0, begin + 3.58)  # before the cut-off without an object

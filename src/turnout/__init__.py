@@ -19,7 +19,7 @@ from turnout.lazy import loader
 
 NAMES = {
     # Panels and objects
-    "load_panel": "turnout.panel.load",
+    "load_panel": "turnout.study.case:load_panel_or_case",
     "panel_names": "turnout.panel.load:library_names",
     "LoadedPanel": "turnout.panel.load",
     "ForeignObject": "turnout.panel.foreign_object",
@@ -98,7 +98,7 @@ _MOVED = {
 _WITHOUT_DATASETS = (
     *("turnout.errors", "turnout.core", "turnout.panel", "turnout.section", "turnout.integrate"),
     *("turnout.scheme", "turnout.response.save", "turnout.analysis.stability"),
-    *("turnout.study.load_study", "turnout.detection"),
+    *("turnout.study.load_study", "turnout.study.case", "turnout.detection"),
 )
 
 

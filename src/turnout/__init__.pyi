@@ -48,7 +48,6 @@ from turnout.metric.features import features as features
 from turnout.panel.foreign_object import ForeignObject as ForeignObject
 from turnout.panel.load import LoadedPanel as LoadedPanel
 from turnout.panel.load import library_names as panel_names
-from turnout.panel.load import load_panel as load_panel
 from turnout.response.drift import Drift as Drift
 from turnout.response.machine import machine_dataset as machine_dataset
 from turnout.response.save import Save as Save
@@ -59,6 +58,7 @@ from turnout.response.store import save_response as save_response
 from turnout.scheme import Scheme as Scheme
 from turnout.section.analyse import analyse_outline as analyse_outline
 from turnout.section.outline import make_outline as make_outline
+from turnout.study.case import load_panel_or_case as load_panel
 from turnout.study.load_study import load_study as load_study
 
 __all__ = [

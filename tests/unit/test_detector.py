@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.unit.detector_toy import toy_detector, toy_throw
+from tests.unit.detector_toy import toy_detector, toy_set, toy_setting, toy_throw
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.detection.alarm_threshold import threshold_for
 from turnout.detection.detector import Detector
 from turnout.detection.knowledge import Knowledge
+from turnout.detection.training import teach
 from turnout.errors import FileError
 
 
@@ -102,6 +103,41 @@ def test_closing_alone_is_judged() -> None:
     )
     verdict = detector.judge(alone)
     assert (verdict.part, verdict.status) == ("closing", "object")
+
+
+def test_currents_are_judged_by_the_same_likelihood(tmp_path: Path) -> None:
+    """A current in proportion to the force has the same ratios; the file keeps what it is."""
+    ampere = 1.0 / 2500.0
+    sets = {
+        name: replace(
+            toy_set(count, kind=name), features=item.features * ampere, rates=item.rates * ampere
+        )
+        for name, count in (("sound", 400), ("object", 300))
+        for item in [toy_set(count, kind=name)]
+    }
+    forces = {"sound": toy_set(400), "object": toy_set(300, kind="object")}
+    setting = toy_setting()
+    allowed = replace(setting.allowances, current_noise=setting.allowances.noise * ampere)
+    other = replace(
+        setting, amplitude=setting.amplitude * ampere, allowances=allowed, quantity="current"
+    )
+    calibrated = toy_detector().knowledge.calibrated
+    known = {
+        "force": Detector(replace(teach(forces, setting), calibrated=calibrated)),
+        "current": Detector(replace(teach(sets, other), calibrated=calibrated)),
+    }
+    throw = toy_throw(size=14e-3, seed=3)
+    path = tmp_path / "currents.detector"
+    known["current"].save(path)
+    known["current"] = Detector.load(path)
+    assert (known["current"].quantity, known["force"].quantity) == ("current", "force")
+    one = known["force"].judge(replace(throw, exact=True))
+    two = known["current"].judge(replace(throw, force=throw.force * ampere, exact=True))
+    assert one.status == two.status == "object"
+    # the assumed faults of sensors differ a little, and within the file numbers are rounded
+    assert two.log_ratio == pytest.approx(one.log_ratio, abs=0.05)
+    assert {item.unit for item in two.changes} == {"A"}
+    assert " A, " in "\n".join(two.lines())
 
 
 def test_a_file_keeps_detector_and_history(tmp_path: Path) -> None:

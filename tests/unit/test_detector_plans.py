@@ -6,6 +6,7 @@ import pytest
 from turnout.detection.reference import reference_study
 from turnout.detection.training_plan import DEFECTS, Population
 from turnout.detection.training_sets import Counts, after_history, training_plans
+from turnout.panel.load import load_panel
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +40,23 @@ def test_frozen_chairs_keep_their_force_in_newtons(population: Population) -> No
     inputs = plan.study.scenario(0).inputs
     assert all(inputs[name] == value for name, value in frozen.items())
     assert not any(plan.study.variables[name].factor for name in frozen)
+
+
+def test_machines_wear_their_clutch_and_slow_down_by_their_supply() -> None:
+    """The slip level of a machine is that of its clutch, and the motor sets its speed."""
+    machines = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}
+    panel = load_panel("uic60-760-1-15").with_overrides(machines)
+    population = Population(reference_study(panel))
+    sound = population.row(1)
+    plan = population.plan("sound", [sound])
+    keys = {name: item.key for name, item in plan.study.variables.items()}
+    assert keys["drive.1.saturation_force, defect"] == "machine.jea73.clutch.torque"
+    assert {"drive_current", "drive_power"} <= set(plan.study.output.channels)
+    row = DEFECTS["slow drive"](sound, np.random.default_rng(1), population)
+    changed = {name: row[name] for name in row if row[name] != sound[name]}
+    assert changed
+    assert all(name.endswith("supply.voltage") for name in changed)
+    assert all(0.85 * 220.0 <= value <= 0.97 * 220.0 for value in changed.values())
 
 
 def test_more_throws_begin_with_the_same_ones() -> None:

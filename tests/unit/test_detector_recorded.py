@@ -6,8 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray as xr
 
-from turnout.detection.reading import read_table, read_throws
+from turnout.detection.reading import read_table, read_throws, throws_of_dataset
 from turnout.detection.recorded import (
     UNLOADED,
     ZEROED,
@@ -16,7 +17,7 @@ from turnout.detection.recorded import (
     recording_fault,
     zeroed_rest,
 )
-from turnout.detection.throw_layout import layout_of, throw_features
+from turnout.detection.throw_layout import Layout, layout_of, throw_features
 from turnout.errors import FileError
 
 LAYOUT = layout_of([("opening", 0.2, 3.2), ("closing", 4.4, 3.4)], end=8.5, drives=["1", "2"])
@@ -155,6 +156,30 @@ def test_a_table_has_a_row_a_throw(tmp_path: Path) -> None:
     path.write_text("time,force\n0,1\n")
     with pytest.raises(FileError, match="rate"):
         read_throws(path)
+
+
+def test_a_table_of_currents_is_read_as_such(tmp_path: Path) -> None:
+    samples = " ".join(f"{value:.3f}" for value in np.sin(np.arange(500) / 50.0))
+    path = tmp_path / "throws.csv"
+    head = "throw,rate [Hz],start [s],current 1 [A],current 2 [A]"
+    path.write_text(f"{head}\na,100,-0.2,{samples},{samples}\n")
+    (found,) = read_throws(path, quantity="current")
+    assert (found.drives, found.onsets, found.fault) == (("1", "2"), {"closing": 0.0}, "")
+    assert found.force[0, 50] == pytest.approx(np.sin(1.0), abs=1e-3)
+    with pytest.raises(FileError, match=r"force NAME \[N\]"):
+        read_throws(path)
+
+
+def test_what_is_not_recorded_cannot_be_judged() -> None:
+    own = throw(100.0)
+    dataset = xr.Dataset(
+        {"drive_force": (("drive", "time"), own.force)},
+        {"time": own.time, "drive": list(own.drives)},
+    )
+    (found,) = throws_of_dataset(dataset, quantity="current")
+    assert found.fault == "no drive currents are recorded"
+    layout = Layout(parts=LAYOUT.parts, drives=("3",))
+    assert recording_fault(own, layout, "power") == "no power of drive 3 is recorded"
 
 
 def test_a_row_that_ends_early_cannot_be_judged(tmp_path: Path) -> None:

@@ -11,14 +11,16 @@ from turnout.cli.main import app
 from turnout.core.toml import parse_toml
 from turnout.errors import FileError, StudyError
 from turnout.matching import match
-from turnout.matching.ensemble import panels_of, study_text
+from turnout.matching.ensemble import study_text
 from turnout.matching.fact_emulator import Emulation, fit_emulator
-from turnout.matching.facts import Facts, Sum, facts_text, load_facts, read_facts
+from turnout.matching.facts import Facts, Sum, Term, facts_text, load_facts, read_facts
 from turnout.matching.match import MatchProgress, match_panel
 from turnout.matching.measures import MEASURES
-from turnout.matching.meet_facts import Thrower, evaluate, holds, panel_at
+from turnout.matching.meet_facts import Thrower, evaluate, holds, in_order, panel_at
 from turnout.matching.propose import farthest_points, plausible_points
 from turnout.matching.remaining import gains, ranges
+from turnout.panel.load import load_panel
+from turnout.study.case import case_panel, load_panel_or_case
 from turnout.study.load_study import load_study
 
 TOY = """
@@ -173,8 +175,8 @@ def test_a_matching_is_what_it_says_and_resumes_to_the_same(toy: Facts, tmp_path
     path.write_text(study_text(toy, whole.points[:3], name="some"), encoding="utf-8")
     study = load_study(path)
     assert study.count == 3
-    for panel, point in zip(panels_of(study), whole.points, strict=False):
-        made = panel_at(toy, point)
+    for number, point in enumerate(whole.points[:3]):
+        panel, made = case_panel(path, number), panel_at(toy, point)
         assert panel.drive["1"].stiffness == pytest.approx(made.drive["1"].stiffness, rel=1e-5)
         assert panel.chair["3"].x == pytest.approx(made.chair["3"].x, rel=1e-5)
 
@@ -219,15 +221,45 @@ def test_the_page_holds_the_measures() -> None:
     assert table_of_measures() in page.read_text(encoding="utf-8")
 
 
-def test_the_panels_of_the_library_study_are_accepted_by_sweeps() -> None:
+def test_the_panels_of_the_library_study_meet_the_facts() -> None:
     study = load_study("plausible-panels")
-    panels = panels_of(study)
-    assert len({panel.hash for panel in panels}) == study.count >= 20
+    points = {
+        str(sorted(study.scenario(number).overrides.items())) for number in range(study.count)
+    }
+    assert len(points) == study.count >= 45
     facts = load_facts("paper-facts")
     early = [fact for fact in facts.facts if not fact.late][:8]
-    thrower = Thrower(panels[0])
+    thrower = Thrower(load_panel_or_case("plausible-panels:44"))
     for fact in early:
         assert holds(fact, thrower.sum(fact, among=tuple(early))), fact.name
+
+
+def test_the_visible_size_is_the_least_that_changes_an_end_force() -> None:
+    """A held force is the same whatever lies there until it is touched: the size follows it."""
+    panel = load_panel("uic60-760-1-15")
+    found = Thrower(panel).sum(sum_of("visible size", "sleeper 6"))
+    forces = [
+        Thrower(panel).sum(sum_of("end force", "2", item=text))
+        for text in ("", f"{1e3 * (found - 2e-4):g} mm@sleeper 6", f"{1e3 * found:g} mm@sleeper 6")
+    ]
+    assert abs(forces[1] - forces[0]) < 50.0 < abs(forces[2] - forces[0])
+
+
+def sum_of(measure: str, of: str, *, item: str = "") -> Sum:
+    return Sum(name=measure, terms=(Term(measure, of, item, (), 1.0),), unit="")
+
+
+def test_costly_facts_are_tried_last() -> None:
+    facts = load_facts("paper-facts")
+    late = [facts.facts[number].name for number in in_order(facts, late=True)]
+    assert late[0] == "g: warnings of panel check from a throw"
+    assert late[-1] == "g: warnings of panel check about flutter"
+
+
+def test_a_facts_file_in_the_home_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "toy.toml").write_text(TOY, encoding="utf-8")
+    assert load_facts("~/toy.toml").name == "toy"
 
 
 def test_the_command_refuses_a_facts_file_that_is_not_there(tmp_path: Path) -> None:

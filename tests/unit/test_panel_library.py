@@ -18,7 +18,10 @@ from turnout.panel.load import LoadedPanel, library_names, library_text, load_pa
 from turnout.panel.profile import evaluate_profile, running_edge_offset
 from turnout.response.simulate import simulate
 
-SHORT = ("60e1-300-1-9", "60e1-300-1-9-clamp-lock", "60e1-500-1-12")
+SHORT = (
+    *("60e1-1200-1-18.5", "60e1-300-1-9", "60e1-300-1-9-clamp-lock", "60e1-441-1-12"),
+    "60e1-500-1-12",
+)
 NAMES = (*SHORT, "sb1", "sb2", "uic60-760-1-15", "uic60-760-1-15-symmetric")
 
 

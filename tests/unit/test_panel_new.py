@@ -50,6 +50,7 @@ def test_a_new_file_is_the_same_panel_under_its_own_name(name: str, tmp_path: Pa
     run("panel", "new", target, "--from", name)
     made, source = load_panel(target), load_panel(name)
     assert made.name == "my-switch"
+    assert made.description.startswith(f"Made from {name}") == bool(source.description)
     assert made.with_overrides({"name": name}).hash == source.hash
     assert dict(made.origins) == dict(source.origins)
 

@@ -7,6 +7,7 @@ from turnout.mechanism.rail_sections import section_values
 from turnout.panel.load import load_panel
 from turnout.panel.profile import (
     evaluate_profile,
+    running_edge_distance,
     running_edge_offset,
     running_edge_position,
     section_stations,
@@ -112,3 +113,15 @@ def test_stations_by_position() -> None:
     np.testing.assert_array_equal(section_stations(panel, "switch"), [2.0, 6.0])
     area = section_values(panel, "switch", [0.0, 4.0, 14.0])["area"]
     np.testing.assert_allclose(area, np.array([1.0, 1.5, 2.0]) * 9.3e-3, rtol=1e-12)
+
+
+def test_a_running_edge_that_meets_the_stock_rail_at_an_angle() -> None:
+    """The published switch: no thickness at the toe, 175 mm at its heel, entry angle 20 minutes."""
+    edge = load_panel("60e1-441-1-12").rail["straight"].running_edge
+    assert edge is not None
+    thin = edge.model_copy(update={"minimum": 0.0})
+    toe, near, heel = running_edge_distance(thin, [0.0, 0.001, 10.125])
+    assert toe == pytest.approx(0.0, abs=1e-4)
+    assert heel == pytest.approx(0.175, abs=2e-4)
+    assert (near - toe) / 0.001 == pytest.approx(np.tan(np.radians(20 / 60)), rel=1e-3)
+    assert running_edge_position(edge, float(heel)) == pytest.approx(10.125)

@@ -40,7 +40,7 @@ def test_unknown_is_not_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     monkeypatch.setattr(
         "turnout.analysis.panel_check.friction_stability",
-        lambda _panel, *, friction_factor: FrictionStability(friction_factor, cases, 600.0),
+        lambda _panel, *, friction_factor, **_: FrictionStability(friction_factor, cases, 600.0),
     )
     (concern,) = flutter_concerns(sb1_panel())
     assert concern.what == "flutter is not known"

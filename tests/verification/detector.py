@@ -16,6 +16,7 @@ import numpy as np
 from tests.verification.detector_cases import SOFT_KINDS
 from tests.verification.detector_figures import (
     Judged,
+    Uses,
     a90_of_places,
     cause_figures,
     false_alarms,
@@ -32,6 +33,7 @@ from tests.verification.detector_further import (
     rates_known,
     soft_shares,
     unknown_auroc,
+    verdict_times,
     year_rates,
 )
 from tests.verification.detector_other import other_figures
@@ -40,6 +42,7 @@ from tests.verification.detector_sets import Sizes, forces_of, plans_of, sets_of
 from turnout.core.threads import one_blas_thread
 from turnout.detection.allowances import Allowances
 from turnout.detection.detector import Detector
+from turnout.detection.judging import ADJUSTED, LEAST_HISTORY
 from turnout.detection.knowledge import Knowledge
 from turnout.detection.reference import NOMINAL_FRICTION, reference_study
 from turnout.detection.throw_set import ThrowSet
@@ -91,7 +94,7 @@ def main() -> None:
     kept = folder / "figures.json"
     said = json.loads(kept.read_text()) if kept.exists() else {}
     with one_blas_thread():
-        for name, figure in figures_of(knowledge, sets, forces).items():
+        for name, figure in figures_of(knowledge, sets, forces, folder / "judged").items():
             if name in said if wanted is None else name not in wanted:
                 continue
             said[name] = figure()
@@ -105,22 +108,52 @@ def _progress(what: str, done: int, total: int) -> None:
 
 
 def figures_of(
-    knowledge: Knowledge, sets: Sets, forces: list[dict[str, np.ndarray]]
+    knowledge: Knowledge, sets: Sets, forces: list[dict[str, np.ndarray]], kept: Path
 ) -> dict[str, Callable[[], object]]:
     """Return what computes each figure, by name."""
-    test, cases = sets["test"], sets["cases"]
+    test, narrow, cases = sets["test"], sets["narrow"], sets["cases"]
+    fewer = {**test, "sound": test["sound"].of(slice(VERDICTS_ON_SOUND))}
     return {
-        "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, test, draws=2)),
-        "known": lambda: verdict_figures(knowledge, judge_with_history(knowledge, test)),
+        "time": lambda: verdict_times(knowledge, test["object"]),
+        "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, fewer, draws=2)),
+        "known": lambda: known_figures(
+            knowledge, *judge_with_history(knowledge, test, kept / "known")
+        ),
         "other": lambda: other_figures(knowledge, forces),
-        "rates alone": lambda: rates_alone(knowledge, test["sound"]),
-        "rates known": lambda: rates_known(knowledge, test),
+        "narrow": lambda: narrow_figures(knowledge, narrow, kept),
+        "rates alone": lambda: rates_alone(knowledge, test["sound"], draws=3),
         "known place": lambda: known_place_a90(knowledge, test["sound"], test["object"]),
         "unknown": lambda: unknown_auroc(knowledge, test),
         "ice": lambda: [vars_of(item) for item in ice_ramps(knowledge, cases["ice"])],
         "soft": lambda: soft_shares(knowledge, cases["soft"], SOFT_KINDS),
         "price": lambda: price_of(knowledge, sets["train"], test, discrepancy=0.08),
-        "year": lambda: year_rates(knowledge, cases["year"]),
+        "year": lambda: year_rates(knowledge, cases["year"], kept / "year"),
+    }
+
+
+VERDICTS_ON_SOUND = 3000
+"""Sound throws that get a whole verdict; for the rates of alarms all are judged."""
+
+
+def known_figures(knowledge: Knowledge, test: dict[str, ThrowSet], kept: Path) -> dict[str, object]:
+    """Return figures of verdicts after a history, and rates of alarms of many more uses."""
+    judged, ratios = judge_with_history(knowledge, test, kept / "known")
+    return verdict_figures(knowledge, judged) | {"rates": rates_known(knowledge, ratios)}
+
+
+def narrow_figures(
+    knowledge: Knowledge, narrow: dict[str, ThrowSet], kept: Path
+) -> dict[str, object]:
+    """Return a90 and false alarms in the narrow population, by the same detector [m]."""
+    places = knowledge.setting.places
+    alone = judge_alone(knowledge, {"object": narrow["object"]}, draws=2)
+    known, _ = judge_with_history(
+        knowledge, narrow, kept / "narrow", uses=Uses(verdicts=1, sound=0, causes=0)
+    )
+    return {
+        "alone": a90_of_places(alone, places),
+        "known": a90_of_places(known, places),
+        "false alarms known": false_alarms(known),
     }
 
 
@@ -130,16 +163,21 @@ def vars_of(item: object) -> dict[str, float]:
 
 
 def verdict_figures(knowledge: Knowledge, judged: Judged) -> dict[str, object]:
-    """Return figures of verdicts."""
+    """Return figures of verdicts.
+
+    Without a history an adjusted switch is one of the population, and counts as no cause.
+    """
     places, gaps = knowledge.setting.places, knowledge.setting.gaps
     kinds = [kind for kind in ("sound", "object", *DEFECTS) if judged.of(kind).size]
+    alone = max(item.history for item in judged.verdict) < LEAST_HISTORY
+    named = [kind for kind in kinds if not (alone and kind == ADJUSTED)]
     return {
         "false alarms": {kind: false_alarms(judged, kind) for kind in kinds if kind != "object"},
         "a90": a90_of_places(judged, places),
         "gaps": {kind: gap_figures(judged, kind, gaps) for kind in ("sound", "object")},
         "objects": object_figures(judged, places),
-        "causes": cause_figures(judged, kinds),
-        "severe causes": cause_figures(judged, kinds, least=SEVERE),
+        "causes": cause_figures(judged, named),
+        "severe causes": cause_figures(judged, named, least=SEVERE),
     }
 
 

@@ -33,7 +33,7 @@ KIND = "object.kind"
 SEED = 700_000
 KNOWN = 20
 """Sound throws that each switch begins with."""
-YEAR_SWITCHES, A_MONTH = 12, 5
+YEAR_SWITCHES, A_MONTH = 100, 3
 WARMTH = (-9.0, -8.0, -3.0, 3.0, 10.0, 15.0, 18.0, 17.0, 11.0, 5.0, -1.0, -6.0)
 """Mean temperature of each month, inland northern Europe; assumed [degC]."""
 ICE_STEP, ICE_THROWS = 0.2e-3, 90

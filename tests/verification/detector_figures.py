@@ -1,20 +1,25 @@
 """Figures of a detector on throws of switches that it never saw."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import beta
 
-from turnout.detection.calibrating import AT_ONCE, Errors, learn_history
+from turnout.core.files import write_atomic
+from turnout.detection.calibrating import AT_ONCE, Errors, alarms_of, learn_history
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.judging import CYCLE, View, evidence_of, make_view
 from turnout.detection.knowledge import Knowledge
 from turnout.detection.object_posterior import Interval
 from turnout.detection.throw_set import ThrowSet
-from turnout.detection.throw_verdict import ALARM, Verdict, verdict_on
+from turnout.detection.throw_verdict import ALARM, Change, Gap, Verdict, verdict_on
+from turnout.detection.training_plan import ADJUSTED, DRY, HISTORY, SOUND
 
 Floats = NDArray[np.float64]
 RESAMPLES = 200
@@ -55,6 +60,49 @@ class Judged:
             self.change.append(float(change[number]))
             self.verdict.append(verdict)
 
+    def record(self) -> dict[str, list[Any]]:
+        """Return it as lists that JSON can hold."""
+        found = {name: getattr(self, name) for name in self.__slots__}
+        found["gaps"] = [item.tolist() for item in self.gaps]
+        found["verdict"] = [asdict(item) for item in self.verdict]
+        return found
+
+    def extend(self, record: Mapping[str, list[Any]]) -> None:
+        """Take up what `record` returned."""
+        for name in self.__slots__:
+            values = record[name]
+            if name == "gaps":
+                values = [np.array(item) for item in values]
+            if name == "verdict":
+                values = [verdict_of(item) for item in values]
+            getattr(self, name).extend(values)
+
+
+def verdict_of(record: Mapping[str, Any]) -> Verdict:
+    """Return a verdict from its fields as JSON keeps them."""
+    given = dict(record)
+    given["gaps"] = tuple(Gap(**item) for item in given["gaps"])
+    given["changes"] = tuple(Change(**item) for item in given["changes"])
+    for name in ("x", "size"):
+        given[name] = None if given[name] is None else Interval(**given[name])
+    return Verdict(**given)
+
+
+def of_each_switch(
+    switches: NDArray[np.intp], folder: Path, work: Callable[[int], Mapping[str, list[Any]]]
+) -> list[dict[str, list[Any]]]:
+    """Return what is found of each switch, kept in a folder so that a stopped run goes on."""
+    folder.mkdir(parents=True, exist_ok=True)
+    found = []
+    for done, switch in enumerate(switches.tolist(), 1):
+        path = folder / f"{switch}.json"
+        if not path.exists():
+            write_atomic(path, json.dumps(work(switch)).encode())
+            if done % 20 == 0:
+                print(f"{folder.name}: {done} of {len(switches)} switches", flush=True)
+        found.append(json.loads(path.read_text()))
+    return found
+
 
 def verdicts_on(
     knowledge: Knowledge, view: View, features: Floats, *, rate: float
@@ -89,7 +137,7 @@ def judge_alone(
     for kind, throws in sets.items():
         if kind.startswith("history"):
             continue
-        change = changes_of(throws, sets["sound"], knowledge)
+        change = changes_of(throws, sets.get("sound", throws), knowledge)
         for _ in range(draws):
             fixed = errors.of_switches(len(throws.level))
             features = throws.features + fixed + errors.of_throws(throws.rates)
@@ -98,44 +146,91 @@ def judge_alone(
     return judged
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Uses:
+    """How often each throw after a history is used, with other errors.
+
+    Attributes
+    ----------
+    verdicts : int
+        For a whole verdict.
+    sound, causes : int
+        For the alarm alone, of sound throws, and of dry chairs and adjustments.
+    """
+
+    verdicts: int = 2
+    sound: int = 50
+    causes: int = 10
+
+
 def judge_with_history(
     knowledge: Knowledge,
     sets: Mapping[str, ThrowSet],
+    folder: Path,
     *,
     history: int = 20,
     rate: float = 1e-3,
-    draws: int = 1,
-    again: int = 2,
+    uses: Uses = Uses(),  # noqa: B008 - frozen
     seed: int = 6,
-) -> Judged:
-    """Judge throws of switches whose first throws are known."""
-    errors = drawn_errors(knowledge, seed)
+) -> tuple[Judged, list[dict[str, list[float]]]]:
+    """Judge throws of switches whose first throws are known.
+
+    Returns
+    -------
+    judged : Judged
+        Whole verdicts.
+    ratios : list of dict
+        For each switch the log likelihood ratios of further uses, by kind.
+    """
     population = make_view(knowledge)
-    judged = Judged()
-    sound = sets["history"]
+    sound = sets[HISTORY]
     first = int(np.bincount(sound.switch).max())
-    for switch in np.unique(sound.switch):
-        own = sound.of(sound.switch == switch)
-        for _ in range(draws):
-            fixed = errors.of_switches(1)
-            known = own.of(own.row % first < history)
-            expected = learn_history(
-                knowledge, known.features + fixed + errors.of_throws(known.rates), view=population
-            )
-            view = make_view(knowledge, known=expected)
-            for name, throws in sets.items():
-                if not name.startswith("history"):
-                    continue
-                mine = throws.of(throws.switch == switch)
-                if name == "history":
-                    mine = mine.of(mine.row % first >= history)
-                change = changes_of(mine, own, knowledge)
-                for _ in range(again):
-                    features = mine.features + fixed + errors.of_throws(mine.rates)
-                    kind = name.removeprefix("history, ").replace("history", "sound")
-                    said = verdicts_on(knowledge, view, features, rate=rate)
-                    judged.add(kind, mine, said, change=change)
-    return judged
+
+    def of_switch(switch: int) -> dict[str, Any]:
+        errors = drawn_errors(knowledge, seed, switch)
+        own, fixed = sound.of(sound.switch == switch), errors.of_switches(1)
+        known = own.of(own.row % first < history)
+        expected = learn_history(
+            knowledge, known.features + fixed + errors.of_throws(known.rates), view=population
+        )
+        view = make_view(knowledge, known=expected)
+        judged, ratios = Judged(), {}
+        for name, item in sets.items():
+            kind = SOUND if name == HISTORY else name.removeprefix(f"{HISTORY}, ")
+            if not name.startswith(HISTORY):
+                continue
+            mine = item.of(item.switch == switch)
+            if name == HISTORY:
+                mine = mine.of(mine.row % first >= history)
+            change = changes_of(mine, own, knowledge)
+            for _ in range(uses.verdicts):
+                features = mine.features + fixed + errors.of_throws(mine.rates)
+                said = verdicts_on(knowledge, view, features, rate=rate)
+                judged.add(kind, mine, said, change=change)
+            again = uses.sound if kind == SOUND else uses.causes
+            if again and len(mine.row) and kind in (SOUND, DRY, ADJUSTED):
+                rows = [mine.features + fixed + errors.of_throws(mine.rates) for _ in range(again)]
+                found = alarms_of(view, np.concatenate(rows))[0].tolist()
+                ratios[kind] = found
+                if kind == DRY:
+                    for label, part in dry_by_friction(np.tile(mine.level, again)).items():
+                        ratios[label] = np.array(found)[part].tolist()
+        return {"judged": judged.record(), "ratios": ratios}
+
+    found = of_each_switch(np.unique(sound.switch), folder, of_switch)
+    whole = Judged()
+    for item in found:
+        whole.extend(item["judged"])
+    return whole, [item["ratios"] for item in found]
+
+
+def dry_by_friction(level: Floats) -> dict[str, NDArray[np.bool_]]:
+    """Return which throws are from low and which from high friction."""
+    return {f"{DRY}, low friction": level < MIDDLE, f"{DRY}, high friction": level >= MIDDLE}
+
+
+MIDDLE = 0.3
+"""Friction level that parts low from high [-]."""
 
 
 def changes_of(throws: ThrowSet, sound: ThrowSet, knowledge: Knowledge) -> Floats:
@@ -157,9 +252,9 @@ def changes_of(throws: ThrowSet, sound: ThrowSet, knowledge: Knowledge) -> Float
     return np.array(found)
 
 
-def drawn_errors(knowledge: Knowledge, seed: int) -> Errors:
+def drawn_errors(knowledge: Knowledge, *seed: int) -> Errors:
     """Return what draws the errors of measured throws, as large as the detector assumes."""
-    rng = np.random.default_rng([seed, 12])
+    rng = np.random.default_rng([*seed, 12])
     return Errors(knowledge.errors(), part=knowledge.layout.part, rng=rng)
 
 

@@ -2,19 +2,27 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from time import process_time
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.verification.detector_figures import a90, drawn_errors, false_alarm_limits
+from tests.verification.detector_figures import (
+    a90,
+    drawn_errors,
+    false_alarm_limits,
+    of_each_switch,
+)
 
+from turnout.core.threads import one_blas_thread
 from turnout.detection.calibrating import AT_ONCE, alarms_of, learn_history
+from turnout.detection.detector import Detector
 from turnout.detection.judging import CYCLE, View, evidence_of, make_view
 from turnout.detection.knowledge import Knowledge
 from turnout.detection.switch_history import observe
 from turnout.detection.throw_set import ThrowSet
 from turnout.detection.train_detector import knowledge_of_sets
 from turnout.detection.training_plan import HISTORY, OBJECT, SOUND
-from turnout.detection.training_sets import after_history
 
 Floats = NDArray[np.float64]
 
@@ -38,41 +46,25 @@ def rates_alone(
 
 
 def rates_known(
-    knowledge: Knowledge,
-    sets: Mapping[str, ThrowSet],
-    *,
-    history: int = 20,
-    draws: int = 2,
-    again: int = 50,
+    knowledge: Knowledge, ratios: Sequence[Mapping[str, list[float]]], *, history: int = 20
 ) -> dict[str, dict[str, dict[str, float]]]:
-    """Return alarms after a history, of sound throws, dry chairs and re-adjusted drives."""
-    errors = drawn_errors(knowledge, 22)
-    population = make_view(knowledge)
+    """Return alarms after a history, of sound throws, dry chairs and re-adjusted drives.
+
+    Parameters
+    ----------
+    knowledge : Knowledge
+        With thresholds.
+    ratios : sequence of dict
+        Of each switch, from `judge_with_history`.
+    history : int
+        Throws known.
+    """
     calibrated = knowledge.calibration(part=CYCLE, history=history)
     assert calibrated is not None
-    sound = sets[HISTORY]
-    first = int(np.bincount(sound.switch).max())
-    ratios: dict[str, list[Floats]] = {}
-    for switch in np.unique(sound.switch):
-        own = sound.of(sound.switch == switch)
-        known = own.of(own.row % first < history)
-        for _ in range(draws):
-            fixed = errors.of_switches(1)
-            expected = learn_history(
-                knowledge, known.features + fixed + errors.of_throws(known.rates), view=population
-            )
-            view = make_view(knowledge, known=expected)
-            judged = {SOUND: own.of(own.row % first >= history)} | {
-                name.removeprefix(f"{HISTORY}, "): item.of(item.switch == switch)
-                for name, item in sets.items()
-                if name.startswith(f"{HISTORY}, ") and name != after_history(OBJECT)
-            }
-            for name, item in judged.items():
-                rows = [item.features + fixed + errors.of_throws(item.rates) for _ in range(again)]
-                ratios.setdefault(name, []).append(alarms_of(view, np.concatenate(rows))[0])
     return {
         rate: {
-            name: false_alarm_limits(np.array(item) > threshold) for name, item in ratios.items()
+            name: false_alarm_limits([np.array(item[name]) > threshold for item in ratios])
+            for name in ratios[0]
         }
         for rate, threshold in calibrated.thresholds.items()
     }
@@ -87,7 +79,7 @@ def known_place_a90(
     judged.
     """
     errors = drawn_errors(knowledge, 23)
-    view = make_view(knowledge)
+    view, sound = make_view(knowledge), sound.of(slice(KNOWN_PLACE_SOUND))
     places = knowledge.setting.places
     of_sound, of_objects = [], []
     for number in range(draws):
@@ -105,6 +97,10 @@ def known_place_a90(
         if seen.size:
             found[name] = a90(np.tile(objects.size[mine], len(of_objects)), seen)
     return found
+
+
+KNOWN_PLACE_SOUND = 3000
+"""Sound throws that the thresholds of known places are taken from."""
 
 
 def _place_ratios(view: View, features: Floats) -> Floats:
@@ -227,32 +223,40 @@ def soft_shares(
 
 
 def year_rates(
-    knowledge: Knowledge, year: ThrowSet, *, known: int = 20, again: int = 84
+    knowledge: Knowledge, year: ThrowSet, folder: Path, *, known: int = 20, again: int = 17
 ) -> list[dict[str, float]]:
     """Return false alarms in each month; every month ends with learning what was called sound."""
-    errors = drawn_errors(knowledge, 27)
     population = make_view(knowledge)
     calibrated = knowledge.calibration(part=CYCLE, history=known)
     assert calibrated is not None
     threshold = calibrated.thresholds["0.001"]
     assumed, model = knowledge.errors(), knowledge.model
-    months: list[list[NDArray[np.bool_]]] = [[] for _ in range(12)]
-    for number in range(-int(year.switch.min())):
+
+    def of_switch(number: int) -> dict[str, list[float]]:
+        errors = drawn_errors(knowledge, 27, number)
         fixed = errors.of_switches(1)
         first = year.of(year.switch == -1 - number)
         expected = learn_history(
             knowledge, first.features + fixed + errors.of_throws(first.rates), view=population
         )
+        found = {}
         for month in range(12):
             own = year.of(year.switch == 12 * number + month)
             view = make_view(knowledge, known=expected)
             uses = [own.features + fixed + errors.of_throws(own.rates) for _ in range(again)]
-            alarms = [alarms_of(view, rows)[0] > threshold for rows in uses]
-            months[month].append(np.concatenate(alarms))
-            for row, level, called in zip(uses[0], own.level, alarms[0], strict=True):
-                if not called:
+            ratios = [alarms_of(view, rows)[0] for rows in uses]
+            found[str(month)] = np.concatenate(ratios).tolist()
+            for row, level, ratio in zip(uses[0], own.level, ratios[0], strict=True):
+                if ratio <= threshold:
                     expected = observe(model, assumed, expected, row, level=float(level))
-    return [false_alarm_limits(np.array(item)) for item in months]
+        return found
+
+    switches = np.arange(-int(year.switch.min()))
+    months = of_each_switch(switches, folder, of_switch)
+    return [
+        false_alarm_limits([np.array(item[str(month)]) > threshold for item in months])
+        for month in range(12)
+    ]
 
 
 def price_of(
@@ -289,3 +293,19 @@ def price_of(
             for number, name in enumerate(places)
         }
     return found
+
+
+def verdict_times(knowledge: Knowledge, objects: ThrowSet, *, count: int = 200) -> dict[str, float]:
+    """Return processor time of a verdict on a throw by itself [s]."""
+    errors = drawn_errors(knowledge, 29)
+    own = objects.of(slice(count))
+    rows = own.features + errors.of_switches(len(own.level)) + errors.of_throws(own.rates)
+    detector = Detector(knowledge)
+    detector.judge_features(rows[0])
+    times = []
+    with one_blas_thread():
+        for row in rows:
+            start = process_time()
+            detector.judge_features(row)
+            times.append(process_time() - start)
+    return {"median": float(np.median(times)), "90 %": float(np.quantile(times, 0.9))}

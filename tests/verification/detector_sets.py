@@ -1,7 +1,7 @@
 """The throws behind the figures of the detector: for training, for judging, and further cases."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +10,9 @@ from tests.verification.detector_cases import case_plans
 from turnout.detection.throw_layout import Layout
 from turnout.detection.throw_set import ThrowSet
 from turnout.detection.training import read_set
-from turnout.detection.training_plan import OBJECT_AT, OBJECT_SIZE, Plan
-from turnout.detection.training_sets import TEST_SEED, Counts, throw_plans, training_plans
+from turnout.detection.training_plan import OBJECT_AT, OBJECT_SIZE, SOUND, Plan
+from turnout.detection.training_sets import Counts, throw_plans, training_plans
+from turnout.study.load_study import load_study
 from turnout.study.study import Study
 from turnout.sweep.run import SweepProgress
 
@@ -22,9 +23,10 @@ class Sizes:
 
     sound: int = 4000
     objects: int = 3000
-    switches: int = 100
-    test_sound: int = 2000
-    test_objects: int = 1300
+    switches: int = 200
+    test_sound: int = 10_000
+    test_objects: int = 2600
+    test_defects: int = 150
 
     @property
     def training(self) -> Counts:
@@ -43,7 +45,7 @@ class Sizes:
         return Counts(
             sound=self.test_sound,
             objects=self.test_objects,
-            defects=max(20, self.test_sound // 13),
+            defects=self.test_defects,
             switches=self.switches,
             repeats=23,
             judged=3,
@@ -149,6 +151,32 @@ def plans_of(study: Study, sizes: Sizes) -> dict[str, dict[str, Plan]]:
     """Return all sweeps by folder."""
     return {
         "train": training_plans(study, sizes.training),
-        "test": training_plans(study, sizes.test, seed=TEST_SEED),
+        "test": dict(
+            sorted(
+                training_plans(study, sizes.test, seed=JUDGED_SEED).items(),
+                key=lambda item: len(item[1].level),
+            )
+        ),
+        "narrow": narrow_plans(sizes),
         "cases": case_plans(study),
     }
+
+
+JUDGED_SEED = 530_000
+"""Of switches that no choice in the detector was made on [-]."""
+
+
+def narrow_plans(sizes: Sizes) -> dict[str, Plan]:
+    """Return switches of the narrow population: no variation of sections, fit or stress-free state.
+
+    Their numbers compare with the study that the goals of the detector come from.
+    """
+    count = min(NARROW_OBJECTS, sizes.test_objects)
+    counts = replace(sizes.test, sound=count, objects=count, defects=0)
+    counts = replace(counts, switches=min(NARROW_SWITCHES, sizes.switches))
+    found = training_plans(load_study(NARROW), counts, seed=JUDGED_SEED + 1)
+    return {name: plan for name, plan in found.items() if name != SOUND}
+
+
+NARROW = Path(__file__).with_name("detector_narrow.toml")
+NARROW_OBJECTS, NARROW_SWITCHES = 1300, 100

@@ -89,7 +89,7 @@ def size_table() -> str:
 def slope_table() -> str:
     """Return the build-up of Drive 1 by definition and stiffness as a table."""
     rows = [
-        "| Drive 1 | paper | `buildup_slope` | from contact on, unfiltered |",
+        "| Drive 1 | independent study | `buildup_slope` | from contact on, unfiltered |",
         "|---|---:|---:|---:|",
     ]
     for stiffness, published in STIFFNESSES.items():

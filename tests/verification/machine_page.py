@@ -10,7 +10,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from tests.verification.machines import PEAK_CURRENT, PEAK_TIME, bare_motor, random_overrides
+from tests.verification.machines import (
+    PEAK_CURRENT,
+    PEAK_TIME,
+    bare_motor,
+    random_induction_overrides,
+    random_overrides,
+)
 from tests.verification.test_machine_coupling import coupled
 from tests.verification.test_machine_library import RATED, sheet_of
 from tests.verification.test_machine_sb3 import CASES, DATA
@@ -118,19 +124,25 @@ def library_lines() -> Iterator[str]:
 
 
 def random_lines() -> Iterator[str]:
-    generator, base = np.random.default_rng(2000), load_machines("sb3")
-    worst, halved, slipped = 0.0, 0, 0
-    for _ in range(2000):
-        thrown = throw_one_mass(base.with_overrides(random_overrides(generator)))
-        worst = max(worst, thrown.energy_residual)
-        halved += thrown.halved
-        slipped += np.abs(thrown["clutch_slip"]).max() > 1.0
-    yield "\n### 2,000 random machines\n"
-    yield (
-        f"Steps of 1 and 4 ms, a closing and an opening throw each: {slipped} slipped, {halved} "
-        f"steps were halved, none was left unconverged, largest residual of the balance "
-        f"{worst:.0e}."
-    )
+    yield "\n### Random machines\n"
+    yield "Steps of 1 and 4 ms, a closing and an opening throw each; balance: largest residual over"
+    yield "the energy turned over; none was left unconverged.\n"
+    yield "| machines | slipped | stalled | lost a phase | steps halved | balance |"
+    yield "|---|--:|--:|--:|--:|--:|"
+    for text, count, draw in (
+        ("with direct-current motors", 2000, random_overrides),
+        ("with induction motors", 1000, random_induction_overrides),
+    ):
+        generator, base = np.random.default_rng(count), load_machines("sb3")
+        worst, halved, slipped, stalled, lost = 0.0, 0, 0, 0, 0
+        for _ in range(count):
+            thrown = throw_one_mass(base.with_overrides(draw(generator)))
+            worst = max(worst, thrown.energy_residual)
+            halved += thrown.halved
+            slipped += np.abs(thrown["clutch_slip"]).max() > 1.0
+            stalled += thrown.outcome == "stalled"
+            lost += any(event == "phase lost" for _, event in thrown.events)
+        yield f"| {count:,} {text} | {slipped} | {stalled} | {lost} | {halved} | {worst:.0e} |"
 
 
 def coupled_lines() -> Iterator[str]:

@@ -5,6 +5,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
+from turnout.core.units import SI
+from turnout.machine.motor_record import Motor, breakdown_point
+
 PEAK_CURRENT, PEAK_TIME = 10.295559, 18.264424e-3
 """Of the start of a bare motor with V 220, R 15, L 0.15, k 0.99, J 2e-3: closed form."""
 
@@ -126,3 +129,51 @@ def random_overrides(generator: np.random.Generator) -> dict[str, object]:
     if draw() < 0.5:
         found["rail.object_size"] = float(draw(5e-3, 4e-2))
     return found
+
+
+def random_induction_overrides(generator: np.random.Generator) -> dict[str, object]:
+    """Overrides of `sb3` for a random machine with a three-phase motor, rail and throw.
+
+    Half follow the fluxes, half the steady circuit; a fifth lose a phase on the way. The clutch
+    slips at a half to a sixth of the breakdown torque.
+    """
+    draw = generator.uniform
+
+    def spread(low: float, high: float) -> float:
+        return float(np.exp(draw(np.log(low), np.log(high))))
+
+    found = random_overrides(generator)
+    stator, resistance = spread(0.05, 1.0), spread(0.5, 40.0)
+    motor: dict[str, Any] = {
+        "kind": "induction",
+        "voltage": spread(100.0, 700.0),
+        "frequency": float(generator.choice([16.7, 50.0, 60.0])),
+        "pole_pairs": int(generator.integers(1, 5)),
+        "resistance": resistance,
+        "rotor_resistance": resistance * spread(0.3, 3.0),
+        "stator_inductance": stator,
+        "leakage_inductance": stator * float(draw(0.05, 0.4)),
+        "iron_resistance": spread(500.0, 1e4) if draw() < 0.7 else None,
+        "inertia": spread(2e-4, 1e-2),
+        "drag": spread(1e-6, 1e-4),
+        "transient": bool(draw() < 0.5),
+    }
+    line = float(draw(0.0, 1.0)) * resistance
+    record = Motor.model_validate(
+        {k: SI(v) if isinstance(v, float) else v for k, v in motor.items()}
+    )
+    torque = breakdown_point(record, line=line)[1] / float(draw(2.0, 6.0))
+    ratio = float(found["clutch.torque"] * found["stroke.ratio"]) / torque  # type: ignore[operator]
+    found |= {f"motor.{key}": value for key, value in motor.items()}
+    for key in ("inductance", "constant", "field_constant", "saturation_current"):
+        found[f"motor.{key}"] = None
+    return found | {
+        "motor.brush_drop": 0.0,
+        "motor.loss_torque": float(draw(0.0, 0.3)) * torque,
+        "motor.brake_torque": float(draw(0.0, 1.0)) * torque,
+        "supply.line_resistance": line,
+        "supply.phase_lost_at": float(draw(0.0, 3.0)) if draw() < 0.2 else None,
+        "stroke.ratio": ratio,
+        "clutch.torque": torque,
+        "clutch.stiffness": spread(100.0, 500.0) * 7.5e5 / ratio**2,
+    }

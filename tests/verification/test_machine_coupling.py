@@ -12,6 +12,7 @@ import pytest
 
 from turnout.machine.compute import places as at
 from turnout.machine.compute.couple import Machines, Room, accept_machines, try_machines
+from turnout.machine.line_power import line_power
 from turnout.machine.machine_file import load_machines
 from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.machine.rows import command_rows, machine_row, start_state, stroke_table, work_rows
@@ -160,3 +161,43 @@ def test_staggered_step_with_a_corrector_is_the_condensed_one() -> None:
         force = staggered[:, at.ROD_FORCE].copy()
     assert force[0] == pytest.approx(condensed[0, at.ROD_FORCE], rel=1e-6)
     assert np.array_equal(state, before)
+
+
+@pytest.mark.parametrize("transient", [False, True])
+def test_two_induction_motors_on_one_supply(transient: bool) -> None:
+    """Two alike on a shared resistance R: each as one alone behind a line of 2 R."""
+    loaded = load_machines("s700k", overrides={"motor.transient": transient})
+    machine = loaded.machine["s700k"]
+    assert loaded.throw is not None
+    shared = loaded.with_overrides({"supply.shared_resistance": 4.0}).machine["s700k"]
+    behind = loaded.with_overrides({"supply.line_resistance": 8.0}).machine["s700k"]
+    start = np.full(2, -0.22)
+
+    def rail() -> TrapezoidalRail:
+        M, K = np.diag([300.0, 300.0]), np.diag([4e3, 4e3])
+        return TrapezoidalRail(M, 20.0 * np.eye(2), K, start, start, 2e-4)
+
+    def run(one: Any, other: Any, resistance: float) -> np.ndarray:
+        pairs = [(m, loaded.throw.command) for m in (one, other)]  # type: ignore[union-attr]
+        return coupled(pairs, rail(), [-0.22, -0.22], 2500, shared=resistance)[0]
+
+    both = run(shared, shared, 4.0)
+    alone = run(behind, behind, 0.0)
+    # the others' current is that of the end of a step throughout it: first order in its length
+    assert both[-1, 0, at.SPEED] == pytest.approx(alone[-1, 0, at.SPEED], rel=1e-3)
+    assert both[-1, 0, at.CURRENT] == pytest.approx(alone[-1, 0, at.CURRENT], rel=1e-4)
+    free = run(machine, machine, 0.0)
+    assert both[-1, 0, at.SPEED] < free[-1, 0, at.SPEED]
+    for values in line_power(machine_row(shared), both[:, 0]):
+        assert np.isfinite(values).all()
+    # the supply gives what both take: what one line takes more is lost in the shared one
+    supplied = both[-1, :, at.ENERGIES + at.SUPPLY]
+    spent = both[-1, :, [at.ENERGIES + k for k in LOSSES]].sum(axis=0)
+    into = both[-1, :, at.ENERGIES + at.INTO_STORES] + both[-1, :, at.ENERGIES + at.ROD_INPUT]
+    assert supplied == pytest.approx(spent + into, rel=1e-9)
+
+
+LOSSES = (
+    *(at.COPPER, at.LINE, at.FIELD, at.MOTOR_FRICTION, at.MOTOR_DRAG_HEAT, at.GEAR),
+    *(at.GEAR_DRAG_HEAT, at.CLUTCH),
+)

@@ -96,6 +96,23 @@ def test_inside_the_data_sheet(name: str) -> None:
         assert low <= getattr(sheet, key) <= high, key
 
 
+def test_strokes_supplies_and_cut_offs_of_the_sheets() -> None:
+    """220 mm of S700K and ZDJ9 at 380 V, 54 ohm a line of ZDJ9; M70: 115 mm, off after 10 s."""
+    assert load_machines("m70").machine["m70"].stroke.length == pytest.approx(0.115, rel=1e-12)
+    for name in ("s700k", "zdj9"):
+        circuit = load_machines(name).machine[name].circuit
+        assert circuit.limit_closing is not None
+        assert circuit.limit_opening is not None
+        assert circuit.limit_closing - circuit.limit_opening == pytest.approx(0.22, rel=1e-12)
+        assert load_machines(name).machine[name].motor.voltage == 380.0
+    assert load_machines("zdj9").machine["zdj9"].supply.line_resistance == 54.0
+    sheet = sheet_of("m70")
+    assert sheet.slip_current / sheet.running_current == pytest.approx(1.5, abs=0.1)
+    wall = throw_one_mass("m70", overrides={"rail.object_size": 0.03, "throw.duration": 12.0})
+    assert wall.outcome == "time-out"
+    assert wall.energised_time == pytest.approx(10.0, abs=0.5)
+
+
 @pytest.mark.parametrize(
     ("name", "time", "peak", "peak_time", "slip", "held", "end"),
     [

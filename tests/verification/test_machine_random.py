@@ -6,21 +6,26 @@ and an opening throw, steps of 1 and 4 ms. Steps that do not converge are halved
 """
 
 from collections import Counter
+from collections.abc import Callable
 
 import numpy as np
 import pytest
-from tests.verification.machines import random_overrides
+from tests.verification.machines import random_induction_overrides, random_overrides
 
 from turnout.machine.machine_file import load_machines
 from turnout.machine.one_mass_throw import throw_one_mass
 
 
-def throw_many(count: int, seed: int) -> Counter[str]:
+def throw_many(
+    count: int,
+    seed: int,
+    draw: Callable[[np.random.Generator], dict[str, object]] = random_overrides,
+) -> Counter[str]:
     generator = np.random.default_rng(seed)
     base = load_machines("sb3")
     outcomes: Counter[str] = Counter()
     for number in range(count):
-        thrown = throw_one_mass(base.with_overrides(random_overrides(generator)))
+        thrown = throw_one_mass(base.with_overrides(draw(generator)))
         outcomes[thrown.outcome] += 1
         outcomes["halved"] += thrown.halved > 0
         outcomes["slipped"] += np.abs(thrown["clutch_slip"]).max() > 1.0
@@ -34,6 +39,11 @@ def test_a_hundred() -> None:
     assert outcomes["limit"] > 10
     assert outcomes["time-out"] > 10
     assert outcomes["slipped"] > 10
+
+
+def test_forty_induction_motors() -> None:
+    outcomes = throw_many(40, 28, random_induction_overrides)
+    assert outcomes["limit"] + outcomes["time-out"] > 20
 
 
 @pytest.mark.long

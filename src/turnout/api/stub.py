@@ -17,7 +17,7 @@ def stub_text(package: str) -> str:
 
     Examples
     --------
-    >>> "from turnout.panel.load import load_panel as load_panel" in stub_text("turnout")
+    >>> "from turnout.errors import PanelError as PanelError" in stub_text("turnout")
     True
     """
     table: Mapping[str, str] = import_module(package).NAMES

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from turnout.cli.json_output import JsonOption, print_json
+from turnout.cli.machine_monitor import TogetherOption
 from turnout.cli.options import (
     FINDINGS,
     CalibrationOption,
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from turnout.measurement.campaign.build_campaign import BuiltCampaign
+    from turnout.measurement.chain.monitoring import Monitoring
     from turnout.panel.load import LoadedPanel
     from turnout.virtual.campaign_plan import CampaignPlan
 
@@ -215,6 +217,16 @@ def virtual_command(
             help="Number of typing errors to put into the run sheet.",
         ),
     ] = 0,
+    monitoring: Annotated[
+        str | None,
+        typer.Option(
+            "--monitoring",
+            metavar="RATE",
+            help="Write currents and powers as a monitoring system stores them too, such as "
+            "'25 Hz': folder monitoring, a CSV file for each throw.",
+        ),
+    ] = None,
+    together: TogetherOption = [],  # noqa: B006 - typer copies it
     workers: Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Processes.")] = 2,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -237,8 +249,21 @@ def virtual_command(
         worn_clutch=worn_clutch,
         soft_build_up=soft_build_up,
         scheme=finer_scheme() if finer else None,
+        monitoring=_monitoring(monitoring, together),
     )
     _make(loaded, out, plan, workers=workers, as_json=as_json, quiet=quiet)
+
+
+def _monitoring(rate: str | None, together: list[str]) -> "Monitoring | None":
+    from turnout.errors import FileError
+    from turnout.measurement.chain.monitoring import monitoring_of
+
+    if rate is None:
+        if together:
+            message = "--together: is of a monitoring system; give its rate, --monitoring '25 Hz'"
+            raise FileError(message)
+        return None
+    return monitoring_of(rate=rate, together=together)
 
 
 def _place(text: str) -> str:

@@ -13,6 +13,7 @@ from turnout.cli.options import (
     CalibrationOption,
     PanelArgument,
     QuietOption,
+    SetOption,
     check_outputs,
     write_and_report,
 )
@@ -65,6 +66,7 @@ RateOption = Annotated[
 def train_command(
     panel: PanelArgument = None,
     calibration: CalibrationOption = None,
+    settings: SetOption = [],  # noqa: B006 - typer copies it
     study: Annotated[
         Path | None,
         typer.Option(
@@ -91,6 +93,12 @@ def train_command(
             "--switches", metavar="N", min=10, help="Switches thrown 26 times; default 40."
         ),
     ] = None,
+    channels: Annotated[
+        str,
+        typer.Option(
+            "--channels", metavar="KIND", help="What is judged: force, or current or power."
+        ),
+    ] = "force",
     discrepancy: Annotated[
         float,
         typer.Option(
@@ -127,14 +135,15 @@ def train_command(
     allowances = Allowances(discrepancy=discrepancy)
     counts = {"sound": sound, "objects": objects, "defects": defects, "switches": switches}
     given = None
-    if panel is not None or calibration is not None:
-        given = opened_panel(panel, [], calibration)
+    if panel is not None or calibration is not None or settings:
+        given = opened_panel(panel, settings, calibration)
     knowledge = train_detector(
         folder,
         panel=given,
         study=None if study is None else load_study(study),
         counts=replace(Counts(), **{name: item for name, item in counts.items() if item}),
         allowances=allowances,
+        quantity=channels,
         workers=workers or cores(),
         watch=_watching(quiet=quiet),
         report=None if quiet else _calibrating,
@@ -220,11 +229,12 @@ def learn_command(
     found = Detector.load(detector)
     if reset:
         found.clear_history()
-    verdicts = found.learn(_read(recordings, channels), check=not unchecked)
+    throws = _read(recordings, channels, found.quantity)
+    verdicts = found.learn(throws, check=not unchecked)
     found.save(out)
     if as_json:
         record = {"verdicts": [asdict(item) for item in verdicts], "throws": found.known.throws}
-        print_json("detect learn", record, units=VERDICT_UNITS, written=[out])
+        print_json("detect learn", record, units=_units(found), written=[out])
         return
     for item in verdicts:
         if item.status != "sound":
@@ -247,12 +257,11 @@ def run_command(
     """Judge throws: object or not, where, how large, gaps without sensors, other causes."""
     from turnout.detection.detector import Detector
 
-    verdicts = Detector.load(detector, false_alarm_rate=_rate(far)).predict(
-        _read(recordings, channels)
-    )
+    found = Detector.load(detector, false_alarm_rate=_rate(far))
+    verdicts = found.predict(_read(recordings, channels, found.quantity))
     if as_json:
         record = {"verdicts": [asdict(item) for item in verdicts]}
-        print_json("detect run", record, units=VERDICT_UNITS)
+        print_json("detect run", record, units=_units(found))
     else:
         for item in verdicts:
             typer.echo("\n".join(item.lines()))
@@ -279,10 +288,19 @@ def _rate(far: float) -> float:
     return far
 
 
-def _read(recordings: "Sequence[Path]", channels: Path | None) -> "list[Recorded]":
+def _read(recordings: "Sequence[Path]", channels: Path | None, quantity: str) -> "list[Recorded]":
     from turnout.detection.reading import read_throws
 
-    return [throw for path in recordings for throw in read_throws(path, channels=channels)]
+    return [
+        throw
+        for path in recordings
+        for throw in read_throws(path, channels=channels, quantity=quantity)
+    ]
+
+
+def _units(found: "Detector") -> dict[str, str]:
+    unit = found.knowledge.setting.unit
+    return {**VERDICT_UNITS, "force": unit, "peaks": unit}
 
 
 @app.command("watch", short_help="Judge recordings as they come into a folder.")
@@ -341,14 +359,14 @@ def _judge_file(found: "Detector", path: Path, channels: Path | None, *, as_json
     from turnout.errors import TurnoutError
 
     try:
-        verdicts = found.predict(_read([path], channels))
+        verdicts = found.predict(_read([path], channels, found.quantity))
     except (TurnoutError, OSError) as error:
         verdicts = [
             Verdict(name=path.name, status=CANNOT, reason=str(error), advice=ADVICE[CANNOT])
         ]
     for item in verdicts:
         if as_json:
-            text = json_text("detect watch", {"verdict": asdict(item)}, units=VERDICT_UNITS)
+            text = json_text("detect watch", {"verdict": asdict(item)}, units=_units(found))
             typer.echo(" ".join(text.split()))
         else:
             typer.echo("\n".join(item.lines()))
@@ -369,7 +387,7 @@ def report_command(
     from turnout.report.page import page_html
 
     found = Detector.load(detector, false_alarm_rate=_rate(far))
-    verdicts = found.predict(_read(recordings, channels))
+    verdicts = found.predict(_read(recordings, channels, found.quantity))
     about = {
         "detector": str(detector),
         "panel": str(found.knowledge.about.get("panel", "")),

@@ -7,6 +7,7 @@ import typer
 
 from turnout.cli.json_output import JsonOption, print_json, print_library
 from turnout.cli.machine_fit import fit_command
+from turnout.cli.machine_monitor import monitor_command
 from turnout.cli.options import FIGURES, check_outputs, first_sentence
 from turnout.errors import SolverError
 
@@ -120,6 +121,9 @@ def run_command(
         raise typer.Exit(NOT_CONVERGED)
 
 
+app.command("monitor", short_help="Sample a throw as a monitoring system in service stores it.")(
+    monitor_command
+)
 app.command("fit", short_help="Identify machines from the currents of a campaign.")(fit_command)
 
 

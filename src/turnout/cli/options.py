@@ -145,7 +145,8 @@ PanelArgument = Annotated[
     str | None,
     typer.Argument(
         metavar="PANEL",
-        help="Library panel, or path of a panel file (.toml). Default that of --calibration, or "
+        help="Library panel, path of a panel file (.toml), or case N of a study (STUDY:N). "
+        "Default that of --calibration, or "
         f"{DEFAULT_PANEL}.",
         show_default=False,
     ),
@@ -204,23 +205,24 @@ def opened_panel(
     Parameters
     ----------
     name : str or None
-        Library panel or panel file; default that of the calibration, or the default panel.
+        Library panel, panel file or case of a study; default that of the calibration, or the
+        default panel.
     settings : list of str
         As KEY=VALUE.
     calibration : Path, optional
         From `turnout calibrate`. If it is of another panel, a note goes to stderr; if the panel
         lacks a calibrated key, that is an error.
     """
-    from turnout.panel.load import load_panel
+    from turnout.study.case import load_panel_or_case
 
     if calibration is None:
-        panel = load_panel(name if name is not None else DEFAULT_PANEL)
+        panel = load_panel_or_case(name if name is not None else DEFAULT_PANEL)
         return panel.with_settings(settings) if settings else panel
     from turnout.calibration.requirements import check_provenance
     from turnout.calibration.result import load_calibration
 
     known = load_calibration(calibration)
-    panel = load_panel(name) if name is not None else calibrated_panel(known, calibration)
+    panel = load_panel_or_case(name) if name is not None else calibrated_panel(known, calibration)
     changed = panel.with_settings(settings) if settings else panel
     for text in check_provenance(known, panel, changed):
         typer.echo(f"turnout: {calibration}: {text}", err=True)

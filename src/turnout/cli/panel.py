@@ -116,7 +116,13 @@ def new_command(
 
 @app.command("check", short_help="Check a panel file, and warn about small margins.")
 def check_command(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="Panel file (.toml).")],
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE",
+            help="Panel file (.toml), library panel, or case N of a study (STUDY:N).",
+        ),
+    ],
     settings: SetOption = [],  # noqa: B006 - typer copies it
     calibration: CalibrationOption = None,
     throw: Annotated[
@@ -193,7 +199,11 @@ def sections_command(
 @app.command("export", short_help="Write the matrices of every rail (.mat).")
 def export_command(
     panel: Annotated[
-        str, typer.Argument(metavar="PANEL", help="Library panel, or path of a panel file (.toml).")
+        str,
+        typer.Argument(
+            metavar="PANEL",
+            help="Library panel, panel file (.toml), or case N of a study (STUDY:N).",
+        ),
     ],
     out: Annotated[
         Path,

@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.detection.conditions import Conditions
+from turnout.detection.conditions import CURRENT, FORCE, POWER, Conditions
 from turnout.detection.features import discrepancy_covariance
 from turnout.detection.throw_layout import Layout, means_on
 from turnout.errors import StudyError
@@ -48,6 +48,9 @@ class Allowances:
         Standard deviation of the zero of each force sensor in a throw [N].
     gap : float
         Of gaps beside what the model says [m].
+    current_noise, power_noise : float
+        As `noise`, of a motor current [A] and of the power from the supply [W]; their zeros are
+        taken to be as uncertain as that.
     """
 
     discrepancy: float = 0.05
@@ -60,6 +63,8 @@ class Allowances:
     gain: float = 0.01
     zero: float = 20.0
     gap: float = 0.2e-3
+    current_noise: float = 0.02
+    power_noise: float = 5.0
 
     def __post_init__(self) -> None:
         """Refuse what has no meaning."""
@@ -71,6 +76,14 @@ class Allowances:
                 faults.append(f"{name} = {getattr(self, name):g}: must be more than 0")
         if faults:
             raise StudyError(faults)
+
+    def noise_of(self, quantity: str) -> float:
+        """Return the noise of a sample of a quantity [N], [A] or [W]."""
+        return {FORCE: self.noise, CURRENT: self.current_noise, POWER: self.power_noise}[quantity]
+
+    def zero_of(self, quantity: str) -> float:
+        """Return the standard deviation of the zero of a quantity in a throw [N], [A] or [W]."""
+        return self.zero if quantity == FORCE else self.noise_of(quantity)
 
     @property
     def conditions(self) -> Conditions:

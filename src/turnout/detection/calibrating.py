@@ -15,6 +15,7 @@ from turnout.detection.interval_widths import (
     Misses,
     factor_of,
     level_of_places,
+    misses_in_doubt,
     misses_of,
     reach_of_call,
 )
@@ -306,8 +307,7 @@ def _calibrated(
         throws=len(ratios),
         residual=tuple(np.quantile(left, RESIDUAL_LEVELS).tolist()),
         cause_threshold=max(LEAST_CAUSE, float(np.quantile(cause, 1.0 - CAUSE_RATE))),
-        # held-back objects are larger than those in doubt, whose sizes are less certain
-        size_factor=max(1.0, factor_of(np.array(found.size), otherwise=usual.size_factor)),
+        size_factor=factor_of(misses_in_doubt(found.size), otherwise=usual.size_factor),
         gap_factor=gap_factor,
         object_gap_factor=object_gap_factor,
         gap_reach=reach_of_call(

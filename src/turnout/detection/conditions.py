@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from turnout.errors import StudyError
 
 KERNELS = ("exponential", "matern 3/2")
+FORCE, CURRENT, POWER = "force", "current", "power"
+UNITS = {FORCE: "N", CURRENT: "A", POWER: "W"}
+"""Quantities of a drive."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

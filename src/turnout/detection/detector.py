@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from turnout.core.threads import one_blas_thread
 from turnout.detection.calibrating import throw_levels
+from turnout.detection.conditions import FORCE
 from turnout.detection.find_movements import MovementFinder, located
 from turnout.detection.judging import CYCLE, View, evidence_of, make_view
 from turnout.detection.knowledge import Knowledge, load, store
@@ -65,6 +66,11 @@ class Detector:
         """Begin without a history."""
         self.known = before_history(self.knowledge.model, self.knowledge.errors())
 
+    @property
+    def quantity(self) -> str:
+        """What of the drives is judged: "force", "current" or "power"."""
+        return self.knowledge.setting.quantity
+
     # ---- from throws to verdicts
 
     def predict(self, throws: "Recorded | Iterable[Recorded] | xr.Dataset") -> list[Verdict]:
@@ -80,7 +86,7 @@ class Detector:
         elif hasattr(throws, "data_vars"):
             from turnout.detection.reading import throws_of_dataset
 
-            throws = throws_of_dataset(cast("xr.Dataset", throws))
+            throws = throws_of_dataset(cast("xr.Dataset", throws), quantity=self.quantity)
         return [self.judge(throw) for item in throws for throw in self.located(item)]
 
     def located(self, recording: Recorded) -> list[Recorded]:
@@ -100,16 +106,22 @@ class Detector:
             throws = self.located(throw)
             several = f"holds {len(throws)} throws; `predict` judges each"
             throw = throws[0] if len(throws) == 1 else replace(throw, fault=several)
-        fault = recording_fault(throw, self.knowledge.layout)
+        fault = recording_fault(throw, self.knowledge.layout, self.quantity)
         if fault:
             return Verdict(name=throw.name, status=CANNOT, reason=fault, advice=ADVICE[CANNOT])
         with one_blas_thread():
             return self._judge_measured(throw.name, *self.features(throw))
 
     def _judge_measured(self, name: str, part: str, features: Floats) -> Verdict:
-        if zeroed_rest(self.view(part), self.knowledge.layout, features) == ZEROED:
+        if self._rest(part, features) == ZEROED:
             return Verdict(name=name, status=CANNOT, reason=ZEROED, advice=ADVICE[CANNOT])
         return self.judge_features(features, part=part, name=name)
+
+    def _rest(self, part: str, features: Floats) -> str:
+        """Return what is unusual in the forces at rest; machines at rest draw no current."""
+        if self.quantity != FORCE:
+            return ""
+        return zeroed_rest(self.view(part), self.knowledge.layout, features)
 
     def judge_features(self, features: Floats, *, part: str = CYCLE, name: str = "") -> Verdict:
         """Judge one throw by its features, shape (n_features,) [N]."""
@@ -149,7 +161,7 @@ class Detector:
         if part == CLOSING:
             onsets = {CLOSING: onsets[CLOSING]}
         found = features_of_recorded(throw, layout, onsets)
-        if part == CYCLE and zeroed_rest(self.view(part), layout, found) == UNLOADED:
+        if part == CYCLE and self._rest(part, found) == UNLOADED:
             part = CLOSING
             found[layout.part == 0] = np.nan
         return part, found
@@ -186,7 +198,7 @@ class Detector:
         """
         found, rows = [], []
         for throw in [one for item in throws for one in self.located(item)]:
-            if recording_fault(throw, self.knowledge.layout):
+            if recording_fault(throw, self.knowledge.layout, self.quantity):
                 found.append(self.judge(throw))
                 continue
             with one_blas_thread():

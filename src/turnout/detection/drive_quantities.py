@@ -8,7 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.problems import choices
-from turnout.detection.conditions import Conditions
+from turnout.detection.conditions import CURRENT, FORCE, POWER, Conditions
 from turnout.errors import StudyError
 from turnout.panel.foreign_object import resolve_objects
 from turnout.panel.load import LoadedPanel
@@ -19,7 +19,6 @@ from turnout.scheme import Scheme
 
 Floats = NDArray[np.float64]
 
-FORCE, CURRENT, POWER = "force", "current", "power"
 CHANNELS = {FORCE: "drive_force", CURRENT: "drive_current", POWER: "drive_power"}
 """Channel of a dataset of each quantity."""
 ALL = "all"

@@ -25,8 +25,8 @@ class Missed:
 
     Attributes
     ----------
-    size : list of float
-        Of detected objects [-].
+    size : list of (float, float)
+        Of detected objects: log likelihood ratio of the alarm, and the miss [-].
     likelier : list of float
         How probable all places are that are likelier than the true one [-].
     sound, unnoticed, alarm : list of lists
@@ -37,7 +37,7 @@ class Missed:
         how far the limit lies above the median [-].
     """
 
-    size: list[float] = field(default_factory=list)
+    size: list[tuple[float, float]] = field(default_factory=list)
     likelier: list[float] = field(default_factory=list)
     sound: Misses = field(default_factory=list)
     unnoticed: Misses = field(default_factory=list)
@@ -81,7 +81,8 @@ def misses_of(
                     continue
                 found.alarm.append(gaps)
                 if held[at]:
-                    found.size.append(miss(said.size, float(throws.size[at])))
+                    missed = miss(said.size, float(throws.size[at]))
+                    found.size.append((float(ratio[number]), missed))
                     nearest = int(np.abs(places - throws.x[at]).argmin())
                     found.likelier.append(likelier(said.place, nearest))
     return found
@@ -204,6 +205,26 @@ def factor_of(*groups: Floats, otherwise: float) -> float:
     order = np.argsort(misses)
     share = np.cumsum(weight[order]) / len(counted)
     return max(0.5, float(np.interp(0.95, share, misses[order])))
+
+
+def misses_in_doubt(found: Sequence[tuple[float, float]]) -> Floats:
+    """Return the misses of that half of the detected objects which is nearest to the threshold.
+
+    Held-back objects have any size, most of them far above what is just seen; an interval that is
+    wide enough for them is too narrow for those in doubt.
+
+    Parameters
+    ----------
+    found : sequence of (float, float)
+        `Missed.size`.
+
+    Examples
+    --------
+    >>> misses_in_doubt([(9.0, 0.2), (5.0, 1.5), (30.0, 0.1), (6.0, 0.7)]).tolist()
+    [1.5, 0.7]
+    """
+    ordered = np.array([missed for _ratio, missed in sorted(found)])
+    return ordered[: (len(ordered) + 1) // 2]
 
 
 LEAST_MISSES = 40

@@ -21,6 +21,7 @@ from turnout.detection.allowances import (
     noise_of,
     zeros_of,
 )
+from turnout.detection.conditions import FORCE, UNITS
 from turnout.detection.likelihood import Signatures
 from turnout.detection.sound_model import SoundModel
 from turnout.detection.switch_history import ThrowErrors
@@ -104,6 +105,9 @@ class Setting:
         From which on each is open [m].
     allowances : Allowances
         What is assumed beside the population.
+    quantity : str
+        What of the drives is judged: "force", "current" or "power"; then all that is said to be in
+        newtons is in amperes or watts.
     """
 
     layout: Layout
@@ -112,6 +116,12 @@ class Setting:
     gaps: tuple[str, ...]
     limits: tuple[float, ...]
     allowances: Allowances
+    quantity: str = FORCE
+
+    @property
+    def unit(self) -> str:
+        """Of the quantity."""
+        return UNITS[self.quantity]
 
     def errors(self, mean: Floats, *, allowances: Allowances | None = None) -> ThrowErrors:
         """Return the covariances of throws beside the sound model.
@@ -129,8 +139,8 @@ class Setting:
         return ThrowErrors(
             fixed=share * whole + gains_of(layout, mean, gain=given.gain),
             changing=(1.0 - share) * whole
-            + noise_of(layout, noise=given.noise, rate=given.rate)
-            + zeros_of(layout, zero=given.zero),
+            + noise_of(layout, noise=given.noise_of(self.quantity), rate=given.rate)
+            + zeros_of(layout, zero=given.zero_of(self.quantity)),
             timing=given.timing,
             gap=given.gap,
         )
@@ -218,6 +228,7 @@ def store(knowledge: Knowledge, path: Path, *, extra: Mapping[str, Any] | None =
         "gaps": setting.gaps,
         "limits": setting.limits,
         "allowances": asdict(setting.allowances),
+        "quantity": setting.quantity,
         "causes": knowledge.causes,
         "calibrated": [asdict(item) for item in knowledge.calibrated],
         "about": dict(knowledge.about),
@@ -283,6 +294,7 @@ def load(path: Path | str) -> tuple[Knowledge, dict[str, NDArray[Any]]]:
         gaps=tuple(said["gaps"]),
         limits=tuple(said["limits"]),
         allowances=Allowances(**said["allowances"]),
+        quantity=said.get("quantity", FORCE),  # the first detectors knew no other
     )
     knowledge = Knowledge(
         setting=setting,

@@ -11,8 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.detection.conditions import Conditions
-from turnout.detection.drive_quantities import FORCE
+from turnout.detection.conditions import FORCE, Conditions
 from turnout.detection.limit import limit_map
 from turnout.detection.throws import (
     QUICK_SOUND,

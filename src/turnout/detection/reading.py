@@ -9,6 +9,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.detection.conditions import FORCE, UNITS
+from turnout.detection.drive_quantities import CHANNELS
 from turnout.detection.recorded import Recorded
 from turnout.detection.throw_layout import CLOSING, OPENING
 from turnout.errors import FileError, TurnoutError
@@ -26,11 +28,11 @@ Floats = NDArray[np.float64]
 APART = 30.0
 """An opening belongs to the closing that begins at most so long after its onset [s]."""
 RATE, START, DIRECTION, NAME = "rate [Hz]", "start [s]", "direction", "throw"
-FORCE = "force "
-UNIT = " [N]"
 
 
-def read_throws(path: Path | str, *, channels: Path | str | None = None) -> list[Recorded]:
+def read_throws(
+    path: Path | str, *, channels: Path | str | None = None, quantity: str = FORCE
+) -> list[Recorded]:
     """Return the throws of a campaign folder, a dataset (.nc), a table (.csv), or a recording.
 
     Parameters
@@ -39,6 +41,8 @@ def read_throws(path: Path | str, *, channels: Path | str | None = None) -> list
         What was recorded.
     channels : path-like, optional
         Channel map of a recording; without one, a .csv is a table with a row a throw.
+    quantity : str
+        What of the drives is judged: "force", "current" or "power" (`Detector.quantity`).
 
     Raises
     ------
@@ -47,26 +51,26 @@ def read_throws(path: Path | str, *, channels: Path | str | None = None) -> list
     """
     place = Path(path)
     if place.is_dir():
-        return _of_folder(place, channels)
+        return _of_folder(place, channels, quantity)
     if channels is not None:
         dataset = apply_chain(read_recording(place), load_channel_map(channels))
-        return throws_of_dataset(dataset, name=place.name)
+        return throws_of_dataset(dataset, name=place.name, quantity=quantity)
     if place.suffix == ".nc":
         from turnout.response.store import open_response
 
-        return throws_of_dataset(open_response(place), name=place.name)
+        return throws_of_dataset(open_response(place), name=place.name, quantity=quantity)
     if place.suffix == ".csv":
-        return read_table(place)
+        return read_table(place, quantity=quantity)
     message = f"{place}: needs a channel map: --channels MAP.toml"
     raise FileError(message)
 
 
-def _of_folder(folder: Path, channels: Path | str | None) -> list[Recorded]:
+def _of_folder(folder: Path, channels: Path | str | None, quantity: str) -> list[Recorded]:
     """Return the closings of a campaign; of forces alone, each recording as a whole."""
     campaign = build_campaign(folder, channels=channels)
-    found = {item.name: item for item in throws_of_campaign(campaign)}
+    found = {item.name: item for item in throws_of_campaign(campaign, quantity)}
     chain = load_channel_map(channels if channels is not None else folder / CHANNEL_FILE)
-    if chain.drive_current:
+    if chain.drive_current or quantity != FORCE:
         return list(found.values())
     reasons = {item.run.name: item.reasons for item in campaign.excluded}
     throws: list[Recorded] = []
@@ -122,9 +126,11 @@ def _unmarked(dataset: xr.Dataset, *, name: str, shown: Sequence[Mapping[str, fl
     )
 
 
-def throws_of_campaign(campaign: BuiltCampaign) -> list[Recorded]:
+def throws_of_campaign(campaign: BuiltCampaign, quantity: str = FORCE) -> list[Recorded]:
     """Return the closing movements of a campaign, and what is not usable with its reasons."""
-    found = [] if campaign.dataset is None else throws_of_dataset(campaign.dataset)
+    found = []
+    if campaign.dataset is not None:
+        found = throws_of_dataset(campaign.dataset, quantity=quantity)
     for item in campaign.excluded:
         if item.run.direction == CLOSING:
             found.append(_faulty(item.run.name, "; ".join(item.reasons)))
@@ -138,26 +144,33 @@ def _faulty(name: str, fault: str) -> Recorded:
     )
 
 
-def throws_of_dataset(dataset: xr.Dataset, *, name: str = "throw") -> list[Recorded]:
+def throws_of_dataset(
+    dataset: xr.Dataset, *, name: str = "throw", quantity: str = FORCE
+) -> list[Recorded]:
     """Return the throws of a dataset in schema terms, measured or simulated.
 
     Where no current shows the movements, the one that is returned is the whole recording:
     `Detector.predict` finds the throws in it.
     """
-    if "drive_force" not in dataset:
-        return [_faulty(name, "no drive forces are recorded")]
+    channel = CHANNELS[quantity]
+    if channel not in dataset:
+        return [_faulty(name, f"no drive {quantity}s are recorded")]
     if "movement" in dataset.dims:
-        return list(_of_movements(dataset))
+        return list(_of_movements(dataset, channel))
     if "throw" in dataset.dims:
         each = [(dataset.isel(throw=at), at + 1) for at in range(dataset.sizes["throw"])]
-        return [item for one, at in each for item in throws_of_dataset(one, name=f"{name}#{at}")]
+        return [
+            item
+            for one, at in each
+            for item in throws_of_dataset(one, name=f"{name}#{at}", quantity=quantity)
+        ]
     whole = dataset.transpose(..., "drive", "time")
     drives = tuple(str(item) for item in whole["drive"].to_numpy())
     time = whole["time"].to_numpy().astype(np.float64)
-    force = whole["drive_force"].to_numpy().astype(np.float64)
+    force = whole[channel].to_numpy().astype(np.float64)
     found = find_throws(whole)
     closings = [item for item in found if item.direction == CLOSING]
-    if _by_forces(whole, found):
+    if quantity == FORCE and _by_forces(whole, found):
         shown = [
             {CLOSING: item.onset}
             | ({} if (before := _opening_before(found, item)) is None else {OPENING: before.onset})
@@ -207,9 +220,9 @@ def _opening_before(found: tuple[FoundThrow, ...], closing: FoundThrow) -> Found
     return before if before.direction == OPENING and near and not before.cut_start else None
 
 
-def _of_movements(dataset: xr.Dataset) -> Iterator[Recorded]:
+def _of_movements(dataset: xr.Dataset, channel: str) -> Iterator[Recorded]:
     """Yield the closing movements of a campaign's dataset, each with its opening if recorded."""
-    key = "drive_force_unfiltered" if "drive_force_unfiltered" in dataset else "drive_force"
+    key = f"{channel}_unfiltered" if f"{channel}_unfiltered" in dataset else channel
     force = dataset[key].transpose("movement", "drive", "time").to_numpy().astype(np.float64)
     time = dataset["time"].to_numpy().astype(np.float64)
     drives = tuple(str(item) for item in dataset["drive"].to_numpy())
@@ -253,17 +266,21 @@ def _row_before(columns: dict[str, list[object]], row: int, onset: float) -> int
     return row - 1 if same and opening and 0.0 < ago < APART else None
 
 
-def read_table(path: Path) -> list[Recorded]:
+def read_table(path: Path, *, quantity: str = FORCE) -> list[Recorded]:
     """Read a table with a row a throw, as monitoring systems write it.
 
     Columns: `throw`, `rate [Hz]`, optionally `start [s]` (of the first sample, the movement begins
-    at 0), optionally `direction`, and for each drive `force NAME [N]`: samples separated by spaces.
+    at 0), optionally `direction`, and for each drive `force NAME [N]`, `current NAME [A]` or `power
+    NAME [W]`: samples separated by spaces.
 
     Parameters
     ----------
     path : Path
         Of the table (.csv).
+    quantity : str
+        Which of these is judged.
     """
+    lead, unit = f"{quantity} ", f" [{UNITS[quantity]}]"
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.DictReader(file))
@@ -272,25 +289,28 @@ def read_table(path: Path) -> list[Recorded]:
         raise FileError(message) from None
     names = list(rows[0]) if rows else []
     drives = tuple(
-        name.removeprefix(FORCE).removesuffix(UNIT)
+        name.removeprefix(lead).removesuffix(unit)
         for name in names
-        if name and name.startswith(FORCE) and name.endswith(UNIT)
+        if name and name.startswith(lead) and name.endswith(unit)
     )
     if RATE not in names or not drives:
         message = (
-            f"{path}: no table of throws: needs the columns '{RATE}' and '{FORCE}NAME{UNIT}'; "
+            f"{path}: no table of throws: needs the columns '{RATE}' and '{lead}NAME{unit}'; "
             "a recording with a column a channel needs --channels MAP.toml"
         )
         raise FileError(message)
-    return [_of_row(row, number, drives) for number, row in enumerate(rows, 1)]
+    return [_of_row(row, number, drives, quantity) for number, row in enumerate(rows, 1)]
 
 
-def _of_row(row: dict[str, str], number: int, drives: tuple[str, ...]) -> Recorded:
+def _of_row(row: dict[str, str], number: int, drives: tuple[str, ...], quantity: str) -> Recorded:
     name = (row.get(NAME) or "").strip() or f"row {number}"
     direction = (row.get(DIRECTION) or "").strip().lower()
     try:
         rate = float(row[RATE])
-        lines = [[float(item) for item in (row[f"{FORCE}{d}{UNIT}"] or "").split()] for d in drives]
+        lines = [
+            [float(item) for item in (row[f"{quantity} {d} [{UNITS[quantity]}]"] or "").split()]
+            for d in drives
+        ]
         start = float(row[START]) if (row.get(START) or "").strip() else float("nan")
     except (ValueError, TypeError, KeyError) as error:
         return _faulty(name, f"holds what is no number ({error})")
@@ -305,10 +325,10 @@ def _of_row(row: dict[str, str], number: int, drives: tuple[str, ...]) -> Record
         return Recorded(name=name, time=time, force=force, drives=drives, onsets={CLOSING: 0.0})
     time = np.arange(force.shape[1]) / rate
     dataset = xr.Dataset(
-        {"drive_force": (("drive", "time"), force)}, {"time": time, "drive": list(drives)}
+        {CHANNELS[quantity]: (("drive", "time"), force)}, {"time": time, "drive": list(drives)}
     )
     try:
-        (found,) = throws_of_dataset(dataset, name=name)
+        (found,) = throws_of_dataset(dataset, name=name, quantity=quantity)
     except (TurnoutError, ValueError):
         found = None
     if found is None or len(found.shown) > 1:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.detection.conditions import FORCE, UNITS
 from turnout.detection.judging import CYCLE, View
 from turnout.detection.likelihood import log_density
 from turnout.detection.throw_layout import CLOSING, OPENING, Layout, throw_features
@@ -43,7 +44,8 @@ class Recorded:
     time : ndarray, shape (n_times,)
         [s]
     force : ndarray, shape (n_drives, n_times)
-        [N], positive closing; NaN where nothing was recorded.
+        [N], positive closing; NaN where nothing was recorded. Motor current [A] or power [W] for a
+        detector that was trained on these.
     drives : tuple of str
         Names of the rows.
     onsets : mapping of str to float
@@ -77,7 +79,7 @@ class Recorded:
     listed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
-def recording_fault(throw: Recorded, layout: Layout) -> str:
+def recording_fault(throw: Recorded, layout: Layout, quantity: str = FORCE) -> str:
     """Return why a recording cannot be judged; empty where it can.
 
     Parameters
@@ -86,24 +88,26 @@ def recording_fault(throw: Recorded, layout: Layout) -> str:
         As it came.
     layout : Layout
         That must be covered.
+    quantity : str
+        What of the drives is judged.
     """
     if throw.fault:
         return throw.fault
     lacking = [name for name in layout.drives if name not in throw.drives]
     if lacking:
-        return f"no force of drive {', '.join(lacking)} is recorded"
+        return f"no {quantity} of drive {', '.join(lacking)} is recorded"
     if CLOSING not in throw.onsets:
         return "no closing movement was found in it"
     if throw.time.size < 2 or not np.all(np.diff(throw.time) > 0.0):
         return "its time does not rise"
     for name in layout.drives:
-        fault = _channel_fault(throw, throw.drives.index(name), layout)
+        fault = _channel_fault(throw, throw.drives.index(name), layout, quantity)
         if fault:
             return f"drive {name}: {fault}"
     return ""
 
 
-def _channel_fault(throw: Recorded, row: int, layout: Layout) -> str:
+def _channel_fault(throw: Recorded, row: int, layout: Layout, quantity: str) -> str:
     part = layout.parts[-1]
     begin = throw.onsets[CLOSING] + part.edges[0]
     end = throw.onsets[CLOSING] + part.edges[-1]
@@ -125,7 +129,7 @@ def _channel_fault(throw: Recorded, row: int, layout: Layout) -> str:
         return f"{1.0 / np.median(steps):.0f} samples a second; {LEAST_RATE:.0f} are needed"
     if steps.max() > MOST_HOLES:
         return f"{steps.max():.2f} s without samples"
-    return value_fault(force[inside])
+    return value_fault(force[inside], quantity=quantity)
 
 
 END_MISSING = 0.5
@@ -134,18 +138,19 @@ START_MISSING = 0.1
 """Of the rest before the onset, not needed: the first value counts for it [s]."""
 
 
-def value_fault(values: Floats) -> str:
+def value_fault(values: Floats, *, quantity: str = FORCE) -> str:
     """Return what is wrong with the samples of a channel, shape (n,) [N]; empty if nothing is."""
+    unit = UNITS[quantity]
     largest = float(np.abs(values).max())
     if largest > LARGEST_FORCE:
-        return f"up to {largest:.3g} N; is the unit right?"
+        return f"up to {largest:.3g} {unit}; is the unit right?"
     if np.ptp(values) == 0.0:
         return "does not change: a dead channel"
     for limit in (values.max(), values.min()):
         beside = longest_run(values[values != limit])
         # values that are often equal come from a coarse recorder or a simulation at rest
         if abs(limit) > 0.2 * largest and longest_run(values, limit) >= CLIPPED > 2 * beside:
-            return f"clipped at {1e-3 * limit:.2f} kN"
+            return f"clipped at {1e-3 * limit:.2f} k{unit}"
     return ""
 
 

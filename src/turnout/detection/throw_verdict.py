@@ -31,8 +31,8 @@ SOUND, ALARM, CAUSE, UNKNOWN, CANNOT = (
 )
 UNKNOWN_SHARE = 1e-4
 """Share of throws that fit worse than any hypothesis explains, from which on that is said [-]."""
-SEEN_FORCE = 30.0
-"""Change of a drive force that is worth naming [N]."""
+SEEN_SHARE = 0.01
+"""Change of a drive force that is worth naming, share of its amplitude [-]."""
 
 ADVICE = {
     SOUND: "nothing",
@@ -82,11 +82,12 @@ class Gap:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
-    """What the most likely cause changes in one drive force."""
+    """What the most likely cause changes in one drive: its force, or what else is judged."""
 
     drive: str
     force: float
     time: float
+    unit: str = "N"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,9 +182,10 @@ class Verdict:
                 f"of {1e3 * gap.limit:.0f} mm (probability above {gap.above:.2f})"
             )
         for item in self.changes:
-            found.append(
-                f"  drive {item.drive}: {item.force:+.0f} N, {item.time:.2f} s after closing began"
+            change = (
+                f"{item.force:+.2f} A" if item.unit == "A" else f"{item.force:+.0f} {item.unit}"
             )
+            found.append(f"  drive {item.drive}: {change}, {item.time:.2f} s after closing began")
         if self.excluded and self.status != SOUND:
             found.append(f"  not: {', '.join(self.excluded)}")
         found.append(f"  next: {self.advice}")
@@ -366,9 +368,11 @@ def _changes(
             layout.part[view.features] == [part.name for part in layout.parts].index(CLOSING)
         )
         at = np.flatnonzero(mine)[np.argmax(np.abs(change[mine]))]
-        if abs(change[at]) >= SEEN_FORCE:
+        if abs(change[at]) >= SEEN_SHARE * knowledge.setting.amplitude[row]:
             time = float(layout.time[view.features][at]) - closing.start
-            found.append(Change(drive=drive, force=float(change[at]), time=time))
+            found.append(
+                Change(drive=drive, force=float(change[at]), time=time, unit=knowledge.setting.unit)
+            )
     return tuple(sorted(found, key=lambda item: -abs(item.force)))
 
 

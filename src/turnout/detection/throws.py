@@ -13,13 +13,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.detection.drive_quantities import (
-    FORCE,
-    Signal,
-    force_peaks,
-    read_signals,
-    signals_of,
-)
+from turnout.detection.conditions import FORCE
+from turnout.detection.drive_quantities import Signal, read_signals, signals_of
 from turnout.detection.floor import touch_floor
 from turnout.detection.reference import (
     FIELD_MEAN,
@@ -132,9 +127,16 @@ def closing_time(panel: LoadedPanel | None = None) -> float:
     return max(float(item.start) for item in loaded.movement.values())
 
 
-def nominal_amplitude(study: Study, *, friction: float) -> Floats:
-    """Return the peak absolute force of each drive in a sound throw of the panel itself [N]."""
-    return force_peaks(study.panel.with_overrides({FRICTION: friction}), scheme=study.scheme)
+def nominal_amplitude(study: Study, *, friction: float, quantity: str = FORCE) -> Floats:
+    """Return the peak of a quantity of each drive in a sound throw of the panel itself.
+
+    Of forces absolute [N], of currents [A] and powers [W] after the inrush.
+    """
+    panel = study.panel.with_overrides({FRICTION: friction})
+    errors = signal_errors(
+        panel, signals_of(panel, quantity), time=np.zeros(1), scheme=study.scheme
+    )
+    return errors.amplitude
 
 
 def floor_study(study: Study) -> Study:

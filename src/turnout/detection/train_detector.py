@@ -10,6 +10,8 @@ import numpy as np
 from turnout.core.threads import one_blas_thread
 from turnout.detection.allowances import Allowances
 from turnout.detection.calibrating import calibrate_alone, calibrate_history, with_calibration
+from turnout.detection.conditions import FORCE
+from turnout.detection.drive_quantities import signals_of
 from turnout.detection.judging import CYCLE
 from turnout.detection.knowledge import Calibrated, Knowledge, Setting
 from turnout.detection.reference import NOMINAL_FRICTION, reference_study
@@ -47,6 +49,7 @@ def train_detector(
     study: Study | None = None,
     counts: Counts | None = None,
     allowances: Allowances | None = None,
+    quantity: str = FORCE,
     workers: int = 1,
     watch: Callable[[str], Callable[[SweepProgress], None]] | None = None,
     report: Report | None = None,
@@ -65,6 +68,8 @@ def train_detector(
         Throws of each kind.
     allowances : Allowances, optional
         Assumed beside the population.
+    quantity : str
+        What of the drives is judged: "force", and of machines "current" or "power".
     workers : int
         Processes.
     watch : callable, optional
@@ -80,18 +85,21 @@ def train_detector(
             f"give {LEAST_COUNT} at least"
         )
         raise StudyError([message])
+    signals_of(population.panel, quantity)  # refused before any throw is made
     plans = training_plans(population, chosen)
     datasets = throw_plans(plans, folder, workers=workers, report=watch)
     setting = setting_of(
         population.panel,
-        amplitude=nominal_amplitude(population, friction=NOMINAL_FRICTION),
+        amplitude=nominal_amplitude(population, friction=NOMINAL_FRICTION, quantity=quantity),
         allowances=allowances or Allowances(),
+        quantity=quantity,
     )
-    sets = {name: read_set(plans[name], datasets[name], setting.layout) for name in plans}
+    sets = {name: read_set(plans[name], datasets[name], setting.layout, quantity) for name in plans}
     about = {
         "panel": population.panel.name,
         "panel_hash": population.panel.hash,
         "study": population.name,
+        "quantity": quantity,
         "throws": {name: len(item.level) for name, item in sets.items()},
     }
     return replace(knowledge_of_sets(sets, setting, report=report), about=about)

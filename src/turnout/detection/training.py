@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from turnout.detection.allowances import Allowances
+from turnout.detection.conditions import FORCE
+from turnout.detection.drive_quantities import CHANNELS, signals_of
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.knowledge import Knowledge, Setting
 from turnout.detection.likelihood import Signatures
@@ -35,6 +37,8 @@ SENSOR = "force sensor"
 """A cause without throws: gain or zero of one force sensor is wrong."""
 SENSOR_GAIN, SENSOR_ZERO = (0.08, 0.5), (150.0, 1500.0)
 """Faults of a force sensor: changes of its gain [-] and of its zero [N], either way."""
+USUAL_FORCE = 4e3
+"""Amplitude of a force that these zeros are of; those of other quantities are in proportion [N]."""
 SENSOR_FAULTS = 300
 SHIFT = 4e-3
 """By which onsets are moved to see what timing does [s]."""
@@ -44,8 +48,8 @@ LEAST_SOUND = 300
 """Sound throws that a detector needs."""
 
 
-def layout_of_panel(panel: LoadedPanel) -> Layout:
-    """Return the layout of a panel's schedule.
+def layout_of_panel(panel: LoadedPanel, quantity: str = FORCE) -> Layout:
+    """Return the layout of a panel's schedule, for the drives that have a quantity.
 
     Examples
     --------
@@ -69,19 +73,21 @@ def layout_of_panel(panel: LoadedPanel) -> Layout:
         )
         for name, item in zip(names, ordered, strict=True)
     ]
-    return layout_of(movements, end=float(panel.schedule.end), drives=list(panel.drive))
+    drives = [item.drive for item in signals_of(panel, quantity)]
+    return layout_of(movements, end=float(panel.schedule.end), drives=drives)
 
 
 LATER = 0.1
 """By which a drive of the population may take longer than that of the panel [s]."""
 
 
-def read_set(plan: Plan, dataset: xr.Dataset, layout: Layout) -> ThrowSet:
+def read_set(plan: Plan, dataset: xr.Dataset, layout: Layout, quantity: str = FORCE) -> ThrowSet:
     """Take features, gaps and labels of the throws of a plan."""
     complete = (dataset["outcome"].astype(str) == "complete").to_numpy()
     at = np.flatnonzero(complete)
     row = dataset["scenario"].to_numpy()[at]  # some may not be thrown yet
-    force = dataset["drive_force"].to_numpy()[at].astype(np.float64)
+    recorded = dataset[CHANNELS[quantity]].sel(drive=list(layout.drives))
+    force = recorded.to_numpy()[at].astype(np.float64)
     time = dataset["time"].to_numpy().astype(np.float64)
     onsets = np.tile([part.start for part in layout.parts], (len(row), 1))
     onsets[:, -1] = plan.start[row]
@@ -108,7 +114,9 @@ def read_set(plan: Plan, dataset: xr.Dataset, layout: Layout) -> ThrowSet:
     )
 
 
-def setting_of(panel: LoadedPanel, *, amplitude: Floats, allowances: Allowances) -> Setting:
+def setting_of(
+    panel: LoadedPanel, *, amplitude: Floats, allowances: Allowances, quantity: str = FORCE
+) -> Setting:
     """Return what a detector of a panel is made for."""
     sensors = {f"sensor {name}": float(item.limit) for name, item in panel.sensor.items()}
     drives = {
@@ -117,12 +125,13 @@ def setting_of(panel: LoadedPanel, *, amplitude: Floats, allowances: Allowances)
     }
     limits = sensors | drives
     return Setting(
-        layout=layout_of_panel(panel),
+        layout=layout_of_panel(panel, quantity),
         places=places_of(panel),
         amplitude=amplitude,
         gaps=tuple(limits),
         limits=tuple(limits.values()),
         allowances=allowances,
+        quantity=quantity,
     )
 
 
@@ -159,7 +168,7 @@ def teach(sets: Mapping[str, ThrowSet], setting: Setting, *, seed: int = 0) -> K
     samples = [_objects(sets[OBJECT], sets[SOUND], x)]
     for number, name in enumerate(causes[:-1], len(x)):
         samples.append(_defects(sets[name], sets[SOUND], number))
-    samples.append(_sensor_faults(sets[SOUND], setting.layout, len(x) + len(causes) - 1, seed))
+    samples.append(_sensor_faults(sets[SOUND], setting, len(x) + len(causes) - 1, seed))
     return Knowledge(
         setting=setting,
         model=model,
@@ -214,8 +223,9 @@ def _defects(throws: ThrowSet, sound: ThrowSet, kind: int) -> Samples:
     )
 
 
-def _sensor_faults(sound: ThrowSet, layout: Layout, kind: int, seed: int) -> Samples:
-    """Return what wrong gains and zeros of one force sensor make of sound throws."""
+def _sensor_faults(sound: ThrowSet, setting: Setting, kind: int, seed: int) -> Samples:
+    """Return what wrong gains and zeros of one sensor make of sound throws."""
+    layout = setting.layout
     rng = np.random.default_rng([seed, 3])
     count = min(SENSOR_FAULTS, len(sound.level))
     rows = rng.choice(len(sound.level), count, replace=False)
@@ -223,7 +233,8 @@ def _sensor_faults(sound: ThrowSet, layout: Layout, kind: int, seed: int) -> Sam
     drive = rng.integers(0, len(layout.drives), count)
     sign = rng.choice([-1.0, 1.0], count)
     gain = np.where(rng.random(count) < 0.5, rng.uniform(*SENSOR_GAIN, count), 0.0) * sign
-    zero = np.where(gain == 0.0, rng.uniform(*SENSOR_ZERO, count), 0.0) * sign
+    unit = 1.0 if setting.quantity == FORCE else setting.amplitude[drive] / USUAL_FORCE
+    zero = np.where(gain == 0.0, rng.uniform(*SENSOR_ZERO, count), 0.0) * sign * unit
     where = layout.drive == drive[:, np.newaxis]
     nothing = np.full(count, np.nan)
     return Samples(

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.detection.reference import FRICTION, PER_THROW, TEMPERATURE
+from turnout.detection.drive_quantities import stored_channels
+from turnout.detection.reference import FRICTION, PER_THROW, SLIP_LEVEL, TEMPERATURE
 from turnout.panel.load import LoadedPanel, panel_from_document
 from turnout.study.design import Axis, Design
 from turnout.study.random_inputs import TemperatureLaw
@@ -52,10 +53,12 @@ FROZEN_FORCE, FROZEN_CHAIRS = (50.0, 400.0), (3, 25)
 """Force at which the ice on a chair breaks [N], and how many chairs in a row are frozen."""
 SLOWER = (0.15, 0.6)
 """By how much a movement takes longer: weak supply, brushes, dry gear [s]."""
+WEAKER = (0.85, 0.97)
+"""Share of its rated voltage that the motor of a slow machine gets [-]."""
 
 DEFECT = ", defect"
 """Ends the name of a factor that is 1 in a sound switch."""
-DEFECT_FIELDS = ("stiffness", "saturation_force")
+DEFECT_FIELDS = ("stiffness", SLIP_LEVEL)
 
 
 SLOW, BLOCK = ("section_scale", "lateral_inertia_scale"), 100
@@ -138,6 +141,11 @@ class Population:
         self.per_throw = tuple(name for name in study.variables if name in PER_THROW)
         self.of_switch = tuple(name for name in study.variables if name not in PER_THROW)
         self.chairs = tuple(self.study.panel.chair)
+        self._defects = {
+            defect(drive, field): _defect_key(self.study.panel, drive, field)
+            for drive in self.study.panel.drive
+            for field in DEFECT_FIELDS
+        }
 
     def row(self, state: int, *, switch: int | None = None) -> Row:
         """Return a sound throw: what changes from throw to throw of one state, the rest of another.
@@ -168,6 +176,9 @@ class Population:
         for drive, record in self.study.panel.drive.items():
             row.setdefault(over_travel(drive), float(record.over_travel_closed))
             row |= {defect(drive, field): 1.0 for field in DEFECT_FIELDS}
+            if record.machine is not None:
+                motor = self.study.panel.machine[record.machine].motor
+                row.setdefault(supply_voltage(record.machine), float(motor.voltage))
         return row | {OBJECT_AT: 0.0, OBJECT_SIZE: 0.0}
 
     def level(self, row: Mapping[str, Value]) -> float:
@@ -205,13 +216,14 @@ class Population:
         """
         names = tuple(rows[0])
         panel = self.study.panel
+        kept = tuple(dict.fromkeys((*CHANNELS, *stored_channels(panel))))
         keys = {item.name: item for item in self.study.variables.values()}
         variables = {}
         for item in names:
             if item in keys:
                 variables[item] = keys[item]
             else:
-                key = item.removesuffix(DEFECT)
+                key = self._defects.get(item, item)
                 factor = item != key or item.endswith(CHAIR_FRICTION)
                 kind = value_kind(panel, key, factor=factor)
                 variables[item] = Variable(name=item, key=key, kind=kind, factor=factor)
@@ -223,7 +235,7 @@ class Population:
             design=design,
             variables=variables,
             fields=(),
-            output=Output(rate=self.study.output.rate, channels=CHANNELS),
+            output=Output(rate=self.study.output.rate, channels=kept),
         )
         count = len(rows)
         start = max(panel.movement, key=lambda key: float(panel.movement[key].start))
@@ -248,6 +260,19 @@ def over_travel(drive: str) -> str:
 def defect(drive: str, field: str) -> str:
     """Return the name of the factor by which a defect changes a value of a drive."""
     return f"drive.{drive}.{field}{DEFECT}"
+
+
+def _defect_key(panel: LoadedPanel, drive: str, field: str) -> str:
+    """Return what a defect multiplies; the slip level of a machine is that of its clutch."""
+    machine = panel.drive[drive].machine
+    if machine is not None and field == SLIP_LEVEL:
+        return f"machine.{machine}.clutch.torque"
+    return f"drive.{drive}.{field}"
+
+
+def supply_voltage(machine: str) -> str:
+    """Return the key of the voltage that a machine is fed with."""
+    return f"machine.{machine}.supply.voltage"
 
 
 def chair_factor(chair: str) -> str:
@@ -342,16 +367,27 @@ def with_frozen_blade(row: Row, rng: Rng, population: Population) -> Row:
 
 
 def with_slow_drive(row: Row, rng: Rng, population: Population) -> Row:
-    """Let one drive, or as often all of them, take longer in both directions."""
+    """Let one drive, or as often all of them, take longer in both directions.
+
+    A machine gets a lower voltage; how long it takes follows from that.
+    """
     drives = list(population.study.panel.drive)
     slow = drives if rng.random() < ALL_SLOW else [str(rng.choice(drives))]
     longer = float(rng.uniform(*SLOWER))
     changed = dict(row)
     for name, movement in population.study.panel.movement.items():
         for drive in drives:
+            if population.study.panel.drive[drive].machine is not None:
+                continue
             key = f"movement.{name}.extra_time.{drive}"
             usual = float(changed.get(key, movement.extra_time.get(drive, 0.0)))
             changed[key] = usual + (longer if drive in slow else 0.0)
+    share = float(rng.uniform(*WEAKER)) if population.study.panel.machine else 1.0
+    for drive in slow:
+        machine = population.study.panel.drive[drive].machine
+        if machine is not None:
+            key = supply_voltage(machine)
+            changed[key] = float(row[key]) * share
     return changed
 
 

@@ -134,7 +134,10 @@ def _paired(population: Population, name: str, rows: list[Row], sound: list[Row]
 def _history_plans(
     study: Study, counts: Counts, *, seed: int, places: np.ndarray
 ) -> dict[str, Plan]:
-    """Return repeated throws of some switches, and the last of them with causes."""
+    """Return repeated throws of some switches, and the last of them with causes.
+
+    For judging every other cause follows in the last throw of each switch.
+    """
     population = Population(study, seed=seed + HISTORY_SEED)
     rng = np.random.default_rng([study.seed, seed, 8])
     rows, switch = [], []
@@ -159,14 +162,32 @@ def _history_plans(
         each = counts.objects_each if kind == OBJECT else 1
         partner = [i for i in judged for _ in range(each)]
         made = [change(rows[i], number) for number, i in enumerate(partner)]
-        plans[after_history(kind)] = population.plan(
-            after_history(kind),
-            made,
-            partner=partner,
-            switch=[switch[i] for i in partner],
-            sound=[rows[i] for i in partner],
-        )
+        plans[after_history(kind)] = _later(population, kind, made, rows, partner, switch)
+    if seed:
+        last = [i for i in judged if i % counts.repeats == counts.repeats - 1]
+        for kind, cause in DEFECTS.items():
+            if kind not in kinds:
+                made = [cause(rows[i], rng, population) for i in last]
+                plans[after_history(kind)] = _later(population, kind, made, rows, last, switch)
     return plans
+
+
+def _later(
+    population: Population,
+    kind: str,
+    made: list[Row],
+    rows: list[Row],
+    partner: list[int],
+    switch: list[int],
+) -> Plan:
+    """Return what a cause made of throws of switches with a history."""
+    return population.plan(
+        after_history(kind),
+        made,
+        partner=partner,
+        switch=[switch[i] for i in partner],
+        sound=[rows[i] for i in partner],
+    )
 
 
 def after_history(kind: str) -> str:

@@ -189,7 +189,14 @@ class Supply(Record):
         description="of the line there and back; of an induction motor of each phase [ohm]",
     )
     shared_resistance: Resistance = Field(
-        0.0, ge=0, description="of what several machines share [ohm]"
+        0.0,
+        ge=0,
+        description="of what several machines share, of induction motors of each phase [ohm]",
+    )
+    phase_lost_at: Time | None = Field(
+        None,
+        ge=0,
+        description="one of the three conductors of an induction motor opens; default never [s]",
     )
 
 
@@ -253,9 +260,16 @@ class Machine(Record):
                 f"at {self.stall_torque:.4g} N m; lower clutch.torque or raise motor.voltage"
             )
             raise ValueError(message)
-        if self.motor.kind == "induction" and self.supply.shared_resistance:
-            message = "supply.shared_resistance is for DC machines; give line_resistance of a phase"
-            raise ValueError(message)
+        if self.supply.phase_lost_at is not None:
+            if self.motor.kind != "induction":
+                message = f"supply.phase_lost_at is of induction motors; this is {self.motor.kind}"
+                raise ValueError(message)
+            if self.supply.shared_resistance:
+                message = (
+                    "supply.phase_lost_at goes with supply.line_resistance only; leave out "
+                    "supply.shared_resistance"
+                )
+                raise ValueError(message)
         back = self.gear.back_efficiency
         if self.circuit.holding == "gear" and back != 0.0:
             message = "circuit.holding = 'gear' needs a self-locking gear: gear.back_efficiency = 0"

@@ -22,18 +22,51 @@ def line_power(constants: Floats, states: Floats) -> tuple[Floats, Floats, Float
     Notes
     -----
     P = 1.5 Re(u conj i) and S = 1.5 u |i| with peak values; while the contactor is open both are 0.
+    With one phase lost S is the voltage between the two lines that are left times their current.
     """
+    if np.isfinite(constants[at.PHASE_LOST_TIME]):
+        lost = states[:, at.PHASE_LOST] > 0.0
+        both = _three_phases(constants, states), _two_phases(constants, states)
+        active, apparent, current = (np.where(lost, b, a) for a, b in zip(*both, strict=True))
+        return active, apparent, current
+    return _three_phases(constants, states)
+
+
+def _three_phases(constants: Floats, states: Floats) -> tuple[Floats, Floats, Floats]:
     psi_s = states[:, at.STATOR_FLUX] + 1j * states[:, at.STATOR_FLUX_ACROSS]
     psi_r = states[:, at.ROTOR_FLUX] + 1j * states[:, at.ROTOR_FLUX_ACROSS]
     leak = (psi_s - psi_r) / constants[at.LEAKAGE_INDUCTANCE]
     i_s = psi_s / constants[at.STATOR_INDUCTANCE] + leak
     voltage, line = constants[at.PHASE_VOLTAGE], constants[at.LINE_RESISTANCE]
     iron = constants[at.IRON_CONDUCTANCE]
-    terminal = (voltage - line * i_s) / (1.0 + line * iron)
-    on = (states[:, at.ENERGISED] > 0.0) & (states[:, at.ARMATURE_OPEN] == 0.0)
-    current = np.where(on, i_s + iron * terminal, 0.0)
+    seen = voltage - states[:, at.SHARED_DROP] - 1j * states[:, at.SHARED_DROP_ACROSS]
+    terminal = (seen - line * i_s) / (1.0 + line * iron)
+    current = np.where(_is_on(states), i_s + iron * terminal, 0.0)
     size = np.abs(current)
     return 1.5 * voltage * current.real, 1.5 * voltage * size, size / math.sqrt(2.0)
+
+
+def _is_on(states: Floats) -> NDArray[np.bool_]:
+    return np.asarray((states[:, at.ENERGISED] > 0.0) & (states[:, at.ARMATURE_OPEN] == 0.0))
+
+
+def _two_phases(constants: Floats, states: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return active and apparent power and line current of a motor with one conductor open.
+
+    Forward and backward impedance of the steady circuit in series between two lines, see
+    `turnout.machine.compute.lost_phase`.
+    """
+    supply, iron = constants[at.SUPPLY_SPEED], constants[at.IRON_CONDUCTANCE]
+    turned = constants[at.POLE_PAIRS] * states[:, at.DIRECTION] * states[:, at.SPEED]
+    whole = np.full(turned.shape, 2.0 * constants[at.LINE_RESISTANCE], dtype=np.complex128)
+    for slip in (1.0 - turned / supply, 1.0 + turned / supply):
+        leak = 1j * supply * constants[at.LEAKAGE_INDUCTANCE]
+        rotor = slip / (constants[at.ROTOR_RESISTANCE] + slip * leak)
+        gap = 1.0 / (1.0 / (1j * supply * constants[at.STATOR_INDUCTANCE]) + rotor)
+        whole += 1.0 / (1.0 / (constants[at.RESISTANCE] + gap) + iron)
+    line_to_line = math.sqrt(1.5) * constants[at.PHASE_VOLTAGE]
+    current = np.where(_is_on(states), line_to_line / np.abs(whole), 0.0)
+    return whole.real * current**2, line_to_line * current, current
 
 
 def field_energies(constants: Floats, states: Floats) -> Floats:

@@ -1,9 +1,9 @@
 """The motor of a point machine as a record, with what follows from it alone."""
 
 import math
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from turnout.core.quantity import (
     Current,
@@ -18,6 +18,7 @@ from turnout.core.quantity import (
     Torque,
     Voltage,
 )
+from turnout.core.units import SI
 
 COPPER_REFERENCE = 293.15
 """Temperature at which resistances are given [K]."""
@@ -35,6 +36,11 @@ class Record(BaseModel):
         allow_inf_nan=False,
         str_strip_whitespace=True,
     )
+
+
+def _whole(value: object) -> object:
+    """Return a whole number that was given in Python as one: overrides mark all numbers as SI."""
+    return int(value) if isinstance(value, SI) and float(value).is_integer() else value
 
 
 NEEDED = {
@@ -89,7 +95,9 @@ class Motor(Record):
     frequency: Frequency | None = Field(
         None, gt=0, le=1000, description="of the supply of an induction motor [Hz]"
     )
-    pole_pairs: int | None = Field(None, ge=1, le=50, description="of an induction motor [-]")
+    pole_pairs: Annotated[int | None, BeforeValidator(_whole)] = Field(
+        None, ge=1, le=50, description="of an induction motor [-]"
+    )
     rotor_resistance: Resistance | None = Field(
         None, gt=0, description="R_r of the Gamma model at 20 degC [ohm]"
     )

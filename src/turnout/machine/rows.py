@@ -106,6 +106,7 @@ def _motor_entries(machine: Machine) -> dict[int, float]:
         at.MOTOR_DRAG: motor.drag,
         at.MOTOR_INERTIA: motor.inertia,
         at.LONGEST_STEP: math.inf,
+        at.PHASE_LOST_TIME: _or(machine.supply.phase_lost_at, math.inf),
         **(_induction_entries(machine) if motor.kind == "induction" else {}),
     }
 

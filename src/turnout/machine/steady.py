@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from turnout.core.lru_cache import LRUCache
 from turnout.machine.components import Machine
 from turnout.machine.motor_record import breakdown_point, copper_factor
 from turnout.machine.rows import (
@@ -25,11 +26,15 @@ class SteadyPoint:
     apparent: float
 
 
+def line_resistance(machine: Machine) -> float:
+    """Return the resistance between the source and the motor, of a phase if it has three [ohm]."""
+    return machine.supply.line_resistance + machine.supply.shared_resistance
+
+
 def circuit_resistance(machine: Machine) -> float:
     """Return the resistance of copper, line and supply together [ohm]."""
-    supply = machine.supply
     own = machine.motor.resistance * copper_factor(machine.motor)
-    return own + supply.line_resistance + supply.shared_resistance
+    return own + line_resistance(machine)
 
 
 def constant_at(machine: Machine, current: float) -> float:
@@ -90,7 +95,7 @@ def circuit_at(machine: Machine, speed: float) -> tuple[float, SteadyPoint]:
     The Gamma circuit in phasors (rms): R_s in series, then jX_s parallel to jX_l + R_r/s; the iron
     loss across the terminals, the line before them. T = 3 n_p |I_r|^2 R_r / (s w).
     """
-    motor, line = machine.motor, machine.supply.line_resistance
+    motor, line = machine.motor, line_resistance(machine)
     supply = 2.0 * math.pi * (motor.frequency or 0.0)
     pairs, factor = motor.pole_pairs or 1, copper_factor(motor)
     main = 1j * supply * (motor.stator_inductance or 0.0)
@@ -116,7 +121,7 @@ def _induction_point(machine: Machine, torque: float, viscous: float) -> SteadyP
     from scipy.optimize import brentq  # slow to load; sweeps of markers need none
 
     motor = machine.motor
-    supply, line = supply_voltage(machine), machine.supply.line_resistance
+    supply, line = supply_voltage(machine), line_resistance(machine)
     slip, _ = breakdown_point(motor, voltage=supply, line=line)
     synchronous = 2.0 * math.pi * (motor.frequency or 0.0) / (motor.pole_pairs or 1)
 
@@ -136,6 +141,8 @@ def torque_for(machine: Machine, force: float) -> float:
 
 def shaft_travel(machine: Machine) -> float:
     """Return the rod's travel per shaft angle in mid-stroke [m/rad]."""
+    if machine.stroke.kind == "screw":
+        return 1.0 / (machine.stroke.ratio or math.inf)
     from turnout.machine.compute.rail import rod_position
     from turnout.machine.rows import machine_row, stroke_table
 
@@ -150,6 +157,7 @@ def slip_point(machine: Machine) -> SteadyPoint:
     )
 
 
+_ranges: LRUCache[tuple[float, float]] = LRUCache(64)
 BLIND = 0.10
 """A current that load moves by a smaller share of that at the low end cannot show the load [-]."""
 
@@ -166,9 +174,14 @@ def load_range(machine: Machine) -> tuple[float, float]:
     >>> abs(current) < BLIND < power
     True
     """
-    level = machine.clutch.torque * (1.0 - machine.clutch.worn)
-    low, high = (steady_point(machine, torque=share * level) for share in (0.1, 1.0))
-    return high.current / low.current - 1.0, high.power / low.power - 1.0
+    clutch, gear = machine.clutch, machine.gear
+    key = (machine.motor, machine.supply, clutch.torque, clutch.worn, gear.drag)
+    found = _ranges.get(key)
+    if found is None:
+        level = clutch.torque * (1.0 - clutch.worn)
+        low, high = (steady_point(machine, torque=share * level) for share in (0.1, 1.0))
+        found = _ranges.put(key, (high.current / low.current - 1.0, high.power / low.power - 1.0))
+    return found
 
 
 def blind_text(machine: Machine) -> str:

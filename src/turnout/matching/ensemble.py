@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.matching.facts import Facts
-from turnout.panel.load import LoadedPanel
-from turnout.study.study import Study
 
 Floats = NDArray[np.float64]
 
@@ -101,12 +99,4 @@ def _range_lines(facts: Facts) -> list[str]:
         f"{' added' if item.apply == 'add' else ' times' if item.apply == 'multiply' else ''}"
         f" ({item.origin or 'no origin given'})"
         for item in facts.parameters
-    ]
-
-
-def panels_of(study: Study) -> list[LoadedPanel]:
-    """Return the panels of a study's scenarios, in order."""
-    return [
-        study.panel.with_overrides(dict(study.scenario(index).overrides))
-        for index in range(study.count)
     ]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from turnout.core.files import user_path
 from turnout.core.json_files import to_plain
 from turnout.core.library import names_a_file, names_in_library, text_in_library
 from turnout.core.problems import choices, describe_error, nearest, show_value
@@ -198,7 +199,7 @@ def load_facts(name_or_path: str | Path) -> Facts:
     """
     name = str(name_or_path).strip()
     if isinstance(name_or_path, Path) or names_a_file(name):
-        return read_facts(read_toml(Path(name)))
+        return read_facts(read_toml(user_path(name)))
     return read_facts(parse_toml(facts_text(name), source=name))
 
 

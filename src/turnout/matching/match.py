@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from turnout.core.files import write_atomic
 from turnout.core.json_files import to_plain
+from turnout.core.threads import one_blas_thread
 from turnout.errors import FileError, StudyError
 from turnout.matching.fact_emulator import FEWEST, Emulation, Emulator, fit_emulator
 from turnout.matching.facts import Facts, Sum
@@ -136,7 +137,8 @@ def match_panel(
         wanted = min(WAVE if wave else FIRST_WAVE, most - len(before))
         known = sum(item.wave == wave for item in tried)
         if known < wanted:
-            points, share = _points(facts, before, wave)
+            with one_blas_thread():  # small matrices: threads would take ten times as long
+                points, share = _points(facts, before, wave)
             if not len(points):
                 message = "the emulators leave no panel whose values go together; widen the ranges"
                 raise StudyError([message], source=facts.name)

@@ -1,19 +1,23 @@
 """Facts of one panel: each throw is made once, costly facts only where all others hold."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.errors import PanelError, TurnoutError
 from turnout.matching.facts import Facts, Sum, Term
-from turnout.matching.measures import LAST, MEASURES, VISIBLE
+from turnout.matching.measures import MEASURES, Thrown
 from turnout.panel.foreign_object import ForeignObject
-from turnout.panel.load import LoadedPanel, panel_from_document
+from turnout.panel.load import LoadedPanel, as_written
 from turnout.panel.object_text import parse_object
 from turnout.response.save import Save
 from turnout.response.simulate import simulate
 from turnout.scheme import Mode
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Floats = NDArray[np.float64]
 
@@ -25,10 +29,6 @@ SAVE = Save(
     )
 )
 """What measures need of a throw."""
-SEEN = 50.0
-"""Change of an end force from which an object is visible, as in fact f of the paper [N]."""
-LARGEST_SIZE, SIZE_STEP = 40e-3, 1e-4
-"""A visible size is sought up to the first, to within the second [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,32 +70,20 @@ class Thrower:
     made: int = 0
     _values: dict[Term, float] = field(default_factory=dict)
     _panels: dict[object, LoadedPanel] = field(default_factory=dict)
-    _ends: dict[object, Floats] = field(default_factory=dict)
 
     def sum(self, wanted: Sum, *, among: tuple[Sum, ...] = ()) -> float:
         """Return the value of a sum; throws that others of `among` need too are used for them."""
         return sum(term.factor * self._value(term, among) for term in wanted.terms)
 
     def _value(self, term: Term, among: tuple[Sum, ...]) -> float:
-        if term.measure == VISIBLE:
-            found = self._values.get(term)
-            if found is None:
-                found = self._values[term] = self.visible_size(term)
-            return found
         if term not in self._values:
-            same = [
-                other
-                for item in among
-                for other in item.terms
-                if (other.object, other.changes) == (term.object, term.changes)
-                and other.measure != VISIBLE
-            ]
             panel = self._changed(term)
             dataset = self._throw(panel, parse_object(term.object) if term.object else None)
-            for other in (term, *same):
+            thrown = Thrown(panel, dataset, lambda item: self._throw(panel, item))
+            for other in (term, *_of_same_throw(term, among)):
                 if other not in self._values:
                     measure = MEASURES[other.measure]
-                    self._values[other] = measure.compute(panel, dataset, other.of)
+                    self._values[other] = measure.compute(thrown, other.of)
         return self._values[term]
 
     def _changed(self, term: Term) -> LoadedPanel:
@@ -105,33 +93,20 @@ class Thrower:
             self._panels[term.changes] = self.panel.with_overrides(dict(term.changes), si=False)
         return self._panels[term.changes]
 
-    def _throw(self, panel: LoadedPanel, item: ForeignObject | None):  # type: ignore[no-untyped-def]  # noqa: ANN202
+    def _throw(self, panel: LoadedPanel, item: ForeignObject | None) -> "xr.Dataset":
         self.made += 1
         return simulate(panel, foreign_object=item, mode=self.mode, save=SAVE)
 
-    def visible_size(self, term: Term) -> float:
-        """Return the smallest size at a place that changes an end force by more than `SEEN` [m].
 
-        By bisection, so for forces that grow with size; the largest size where none does.
-        """
-        panel = self._changed(term)
-        without = self._end_forces(panel, None)
-        unseen, seen = 0.0, LARGEST_SIZE
-        while seen - unseen > SIZE_STEP:
-            middle = 0.5 * (unseen + seen)
-            changed = self._end_forces(panel, ForeignObject(middle, term.of))
-            if np.abs(changed - without).max() > SEEN:
-                seen = middle
-            else:
-                unseen = middle
-        return seen
-
-    def _end_forces(self, panel: LoadedPanel, item: ForeignObject | None) -> Floats:
-        """Return the mean force of each drive over the last 0.4 s [N]."""
-        dataset = self._throw(panel, item)
-        time = dataset["time"].to_numpy()
-        force = dataset["drive_force"].transpose("drive", "time").to_numpy()
-        return np.asarray(force[:, time > time[-1] - LAST].mean(axis=1))
+def _of_same_throw(term: Term, among: tuple[Sum, ...]) -> list[Term]:
+    """Return the terms of some sums that the throw of a term gives as well, but costly ones."""
+    return [
+        other
+        for item in among
+        for other in item.terms
+        if (other.object, other.changes) == (term.object, term.changes)
+        and MEASURES[other.measure].cost == 1
+    ]
 
 
 def panel_at(facts: Facts, point: Floats) -> LoadedPanel:
@@ -144,13 +119,7 @@ def panel_at(facts: Facts, point: Floats) -> LoadedPanel:
     PanelError
         When its values contradict each other.
     """
-    changed = facts.panel.with_overrides(facts.overrides(point))
-    return panel_from_document(
-        replace(changed.document, given={}),
-        source=changed.source,
-        folder=changed.folder,
-        overrides={},
-    )
+    return as_written(facts.panel.with_overrides(facts.overrides(point)))
 
 
 def is_valid(facts: Facts, point: Floats) -> bool:
@@ -189,7 +158,7 @@ def evaluate(
     fault = ""
     try:
         for late in (False, True):
-            chosen = _in_order(facts, late=late)
+            chosen = in_order(facts, late=late)
             among = tuple(facts.facts[number] for number in chosen)
             allowed = 1 if late else failures or len(chosen)
             for number in chosen:
@@ -204,14 +173,17 @@ def evaluate(
     return Evaluation(values=values, accepted=accepted, fault=fault, throws=thrower.made)
 
 
-def _in_order(facts: Facts, *, late: bool) -> list[int]:
-    """Return the numbers of facts in the order in which they are tried: few throws first."""
+def in_order(facts: Facts, *, late: bool) -> list[int]:
+    """Return the numbers of facts in the order in which they are tried: cheap ones first."""
     chosen = [number for number, fact in enumerate(facts.facts) if fact.late is late]
-    throws = {
-        number: {(term.object, term.changes) for term in facts.facts[number].terms}
-        for number in chosen
-    }
-    return sorted(chosen, key=lambda n: (len(throws[n]), throws[n] != {("", ())}))
+    return sorted(chosen, key=lambda number: _cost(facts.facts[number]))
+
+
+def _cost(fact: Sum) -> tuple[int, bool]:
+    """Return the cost of a fact in throws, and whether it takes more than the plain one."""
+    throws = {(term.object, term.changes) for term in fact.terms}
+    further = {term: MEASURES[term.measure].cost - 1 for term in fact.terms}
+    return len(throws) + sum(further.values()), throws != {("", ())}
 
 
 def _failed(facts: Facts, values: Floats, chosen: list[int]) -> int:

@@ -73,7 +73,9 @@ def slip_force(panel: Panel, name: str) -> float:
     drive = panel.drive[name]
     if drive.machine is None:
         return drive.saturation_force
-    machine = fitted_machine(panel, name)
+    machine = panel.machine[drive.machine]
+    if machine.stroke.kind != "screw":  # a screw keeps its ratio
+        machine = fitted_machine(panel, name)
     level = machine.clutch.torque * (1.0 - machine.clutch.worn)
     return level * machine.gear.efficiency / shaft_travel(machine)
 
@@ -87,7 +89,7 @@ def blind_currents(panel: Panel) -> dict[str, str]:
     for name, drive in panel.drive.items():
         if drive.machine is None or panel.machine[drive.machine].motor.kind != "induction":
             continue
-        text = blind_text(fitted_machine(panel, name))
+        text = blind_text(panel.machine[drive.machine])
         if text:
             found[name] = f"{drive.machine}: {text}"
     return found

@@ -15,6 +15,7 @@ from typing import Any
 
 from turnout.core.problems import Problem, choices, nearest, show_value
 from turnout.core.units import is_finite
+from turnout.panel.check_machines import check_machines
 from turnout.panel.check_rails import (
     ON_ONE_RAIL,
     check_drive_table,
@@ -39,7 +40,6 @@ from turnout.panel.check_shape import (
     slips_at_rest,
 )
 from turnout.panel.foreign_object import from_record, object_faults
-from turnout.panel.machines import check_machines
 from turnout.panel.model import Panel
 from turnout.panel.records import Movement, ScaledSection
 from turnout.panel.validate import Draft, Known, Partial, until_unknown

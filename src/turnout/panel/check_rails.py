@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from turnout.core.problems import Problem, choices, nearest, show_value
-from turnout.panel.library_outlines import library_outline_names
+from turnout.panel.library_members import library_outline_names
 from turnout.panel.profile import outline_points, section_columns
 from turnout.panel.records import Drive, Profile
 from turnout.panel.section_records import SectionTable

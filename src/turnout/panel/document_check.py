@@ -8,8 +8,7 @@ from typing import Any
 from turnout.core.problems import Problem
 from turnout.panel.check import check
 from turnout.panel.document import Document
-from turnout.panel.library_outlines import add_library_outlines
-from turnout.panel.machines import add_library_machines
+from turnout.panel.library_members import add_library_members
 from turnout.panel.markers import read_schedule_files
 from turnout.panel.matrices import check_matrices, read_matrices
 from turnout.panel.model import Panel
@@ -56,7 +55,7 @@ def check_document(
     -------
     CheckedDocument
     """
-    document = add_library_machines(add_library_outlines(document))
+    document = add_library_members(document)
     filled, file_problems = read_schedule_files(document, folder=folder)
     matrices, matrix_problems = read_matrices(
         document.tree.get("rail"), folder=folder, known=document.matrices

@@ -4,6 +4,7 @@ One direction: file, document, overrides, records, checks, panel.
 """
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
@@ -99,6 +100,10 @@ class LoadedPanel(Panel):
                 del values["machine"]
                 for drive in values["drive"].values():
                     del drive["machine"]
+            for rail in values["rail"].values():  # and one that touches, before edges could meet
+                edge = rail["running_edge"]
+                if edge is not None and not edge["tangent_offset"]:
+                    del edge["tangent_offset"]
             self._hash = content_hash(
                 values
                 | {f"matrices of {name}": given.digest for name, given in self.matrices.items()}
@@ -318,6 +323,27 @@ def panel_from_document(
     return LoadedPanel.from_checked(checked, source=source, folder=folder, overrides=overrides)
 
 
+def as_written(panel: LoadedPanel) -> LoadedPanel:
+    """Return the same panel as if its file had the values of its overrides.
+
+    Some checks let a study go further than a file: a value that is set may contradict one of the
+    file, but not one that is set as well. On this panel any value can be set as on a file's.
+
+    Examples
+    --------
+    >>> panel = as_written(load_panel("sb1").with_overrides({"drive.1.stiffness": 8e5}))
+    >>> panel.drive["1"].stiffness, panel.origins["drive.1.stiffness"].kind
+    (800000.0, 'override')
+    """
+    document = panel.document
+    return panel_from_document(
+        replace(document, given={}, origins=restated(document)),
+        source=panel.source,
+        folder=panel.folder,
+        overrides=panel.overrides,
+    )
+
+
 def _open(name_or_path: str | Path) -> TomlFile:
     found = panel_source(name_or_path)
     return (
@@ -345,6 +371,7 @@ def panel_source(name_or_path: str | Path) -> str | Path:
 
 __all__ = [
     "LoadedPanel",
+    "as_written",
     "library_names",
     "library_text",
     "load_panel",

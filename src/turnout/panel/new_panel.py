@@ -38,7 +38,7 @@ def new_panel_text(source: str | FilePath, *, target: FilePath) -> str:
     Returns
     -------
     str
-        TOML. But for its name it is the same panel as `source`.
+        TOML. But for its name and description it is the same panel as `source`.
 
     Raises
     ------
@@ -61,6 +61,9 @@ def new_panel_text(source: str | FilePath, *, target: FilePath) -> str:
     text = with_value(text, ("name",), json.dumps(target.stem, ensure_ascii=False))
     if MARK in text:
         return text
+    if ("description",) in read_layout(text).values:
+        made = f"Made from {panel.name}: say what switch it is, and where its numbers are from."
+        text = with_value(text, ("description",), json.dumps(made, ensure_ascii=False))
     head = f"""\
 # A panel {MARK} from {panel.name}.
 # Change what differs on your switch, then run `turnout panel check {target.name}`.

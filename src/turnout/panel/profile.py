@@ -191,16 +191,18 @@ def contact_height(panel: Panel, rail: str, x: FloatArray) -> FloatArray:
 
 
 def running_edge_distance(edge: RunningEdge, x: npt.ArrayLike) -> FloatArray:
-    r"""Give how far the running edges of stock and switch rail lie apart, on a tangent circle.
+    r"""Give how far the running edges of stock and switch rail lie apart, on a circle.
 
-    .. math:: w(x) = (x + x_0)^2 / (2 R) \ge w_{min}
+    .. math:: w(x) = w_0 + (x + x_0)^2 / (2 R) \ge w_{min}
+
+    A circle with w_0 = 0 touches the stock rail; with less it meets it at an angle.
 
     It goes on growing behind the place where the section of the switch rail is full.
 
     Parameters
     ----------
     edge : RunningEdge
-        Radius R, lead :math:`x_0` and least offset [m].
+        Radius R, lead :math:`x_0`, offset :math:`w_0` there, and least offset [m].
     x : array_like, shape (n,)
         Positions from the toe [m].
 
@@ -216,7 +218,7 @@ def running_edge_distance(edge: RunningEdge, x: npt.ArrayLike) -> FloatArray:
     [0.0029, 0.1922]
     """
     ahead = np.maximum(np.asarray(x, dtype=np.float64) + edge.lead, 0.0)
-    return np.maximum(ahead**2 / (2.0 * edge.radius), edge.minimum)
+    return np.maximum(edge.tangent_offset + ahead**2 / (2.0 * edge.radius), edge.minimum)
 
 
 def running_edge_offset(edge: RunningEdge, x: npt.ArrayLike) -> FloatArray:
@@ -244,8 +246,9 @@ def running_edge_offset(edge: RunningEdge, x: npt.ArrayLike) -> FloatArray:
 
 
 def running_edge_position(edge: RunningEdge, offset: float) -> float:
-    """Give the position x [m] at which the tangent circle has an offset [m]."""
-    return math.sqrt(2.0 * edge.radius * offset) - edge.lead
+    """Give the position x [m] at which the circle has an offset [m]."""
+    beyond = max(offset - edge.tangent_offset, 0.0)
+    return math.sqrt(2.0 * edge.radius * beyond) - edge.lead
 
 
 def stations_of(panel: Panel, section: str) -> tuple[str, FloatArray]:

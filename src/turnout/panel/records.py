@@ -111,10 +111,16 @@ class ScaledSection(Record):
 
 
 class RunningEdge(Record):
-    """Running edge on a tangent circle: w(x) = (x + lead)^2 / (2 radius), held within bounds."""
+    """Running edge on a circle: w(x) = tangent_offset + (x + lead)^2 / (2 radius), in bounds."""
 
     radius: Length = Field(gt=0, description="radius of the outer running edge [m]")
-    lead: Length = Field(description="distance of the toe behind the tangent point [m]")
+    lead: Length = Field(
+        description="distance of the toe behind the point where the circle runs parallel [m]"
+    )
+    tangent_offset: Length = Field(
+        0.0,
+        description="offset at that point; negative where the rails meet at an angle [m]",
+    )
     minimum: Length = Field(0.0, ge=0, description="least offset, the blade at the toe [m]")
     maximum: Length = Field(gt=0, description="offset from which the section is full [m]")
 

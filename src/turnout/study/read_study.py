@@ -38,7 +38,7 @@ from turnout.study.random_inputs import (
 from turnout.study.sampling import copula_factor
 from turnout.study.scenario import Output, Rule
 from turnout.study.study_file import StudyRecord
-from turnout.study.value_ranges import limit_faults, value_ranges
+from turnout.study.value_ranges import limit_faults
 from turnout.study.variable import Variable
 from turnout.study.variables import CHOICE, ParsedStudy, read_together, read_variable
 
@@ -149,7 +149,8 @@ def read_parts(
     split = _read_split(parsed, record, design)
     parsed.problems += limit_faults(
         panel,
-        ranges=value_ranges(parsed.axes, parsed.drawn),
+        axes=parsed.axes,
+        drawn=parsed.drawn,
         variables=parsed.variables,
         fields=random_fields,
         law=law,

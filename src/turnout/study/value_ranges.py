@@ -1,6 +1,7 @@
 """Hold the values of a study against the limits of its panel, before anything is thrown."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TypeVar
 
 from turnout.core.problems import show_value
 from turnout.errors import PanelError
@@ -21,6 +22,8 @@ from turnout.study.variable import (
     foreign_objects,
     set_items,
 )
+
+T = TypeVar("T")
 
 # An axis with more values than this is checked at its ends and some between.
 MOST_CHECKED = 200
@@ -54,7 +57,8 @@ def value_ranges(axes: Iterable[Axis], drawn: Iterable[Drawn]) -> dict[str, tupl
 def limit_faults(
     panel: LoadedPanel,
     *,
-    ranges: Mapping[str, tuple[Value, ...]],
+    axes: Sequence[Axis],
+    drawn: Sequence[Drawn],
     variables: Mapping[str, Variable],
     fields: Iterable[RandomField],
     law: TemperatureLaw | None,
@@ -62,14 +66,15 @@ def limit_faults(
 ) -> list[str]:
     """Find every value that the panel or the place of an object does not allow.
 
-    Each value is tried alone, all other variables as the panel has them.
+    Each value is tried alone, all other variables as the panel has them; values that change
+    together are tried together, row by row.
 
     Parameters
     ----------
     panel : LoadedPanel
         What has the limits.
-    ranges : mapping
-        From `value_ranges`.
+    axes, drawn : sequence of Axis, sequence of Drawn
+        Of a design.
     variables : mapping of str to Variable
         What varies, by its name in the study.
     fields : iterable of RandomField
@@ -80,6 +85,9 @@ def limit_faults(
         Whether nothing is missing, so that what an object lacks may be named.
     """
     problems = []
+    lists = [axis for axis in axes if len(axis.names) > 1]
+    in_lists = {name for axis in lists for name in axis.names}
+    ranges = value_ranges(axes, drawn)
     for name, values in ranges.items():
         variable = variables[name]
         if variable.key == TEMPERATURE_KEY:
@@ -93,9 +101,13 @@ def limit_faults(
                 for value in _checked_values(values)
                 for text in recorder_faults(what, float(value))
             ]
-        elif variable.key not in OBJECT_KEYS and not variable.key.startswith(LABEL):
+        elif _is_of_panel(variable) and name not in in_lists:
             for value in _checked_values(values):
-                problems += _faults_of(panel, variable.key, value, variable.factor, name)
+                problems += _faults_of(panel, {name: value}, variables, f"variable {name}")
+    for axis in lists:
+        for number, row in _checked_values(tuple(enumerate(axis.rows, 1))):
+            where = f"together, row {number} ({axis.names[0]}, ...)"
+            problems += _faults_of(panel, dict(zip(axis.names, row, strict=True)), variables, where)
     for field in fields:
         for end in field.distribution.bounds:
             changes = (
@@ -103,26 +115,53 @@ def limit_faults(
             )
             problems += _panel_faults(panel, changes, f"field {field.name}")
     by_key = {variables[name].key: values for name, values in ranges.items()}
-    return [*problems, *_object_faults(panel, by_key, whole=whole)]
+    for part in _object_cases(by_key, lists, variables):
+        problems += _object_faults(panel, part, whole=whole)
+    return problems
 
 
-def _checked_values(values: tuple[Value, ...]) -> tuple[Value, ...]:
+def _is_of_panel(variable: Variable) -> bool:
+    """Return whether a variable changes a value of the panel."""
+    special = variable.key in OBJECT_KEYS or variable.key in RECORDER_KEYS
+    return not special and variable.key != TEMPERATURE_KEY and not variable.key.startswith(LABEL)
+
+
+def _object_cases(
+    by_key: Mapping[str, tuple[Value, ...]],
+    lists: Iterable[Axis],
+    variables: Mapping[str, Variable],
+) -> list[dict[str, tuple[Value, ...]]]:
+    """Return values by key, once for each row of a list of cases that describes objects."""
+    for axis in lists:
+        keys = [variables[name].key for name in axis.names]
+        if any(key in OBJECT_KEYS for key in keys):
+            rows = _checked_values(axis.rows)
+            return [
+                {**by_key, **{key: (item,) for key, item in zip(keys, row, strict=True)}}
+                for row in rows
+            ]
+    return [dict(by_key)]
+
+
+def _checked_values(values: tuple[T, ...]) -> tuple[T, ...]:
     """Take all values, or of very many some with both ends."""
     stride = -(-len(values) // MOST_CHECKED)
     return (*values[::stride], values[-1]) if stride > 1 else values
 
 
-def _faults_of(panel: LoadedPanel, key: str, value: Value, factor: bool, name: str) -> list[str]:
-    """Return what is wrong with a value of a variable, all others as the panel has them."""
+def _faults_of(
+    panel: LoadedPanel, chosen: Mapping[str, Value], variables: Mapping[str, Variable], where: str
+) -> list[str]:
+    """Return what is wrong with values by variable, all others as the panel has them."""
+    own = [(variables[name], value) for name, value in chosen.items()]
+    own = [(variable, value) for variable, value in own if _is_of_panel(variable)]
+    values = {variable.key: value for variable, value in own if not variable.factor}
+    factors = [(variable.key, float(value)) for variable, value in own if variable.factor]
     try:
-        changes = (
-            apply_factors(panel, {}, [(key, float(value))])
-            if factor
-            else set_items(panel, {key: value})
-        )
+        changes = apply_factors(panel, set_items(panel, values), factors)
     except PanelError as error:
-        return [f"variable {name}: {error.problems[0]}"]
-    return _panel_faults(panel, changes, f"variable {name}")
+        return [f"{where}: {error.problems[0]}"]
+    return _panel_faults(panel, changes, where)
 
 
 def _panel_faults(panel: LoadedPanel, changes: Mapping[str, Value], where: str) -> list[str]:

@@ -10,6 +10,7 @@ from turnout.core.problems import choices, nearest
 from turnout.core.units import LENGTH, parse_quantity
 from turnout.errors import FileError, PanelError
 from turnout.measurement.campaign.run_sheet import LOAD_CELL_FROM, normal_place
+from turnout.measurement.chain.monitoring import Monitoring, check_monitoring
 from turnout.measurement.formats.file_format import WRITERS
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
@@ -67,6 +68,8 @@ class CampaignPlan:
         Of all that is left to chance.
     scheme : Scheme
         With which the truth is integrated.
+    monitoring : Monitoring, optional
+        A system in service that stores currents and powers beside the recordings.
     """
 
     places: tuple[str, ...]
@@ -82,6 +85,7 @@ class CampaignPlan:
     window: Window = field(default_factory=Window)
     law: CurrentLaw = field(default_factory=CurrentLaw)
     scheme: Scheme = field(default_factory=Scheme)
+    monitoring: Monitoring | None = None
 
     def __post_init__(self) -> None:
         """Refuse what cannot be, all at once."""
@@ -160,6 +164,7 @@ def virtual_plan(
     mistyped: int = 0,
     seed: int = 0,
     scheme: Scheme | None = None,
+    monitoring: Monitoring | None = None,
 ) -> CampaignPlan:
     """Return a plan from what a user types.
 
@@ -179,6 +184,8 @@ def virtual_plan(
         As in `CampaignPlan`.
     scheme : Scheme, optional
         With which the truth is integrated.
+    monitoring : Monitoring, optional
+        Stores currents and powers beside the recordings.
 
     Raises
     ------
@@ -218,6 +225,7 @@ def virtual_plan(
         seed=seed,
         defects=defects,
         scheme=scheme or Scheme(),
+        monitoring=monitoring,
     )
 
 
@@ -229,6 +237,8 @@ def check_plan(plan: CampaignPlan, panel: LoadedPanel) -> None:
     FileError, PanelError
         With all problems.
     """
+    if plan.monitoring is not None:
+        check_monitoring(plan.monitoring, list(panel.drive))
     defects = plan.defects
     wanted = defects.slip_excess or defects.slip_scatter or defects.build_up_lag
     if wanted and defects.drive not in panel.drive:

@@ -240,6 +240,38 @@ def record_throw(
     return label(dataset)
 
 
+def record_powers(
+    run: xr.Dataset, recorded: xr.Dataset, *, direction: str, window: Window | None = None
+) -> xr.Dataset:
+    """Return currents and powers of one movement, as a monitoring system's transformers see them.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `simulate`.
+    recorded : xarray.Dataset
+        Of the same movement, from `record_throw`.
+    direction, window
+        As given there.
+
+    Returns
+    -------
+    xarray.Dataset
+        `drive_current`, and of machines `drive_power` and `drive_apparent_power` (drive, time); 0
+        before the movement, NaN for drives that are markers.
+    """
+    chosen = window or Window()
+    span = movement_named(run, direction)
+    instants, time = _instants(run, span, chosen), run["time"].values
+    found = recorded[["drive_current"]]
+    for name in ("drive_power", "drive_apparent_power"):
+        if name in run:
+            values = _sampled(run[name], instants, time)
+            values[:, instants < span.start] *= 0.0
+            found = found.assign({name: (("drive", "time"), values)})
+    return found
+
+
 def assumed_current(
     load: Floats, elapsed: Floats, *, end: float, limit: float, law: CurrentLaw
 ) -> Floats:

@@ -18,6 +18,8 @@ from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.measurement.campaign.run_sheet import LOAD_CELL_FROM
 from turnout.measurement.chain.channel_map import ChannelMap
+from turnout.measurement.chain.monitoring import monitored, monitoring_recording
+from turnout.measurement.formats.file_format import write_recording
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
 from turnout.response.save import Save
@@ -25,13 +27,14 @@ from turnout.response.simulate import simulate
 from turnout.virtual.campaign_files import write_throw
 from turnout.virtual.campaign_plan import CampaignPlan, Case, overrides_for, throw_generator
 from turnout.virtual.disturbance import add_disturbance
-from turnout.virtual.record_throw import extend_schedule, record_throw
+from turnout.virtual.record_throw import extend_schedule, record_powers, record_throw
 
-STATE = ".virtual"
+STATE, MONITORING = ".virtual", "monitoring"
 FIELDS = (
     *("drive_force", "drive_displacement", "drive_slipping", "drive_current", "object_force"),
     "contact_time",
 )
+POWERS = ("drive_power", "drive_apparent_power")
 # Rest and hold that the truth keeps around a throw, as a build of the campaign does [s].
 AROUND = 1.0
 POLL = 0.5
@@ -153,7 +156,7 @@ def make_throw(job: Job, case: Case, *, number: int) -> Part:
         extend_schedule(panel),
         foreign_object=foreign,
         scheme=plan.scheme,
-        save=Save(fields=FIELDS),
+        save=Save(fields=FIELDS if plan.monitoring is None else (*FIELDS, *_powers(panel))),
         throw=False,
     )
     if not run.attrs["complete"]:
@@ -176,7 +179,19 @@ def make_throw(job: Job, case: Case, *, number: int) -> Part:
         number=number,
         note=job.note,
     )
+    if plan.monitoring is not None:
+        powers = record_powers(run, true, direction=case.direction, window=plan.window)
+        target = job.folder / MONITORING / f"{case.name}.csv"
+        target.parent.mkdir(exist_ok=True)
+        stored = monitored(powers, plan.monitoring)
+        write_recording(monitoring_recording(stored, source=job.note), target)
     return Part(_true_piece(true, case), bool(true.attrs["slipped"]), overrides, "")
+
+
+def _powers(panel: LoadedPanel) -> tuple[str, ...]:
+    """Return the channels of power that a panel's drives have."""
+    kinds = [panel.machine[d.machine].motor.kind for d in panel.drive.values() if d.machine]
+    return POWERS[: 0 if not kinds else 2 if "induction" in kinds else 1]
 
 
 def read_part(folder: Path, case: Case) -> Part | None:

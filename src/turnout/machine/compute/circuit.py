@@ -11,6 +11,7 @@ from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute.clutch import update_clutch
 from turnout.machine.compute.induction import drop_fluxes
+from turnout.machine.compute.lost_phase import lose_phase
 from turnout.machine.compute.machine_step import SECOND, accept_step, span_of, take_step
 from turnout.machine.compute.places import (
     ARMATURE_OPEN,
@@ -41,6 +42,7 @@ from turnout.machine.compute.places import (
     EVENT_OFF_OVERLOAD,
     EVENT_OFF_TIME_OUT,
     EVENT_ON,
+    EVENT_PHASE_LOST,
     EVENTS,
     GEAR,
     GEAR_ANGLE,
@@ -71,6 +73,8 @@ from turnout.machine.compute.places import (
     OVERLOAD_CURRENT,
     OVERLOAD_SINCE,
     OVERLOAD_TIME,
+    PHASE_LOST,
+    PHASE_LOST_TIME,
     RAIL_POSITION,
     RESISTANCE,
     ROD_FORCE,
@@ -158,6 +162,8 @@ def next_instant(constants: Floats, state: Floats, commands: Floats, time: float
         corner = state[HAND_SINCE] + constants[HAND_RAMP]
         if corner > time + INSTANT:
             instant = min(instant, corner)
+    if state[PHASE_LOST] == 0.0:
+        instant = min(instant, constants[PHASE_LOST_TIME])
     return float(instant)
 
 
@@ -167,6 +173,9 @@ def switch_due(
 ) -> None:
     """Switch what is due at an instant; a command while energised reverses the motor at once."""
     now = time + INSTANT
+    if state[PHASE_LOST] == 0.0 and now >= constants[PHASE_LOST_TIME]:
+        lose_phase(constants, state)
+        log_event(state, log, time, EVENT_PHASE_LOST)
     if state[ENERGISED] > 0.0:
         if now >= state[CUTOFF_TIME]:
             switch_off(constants, state)

@@ -16,9 +16,12 @@ from typing import NamedTuple
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute.circuit import advance
+from turnout.machine.compute.induction import line_current
 from turnout.machine.compute.places import (
+    ARMATURE_OPEN,
     CONVERGED,
     CURRENT,
+    DIRECTION,
     ENERGISED,
     NOT_CONVERGED,
     ONE_MASS,
@@ -31,6 +34,8 @@ from turnout.machine.compute.places import (
     ROD_FORCE,
     ROD_STIFFNESS,
     SHARED_DROP,
+    SHARED_DROP_ACROSS,
+    THREE_PHASE,
     VOLTAGE,
 )
 
@@ -80,13 +85,23 @@ def _others_move(compliance: Floats, trial: Floats, number: int) -> float:
 
 
 @compiled_part
-def _others_current(trial: Floats, number: int) -> float:
-    """Return the current that the other machines take from the supply [A]."""
-    current = 0.0
+def _others_current(machines: Machines, trial: Floats, number: int) -> tuple[float, float]:
+    """Return the current that the other machines take from the supply [A].
+
+    Of induction motors, peak, along and across the supply's voltage as this machine's direction
+    sees it: exchanging two phases mirrors the phasors.
+    """
+    current, across = 0.0, 0.0
     for other in range(trial.shape[0]):
-        if other != number and trial[other, ENERGISED] > 0.0:
+        if other == number or not trial[other, ENERGISED] > 0.0:
+            continue
+        if machines.constants[other, THREE_PHASE] > 0.0 and trial[other, ARMATURE_OPEN] == 0.0:
+            line = line_current(machines.constants[other], trial[other])
+            current += line.real
+            across += line.imag * trial[other, DIRECTION] * trial[number, DIRECTION]
+        else:
             current += abs(trial[other, CURRENT])
-    return current
+    return current, across
 
 
 @compiled
@@ -135,10 +150,13 @@ def try_machines(
             rail[RAIL_FREE] = free[number] + _others_move(compliance, trial, number)
             rail[RAIL_COMPLIANCE] = compliance[number, number]
             rail[RAIL_TIME], rail[RAIL_STEP] = span
-            drop = machines.shared_resistance * _others_current(trial, number)
+            drop, across = 0.0, 0.0
+            if machines.shared_resistance > 0.0:
+                drop, across = _others_current(machines, trial, number)
             for k in range(state.shape[1]):
                 trial[number, k] = state[number, k]
-            trial[number, SHARED_DROP] = drop
+            trial[number, SHARED_DROP] = machines.shared_resistance * drop
+            trial[number, SHARED_DROP_ACROSS] = machines.shared_resistance * across
             code = advance(
                 machines.constants[number],
                 rail,
@@ -166,8 +184,11 @@ def _agree(
         error = machines.constants[number, ROD_STIFFNESS] * abs(moved)
         if not error <= FORCE_ROUNDING * (1.0 + abs(trial[number, ROD_FORCE])):
             return False
-        drop = machines.shared_resistance * _others_current(trial, number)
-        error = abs(drop - trial[number, SHARED_DROP])
+        if not machines.shared_resistance > 0.0:
+            continue
+        drop, across = _others_current(machines, trial, number)
+        error = abs(machines.shared_resistance * drop - trial[number, SHARED_DROP])
+        error += abs(machines.shared_resistance * across - trial[number, SHARED_DROP_ACROSS])
         if not error <= VOLTAGE_ROUNDING * machines.constants[number, VOLTAGE]:
             return False
     return True

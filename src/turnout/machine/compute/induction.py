@@ -10,7 +10,9 @@ the rotor's psi_r [V s]:
 
 Iron loss is a resistance across the motor's terminals, behind the line: what both do to the stator
 is one source u/(1 + R_line/R_fe) with R_line R_fe/(R_line + R_fe) in series. The steady circuit is
-the same with both derivatives zero.
+the same with both derivatives zero. What other machines take from a shared supply is subtracted
+from u. The two equations of a stage are linear in the fluxes, so the torque is a quotient of
+polynomials in the slip speed, whose coefficients are computed once a stage.
 """
 
 import math
@@ -19,6 +21,7 @@ from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute.places import (
     COPPER,
+    CURRENT,
     DIRECTION,
     ENERGIES,
     FIELD,
@@ -33,6 +36,8 @@ from turnout.machine.compute.places import (
     ROTOR_FLUX,
     ROTOR_FLUX_ACROSS,
     ROTOR_RESISTANCE,
+    SHARED_DROP,
+    SHARED_DROP_ACROSS,
     SNUB,
     STATOR_FLUX,
     STATOR_FLUX_ACROSS,
@@ -41,6 +46,21 @@ from turnout.machine.compute.places import (
     SUPPLY,
     SUPPLY_SPEED,
 )
+
+NO_CURVE = (0.0, 0.0, 1.0, 0.0, 0.0)
+"""Torque curve of a motor without one."""
+
+
+@compiled_part
+def scaled(z: complex, factor: float) -> complex:
+    """Return z times a real factor, without the product of two complex numbers."""
+    return complex(z.real * factor, z.imag * factor)
+
+
+@compiled_part
+def squared(z: complex) -> float:
+    """Return |z|^2, without the root that abs takes."""
+    return z.real * z.real + z.imag * z.imag
 
 
 @compiled_part
@@ -58,8 +78,8 @@ def rotor_flux(row: Floats) -> complex:
 @compiled_part
 def winding_currents(constants: Floats, psi_s: complex, psi_r: complex) -> tuple[complex, complex]:
     """Return the currents of stator and rotor [A]."""
-    i_r = (psi_r - psi_s) / constants[LEAKAGE_INDUCTANCE]
-    return psi_s / constants[STATOR_INDUCTANCE] - i_r, i_r
+    i_r = scaled(psi_r - psi_s, 1.0 / constants[LEAKAGE_INDUCTANCE])
+    return scaled(psi_s, 1.0 / constants[STATOR_INDUCTANCE]) - i_r, i_r
 
 
 @compiled_part
@@ -70,24 +90,60 @@ def series_resistance(constants: Floats) -> float:
 
 
 @compiled_part
-def terminals(constants: Floats, i_s: complex) -> tuple[complex, complex]:
+def supply_phasor(constants: Floats, state: Floats) -> complex:
+    """Return the voltage of a phase behind which the machine's own line begins, peak [V]."""
+    return complex(constants[PHASE_VOLTAGE] - state[SHARED_DROP], -state[SHARED_DROP_ACROSS])
+
+
+@compiled_part
+def terminals(constants: Floats, state: Floats, i_s: complex) -> tuple[complex, complex]:
     """Return the voltage at the motor's terminals [V] and the current in the line [A]."""
     conductance = constants[IRON_CONDUCTANCE]
-    source = constants[PHASE_VOLTAGE] / (1.0 + constants[LINE_RESISTANCE] * conductance)
-    voltage = source - series_resistance(constants) * i_s
-    return voltage, i_s + conductance * voltage
+    share = 1.0 / (1.0 + constants[LINE_RESISTANCE] * conductance)
+    source = scaled(supply_phasor(constants, state), share)
+    voltage = source - scaled(i_s, series_resistance(constants))
+    return voltage, i_s + scaled(voltage, conductance)
+
+
+@compiled_part
+def line_current(constants: Floats, state: Floats) -> complex:
+    """Return the current of the line in the frame of the machine's own direction, peak [A]."""
+    i_s, _ = winding_currents(constants, stator_flux(state), rotor_flux(state))
+    return terminals(constants, state, i_s)[1]
+
+
+@compiled_part
+def slip_speed(constants: Floats, state: Floats, w1: float) -> float:
+    """Return w_k - n_p w1, electrical [rad/s]."""
+    return float(state[DIRECTION] * constants[SUPPLY_SPEED] - constants[POLE_PAIRS] * w1)
+
+
+@compiled_part
+def _stage_system(
+    constants: Floats, state: Floats, g: float, base: Floats
+) -> tuple[complex, float, float, float, complex, complex]:
+    """Return a11, a12, a21, Re a22, b1, b2 of a stage: A (psi_s, psi_r) = b, Im a22 the slip."""
+    rate = 0.0 if constants[STEADY_CIRCUIT] > 0.0 else 1.0 / g
+    leak, line = constants[LEAKAGE_INDUCTANCE], constants[LINE_RESISTANCE]
+    r_s, r_r = constants[RESISTANCE] + series_resistance(constants), constants[ROTOR_RESISTANCE]
+    wk = state[DIRECTION] * constants[SUPPLY_SPEED]
+    a11 = complex(rate + r_s / constants[STATOR_INDUCTANCE] + r_s / leak, wk)
+    share = 1.0 / (1.0 + line * constants[IRON_CONDUCTANCE])
+    source = scaled(supply_phasor(constants, state), share)
+    b1, b2 = source + scaled(stator_flux(base), rate), scaled(rotor_flux(base), rate)
+    return a11, -r_s / leak, -r_r / leak, rate + r_r / leak, b1, b2
 
 
 @compiled
 def stage_fluxes(
     constants: Floats, state: Floats, g: float, base: Floats, w1: float
-) -> tuple[complex, complex, complex, complex]:
-    """Return the fluxes of stator and rotor, and their derivatives over the motor speed.
+) -> tuple[complex, complex]:
+    """Return the fluxes of stator and rotor at a motor speed.
 
     Parameters
     ----------
     constants, state : ndarray
-        Rows of the machine; of the state only the direction is read.
+        Rows of the machine; of the state only direction and shared drop are read.
     g : float
         Length of the stage [s].
     base : ndarray
@@ -95,61 +151,75 @@ def stage_fluxes(
     w1 : float
         [rad/s].
     """
-    rate = 0.0 if constants[STEADY_CIRCUIT] > 0.0 else 1.0 / g
-    wk, pairs = state[DIRECTION] * constants[SUPPLY_SPEED], constants[POLE_PAIRS]
-    leak = constants[LEAKAGE_INDUCTANCE]
-    extra = series_resistance(constants)
-    r_s, r_r = constants[RESISTANCE] + extra, constants[ROTOR_RESISTANCE]
-    a11 = complex(rate + r_s / constants[STATOR_INDUCTANCE] + r_s / leak, wk)
-    a22 = complex(rate + r_r / leak, wk - pairs * w1)
-    a12, a21 = -r_s / leak, -r_r / leak
-    source = constants[PHASE_VOLTAGE] / (
-        1.0 + constants[LINE_RESISTANCE] * constants[IRON_CONDUCTANCE]
-    )
-    b1, b2 = source + rate * stator_flux(base), rate * rotor_flux(base)
+    a11, a12, a21, across, b1, b2 = _stage_system(constants, state, g, base)
+    a22 = complex(across, slip_speed(constants, state, w1))
     det = a11 * a22 - a12 * a21
-    psi_s, psi_r = (b1 * a22 - a12 * b2) / det, (a11 * b2 - a21 * b1) / det
-    turned = complex(0.0, pairs) * psi_r / det
-    return psi_s, psi_r, -a12 * turned, a11 * turned
+    inverse = scaled(det.conjugate(), 1.0 / squared(det))
+    return (b1 * a22 - scaled(b2, a12)) * inverse, (a11 * b2 - scaled(b1, a21)) * inverse
 
 
 @compiled
-def induction_torque(
-    constants: Floats, state: Floats, g: float, base: Floats, w1: float
-) -> tuple[float, float, float]:
-    """Return line current (rms), torque and its slope over the motor speed.
+def torque_curve(
+    constants: Floats, state: Floats, g: float, base: Floats
+) -> tuple[float, float, float, float, float]:
+    """Return n0, n1, d0, d1, d2 of T = (n0 + n1 s)/(d0 + d1 s + d2 s^2) over the slip speed s.
 
-    Takes what `stage_fluxes` takes.
+    Takes what `stage_fluxes` takes but the motor speed.
+
+    Notes
+    -----
+    T = 1.5 n_p/L_l Im(psi_s conj psi_r) with psi_s = (b1 a22 - a12 b2)/D, psi_r = n/D,
+    n = a11 b2 - a21 b1, and D = a11 a22 - a12 a21. Only a22 = r + j s depends on the speed.
     """
-    psi_s, psi_r, slope_s, slope_r = stage_fluxes(constants, state, g, base, w1)
-    i_s, _ = winding_currents(constants, psi_s, psi_r)
-    slope_i, _ = winding_currents(constants, slope_s, slope_r)
-    factor = 1.5 * constants[POLE_PAIRS]
-    torque = factor * (i_s * psi_s.conjugate()).imag
-    slope = factor * (slope_i * psi_s.conjugate() + i_s * slope_s.conjugate()).imag
-    return abs(terminals(constants, i_s)[1]) / math.sqrt(2.0), torque, slope
+    a11, a12, a21, across, b1, b2 = _stage_system(constants, state, g, base)
+    n = (a11 * b2 - scaled(b1, a21)).conjugate()
+    d = scaled(a11, across) - a12 * a21
+    factor = 1.5 * constants[POLE_PAIRS] / constants[LEAKAGE_INDUCTANCE]
+    n0 = factor * ((scaled(b1, across) - scaled(b2, a12)) * n).imag
+    n1 = factor * (b1 * n).real
+    d1 = -2.0 * (d.conjugate() * a11).imag
+    return n0, n1, squared(d), d1, squared(a11)
+
+
+@compiled_part
+def curve_torque(
+    constants: Floats,
+    state: Floats,
+    curve: tuple[float, float, float, float, float],
+    w1: float,
+) -> tuple[float, float]:
+    """Return torque and its slope over the motor speed from a `torque_curve`."""
+    n0, n1, d0, d1, d2 = curve
+    slip = slip_speed(constants, state, w1)
+    share = 1.0 / (d0 + slip * (d1 + slip * d2))
+    torque = (n0 + n1 * slip) * share
+    fall = (n1 - torque * (d1 + 2.0 * slip * d2)) * share
+    return torque, -constants[POLE_PAIRS] * fall
 
 
 @compiled_part
 def fill_fluxes(
     constants: Floats, state: Floats, g: float, base: Floats, stage: Floats, w1: float
 ) -> None:
-    """Write the fluxes of a stage at its motor speed."""
-    psi_s, psi_r, _, _ = stage_fluxes(constants, state, g, base, w1)
+    """Write the fluxes of a stage at its motor speed, and the line's current (rms)."""
+    psi_s, psi_r = stage_fluxes(constants, state, g, base, w1)
     stage[STATOR_FLUX], stage[STATOR_FLUX_ACROSS] = psi_s.real, psi_s.imag
     stage[ROTOR_FLUX], stage[ROTOR_FLUX_ACROSS] = psi_r.real, psi_r.imag
+    i_s, _ = winding_currents(constants, psi_s, psi_r)
+    stage[CURRENT] = math.sqrt(0.5 * squared(terminals(constants, state, i_s)[1]))
 
 
 @compiled_part
 def add_electrical_energy(constants: Floats, state: Floats, stage: Floats, weight: float) -> None:
     """Add what a stage takes from the supply and loses in line, iron and windings."""
     i_s, i_r = winding_currents(constants, stator_flux(stage), rotor_flux(stage))
-    voltage, line = terminals(constants, i_s)
+    voltage, line = terminals(constants, state, i_s)
     part = 1.5 * weight
+    taken = state[SHARED_DROP] * line.real + state[SHARED_DROP_ACROSS] * line.imag
     state[ENERGIES + SUPPLY] += part * constants[PHASE_VOLTAGE] * line.real
-    state[ENERGIES + LINE] += part * constants[LINE_RESISTANCE] * abs(line) ** 2
-    state[ENERGIES + FIELD] += part * constants[IRON_CONDUCTANCE] * abs(voltage) ** 2
-    heat = constants[RESISTANCE] * abs(i_s) ** 2 + constants[ROTOR_RESISTANCE] * abs(i_r) ** 2
+    state[ENERGIES + LINE] += part * (constants[LINE_RESISTANCE] * squared(line) + taken)
+    state[ENERGIES + FIELD] += part * constants[IRON_CONDUCTANCE] * squared(voltage)
+    heat = constants[RESISTANCE] * squared(i_s) + constants[ROTOR_RESISTANCE] * squared(i_r)
     state[ENERGIES + COPPER] += part * heat
 
 
@@ -171,8 +241,8 @@ def field_energy(constants: Floats, row: Floats) -> float:
     if constants[STEADY_CIRCUIT] > 0.0:
         return 0.0
     psi_s, psi_r = stator_flux(row), rotor_flux(row)
-    energy = abs(psi_s) ** 2 / constants[STATOR_INDUCTANCE]
-    energy += abs(psi_r - psi_s) ** 2 / constants[LEAKAGE_INDUCTANCE]
+    energy = squared(psi_s) / constants[STATOR_INDUCTANCE]
+    energy += squared(psi_r - psi_s) / constants[LEAKAGE_INDUCTANCE]
     return 0.75 * float(energy)
 
 

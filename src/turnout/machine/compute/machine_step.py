@@ -14,6 +14,7 @@ from turnout.machine.compute.induction import (
     field_energy,
     stored_in_stage,
 )
+from turnout.machine.compute.lost_phase import add_lost_phase_energy
 from turnout.machine.compute.motor import net_voltage
 from turnout.machine.compute.places import (
     ARMATURE_OPEN,
@@ -56,6 +57,7 @@ from turnout.machine.compute.places import (
     OBJECT_SIZE,
     OBJECT_STIFFNESS,
     ONE_MASS,
+    PHASE_LOST,
     RAIL_COMPLIANCE,
     RAIL_DAMPING,
     RAIL_DAMPING_HEAT,
@@ -207,7 +209,9 @@ def _add_motor_energy(
     i, w1 = stage[CURRENT], stage[SPEED]
     heat = weight * i * i
     if constants[THREE_PHASE] > 0.0:
-        if state[ARMATURE_OPEN] == 0.0:
+        if state[ARMATURE_OPEN] == 0.0 and state[PHASE_LOST] > 0.0:
+            add_lost_phase_energy(constants, state, stage, weight)
+        elif state[ARMATURE_OPEN] == 0.0:
             add_electrical_energy(constants, state, stage, weight)
         heat, i = 0.0, 0.0
     elif state[ENERGISED] > 0.0:

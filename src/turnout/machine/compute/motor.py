@@ -14,7 +14,8 @@ import math
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
-from turnout.machine.compute.induction import induction_torque
+from turnout.machine.compute.induction import curve_torque
+from turnout.machine.compute.lost_phase import lost_phase_circuit
 from turnout.machine.compute.places import (
     ARMATURE_OPEN,
     BRUSH_DROP,
@@ -31,6 +32,7 @@ from turnout.machine.compute.places import (
     MOTOR_CONSTANT,
     MOTOR_DRAG,
     MOTOR_INERTIA,
+    PHASE_LOST,
     SERIES,
     SHARED_DROP,
     SPEED,
@@ -55,7 +57,12 @@ def net_voltage(state: Floats) -> float:
 
 @compiled_part
 def motor_torque(
-    constants: Floats, state: Floats, g: float, base: Floats, w1: float
+    constants: Floats,
+    state: Floats,
+    g: float,
+    base: Floats,
+    curve: tuple[float, float, float, float, float],
+    w1: float,
 ) -> tuple[float, float, float]:
     """Return current, torque and slope of the torque at a motor speed.
 
@@ -67,6 +74,8 @@ def motor_torque(
         Length of the stage [s].
     base : ndarray
         What the earlier stages leave: of the current i* [A], or of the fluxes.
+    curve : tuple of float
+        Of an induction motor, see `turnout.machine.compute.induction.torque_curve`.
     w1 : float
         [rad/s].
 
@@ -76,11 +85,16 @@ def motor_torque(
     adds. A permanent magnet has e = k w1, T = k i; a series motor p = K i/(1 + |i|/i_s),
     e = d p w1, T = d p i, and a quadratic for |i| with exactly one positive root. Their torque
     never rises with w1; that of an induction motor does below breakdown, by far less than J_1/g.
+    The current of an induction motor is not needed here; 0 stands for it.
     """
     if state[ARMATURE_OPEN] > 0.0:
         return 0.0, 0.0, 0.0
     if constants[THREE_PHASE] > 0.0:
-        return induction_torque(constants, state, g, base, w1)
+        if state[PHASE_LOST] > 0.0:
+            _, torque, slope, _ = lost_phase_circuit(constants, state, w1)
+        else:
+            torque, slope = curve_torque(constants, state, curve, w1)
+        return 0.0, torque, slope
     current = base[CURRENT]
     k, drop = constants[MOTOR_CONSTANT], constants[BRUSH_DROP]
     r = constants[INDUCTANCE] / g + state[CIRCUIT_RESISTANCE] + state[BRUSH_RESISTANCE]
@@ -128,12 +142,13 @@ def _residual(
     state: Floats,
     g: float,
     base: Floats,
+    curve: tuple[float, float, float, float, float],
     hand: float,
     w1: float,
     w2: float,
 ) -> tuple[float, float, float, float, float, float]:
     """Return residual, slope and scale at w1 without t_0; clutch torque, its slope and current."""
-    i, torque, torque_slope = motor_torque(constants, state, g, base, w1)
+    i, torque, torque_slope = motor_torque(constants, state, g, base, curve, w1)
     clutch, clutch_slope = clutch_torque(constants, state, g, base[TWIST], w1 - w2)
     inertia = constants[MOTOR_INERTIA] / g
     gain = constants[HAND_GAIN] * state[HAND_ON]
@@ -150,6 +165,7 @@ def motor_side(
     state: Floats,
     g: float,
     base: Floats,
+    curve: tuple[float, float, float, float, float],
     hand: float,
     start: float,
     w2: float,
@@ -160,6 +176,8 @@ def motor_side(
     ----------
     base : ndarray
         What the earlier stages leave of the integrated states.
+    curve : tuple of float
+        Of an induction motor's torque in this stage.
     hand : float
         Speed of the hand at the crank at the end of the stage [rad/s].
     start : float
@@ -170,13 +188,13 @@ def motor_side(
     Returns
     -------
     tuple of float
-        The current is NaN where the iteration did not end.
+        The current is NaN where the iteration did not end, and 0 of an induction motor.
     """
     still = state[STILL_TORQUE]
     sign = math.copysign(1.0, start)
     w1 = start
     if start == 0.0:
-        at_rest, _, _, clutch, slope, i = _residual(constants, state, g, base, hand, 0.0, w2)
+        at_rest, _, _, clutch, slope, i = _residual(constants, state, g, base, curve, hand, 0.0, w2)
         if abs(at_rest) <= still:
             return 0.0, i, clutch, -slope
         sign = -math.copysign(1.0, at_rest)
@@ -184,7 +202,7 @@ def motor_side(
     checked = start == 0.0
     for _ in range(ITERATIONS):
         f, slope, scale, clutch, clutch_slope, i = _residual(
-            constants, state, g, base, hand, w1, w2
+            constants, state, g, base, curve, hand, w1, w2
         )
         f += sign * still
         if not abs(f) < math.inf:
@@ -207,7 +225,9 @@ def motor_side(
         if checked or w1 * sign >= 0.0:
             return w1, i, clutch, -clutch_slope * (1.0 - clutch_slope / slope)
         # the guess had the wrong sign: the motor stands, or turns the other way
-        at_rest, _, _, clutch, clutch_slope, i = _residual(constants, state, g, base, hand, 0.0, w2)
+        at_rest, _, _, clutch, clutch_slope, i = _residual(
+            constants, state, g, base, curve, hand, 0.0, w2
+        )
         if abs(at_rest) <= still:
             return 0.0, i, clutch, -clutch_slope
         checked, sign = True, -math.copysign(1.0, at_rest)

@@ -62,6 +62,7 @@ the closing direction. Flags are 0.0 or 1.0.
     STATOR_INDUCTANCE,  # L_s [H]
     LEAKAGE_INDUCTANCE,  # L_l, all on the rotor's side [H]
     IRON_CONDUCTANCE,  # 1/R_fe across the terminals [1/ohm]
+    PHASE_LOST_TIME,  # at which one conductor of an induction motor's supply opens [s]
     LONGEST_STEP,  # of the machine within a step of the rails [s]
     DRY_RATIO,  # of the gear's efficiency where it is dry to that where it is not; 1: nowhere dry
     DRY_FROM,  # rod positions between which it is dry [m]
@@ -69,7 +70,7 @@ the closing direction. Flags are 0.0 or 1.0.
     CONTACT_LOSS,  # share of each turn of the motor in which a brush has poor contact
     CONTACT_RESISTANCE,  # added there [ohm]
     CONSTANTS,
-) = range(63)
+) = range(64)
 
 
 (SCREW, CRANK, TABLE) = range(3)
@@ -129,7 +130,10 @@ the closing direction. Flags are 0.0 or 1.0.
     CONTACTOR_TIME,  # of the last closing [s]
     CUTOFF_TIME,  # planned [s], inf without a plan
     OVERLOAD_SINCE,  # [s], inf while the current is below
-    SHARED_DROP,  # voltage that the other machines on the supply take [V], set from outside
+    SHARED_DROP,  # voltage that the other machines on the supply take [V], set from outside;
+    # of an induction motor the part along the supply's voltage, peak
+    SHARED_DROP_ACROSS,  # its part a quarter of a turn ahead, 0 of a direct current
+    PHASE_LOST,  # 1: one conductor of an induction motor's supply is open
     NEXT_COMMAND,  # index of the next command
     LOCK_ALLOWED,  # 0: the limit contact may not act, set from outside
     EVENTS,  # number logged
@@ -137,7 +141,7 @@ the closing direction. Flags are 0.0 or 1.0.
     GEAR_RATIO,  # DRY_RATIO where the gear is dry, else 1
     BRUSH_RESISTANCE,  # CONTACT_RESISTANCE while a brush has poor contact, else 0 [ohm]
     ENERGIES,  # the first of the sums below
-) = range(39)
+) = range(41)
 
 INTEGRATED = 12
 """So many states, from the first on, obey differential equations."""
@@ -176,7 +180,8 @@ STATES = ENERGIES + SUMS
     EVENT_LOCKED,
     EVENT_DETECTION_OPENS,
     EVENT_DETECTION_CLOSES,
-) = range(7)
+    EVENT_PHASE_LOST,
+) = range(8)
 
 EVENT_TEXTS = (
     "on",
@@ -186,6 +191,7 @@ EVENT_TEXTS = (
     "locked",
     "detection opens",
     "detection closes",
+    "phase lost",
 )
 
 (CONVERGED, NOT_CONVERGED) = range(2)

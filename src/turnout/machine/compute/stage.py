@@ -16,7 +16,8 @@ import math
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
-from turnout.machine.compute.induction import fill_fluxes
+from turnout.machine.compute.induction import NO_CURVE, fill_fluxes, torque_curve
+from turnout.machine.compute.lost_phase import lost_phase_circuit
 from turnout.machine.compute.motor import ITERATIONS, ROUNDING, motor_side
 from turnout.machine.compute.places import (
     ARMATURE_OPEN,
@@ -33,6 +34,7 @@ from turnout.machine.compute.places import (
     LOCKED,
     NOT_CONVERGED,
     ONE_MASS,
+    PHASE_LOST,
     RAIL_POSITION,
     RAIL_SPEED,
     RAIL_TWIST,
@@ -70,7 +72,10 @@ def _fill(
     stage[ROD_POSITION], stage[ROD_FORCE] = x, force
     stage[RAIL_POSITION] = y
     if constants[THREE_PHASE] > 0.0 and state[ARMATURE_OPEN] == 0.0:
-        fill_fluxes(constants, state, g, base, stage, w1)
+        if state[PHASE_LOST] > 0.0:
+            stage[CURRENT] = lost_phase_circuit(constants, state, w1)[0]
+        else:
+            fill_fluxes(constants, state, g, base, stage, w1)
     if rail[ONE_MASS] > 0.0:
         moved = y - base[RAIL_POSITION]
         stage[RAIL_SPEED] = moved / g
@@ -120,9 +125,12 @@ def solve_stage(
     sign = math.copysign(1.0, w2)
     stands = w2 == 0.0
     checked = False
+    curve = NO_CURVE
+    if constants[THREE_PHASE] > 0.0 and state[ARMATURE_OPEN] == 0.0:
+        curve = torque_curve(constants, state, g, base)
     low, high = -math.inf, math.inf
     for _ in range(2 * ITERATIONS):
-        w1, i, clutch, clutch_slope = motor_side(constants, state, g, base, hand, w1, w2)
+        w1, i, clutch, clutch_slope = motor_side(constants, state, g, base, curve, hand, w1, w2)
         x, dx, ddx = rod_position(constants, table, base[GEAR_ANGLE] + g * w2)
         force, force_slope, y = rail_side(constants, rail, g, base, free, compliance, y, x)
         load = dx * force

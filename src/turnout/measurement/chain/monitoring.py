@@ -12,12 +12,20 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.core.units import CURRENT, FREQUENCY, parse_quantity
 from turnout.errors import MeasurementError
+from turnout.measurement.recording import RecordedChannel, Recording
 
 Floats = NDArray[np.float64]
 
 MOST_RATE, LEAST_RATE = 1000.0, 1.0
 """Rates that are accepted; 25 to 100 are usual [1/s]."""
+COLUMNS = {
+    "drive_current": ("Current", "A"),
+    "drive_power": ("Active power", "W"),
+    "drive_apparent_power": ("Apparent power", "VA"),
+}
+"""What a file of such a system calls its channels, and their units, in its order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,6 +115,103 @@ def monitored(run: xr.Dataset, monitoring: Monitoring | None = None) -> xr.Datas
     )
 
 
+def monitoring_of(
+    *,
+    rate: str = "50 Hz",
+    together: Sequence[str] = (),
+    current_step: str = "0.01 A",
+) -> Monitoring:
+    """Return a monitoring system from what a user types.
+
+    Parameters
+    ----------
+    rate : str
+        Values a second, such as "25 Hz".
+    together : sequence of str
+        Transformers around the leads of several drives: "switch=1,2".
+    current_step : str
+        Resolution of currents, such as "0.01 A"; "0 A" for none.
+
+    Raises
+    ------
+    MeasurementError
+        With all problems.
+
+    Examples
+    --------
+    >>> monitoring_of(rate="25 Hz", together=["switch=1,2"]).together
+    {'switch': ['1', '2']}
+    """
+    problems, groups, found = [], {}, {"rate": 50.0, "current_step": 0.01}
+    for key, text, dimension in (
+        ("rate", rate, FREQUENCY),
+        ("current_step", current_step, CURRENT),
+    ):
+        try:
+            found[key] = parse_quantity(text, dimension)
+        except ValueError as error:
+            problems.append(f"--{key.replace('_', '-')} '{text}': {error}")
+    if not LEAST_RATE <= found["rate"] <= MOST_RATE:
+        problems.append(f"--rate '{rate}': must be {LEAST_RATE:g} to {MOST_RATE:g} Hz")
+    if found["current_step"] < 0.0:
+        problems.append(f"--current-step '{current_step}': must be at least 0 A")
+    for text in together:
+        name, sign, drives = (part.strip() for part in text.partition("="))
+        members = [item.strip() for item in drives.split(",") if item.strip()]
+        if not sign or not name or len(members) < 2:
+            problems.append(f"--together '{text}': write NAME=DRIVE,DRIVE, such as switch=1,2")
+        elif name in groups:
+            problems.append(f"--together '{text}': {name} is given twice")
+        else:
+            groups[name] = members
+    if problems:
+        raise MeasurementError(problems, source="monitoring")
+    return Monitoring(rate=found["rate"], current_step=found["current_step"], together=groups)
+
+
+def check_monitoring(monitoring: Monitoring, drives: Sequence[str]) -> None:
+    """Refuse transformers around drives that are not there.
+
+    Raises
+    ------
+    MeasurementError
+        With all problems.
+    """
+    _groups(list(drives), monitoring)
+
+
+def monitoring_recording(stored: xr.Dataset, *, source: str) -> Recording:
+    """Return what a monitoring system stored as a recording that a file can hold.
+
+    Parameters
+    ----------
+    stored : xarray.Dataset
+        From `monitored`.
+    source : str
+        What the file says of its origin.
+
+    Returns
+    -------
+    Recording
+        Channels "Current 1" [A], "Active power 1" [W] and "Apparent power 1" [VA], the last two of
+        machines only; the number is the drive, or the name of the transformer. A value stands at
+        the end of its window.
+    """
+    time, rate = stored["time"].values, float(stored.attrs["monitoring_rate"])
+    channels = {}
+    for name, (title, unit) in COLUMNS.items():
+        if name not in stored:
+            continue
+        for drive, values in zip(stored["drive"].values, stored[name].values, strict=True):
+            if np.isnan(values).all():
+                continue
+            column = f"{title} {drive}"
+            channels[column] = RecordedChannel(
+                column, unit, values, rate=rate, start=float(time[0]), description=source
+            )
+    return Recording(channels, source)
+
+
 def _window(run: xr.Dataset, chosen: Monitoring) -> int:
     """Return samples in a window; refuse what cannot be sampled."""
     problems = []
@@ -122,7 +227,7 @@ def _window(run: xr.Dataset, chosen: Monitoring) -> int:
         if abs(size * chosen.rate - own) > 1e-3 * own or size < 1 or time.size < size:
             problems.append(
                 f"rate = {chosen.rate:g} 1/s: the run has {own:g} 1/s, which must be a multiple "
-                "of it; keep the run at 1000 1/s (output_interval = 1 ms)"
+                "of it; take such a rate, or store the run every 1 ms (--every '1 ms')"
             )
     if problems:
         raise MeasurementError(problems, source="monitoring")
@@ -141,7 +246,10 @@ def _groups(drives: Sequence[str], chosen: Monitoring) -> dict[str, list[str]]:
 
 def _together(rows: Mapping[str, Floats]) -> dict[str, Floats]:
     """Return what one transformer sees of several drives."""
-    found = {name: np.nansum(values, axis=0) for name, values in rows.items()}
+    found = {
+        name: np.where(np.isnan(values).all(axis=0), np.nan, np.nansum(values, axis=0))
+        for name, values in rows.items()
+    }
     if "drive_apparent_power" in rows and rows["drive_current"].shape[0] > 1:
         active, apparent = np.nan_to_num(rows["drive_power"]), rows["drive_apparent_power"]
         whole = np.nan_to_num(apparent)

@@ -1,0 +1,78 @@
+"""A panel by name: of the library, a file, or one case of a study, `plausible-panels:17`."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from turnout.errors import StudyError
+from turnout.panel.load import LoadedPanel, as_written, load_panel
+
+_CASE = re.compile(r"(?P<study>.*\S):(?P<number>\d+)")
+
+
+def load_panel_or_case(
+    name_or_path: str | Path, *, overrides: Mapping[str, object] | None = None
+) -> LoadedPanel:
+    """Load a panel of the library by its name, a panel file by its path, or a case of a study.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        A library name, or a path; a text with ".toml" or a path separator is a path. With ":N"
+        behind it, it is a study, and its case N is meant, counted from 0.
+    overrides : mapping, optional
+        Changes, as for `LoadedPanel.with_overrides`. In a panel they are set before anything is
+        checked, so they may replace what is wrong in the file.
+
+    Returns
+    -------
+    LoadedPanel
+        The checked panel.
+
+    Raises
+    ------
+    FileError
+        When the file cannot be read or is not TOML.
+    PanelError, StudyError
+        When what it says is not a valid panel or study, or the study has no such case; with all
+        problems at once.
+
+    Examples
+    --------
+    >>> load_panel_or_case("sb1").drive["1"].stiffness
+    750000.0
+    >>> load_panel_or_case("plausible-panels:17").name
+    'uic60-760-1-15'
+    """
+    found = None if isinstance(name_or_path, Path) else _CASE.fullmatch(str(name_or_path).strip())
+    if found is None:
+        return load_panel(name_or_path, overrides=overrides)
+    panel = case_panel(found["study"], int(found["number"]))
+    return panel.with_overrides(overrides) if overrides else panel
+
+
+def case_panel(study_name: str | Path, number: int) -> LoadedPanel:
+    """Return the panel of a case of a study, counted from 0.
+
+    Raises
+    ------
+    StudyError
+        When the study has no such case, or its cases are more than a panel.
+    """
+    # A panel does not wait for what reads studies.
+    from turnout.study.load_study import load_study
+    from turnout.study.variable import OBJECT_KEYS, RECORDER_KEYS
+
+    study = load_study(study_name)
+    keys = [variable.key for variable in study.variables.values()]
+    other = [key for key in keys if key in OBJECT_KEYS or key in RECORDER_KEYS]
+    if other:
+        message = (
+            f"its cases are more than a panel, they have {other[0]}; "
+            "name a study that varies the panel only"
+        )
+        raise StudyError([message], source=str(study_name))
+    if number >= study.count:
+        message = f"there is no case {number}; there are 0 to {study.count - 1}"
+        raise StudyError([message], source=str(study_name))
+    return as_written(study.panel.with_overrides(study.scenario(number).overrides))

@@ -1,0 +1,185 @@
+"""The tables of docs/plausible-panels.md, from the folder of a matching of `paper-facts`.
+
+`python -m tests.verification.plausible_page FOLDER` writes them. What a matching does not throw,
+sizes seen at other frictions and the whole check of `turnout panel check`, is thrown here for the
+panels of the study and kept in the folder; `--check N` bounds how many are checked, at 8 s each.
+"""
+
+import json
+import re
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from turnout.analysis.panel_check import panel_concerns
+from turnout.matching.facts import Facts, Sum, Term, load_facts
+from turnout.matching.match import Matching, match_panel
+from turnout.matching.meet_facts import Thrower, panel_at
+from turnout.matching.propose import farthest_points
+from turnout.matching.remaining import answer_rows, combinations, fixed_direction, gains, ranges
+from turnout.matching.survey import survey
+from turnout.response.simulate import simulate
+
+PAGE = Path(__file__).parents[2] / "docs" / "plausible-panels.md"
+CHOSEN = 50
+FRICTIONS = (0.3, 0.4, 0.5)
+UNITS = {"m": ("mm", 1e3), "N": ("kN", 1e-3), "N/m": ("kN/m", 1e-3), "N/s": ("kN/s", 1e-3)}
+UNITS |= {"N m/rad": ("kN m/rad", 1e-3)}
+
+
+def shown(unit: str) -> tuple[str, float]:
+    """Return the unit of a table, and the factor from SI to it."""
+    return UNITS.get(unit, (unit or "-", 1.0))
+
+
+def waves_table(found: Matching) -> str:
+    """Return panels tried and accepted wave by wave."""
+    rows = ["| wave | tried | accepted | share of the ranges left |", "|---:|---:|---:|---:|"]
+    for wave in sorted({item.wave for item in found.tried}):
+        own = [item for item in found.tried if item.wave == wave]
+        good = sum(item.accepted for item in own)
+        rows.append(f"| {wave + 1} | {len(own)} | {good} | {own[0].share:.2g} |")
+    return "\n".join(rows)
+
+
+def ranges_table(facts: Facts, points: Any) -> str:
+    """Return the numbers before and after, those that the facts fix most first."""
+    rows = [
+        "| number | unit | stated | accepted, 5 to 95 % | least ... most | left |",
+        "|---|---|---:|---:|---:|---:|",
+    ]
+    for item in sorted(ranges(facts, points), key=lambda item: item.left):
+        unit, factor = shown(item.unit)
+        cells = [f"{factor * item.minimum:.4g} to {factor * item.maximum:.4g}"]
+        cells += [f"{factor * item.low:.3g} to {factor * item.high:.3g}"]
+        cells += [f"{factor * item.least:.3g} ... {factor * item.most:.3g}"]
+        rows.append(f"| {item.name} | {unit} | {' | '.join(cells)} | {100 * item.left:.0f} % |")
+    return "\n".join(rows)
+
+
+def pairs_list(facts: Facts, points: Any) -> str:
+    """Return the strongly correlated pairs, and the combination that is fixed most."""
+    pairs = combinations(facts, points)
+    lines = [f"- {pair.first} and {pair.second}: {pair.correlation:+.2f}" for pair in pairs]
+    parts = [f"{share:+.2f} {name}" for share, name in fixed_direction(facts, points)]
+    return "\n".join([*lines, f"- fixed most, in shares of the ranges: {', '.join(parts)}"])
+
+
+def gains_table(facts: Facts, points: Any, shows: Any) -> str:
+    """Return all further measurements, the most useful first."""
+    rows = [
+        "| further measurement | unit | precision | spread | panels left | parameters | answers |",
+        "|---|---|---:|---:|---:|---:|---:|",
+    ]
+    for item in gains(facts, points, shows.measured, shows.answers):
+        unit, factor = shown(item.unit)
+        cells = [f"{factor * item.precision:.3g}", f"{factor * item.spread:.3g}"]
+        cells += [f"{100 * part:.0f} %" for part in (item.left, item.parameters, item.answers)]
+        rows.append(f"| {item.name} | {unit} | {' | '.join(cells)} |")
+    return "\n".join(rows)
+
+
+def answers_table(answers: Iterable[Sum], values: Any) -> str:
+    """Return how answers spread over panels."""
+    rows = [
+        "| answer | unit | least | 5 % | 50 % | 95 % | most |",
+        "|---|---|---:|---:|---:|---:|---:|",
+    ]
+    for row in answer_rows(tuple(answers), values):
+        unit, factor = shown(str(row["unit"]))
+        names = ("least", "low", "median", "high", "most")
+        cells = " | ".join(f"{factor * float(row[name]):.3g}" for name in names)
+        rows.append(f"| {row['name']} | {unit} | {cells} |")
+    return "\n".join(rows)
+
+
+def kept(path: Path) -> dict[str, Any]:
+    """Return what a folder knows of its panels, by their number."""
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def visible(facts: Facts, point: Any, friction: float) -> float:
+    """Return the smallest size seen at sleeper 6 at a friction [m]."""
+    change = (("chair.friction_coefficient", friction),)
+    term = Term("visible size", "sleeper 6", "", change, 1.0)
+    return Thrower(panel_at(facts, point)).sum(Sum(name="f", terms=(term,), unit="m"))
+
+
+def further(folder: Path, facts: Facts, points: Any, *, checked: int) -> dict[str, Any]:
+    """Throw what a matching does not: sizes at other frictions, and the whole check."""
+    path = folder / "further.json"
+    known = kept(path)
+    for number, point in enumerate(points):
+        row = known.setdefault(json.dumps(list(point)), {})
+        for friction in (FRICTIONS[0], FRICTIONS[-1]):
+            if str(friction) not in row:
+                row[str(friction)] = visible(facts, point, friction)
+        if number < checked and "warnings" not in row:
+            panel = panel_at(facts, point)
+            row["warnings"] = [item.text for item in panel_concerns(panel, simulate(panel))]
+        path.write_text(json.dumps(known), encoding="utf-8")
+        print(f"panel {number + 1} of {len(points)}", file=sys.stderr, flush=True)
+    return {"rows": [known[json.dumps(list(point))] for point in points]}
+
+
+def growth_table(facts: Facts, values: Any, rows: list[dict[str, Any]]) -> str:
+    """Return sizes seen by friction, apart where the rail is pressed home at 0.3 and where not."""
+    names = [item.name for item in facts.answers]
+    middle = values[:, names.index("f: smallest visible object at sleeper 6")]
+    gap = values[:, names.index("f: open at Drive 2, friction 0.3")]
+    sizes = np.column_stack([[row["0.3"] for row in rows], middle, [row["0.5"] for row in rows]])
+    lines = [
+        "| at friction 0.3, Drive 2 | panels | seen at 0.3, 0.4, 0.5 (median) [mm] "
+        "| grows 0.3 to 0.4 | grows 0.4 to 0.5 |",
+        "|---|---:|---:|---:|---:|",
+    ]
+    for name, own in (("presses the rail home", gap <= 0.0), ("leaves it open", gap > 0.0)):
+        if own.any():
+            medians = ", ".join(f"{1e3 * np.median(column):.1f}" for column in sizes[own].T)
+            grows = [int((np.diff(sizes[own], axis=1)[:, n] > 0.0).sum()) for n in (0, 1)]
+            lines.append(f"| {name} | {own.sum()} | {medians} | {grows[0]} | {grows[1]} |")
+    return "\n".join(lines)
+
+
+def put(text: str, name: str, content: str) -> str:
+    """Put a table between its marks."""
+    marks = f"<!-- {name} -->", f"<!-- end of {name} -->"
+    pattern = re.compile(f"{re.escape(marks[0])}.*?{re.escape(marks[1])}", re.DOTALL)
+    return pattern.sub(lambda _: f"{marks[0]}\n{content}\n{marks[1]}", text)
+
+
+def main(folder: Path, *, checked: int = CHOSEN) -> None:
+    """Write the tables of a matching that is complete."""
+    facts = load_facts("paper-facts")
+    found = match_panel(facts, folder, count=0)
+    shows = survey(facts, found.points, folder)
+    chosen = farthest_points(found.points, CHOSEN)
+    values = shows.answers[chosen]
+    rows = further(folder, facts, found.points[chosen], checked=checked)["rows"]
+    facts_values = np.array([item.values for item in found.tried if item.accepted])[chosen]
+    parts = {
+        "waves": waves_table(found),
+        "ranges": ranges_table(facts, found.points),
+        "pairs": pairs_list(facts, found.points),
+        "gains": gains_table(facts, found.points, shows),
+        "answers": answers_table(facts.answers, values),
+        "facts": answers_table([f for f in facts.facts if not f.late], facts_values),
+        "growth": growth_table(facts, values, rows),
+    }
+    text = PAGE.read_text(encoding="utf-8")
+    for name, content in parts.items():
+        text = put(text, name, content)
+    PAGE.write_text(text, encoding="utf-8")
+    seconds = sum(item.seconds for item in found.tried)
+    throws = sum(item.throws for item in found.tried)
+    print(f"{len(found.points)} of {len(found.tried)}, {throws} throws, {seconds:.0f} s")
+    warned = [row["warnings"] for row in rows if "warnings" in row]
+    print(f"{len(warned)} checked, {sum(map(bool, warned))} with warnings: {warned}")
+
+
+if __name__ == "__main__":
+    limit = int(sys.argv[3]) if sys.argv[2:3] == ["--check"] else CHOSEN
+    main(Path(sys.argv[1]), checked=limit)
