@@ -20,9 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.detection.conditions import Conditions
+from turnout.detection.conditions import FORCE, Conditions
 from turnout.detection.drive_quantities import (
-    FORCE,
     Signal,
     after_inrush,
     force_peaks,
