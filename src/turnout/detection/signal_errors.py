@@ -21,12 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.detection.conditions import FORCE, Conditions
-from turnout.detection.drive_quantities import (
-    Signal,
-    after_inrush,
-    force_peaks,
-    read_signals,
-)
+from turnout.detection.drive_quantities import Signal, after_inrush, force_peaks, read_signals
 from turnout.detection.features import correlation, discrepancy_covariance
 from turnout.panel.load import LoadedPanel
 from turnout.response.force_gain import gain_along
@@ -74,8 +69,8 @@ def signal_errors(
     if all(item.quantity == FORCE for item in signals):
         peaks = force_peaks(panel, scheme=scheme)
         names = list(panel.drive)
-        amplitude = np.array([peaks[names.index(item.drive)] for item in signals])
-        return forces_only(amplitude, count=time.size)
+        own_peaks = np.array([peaks[names.index(item.drive)] for item in signals])
+        return forces_only(own_peaks, count=time.size)
     dataset = simulate(panel, scheme=scheme)
     instants = dataset["time"].to_numpy()
     values = read_signals(dataset.expand_dims("scenario"), signals)[0]
