@@ -7,7 +7,8 @@ import pytest
 import xarray as xr
 from tests.unit.recorded import changed, noisy, only, samples, typical
 
-from turnout.measurement.quality.channel_faults import KINDS, line_amplitude
+from turnout.measurement.quality.channel_faults import KINDS
+from turnout.measurement.quality.hum import line_amplitude
 from turnout.measurement.quality.judge import Expected, ThrowQuality, judge
 from turnout.measurement.quality.throw_faults import open_level
 
@@ -40,6 +41,17 @@ def with_hole(values: np.ndarray) -> np.ndarray:
 
 def humming(values: np.ndarray) -> np.ndarray:
     return values + 90.0 * np.sin(2.0 * np.pi * 50.0 * np.arange(values.size) / 1000.0)
+
+
+def railway_hum(values: np.ndarray) -> np.ndarray:
+    return values + 90.0 * np.sin(2.0 * np.pi * 50.0 / 3.0 * np.arange(values.size) / 1000.0)
+
+
+def ringing(values: np.ndarray) -> np.ndarray:
+    """Ring as a load cell that is struck, at the frequency of railway supply; it dies away."""
+    since = np.arange(values.size) / 1000.0 - 3.6
+    wave = 900.0 * np.exp(-since / 0.2) * np.sin(2.0 * np.pi * 50.0 / 3.0 * since)
+    return values + np.where(since > 0.0, wave, 0.0)
 
 
 def spiked(values: np.ndarray, height: float = 9000.0) -> np.ndarray:
@@ -83,6 +95,7 @@ def at_rate(factor: float) -> xr.Dataset:
         (lambda: at_rate(2.0), "sampling rate", ""),
         (lambda: at_rate(0.8), "sampling rate", ""),
         (lambda: altered("drive_force 1", humming), "mains hum", "drive_force 1"),
+        (lambda: altered("object_force", railway_hum), "mains hum", "object_force"),
         (lambda: altered("drive_force 1", spiked), "spikes", "drive_force 1"),
         (lambda: altered("drive_current 1", lambda v: spiked(v, 8.0)), "spikes", "current 1"),
         (lambda: altered("drive_force 2", drifting), "drift", "drive_force 2"),
@@ -99,6 +112,12 @@ def test_a_fault_is_seen_and_excludes(
     assert not verdict.usable
     assert kind in KINDS
     assert any(kind in reason for reason in verdict.reasons)
+
+
+def test_a_load_cell_that_rings_after_an_impact_does_not_hum() -> None:
+    dataset = altered("object_force", ringing)
+    assert not [fault for fault in judged(dataset).faults if fault.kind == "mains hum"]
+    assert judged(dataset).usable
 
 
 @pytest.mark.parametrize("direction", ["closing", "opening"])

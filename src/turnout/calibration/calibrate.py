@@ -10,11 +10,19 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.calibration.advice import next_lines, next_movements, systematic_errors
-from turnout.calibration.causes import with_causes
+from turnout.calibration.causes import CLEARLY, CauseSearch, is_worth_a_search, with_causes
 from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import Spread, spread_of
 from turnout.calibration.evaluate import Evaluator
-from turnout.calibration.fit import JOINT_SHARES, ROUGH_SHARES, Fit, fit
+from turnout.calibration.fit import (
+    JOINT_SHARES,
+    MAX_PASSES,
+    MAX_STEPS,
+    ROUGH_SHARES,
+    Fit,
+    brief_fit,
+    fit,
+)
 from turnout.calibration.grid_search import GridSearch, sweep
 from turnout.calibration.measured_movements import MeasuredMovement, observe, selected
 from turnout.calibration.misfit import Misfit
@@ -291,14 +299,40 @@ class _Run:
     ) -> tuple[Fit, list[str]]:
         """Fit to the end, with a lead of the motors and what else the misfit asks for."""
         on_step = self.watch.found
-        final = fit(start, parameters, near.values, near=near, on_step=on_step)
-        lead = common_lead(final)
+        # What a model that is far off misses is seen at once; it would go on only to move away.
+        found = brief_fit(start, parameters, near.values, near=near, passes=1, steps=0)
+        lead = common_lead(found)
         if lead:
             start = replace(start, comparison=replace(start.comparison, lead=lead))
-            final = fit(start, parameters, final.values, near=final, on_step=on_step)
-        final, tested = with_causes(final, start, self.panel, on_step=on_step)
-        causes = [item.line for item in tested]
+            found = brief_fit(start, parameters, near.values, near=near, passes=1, steps=0)
+        if not is_worth_a_search(found, share=CLEARLY):
+            found = brief_fit(start, parameters, found.values, near=found, on_step=on_step)
+        search = with_causes(found, start, self.panel, on_step=on_step)
+        if lead and search.tested and not common_lead(search.found):
+            # A recorder that averages delays forces as a lead does.
+            lead = 0.0
+            known = replace(search.first.comparison, lead=lead)
+            search = replace(search, first=replace(search.first, comparison=known))
+        final = self._final(search)
+        causes = [item.line for item in search.tested]
         return final, [lead_text(lead), *causes] if lead else causes
+
+    def _final(self, search: CauseSearch) -> Fit:
+        """Fit to the end from where a search for causes ended."""
+        misfit = replace(search.first, base=search.found.values)
+        found, on_step = search.found, self.watch.found
+        if search.misses:
+            # Exact slopes and shorter steps of the solver are no remedy for what it still misses.
+            return brief_fit(
+                misfit,
+                found.parameters,
+                found.values,
+                near=found,
+                passes=MAX_PASSES,
+                steps=MAX_STEPS,
+                on_step=on_step,
+            )
+        return fit(misfit, found.parameters, found.values, near=found, on_step=on_step)
 
     def _misfit(
         self,

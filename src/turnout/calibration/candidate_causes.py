@@ -6,7 +6,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.calibration.drive_law.candidates import REACH, Law, Shape, level_key, stiffness_key
+from turnout.calibration.drive_law.candidates import (
+    REACH,
+    Law,
+    Shape,
+    lagged,
+    level_key,
+    stiffness_key,
+)
 from turnout.calibration.evaluate import Response
 from turnout.calibration.parameter import Parameter, free_parameter
 from turnout.calibration.trailing_mean import trailing_mean
@@ -18,6 +25,12 @@ FRICTION, MODULUS = "chair.friction_coefficient", "material.youngs_modulus"
 # Share of its stiffness that a bushing has at first [-].
 SOFT_SHARE = 0.25
 LEVEL_SCATTER = 0.05
+# A bushing as a table: where its spans end [m], how far the logarithm of the stiffness in one is
+# expected from that beyond, and up to which share of the slip level a span may reach [-].
+TABLE_ENDS, TABLE_SPREAD, LAST_SPAN = (0.5e-3, 1e-3, 2e-3, 4e-3), 0.7, 0.95
+# Groups of neighbouring chairs at most, and how far the friction of one is expected from the mean
+# of all, as a share of that [-].
+CHAIR_GROUPS, CHAIR_SPREAD = 5, 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -29,11 +42,12 @@ class Cause:
     name : str
         What it is called, such as "recorder filter".
     text : callable
-        From its size to a sentence.
-    parameter : Parameter or None
-        Its size; None where each movement has its own.
+        From its sizes to a sentence.
+    parameters : tuple of Parameter
+        Its size, or several with priors that describe it together; none where each movement has
+        its own.
     tries : tuple of float
-        Sizes that are tried, in the unit of the parameter.
+        Sizes that are tried, in the unit of the parameter; of several, each alone.
     smooth : bool
         Whether forces change in proportion to it: then one size is tried, and the likeliest
         follows with those of all values.
@@ -44,8 +58,8 @@ class Cause:
     """
 
     name: str
-    text: Callable[[float], str]
-    parameter: Parameter | None = None
+    text: Callable[[Sequence[float]], str]
+    parameters: tuple[Parameter, ...] = ()
     tries: tuple[float, ...] = ()
     smooth: bool = False
     law: Law | None = None
@@ -56,7 +70,8 @@ class Cause:
 def candidate_causes(panel: LoadedPanel, parameters: Sequence[Parameter]) -> tuple[Cause, ...]:
     """Return the causes that are tested, the cheap ones first."""
     known = {item.name for item in parameters}
-    found = [_recorder(), *_bushings(panel), *_clutches(panel, known)]
+    found = [_recorder(), *_bushings(panel), *_tables(panel), *_clutches(panel, known)]
+    found += [_lag(name) for name in panel.drive]
     if MODULUS not in known:
         found += _sections(panel)
     if FRICTION in known and len(panel.chair) > 2:
@@ -66,19 +81,18 @@ def candidate_causes(panel: LoadedPanel, parameters: Sequence[Parameter]) -> tup
 
 def _linear(name: str, upper: float, unit: str, *, lower: float = 0.0) -> Parameter:
     return Parameter(
-        name=name, keys=(), start=max(0.0, lower), lower=lower, upper=upper, unit=unit,
-        transform="linear",
-    )  # fmt: skip
+        name=name, keys=(), start=0.0, lower=lower, upper=upper, unit=unit, transform="linear"
+    )
 
 
 def _recorder() -> Cause:
     return Cause(
         name="recorder filter",
-        text=lambda size: (
-            f"the recorder averages over {size:.3g} s; state it in the channel map as "
-            f'recorded_average = "{size:.3g} s"'
+        text=lambda sizes: (
+            f"the recorder averages over {sizes[0]:.3g} s; state it in the channel map as "
+            f'recorded_average = "{sizes[0]:.3g} s"'
         ),
-        parameter=_linear("recorder.average", 0.5, "s"),
+        parameters=(_linear("recorder.average", 0.5, "s"),),
         tries=(0.03, 0.1, 0.25),
         shape=lambda response, values: _recorded(response, values["recorder.average"]),
     )
@@ -117,10 +131,10 @@ def _bushings(panel: LoadedPanel) -> list[Cause]:
         found.append(
             Cause(
                 name="bushing shape",
-                text=lambda size, which=which: (  # type: ignore[misc]
-                    f"the bushing of {which} is soft over its first {1e3 * size:.2g} mm"
+                text=lambda sizes, which=which: (  # type: ignore[misc]
+                    f"the bushing of {which} is soft over its first {1e3 * sizes[0]:.2g} mm"
                 ),
-                parameter=_linear(key, 0.01, "m"),
+                parameters=(_linear(key, 0.01, "m"),),
                 tries=(0.5e-3, 1.5e-3, 3e-3),
                 law=law,
             )
@@ -158,6 +172,88 @@ def soft_bushing(
     return {f"drive.{drive}.extension": extension, f"drive.{drive}.force": force}
 
 
+def _tables(panel: LoadedPanel) -> list[Cause]:
+    """Return bushings whose first millimetres have stiffnesses of their own, as tables."""
+    found = []
+    for drive in panel.drive:
+        keys = tuple(f"drive.{drive}.softness.{number}" for number, _ in enumerate(TABLE_ENDS, 1))
+
+        def law(
+            values: Mapping[str, float], drive: str = drive, keys: tuple[str, ...] = keys
+        ) -> dict[str, object]:
+            return bushing_table(panel, drive, values, softness=[values[key] for key in keys])
+
+        def text(sizes: Sequence[float], drive: str = drive) -> str:
+            shares = ", ".join(f"{100 * np.exp(-size):.0f}" for size in sizes)
+            ends = ", ".join(f"{1e3 * end:g}" for end in TABLE_ENDS)
+            return f"the bushing of drive {drive} has {shares} % of its stiffness up to {ends} mm"
+
+        parameters = [_linear(key, 3.0, "1", lower=-3.0) for key in keys]
+        found.append(
+            Cause(
+                name="bushing shape",
+                text=text,
+                parameters=tuple(replace(item, prior=TABLE_SPREAD) for item in parameters),
+                tries=(0.2,) * len(keys),
+                smooth=True,
+                law=law,
+            )
+        )
+    return found
+
+
+def bushing_table(
+    panel: LoadedPanel, drive: str, values: Mapping[str, float], *, softness: Sequence[float]
+) -> dict[str, object]:
+    r"""Return a bushing with another stiffness in each of its first spans, as overrides.
+
+    .. math:: k_i = k e^{-s_i} 	ext{ up to } x_i, \quad k 	ext{ beyond}
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        Gives what is not among the values.
+    drive : str
+        Name of the drive.
+    values : mapping of str to float
+        By key of the panel, in SI.
+    softness : sequence of float
+        :math:`s_i` of the spans that end at `TABLE_ENDS` [-].
+    """
+    record = panel.drive[drive]
+    stiffness = values.get(stiffness_key(drive), record.stiffness)
+    level = values.get(level_key(drive), record.saturation_force)
+    half: list[tuple[float, float]] = []
+    x = force = 0.0
+    for end, soft in zip(TABLE_ENDS, softness, strict=True):
+        k = stiffness * float(np.exp(-soft))
+        if force + k * (end - x) >= LAST_SPAN * level:
+            break
+        x, force = end, force + k * (end - x)
+        half.append((x, force))
+    slope = (
+        stiffness * float(np.exp(-softness[len(half)])) if len(half) < len(softness) else stiffness
+    )
+    knee = x + (level - force) / slope
+    half += [(knee, level), (REACH, level + record.saturated_stiffness * (REACH - knee) + 1.0)]
+    extension = [*(-x for x, _ in reversed(half)), *(x for x, _ in half)]
+    table = [*(-f for _, f in reversed(half)), *(f for _, f in half)]
+    return {f"drive.{drive}.extension": extension, f"drive.{drive}.force": table}
+
+
+def _lag(drive: str) -> Cause:
+    key = f"drive.{drive}.lag"
+    return Cause(
+        name="drive law",
+        text=lambda sizes: (
+            f"the force of drive {drive} follows contact with a lag of {1e3 * sizes[0]:.0f} ms"
+        ),
+        parameters=(_linear(key, 1.0, "s"),),
+        tries=(0.05, 0.2),
+        shape=lambda response, values: lagged(response, drive, lag=values[key]),
+    )
+
+
 def _clutches(panel: LoadedPanel, known: set[str]) -> list[Cause]:
     return [
         Cause(
@@ -181,11 +277,11 @@ def _sections(panel: LoadedPanel) -> list[Cause]:
     return [
         Cause(
             name="sections",
-            text=lambda size: (
-                f"the rails are {100 * abs(size / modulus.start - 1.0):.2g} % "
-                f"{'stiffer' if size > modulus.start else 'softer'} than in the panel"
+            text=lambda sizes: (
+                f"the rails are {100 * abs(sizes[0] / modulus.start - 1.0):.2g} % "
+                f"{'stiffer' if sizes[0] > modulus.start else 'softer'} than in the panel"
             ),
-            parameter=modulus,
+            parameters=(modulus,),
             tries=(1.05 * modulus.start,),
             smooth=True,
         )
@@ -193,41 +289,37 @@ def _sections(panel: LoadedPanel) -> list[Cause]:
 
 
 def _friction_by_chair(panel: LoadedPanel) -> list[Cause]:
-    """Return friction that rises towards the heel, and friction that is higher at both ends."""
-    places = np.array([chair.x for chair in panel.chair.values()])
-    xi = 2.0 * (places - places.min()) / max(float(np.ptp(places)), 1e-9) - 1.0
-    shapes = {
-        "friction.gradient": (xi, "from the toe to the heel", 2.0),
-        "friction.bow": (1.5 * xi**2 - 0.5, "from the middle to the ends", 1.5),
-    }
-    found = []
-    for key, (shape, way, span) in shapes.items():
-        shape = shape - shape.mean()
+    """Return friction that differs between groups of neighbouring chairs, about their mean."""
+    chairs = sorted(panel.chair, key=lambda name: panel.chair[name].x)
+    count = min(CHAIR_GROUPS, len(chairs) // 2)
+    groups = [[str(name) for name in part] for part in np.array_split(np.array(chairs), count)]
+    keys = tuple(f"friction.group.{number}" for number in range(1, count + 1))
 
-        def law(
-            values: Mapping[str, float], key: str = key, shape: Floats = shape
-        ) -> dict[str, object]:
-            shares = np.maximum(1.0 + values[key] * shape, 0.0)
-            # Causes along the switch add up.
-            for other, (rest, *_) in shapes.items():
-                if other != key and other in values:
-                    shares = np.maximum(shares + values[other] * (rest - rest.mean()), 0.0)
-            return {
-                f"chair.{name}.friction_coefficient": float(values[FRICTION] * share)
-                for name, share in zip(panel.chair, shares, strict=True)
-            }
+    def shares(values: Mapping[str, float]) -> dict[str, float]:
+        own = {name: values[key] for key, names in zip(keys, groups, strict=True) for name in names}
+        mean = float(np.mean(list(own.values())))
+        return {name: max(1.0 + share - mean, 0.0) for name, share in own.items()}
 
-        found.append(
-            Cause(
-                name="friction by chair",
-                text=lambda size, way=way, span=span: (  # type: ignore[misc]
-                    f"friction {'rises' if size > 0 else 'falls'} by "
-                    f"{100 * span * abs(size):.2g} % of its mean {way}"
-                ),
-                parameter=_linear(key, 0.9, "1", lower=-0.9),
-                tries=(0.1,),
-                smooth=True,
-                law=law,
-            )
+    def law(values: Mapping[str, float]) -> dict[str, object]:
+        return {
+            f"chair.{name}.friction_coefficient": float(values[FRICTION] * share)
+            for name, share in shares(values).items()
+        }
+
+    def text(sizes: Sequence[float]) -> str:
+        known = shares(dict(zip(keys, sizes, strict=True)))
+        parts = [f"{100 * (known[names[0]] - 1.0):+.0f}" for names in groups]
+        return f"friction differs by {', '.join(parts)} % of its mean from toe to heel"
+
+    spread = [replace(_linear(key, 0.9, "1", lower=-0.9), prior=CHAIR_SPREAD) for key in keys]
+    found = [
+        Cause(
+            name="friction by chair",
+            text=text,
+            parameters=tuple(spread),
+            tries=(0.1,) * count,
+            smooth=True,
+            law=law,
         )
-    return found
+    ]
+    return found if count > 1 else []

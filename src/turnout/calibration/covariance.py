@@ -9,10 +9,11 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from turnout.calibration.comparison import Key
-from turnout.calibration.fit import SCATTER_WEIGHT, Fit
+from turnout.calibration.fit import Fit
+from turnout.calibration.fit_noise import SCATTER_WEIGHT
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import shared_estimates
-from turnout.calibration.parameter import Parameter
+from turnout.calibration.parameter import Parameter, prior_slopes
 
 Floats = NDArray[np.float64]
 # A standard deviation above this share of what the bounds alone allow: not identified.
@@ -53,9 +54,9 @@ class Spread:
 
 
 def prior_information(parameters: Sequence[Parameter]) -> Floats:
-    """Return the inverse variance of a flat density between the bounds, for each coordinate."""
+    """Return the inverse variance of each coordinate: of a flat density, and of its prior."""
     widths = [item.coordinate(item.upper) - item.coordinate(item.lower) for item in parameters]
-    return np.array([12.0 / width**2 for width in widths])
+    return np.array([12.0 / width**2 for width in widths]) + prior_slopes(parameters) ** 2
 
 
 def force_channels(found: Fit) -> list[Key]:
@@ -129,9 +130,10 @@ def spread_of(found: Fit) -> Spread:
         "at its bound"
         if at
         else "not identified"
-        if size > UNIDENTIFIED / np.sqrt(know)
+        # One with a prior is known that well at least.
+        if not item.prior and size > UNIDENTIFIED / np.sqrt(know)
         else "fitted"
-        for at, size, know in zip(bound, sizes, prior, strict=True)
+        for item, at, size, know in zip(parameters, bound, sizes, prior, strict=True)
     ]
     kept = [number for number, state in enumerate(states) if state == "fitted"]
     scale = np.array([item.slope(found.values[item.name]) for item in parameters])

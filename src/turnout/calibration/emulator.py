@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from turnout.calibration.covariance import Spread
 from turnout.calibration.fit import Fit
-from turnout.calibration.parameter import values_at
+from turnout.calibration.parameter import prior_residuals, values_at
 
 Floats = NDArray[np.float64]
 # Throws for each coefficient of the quadratic, and fresh ones for its proof.
@@ -147,4 +147,5 @@ def _simulate_points(found: Fit, root: Floats, standard: Floats) -> Floats:
     held = np.where(common, found.point, points)
     whole = [{**found.values, **values_at(found.parameters, point)} for point in held]
     rows = [misfit.residuals_of(row, found.frame) for row in misfit.responses(whole)]
-    return np.array(rows) + (points - held) @ found.jacobian.T
+    whitened = np.array(rows) + (points - held) @ found.jacobian.T
+    return np.hstack([whitened, prior_residuals(found.parameters, points)])

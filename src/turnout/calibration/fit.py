@@ -6,33 +6,35 @@ damping, cost :math:`r^T r`.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from turnout.calibration.comparison import Key
+from turnout.calibration.fit_noise import (
+    inflate_noise,
+    reestimate_noise,
+    same_noise,
+    scale_inflation,
+)
 from turnout.calibration.linearisation import Linearisation
-from turnout.calibration.measured_movements import BIN
 from turnout.calibration.misfit import (
     EFFECT_PASSES,
     Frame,
     Misfit,
     effects_after,
+    framed,
     jacobian,
-    shared_corrections,
     update_movement_effects,
 )
-from turnout.calibration.noise import missed_by_model
-from turnout.calibration.parameter import Parameter, coordinates, values_at
-from turnout.calibration.predict import compared, predicted
-from turnout.calibration.shared import (
-    left_out,
-    poorly_followed,
-    shared_discrepancy,
-    without_common,
+from turnout.calibration.parameter import (
+    Parameter,
+    coordinates,
+    prior_residuals,
+    prior_slopes,
+    values_at,
 )
+from turnout.calibration.shared import poorly_followed
 
 Floats = NDArray[np.float64]
 # Steps of a fit; how many more are allowed after one that still lowered the cost by this share and
@@ -51,14 +53,9 @@ MIN_DECREASE = 0.05
 # Of a stage that others follow: most steps, most rejected in a row, and the share of the cost that
 # a step must be predicted to save.
 ROUGH_STEPS, ROUGH_REJECTED, ROUGH_DECREASE = 6, 2, 0.01
-# How many movements the expected scatter counts for beside those that were measured.
-SCATTER_WEIGHT = 2.0
-# Relative change of the noise beyond which the fit is repeated with it [-].
-NOISE_TOLERANCE = 0.25
-# Residuals beyond this many standard deviations, such as at an impact, count less once near.
-OUTLIER_LIMIT = 3.0
-# From the median of absolute values to the standard deviation of a normal distribution [-].
-MAD_TO_SIGMA = 1.4826
+# Of a brief fit: passes with noise found again, steps of each, how often movement effects are
+# thrown again in a step, and the decrease below which a step is not tried.
+BRIEF_PASSES, BRIEF_STEPS, BRIEF_EFFECTS, BRIEF_DECREASE = 2, 5, 1, 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -189,52 +186,72 @@ def fit(
         iterations += found.iterations
         values, local = found.values, found.local
         misfit = reestimate_noise(found, first)
-        if number > 0 and (poor or _same_noise(found.misfit, misfit)):
+        if number > 0 and (poor or same_noise(found.misfit, misfit)):
             break
     return replace(found, iterations=iterations)
 
 
-def inflate_noise(
-    misfit: Misfit, parameters: Sequence[Parameter], values: Mapping[str, float]
-) -> Misfit:
-    """Return a misfit whose noise holds the model error where a fit starts.
+def brief_fit(
+    misfit: Misfit,
+    parameters: Sequence[Parameter],
+    values: Mapping[str, float],
+    *,
+    near: Fit,
+    passes: int = BRIEF_PASSES,
+    steps: int = BRIEF_STEPS,
+    on_step: Callable[[float], None] | None = None,
+) -> Fit:
+    """Fit near to the end only, to see what a model misses: few steps with slopes of quick throws.
 
-    Weighed by the noise of the measurement alone, a model that is still far off would follow single
-    bins and what onset and scatter can imitate, instead of the large differences.
+    A model that does not follow is fitted slowly: noise, discrepancy and each movement's friction
+    change with every pass. What it misses is seen long before that.
 
     Parameters
     ----------
     misfit : Misfit
-        With the noise of the measurement.
-    parameters : sequence of Parameter
-        The p free parameters; all others keep their value in `values`.
-    values : mapping of str to float
-        Where the fit starts.
+        Movements and how they are compared, with the noise of the measurement.
+    parameters, values : sequence of Parameter, mapping of str to float
+        As of `fit`.
+    near : Fit
+        Where it starts, with its noise.
+    passes : int
+        How often noise and discrepancy are estimated at most.
+    steps : int
+        Of each pass at most; with none, only what the start misses is found.
+    on_step : callable, optional
+        As of `fit`.
+
+    Returns
+    -------
+    Fit
+        With the noise and discrepancy that it leaves.
     """
-    local = misfit.local(values, [item.name for item in parameters])
-    squares: dict[Key, list[Floats]] = {}
-    for movement, response in zip(misfit.movements, local.simulated, strict=True):
-        for signal, bins in compared(
-            movement, misfit.comparison.channels, misfit.comparison.window
-        ):
-            row = signal.values[bins] - predicted(response, movement, signal, bins)
-            squares.setdefault((signal.channel, signal.drive), []).append(row**2)
-    noise = dict(misfit.comparison.noise)
-    for key, rows in squares.items():
-        size = float(np.sqrt(np.mean(np.concatenate(rows))))
-        if size > noise[key].missed:
-            noise[key] = replace(noise[key], missed=size, missed_length=BIN)
-    return replace(misfit, comparison=replace(misfit.comparison, noise=noise))
-
-
-def scale_inflation(inflated: Misfit, first: Misfit, share: float) -> Misfit:
-    """Return a misfit with a share of the inflated noise, nowhere below the measured noise."""
-    noise = dict(first.comparison.noise)
-    for key, measured in noise.items():
-        size = share * inflated.comparison.noise[key].missed
-        if size > measured.missed:
-            noise[key] = replace(measured, missed=size, missed_length=BIN)
-    return replace(first, comparison=replace(first.comparison, noise=noise))
+    kept = replace(
+        misfit.comparison,
+        noise=near.misfit.comparison.noise,
+        scatter=near.misfit.comparison.scatter,
+    )
+    present = replace(misfit, comparison=kept, effects=near.misfit.effects, quick_slopes=True)
+    local, iterations = near.local, 0
+    for _ in range(passes):
+        found = _least_squares(
+            present, parameters, values, rough=False, brief=steps, on_step=on_step, local=local
+        )
+        iterations += found.iterations
+        values, local = found.values, found.local
+        before, present = found.misfit, reestimate_noise(found, misfit)
+        if same_noise(before, present):
+            break
+    frame = framed(local, present)
+    names = [item.name for item in parameters]
+    return replace(
+        found,
+        misfit=present,
+        frame=frame,
+        residuals=present.residuals_of(local.simulated, frame),
+        jacobian=jacobian(local, frame, names),
+        iterations=iterations,
+    )
 
 
 def _least_squares(
@@ -246,6 +263,7 @@ def _least_squares(
     on_step: Callable[[float], None] | None,
     local: Linearisation | None = None,
     min_decrease: float = MIN_DECREASE,
+    brief: int | None = None,
 ) -> Fit:
     """Levenberg-Marquardt within bounds, in one state of noise and scatter."""
     names = [item.name for item in parameters]
@@ -255,15 +273,14 @@ def _least_squares(
         whole = {**misfit.base, **values}
         local = replace(local, values=whole, simulated=tuple(misfit.responses([whole])[0]))
     damping, iterations = 1e-4, 0
-    max_steps, max_rejected = (ROUGH_STEPS, ROUGH_REJECTED) if rough else (MAX_STEPS, MAX_STEPS)
+    max_steps, max_rejected, passes = _limits(rough=rough, brief=brief)
+    min_decrease = min_decrease if brief is None else BRIEF_DECREASE
     message, converged = "", rough
     while True:
-        misfit, local, frame = update_movement_effects(
-            misfit, local, names, passes=1 if rough else EFFECT_PASSES
-        )
+        misfit, local, frame = update_movement_effects(misfit, local, names, passes=passes)
         r = misfit.residuals_of(local.simulated, frame)
         J = jacobian(local, frame, names)
-        cost = float(r @ r)
+        cost = float(r @ r) + _prior_cost(parameters, local.values)
         if on_step is not None:
             on_step(float(np.sqrt(cost / max(r.size, 1))))
         accepted, rejected = False, 0
@@ -279,12 +296,11 @@ def _least_squares(
             trial_misfit = replace(misfit, effects=effects_after(misfit, local, frame, names, step))
             here = tuple(trial_misfit.responses([trial])[0])
             r_trial = trial_misfit.residuals_of(here, frame)
-            trial_cost = float(r_trial @ r_trial)
+            trial_cost = float(r_trial @ r_trial) + _prior_cost(parameters, trial)
             if np.isfinite(trial_cost) and trial_cost < cost:
                 damping, accepted, misfit = 0.1 * damping, True, trial_misfit
-                if not rough and cost - trial_cost > max(
-                    EXTENDING_DECREASE, EXTENDING_SHARE * trial_cost
-                ):
+                worth = max(EXTENDING_DECREASE, EXTENDING_SHARE * trial_cost)
+                if not rough and brief is None and cost - trial_cost > worth:
                     max_steps = max(max_steps, min(iterations + EXTRA_STEPS, STEP_LIMIT))
                 break
             damping, rejected = max(10.0 * damping, 1e-3), rejected + 1
@@ -292,6 +308,8 @@ def _least_squares(
                 message, converged = "converged to the noise of the solver", True
                 break
         if not accepted:
+            if brief is not None and rejected == max_rejected:
+                message, converged = "converged as far as slopes of quick throws lead", True
             break
         local = replace(local, values=trial, simulated=here)
     return Fit(
@@ -306,6 +324,19 @@ def _least_squares(
         message=message or f"stopped after {iterations} steps before convergence",
         converged=converged,
     )
+
+
+def _limits(*, rough: bool, brief: int | None) -> tuple[int, int, int]:
+    """Return steps, rejected ones in a row and passes of movement effects of a fit at most."""
+    if brief is not None:
+        return brief, ROUGH_REJECTED, BRIEF_EFFECTS
+    return (ROUGH_STEPS, ROUGH_REJECTED, 1) if rough else (MAX_STEPS, MAX_STEPS, EFFECT_PASSES)
+
+
+def _prior_cost(parameters: Sequence[Parameter], values: Mapping[str, float]) -> float:
+    """Return the part of the cost that priors of parameters have."""
+    away = prior_residuals(parameters, coordinates(parameters, values))
+    return float(away @ away)
 
 
 def _step(
@@ -334,9 +365,11 @@ def _step(
     damping : float
         :math:`\lambda` [-].
     """
+    theta = coordinates(parameters, values)
+    J = np.vstack([J, np.diag(prior_slopes(parameters))])
+    r = np.concatenate([r, prior_residuals(parameters, theta)])
     D = np.sqrt((J**2).sum(axis=0))
     D = np.where(D > 0, D, 1.0)
-    theta = coordinates(parameters, values)
     lower = np.array([item.coordinate(item.lower) for item in parameters]) - theta
     upper = np.array([item.coordinate(item.upper) for item in parameters]) - theta
     lower = np.minimum(np.maximum(lower, -MAX_STEP), -1e-12)
@@ -349,92 +382,3 @@ def _step(
     step = lsq_linear(matrix, right, bounds=(lower, upper)).x
     r_linear = r + J @ step
     return np.asarray(step), float(r @ r - r_linear @ r_linear)
-
-
-def reestimate_noise(found: Fit, first: Misfit) -> Misfit:
-    """Return a misfit whose noise holds the model error, and whose scatter is as estimated.
-
-    Parameters
-    ----------
-    found : Fit
-        In the present state.
-    first : Misfit
-        With the noise of the measurement, and the scatter that was expected.
-    """
-    series = _remaining_series(found)
-    noise = dict(first.comparison.noise)
-    discrepancy = shared_discrepancy(series, noise) if first.comparison.gains else {}
-    own: dict[Key, list[Floats]] = {}
-    for (channel, drive, direction), rows in series.items():
-        shared = (channel, drive, direction) in discrepancy
-        own.setdefault((channel, drive), []).extend(without_common(rows) if shared else rows)
-    for key, rows in own.items():
-        size, length = missed_by_model(rows, noise[key])
-        if size > noise[key].missed:
-            noise[key] = replace(noise[key], missed=size, missed_length=length)
-    for (channel, drive, direction), (size, length) in discrepancy.items():
-        most = max(row.size for row in series[channel, drive, direction])
-        rest = left_out(most, size=size, length=length)
-        known = noise[channel, drive]
-        noise[channel, drive] = replace(known, white=hypot(known.white, rest))
-    scatter = {}
-    for name, expected in first.comparison.scatter.items():
-        estimates = [v.estimates[name] for v in found.frame.alignments if name in v.estimates]
-        squares = sum(mean**2 + deviation**2 for mean, deviation in estimates)
-        total = squares + SCATTER_WEIGHT * expected**2
-        # One movement's worth is used up by the common value itself.
-        scatter[name] = float(np.sqrt(total / (max(len(estimates) - 1, 0) + SCATTER_WEIGHT)))
-    comparison = replace(
-        first.comparison,
-        noise=noise,
-        scatter=scatter,
-        discrepancy=discrepancy,
-        outlier_limit=OUTLIER_LIMIT,
-    )
-    return replace(found.misfit, comparison=comparison)
-
-
-def _remaining_series(found: Fit) -> dict[tuple[str, str, str], list[Floats]]:
-    """Return by channel, drive and direction what nuisances and gains leave of the residuals."""
-    series: dict[tuple[str, str, str], list[Floats]] = {}
-    noise = found.misfit.comparison.noise
-    corrections = shared_corrections(found.local, found.frame)
-    for alignment, response, shared in zip(
-        found.frame.alignments, found.local.simulated, corrections, strict=True
-    ):
-        for (signal, _), row in zip(
-            alignment.parts, alignment.remaining_residuals(response, shared=shared), strict=True
-        ):
-            known = noise[signal.channel, signal.drive].total
-            most = OUTLIER_LIMIT * max(known, MAD_TO_SIGMA * float(np.median(np.abs(row))))
-            key = (signal.channel, signal.drive, alignment.movement.direction)
-            series.setdefault(key, []).append(np.clip(row, -most, most))
-    return series
-
-
-def _discrepancies(
-    *misfits: Misfit,
-) -> list[dict[tuple[str, str, str], tuple[float, float]]]:
-    """Return shared discrepancies with the same keys, of no size where there is none."""
-    keys = [key for misfit in misfits for key in misfit.comparison.discrepancy]
-    return [{key: m.comparison.discrepancy.get(key, (0.0, BIN)) for key in keys} for m in misfits]
-
-
-def _same_noise(before: Misfit, after: Misfit) -> bool:
-    """Return whether noise and scatter changed by at most a quarter."""
-    if before.comparison.outlier_limit != after.comparison.outlier_limit:
-        return False
-    pairs = [
-        (before.comparison.noise[key].total, noise.total)
-        for key, noise in after.comparison.noise.items()
-    ]
-    pairs += [
-        (hypot(a.total, first[key][0]), hypot(b.total, second[key][0]))
-        for first, second in [_discrepancies(before, after)]
-        for key in first
-        for a, b in [(before.comparison.noise[key[:2]], after.comparison.noise[key[:2]])]
-    ]
-    pairs += [
-        (before.comparison.scatter[name], share) for name, share in after.comparison.scatter.items()
-    ]
-    return all(abs(a - b) <= NOISE_TOLERANCE * max(a, b) for a, b in pairs)

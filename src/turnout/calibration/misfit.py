@@ -11,6 +11,7 @@ from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs
 from turnout.calibration.linearisation import (
     DIFFERENCE,
     FINE_DIFFERENCE,
+    SAME_BRIEF_SLOPE,
     SAME_FINE_SLOPE,
     SAME_SLOPE,
     Linearisation,
@@ -54,6 +55,9 @@ class Misfit:
         Whether throws are quick, and slopes taken over wider differences.
     fine : bool
         Whether throws have shorter steps, those aside excepted, whose differences alone count.
+    quick_slopes : bool
+        Whether throws aside are quick, though the others are not: near enough for a fit that
+        others follow, at half the time.
     """
 
     evaluator: Evaluator
@@ -67,6 +71,12 @@ class Misfit:
     always: tuple[str, ...] = ()
     quick: bool = False
     fine: bool = False
+    quick_slopes: bool = False
+
+    @property
+    def coarse(self) -> bool:
+        """Whether slopes are those of quick throws."""
+        return self.quick or self.quick_slopes
 
     def residuals_of(self, responses: Sequence[Response], frame: "Frame") -> Floats:
         """Return the whitened residuals of the response to each movement.
@@ -153,10 +163,11 @@ class Misfit:
             if response.failure:
                 message = f"{movement.text}: cannot be simulated: {response.failure}"
                 raise SolverError(message)
-        difference = DIFFERENCE if self.quick else FINE_DIFFERENCE
+        difference = DIFFERENCE if self.coarse else FINE_DIFFERENCE
         aside = {p.name: stepped_value(p, whole[p.name], difference) for p in stepped}
-        plain = replace(self, fine=False)
-        origin = plain.responses([whole])[0] if self.fine and stepped else here
+        plain = replace(self, fine=False, quick=self.coarse)
+        alike = plain.quick == self.quick and not self.fine
+        origin = here if alike or not stepped else plain.responses([whole])[0]
         moved = plain._moved(whole, stepped, aside, origin)
         count = len(self.movements)
         steps = {
@@ -179,7 +190,7 @@ class Misfit:
             steps=steps,
             shares=shares,
             about=tuple(self._inputs_of(whole, n) for n in range(len(self.movements))),
-            quick=self.quick,
+            quick=self.coarse,
         )
 
     def local_near(
@@ -191,8 +202,9 @@ class Misfit:
         """
         whole = {**self.base, **values}
         most = SAME_SLOPE if self.quick else SAME_FINE_SLOPE
+        most = SAME_BRIEF_SLOPE if self.quick_slopes else most
         stale = [n for n in range(len(self.movements)) if self._shift(whole, n, previous) > most]
-        same = set(vary) <= set(previous.stepped) and previous.quick == self.quick
+        same = set(vary) <= set(previous.stepped) and previous.quick == self.coarse
         if not same or len(stale) == len(self.movements):
             return self.local(whole, vary)
         here = tuple(self.responses([whole])[0])

@@ -19,6 +19,8 @@ Floats = NDArray[np.float64]
 TRANSFORMS = ("log", "linear")
 # A free key may come to between a third and three times of what the panel says.
 REACH = 3.0
+# One unit of the coordinate of a linear parameter with a prior, in its standard deviations [-].
+PRIOR_SCALE = 10.0
 _UNIT = re.compile(r"\[([^\]]+)\]\s*\Z")
 
 
@@ -44,6 +46,9 @@ class Parameter:
     scatter : float
         Standard deviation from movement to movement, as a share of the value, that is expected
         before the measurement is seen; 0 for a value that all movements share.
+    prior : float
+        Standard deviation about `start` before the measurement, as a share of the value with the
+        transform "log", else in its unit; 0 for a flat density between the bounds.
 
     Examples
     --------
@@ -63,6 +68,7 @@ class Parameter:
     vary: bool = True
     transform: str = "log"
     scatter: float = 0.0
+    prior: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse what cannot be, all at once."""
@@ -86,13 +92,24 @@ class Parameter:
             )
         if not self.scatter >= 0:
             problems.append(f"scatter = {self.scatter:g}: must be at least 0")
+        if not self.prior >= 0:
+            problems.append(f"prior = {self.prior:g}: must be at least 0")
         if problems:
             raise PanelError([f"{self.name}: {text}" for text in problems], source="parameter")
 
     @property
     def scale(self) -> float:
         """Size of one unit of the coordinate of a linear parameter [its unit]."""
+        if self.prior > 0.0:
+            return PRIOR_SCALE * self.prior
         return max(abs(self.start), 0.1 * (self.upper - self.lower))
+
+    @property
+    def prior_width(self) -> float:
+        """Standard deviation of the prior in the coordinate [-]; infinite for a flat one."""
+        if self.prior == 0.0:
+            return math.inf
+        return self.prior if self.transform == "log" else self.prior / self.scale
 
     def coordinate(self, value: float) -> float:
         """Return the coordinate in which a fit moves: a change of 0.01 is about one per cent."""
@@ -116,6 +133,26 @@ class Parameter:
 def coordinates(parameters: Sequence[Parameter], values: Mapping[str, float]) -> Floats:
     """Return the coordinates of values, in the order of the parameters."""
     return np.array([item.coordinate(values[item.name]) for item in parameters])
+
+
+def prior_slopes(parameters: Sequence[Parameter]) -> Floats:
+    """Return the inverse standard deviation of each prior, 0 for flat ones, shape (p,)."""
+    return np.array([1.0 / item.prior_width for item in parameters], dtype=np.float64)
+
+
+def prior_residuals(parameters: Sequence[Parameter], point: Floats) -> Floats:
+    """Return how far coordinates are from their priors' means, in deviations, shape (..., p).
+
+    Examples
+    --------
+    >>> fit = Parameter(
+    ...     name="g", keys=(), start=2e-3, lower=-1e-2, upper=1e-2, transform="linear", prior=1e-3
+    ... )
+    >>> prior_residuals([fit], coordinates([fit], {"g": 4e-3})).round(6)
+    array([2.])
+    """
+    means = np.array([item.coordinate(item.start) for item in parameters], dtype=np.float64)
+    return np.asarray((point - means) * prior_slopes(parameters))
 
 
 def values_at(parameters: Sequence[Parameter], point: Floats) -> dict[str, float]:

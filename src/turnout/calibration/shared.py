@@ -14,6 +14,7 @@ it out, so intervals do not shrink below it.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -173,13 +174,21 @@ def discrepancy_modes(time: Floats, *, size: float, length: float) -> Floats:
     >>> bool(np.allclose((modes**2).sum(axis=1), 9.0, rtol=0.1))
     True
     """
-    covariance = size**2 * np.exp(-np.abs(time[:, None] - time[None, :]) / length)
-    variances, vectors = np.linalg.eigh(covariance)
+    return np.asarray(size * _unit_modes(time.tobytes(), length))
+
+
+@lru_cache(maxsize=64)
+def _unit_modes(times: bytes, length: float) -> Floats:
+    """Return the leading modes of a process of size 1, for times as bytes, which can be a key."""
+    time = np.frombuffer(times, dtype=np.float64)
+    variances, vectors = np.linalg.eigh(np.exp(-np.abs(time[:, None] - time[None, :]) / length))
     order = np.argsort(-variances)
     share = np.cumsum(variances[order]) / variances.sum()
     count = min(MOST_MODES, int(np.searchsorted(share, ENOUGH)) + 1)
     kept = order[:count]
-    return np.asarray(vectors[:, kept] * np.sqrt(np.maximum(variances[kept], 0.0)))
+    modes = np.asarray(vectors[:, kept] * np.sqrt(np.maximum(variances[kept], 0.0)))
+    modes.flags.writeable = False
+    return modes
 
 
 def left_out(count: int, *, size: float, length: float) -> float:

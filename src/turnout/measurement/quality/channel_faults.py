@@ -16,6 +16,7 @@ from turnout.measurement.campaign.motion_signals import (
     spikes,
     without_spikes,
 )
+from turnout.measurement.quality.hum import steady_amplitude
 
 KINDS = (
     "unit",
@@ -384,39 +385,21 @@ def hum_faults(
     rate: float,
     limits: Limits,
 ) -> list[Fault]:
-    """Find a line of the mains whose amplitude is above its limit, after the inrush."""
+    """Find a steady line of the mains whose amplitude is above its limit, after the inrush.
+
+    A load cell that is struck rings at a few tens of hertz and dies away; mains do not.
+    """
     part = values[begin + round(0.2 * rate) : finish]
     most, unit = dict(limits.most_hum)[key], "A" if key == "drive_current" else "N"
     faults = []
     for frequency in limits.mains:
         if frequency > 0.4 * rate or part.size * frequency < 10 * rate:
             continue
-        amplitude = line_amplitude(part, frequency=frequency, rate=rate)
+        amplitude = steady_amplitude(part, frequency=frequency, rate=rate)
         if amplitude > most:
             text = f"{amplitude:.3g} {unit} at {frequency:.4g} Hz, at most {most:g} {unit}"
             faults.append(Fault("mains hum", name, text))
     return faults
-
-
-def line_amplitude(values: Floats, *, frequency: float, rate: float) -> float:
-    """Return the amplitude of a line in a spectrum, whatever slower the channel does.
-
-    A slow cubic is taken off first; a Hann window keeps the rest of it away from the line.
-
-    Examples
-    --------
-    >>> time = np.arange(3000) / 1000.0
-    >>> hum = 20.0 * np.sin(2.0 * np.pi * 50.0 * time) + 500.0 * time
-    >>> round(line_amplitude(hum, frequency=50.0, rate=1000.0), 2)
-    20.0
-    """
-    index = np.arange(values.size)
-    scaled = 2.0 * index / max(1, values.size - 1) - 1.0
-    slow = np.polynomial.polynomial.polyfit(scaled, values, 3)
-    fast = values - np.polynomial.polynomial.polyval(scaled, slow)
-    window = np.hanning(values.size)
-    wave = np.exp(-2j * np.pi * frequency / rate * index)
-    return float(2.0 * np.abs(np.sum(window * fast * wave)) / np.sum(window))
 
 
 def longest_run(flags: np.ndarray) -> int:

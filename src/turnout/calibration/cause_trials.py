@@ -1,0 +1,370 @@
+"""How well each cause explains what a model misses: tried with values adjusted to first order."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turnout.calibration.candidate_causes import Cause
+from turnout.calibration.drive_law.candidates import level_key
+from turnout.calibration.drive_law.fit_law import criteria
+from turnout.calibration.evaluate import Response
+from turnout.calibration.fit import Fit
+from turnout.calibration.misfit import Frame, Misfit, framed, jacobian
+from turnout.calibration.parameter import Parameter
+from turnout.calibration.predict import predicted
+from turnout.calibration.shared import effective_samples, model_error
+
+Floats = NDArray[np.float64]
+# How often the levels of the movements are estimated again in a trial.
+LEVEL_PASSES = 2
+# A drive slips within this share of its level, over so many bins; a level of a movement is no
+# further off [-].
+SLIPS, LEAST_SLIPPING, FURTHEST_LEVEL = 0.005, 3, 0.25
+# A drive that reaches the first share of its level, and is measured below the second share of
+# that, has slipped at less [-].
+NEARLY, LOWER = 0.85, 0.98
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TestedCause:
+    """How well a cause explains what the model misses.
+
+    Attributes
+    ----------
+    name, text : str
+        Of the cause, at its likeliest size.
+    sizes : tuple of float
+        In the units of its parameters; none where each movement has its own.
+    gain : float
+        By how much it lowers the Bayesian information criterion [-].
+    fitted : bool
+        Whether it was fitted together with all values.
+    """
+
+    name: str
+    text: str
+    sizes: tuple[float, ...]
+    gain: float
+    fitted: bool = False
+
+    @property
+    def line(self) -> str:
+        """Return the cause as a line for the screen."""
+        state = "fitted with the values" if self.fitted else "possible"
+        return f"{self.name}: {self.text} ({state}, BIC {self.gain:.0f} lower)"
+
+
+def with_cause(misfit: Misfit, cause: Cause) -> Misfit:
+    """Return a misfit with a cause beside those that it has."""
+    law, shape = misfit.law, misfit.shape
+    if cause.law is not None:
+        one, other = misfit.law, cause.law
+        law = other if one is None else (lambda values: {**one(values), **other(values)})
+    if cause.shape is not None:
+        before, after = misfit.shape, cause.shape
+        shape = (
+            after
+            if before is None
+            else (lambda response, values: after(before(response, values), values))
+        )
+    return replace(
+        misfit,
+        parameters=(*misfit.parameters, *cause.parameters),
+        base={**misfit.base, **{item.name: item.start for item in cause.parameters}},
+        law=law,
+        shape=shape,
+        always=(*misfit.always, *(item.name for item in cause.parameters if not item.keys)),
+        comparison=replace(
+            misfit.comparison, scatter={**misfit.comparison.scatter, **cause.scatter}
+        ),
+    )
+
+
+def cause_trials(
+    found: Fit, causes: Sequence[Cause], *, most: int, decisive: float
+) -> list[list[tuple[TestedCause, Cause]]]:
+    """Try causes at their sizes, with all values adjusted to first order; the likeliest first.
+
+    Only the change that a cause makes is thrown, quickly: what quick throws are off by is off
+    alike with the cause and without, and is taken from both. Causes that change forces in
+    proportion are chosen together, one after the other, since one may show only where another is
+    known; each other cause is tried alone.
+
+    Parameters
+    ----------
+    found : Fit
+        What misses something.
+    causes : sequence of Cause
+        To be tried.
+    most : int
+        Causes of a choice at most.
+    decisive : float
+        Difference of the criterion from which on a cause is chosen [-].
+
+    Returns
+    -------
+    list of list of (TestedCause, Cause)
+        Choices of one or several causes, the likeliest choice first; then what is left.
+    """
+    before = _judging(found.misfit)
+    frame = framed(found.local, before)
+    names = [item.name for item in found.parameters]
+    J = jacobian(found.local, frame, names)
+    r = before.residuals_of(found.local.simulated, frame)
+    samples = effective_samples(frame.alignments, before.comparison)
+    plain = _adjusted(r, J, frame)
+    origin = replace(found.misfit, quick=True).responses([found.values])[0]
+    linear, single = [], []
+    for cause in causes:
+        misfit = _judging(with_cause(found.misfit, cause))
+        if cause.smooth:
+            columns = _columns(found, cause, misfit, before, frame, r, origin)
+            if columns is not None:
+                linear.append((cause, columns))
+            continue
+        sizes, best = _tried(found, cause, misfit, origin)
+        gain = criteria(plain, parameters=0, samples=samples)[1]
+        gain -= criteria(best, parameters=1, samples=samples)[1]
+        single.append([(_trial(cause, sizes, gain), cause)])
+    chosen = _chosen_together(r, J, linear, samples=samples, most=most, decisive=decisive)
+    return sorted([*chosen, *single], key=lambda choice: -sum(item.gain for item, _ in choice))
+
+
+def _trial(cause: Cause, sizes: tuple[float, ...], gain: float) -> TestedCause:
+    return TestedCause(name=cause.name, text=cause.text(sizes), sizes=sizes, gain=gain)
+
+
+def _tried(
+    found: Fit, cause: Cause, misfit: Misfit, origin: Sequence[Response]
+) -> tuple[tuple[float, ...], float]:
+    """Return the likeliest size of a cause, and minus twice the log-likelihood with it."""
+    if not cause.parameters:
+        drive = next(iter(cause.scatter)).split(".")[1]
+        return (), _with_own_levels(found, misfit, drive)
+    (parameter,) = cause.parameters
+    points = [{**found.values, parameter.name: size} for size in cause.tries]
+    rows = _changed(found, misfit, points, origin, thrown=cause.law is not None)
+    results = []
+    for size, row in zip(cause.tries, rows, strict=True):
+        if any(item.failure for item in row):
+            continue
+        there = framed(replace(found.local, simulated=tuple(row)), misfit)
+        slopes = jacobian(found.local, there, [item.name for item in found.parameters])
+        results.append((_adjusted(misfit.residuals_of(row, there), slopes, there), (size,)))
+    best, sizes = min(results, default=(float("inf"), (parameter.start,)))
+    return sizes, best
+
+
+def _columns(
+    found: Fit,
+    cause: Cause,
+    misfit: Misfit,
+    before: Misfit,
+    frame: Frame,
+    r: Floats,
+    origin: Sequence[Response],
+) -> Floats | None:
+    """Return the change of the residuals with each parameter of a cause, for one `_scale` of it.
+
+    None where a throw failed.
+    """
+    start = {item.name: item.start for item in cause.parameters}
+    points = [
+        {**found.values, **start, item.name: size}
+        for item, size in zip(cause.parameters, cause.tries, strict=True)
+    ]
+    rows = _changed(found, misfit, points, origin, thrown=True)
+    if any(item.failure for row in rows for item in row):
+        return None
+    shares = [
+        _scale(item, size) / (size - item.start)
+        for item, size in zip(cause.parameters, cause.tries, strict=True)
+    ]
+    return np.column_stack([before.residuals_of(row, frame) - r for row in rows]) * shares
+
+
+def _scale(parameter: Parameter, size: float) -> float:
+    """Return the deviation of a parameter's prior, or the size that is tried [its unit]."""
+    return parameter.prior or abs(size - parameter.start)
+
+
+def _chosen_together(
+    r: Floats,
+    J: Floats,
+    linear: Sequence[tuple[Cause, Floats]],
+    *,
+    samples: float,
+    most: int,
+    decisive: float,
+) -> list[list[tuple[TestedCause, Cause]]]:
+    r"""Choose causes one after the other, those chosen and all values adjusted with each.
+
+    With the columns `A` of parameters that have priors, in their deviations, and `A'` what of them
+    no value can imitate, they are integrated out,
+
+    .. math:: D = \min_{\theta, a} \|r + J \theta + A a\|^2 + \|a\|^2 + \ln\det(I + A'^T A'),
+
+    a parameter without a prior costs :math:`\ln n`.
+    """
+    if not linear:
+        return []
+    Q = np.linalg.qr(J)[0]
+    rest = r - Q @ (Q.T @ r)
+    blocks = [A - Q @ (Q.T @ A) for _, A in linear]
+
+    def deviance(numbers: Sequence[int]) -> tuple[float, Floats]:
+        own = np.array([float(item.prior > 0) for n in numbers for item in linear[n][0].parameters])
+        if not numbers:
+            return float(rest @ rest), own
+        A = np.hstack([blocks[n] for n in numbers])
+        normal = A.T @ A + np.diag(own)
+        a = np.linalg.lstsq(normal, -A.T @ rest, rcond=None)[0]
+        left = rest + A @ a
+        known = own > 0
+        total = float(left @ left + (own * a) @ a) + float(np.sum(~known)) * np.log(samples)
+        total += float(np.linalg.slogdet(normal[np.ix_(known, known)])[1])
+        return total, np.asarray(a, dtype=np.float64)
+
+    taken: list[int] = []
+    gains: list[float] = []
+    least = deviance([])[0]
+    left = list(range(len(linear)))
+    choice: list[tuple[TestedCause, Cause]] = []
+    others: list[list[tuple[TestedCause, Cause]]] = []
+    while left and len(taken) < most:
+        scores = {n: least - deviance([*taken, n])[0] for n in left}
+        best = max(scores, key=lambda n: scores[n])
+        if scores[best] <= decisive:
+            break
+        taken.append(best)
+        gains.append(scores[best])
+        least -= scores[best]
+        name = linear[best][0].name
+        left = [n for n in left if n != best and linear[n][0].name != name]
+    sizes = iter(deviance(taken)[1].tolist())
+    for n, gain in zip(taken, gains, strict=True):
+        choice.append((_trial(linear[n][0], _reached(linear[n][0], sizes), gain), linear[n][0]))
+    for n in (n for n in range(len(linear)) if n not in taken):
+        value, a = deviance([*taken, n])
+        own = iter(a.tolist()[a.size - len(linear[n][0].parameters) :])
+        cause = linear[n][0]
+        others.append([(_trial(cause, _reached(cause, own), least - value), cause)])
+    return [choice, *others] if choice else others
+
+
+def _reached(cause: Cause, sizes: Iterator[float]) -> tuple[float, ...]:
+    """Return the sizes of a cause from those in its scales, within the bounds."""
+    return tuple(
+        min(max(item.start + next(sizes) * _scale(item, size), item.lower), item.upper)
+        for item, size in zip(cause.parameters, cause.tries, strict=True)
+    )
+
+
+def _changed(
+    found: Fit,
+    misfit: Misfit,
+    points: Sequence[Mapping[str, float]],
+    origin: Sequence[Response],
+    *,
+    thrown: bool,
+) -> list[list[Response]]:
+    """Return the responses of a fit with the change that each point makes."""
+    if not thrown:
+        return misfit.responses(points)
+    rows = replace(misfit, quick=True).responses(points)
+    return [
+        [
+            with_change(base, after, before)
+            for base, after, before in zip(found.local.simulated, row, origin, strict=True)
+        ]
+        for row in rows
+    ]
+
+
+def with_change(base: Response, after: Response, before: Response) -> Response:
+    """Return a response with the difference of two others, which are on the same times."""
+    if after.failure or before.failure:
+        return after if after.failure else before
+    return replace(
+        base,
+        drive_force={
+            name: row + (after.drive_force[name] - before.drive_force[name])
+            for name, row in base.drive_force.items()
+        },
+        object_force=base.object_force + (after.object_force - before.object_force),
+    )
+
+
+def _judging(misfit: Misfit) -> Misfit:
+    """Return a misfit in which all that the model misses is noise of each movement."""
+    comparison = misfit.comparison
+    noise = {
+        key: replace(item, missed=model_error(comparison, key))
+        for key, item in comparison.noise.items()
+    }
+    return replace(
+        misfit,
+        comparison=replace(comparison, noise=noise, discrepancy={}, outlier_limit=float("inf")),
+    )
+
+
+def _adjusted(residuals: Floats, J: Floats, frame: Frame) -> float:
+    """Return minus twice the log-likelihood with all values adjusted to first order."""
+    rest = residuals + J @ np.linalg.lstsq(J, -residuals, rcond=None)[0]
+    return float(rest @ rest) + _log_determinant(frame)
+
+
+def _log_determinant(frame: Frame) -> float:
+    """Return the part of the log-likelihood that nuisances and shared directions have."""
+    total = -sum(2.0 * float(np.log1p(-item.shrink).sum()) for item in frame.alignments)
+    return total + (frame.shared.log_determinant if frame.shared else 0.0)
+
+
+def _with_own_levels(found: Fit, misfit: Misfit, drive: str) -> float:
+    """Return what `_adjusted` does with the slip level of each movement where it slips."""
+    effects, least = own_levels(found, drive), float("inf")
+    name = level_key(drive)
+    names = [item.name for item in found.parameters]
+    for _ in range(LEVEL_PASSES):
+        misfit = replace(misfit, effects=effects)
+        row = misfit.responses([found.values])[0]
+        if any(item.failure for item in row):
+            break
+        frame = framed(replace(found.local, simulated=tuple(row)), misfit)
+        J = jacobian(found.local, frame, names)
+        least = min(least, _adjusted(misfit.residuals_of(row, frame), J, frame))
+        estimates = [a.estimates.get(name, (0.0, 0.0))[0] for a in frame.alignments]
+        effects = {**effects, name: tuple(np.clip(estimates, -FURTHEST_LEVEL, FURTHEST_LEVEL))}
+    return least
+
+
+def own_levels(found: Fit, drive: str) -> dict[str, tuple[float, ...]]:
+    """Return the effects of a fit with a slip level for each movement that slips.
+
+    Where the simulated drive slips, measured over simulated force is how far the level is off.
+    Where it does not quite, a smaller measured peak is a level that the movement has reached. Any
+    other movement says nothing of it and keeps its own.
+    """
+    name = level_key(drive)
+    shares = []
+    for number, (alignment, response) in enumerate(
+        zip(found.frame.alignments, found.local.simulated, strict=True)
+    ):
+        before = found.misfit.effect(name, number)
+        level = found.values[name] * (1.0 + before)
+        share = before
+        for signal, bins in alignment.parts:
+            if (signal.channel, signal.drive) != ("drive_force", drive):
+                continue
+            shift = alignment.shift
+            model = np.abs(predicted(response, alignment.movement, signal, bins, shift=shift))
+            seen = np.abs(signal.values[bins])
+            slips = model > (1.0 - SLIPS) * level
+            if slips.sum() >= LEAST_SLIPPING:
+                share = (1.0 + before) * float(np.median(seen[slips] / model[slips])) - 1.0
+            elif NEARLY * level < model.max() and seen.max() < LOWER * model.max():
+                share = (1.0 + before) * float(seen.max() / level) - 1.0
+        shares.append(float(np.clip(share, -FURTHEST_LEVEL, FURTHEST_LEVEL)))
+    return {**found.misfit.effects, name: tuple(shares)}
