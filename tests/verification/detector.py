@@ -115,7 +115,7 @@ def figures_of(
     fewer = {**test, "sound": test["sound"].of(slice(VERDICTS_ON_SOUND))}
     return {
         "time": lambda: verdict_times(knowledge, test["object"]),
-        "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, fewer, draws=2)),
+        "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, fewer, draws=1)),
         "known": lambda: known_figures(
             knowledge, *judge_with_history(knowledge, test, kept / "known")
         ),
@@ -131,7 +131,7 @@ def figures_of(
     }
 
 
-VERDICTS_ON_SOUND = 3000
+VERDICTS_ON_SOUND = 1500
 """Sound throws that get a whole verdict; for the rates of alarms all are judged."""
 
 

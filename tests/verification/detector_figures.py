@@ -158,7 +158,7 @@ class Uses:
         For the alarm alone, of sound throws, and of dry chairs and adjustments.
     """
 
-    verdicts: int = 2
+    verdicts: int = 1
     sound: int = 50
     causes: int = 10
 
