@@ -97,19 +97,3 @@ def test_gaps_clearly_above_their_limit_are_called_in_98_percent() -> None:
     assert np.mean(away < reach) == pytest.approx(0.98, abs=0.002)
     few = interval_widths.reach_of_call([], factors=[1.0], object_factors=[1.0], otherwise=0.3)
     assert few == 0.3
-
-
-def test_each_cause_is_named_from_its_own_limit() -> None:
-    """A cause that sound throws mimic must not raise the limit of the others."""
-    found = Calibrated(
-        part="cycle",
-        history=0,
-        thresholds={},
-        throws=0,
-        switches=0,
-        cause_threshold=6.9,
-        cause_thresholds={"clutch": 8.0, "dry chairs": 3.0},
-    )
-    odds = {"clutch": 7.0, "dry chairs": 3.5, "loose rod": 7.0}
-    named = [name for name, value in odds.items() if found.names_cause(name, value)]
-    assert named == ["dry chairs", "loose rod"]

@@ -90,7 +90,7 @@ def measured(throws: ThrowSet, errors: Errors) -> Floats:
 
 
 def alarms_of(view: View, features: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return log likelihood ratios of throws, what the best hypothesis leaves, and of causes.
+    """Return log likelihood ratios of throws, what the best hypothesis leaves, and causes.
 
     Returns
     -------
@@ -98,8 +98,8 @@ def alarms_of(view: View, features: Floats) -> tuple[Floats, Floats, Floats]:
         Object against everything else [-].
     left : ndarray, shape (n_throws,)
         Squared whitened distance from the best hypothesis [-].
-    cause : ndarray, shape (n_causes, n_throws)
-        Every other cause against a sound switch, minus infinity where it cannot be identified [-].
+    cause : ndarray, shape (n_throws,)
+        Likeliest other cause against a sound switch [-].
     """
     alarm, left, cause = [], [], []
     for first in range(0, len(features), AT_ONCE):
@@ -107,9 +107,9 @@ def alarms_of(view: View, features: Floats) -> tuple[Floats, Floats, Floats]:
         ratios = ratios_of(view, evidence)
         alarm.append(ratios.alarm)
         left.append(best_square(evidence))
-        known = np.isfinite(view.cause_weight)[:, np.newaxis]
-        cause.append(np.where(known, ratios.cause, -np.inf))
-    return np.concatenate(alarm), np.concatenate(left), np.concatenate(cause, axis=1)
+        known = np.isfinite(view.cause_weight)
+        cause.append(ratios.cause[known].max(axis=0, initial=-np.inf))
+    return np.concatenate(alarm), np.concatenate(left), np.concatenate(cause)
 
 
 def learn_history(
@@ -183,7 +183,7 @@ def calibrate_alone(
         Calibrated(
             part=part, history=0, thresholds={}, throws=0, switches=len(np.unique(sound.switch))
         ),
-        judged=[np.concatenate(item, axis=-1) for item in zip(*found, strict=True)],
+        judged=[np.concatenate(item) for item in zip(*found, strict=True)],
         tried=tried,
     )
 
@@ -266,7 +266,7 @@ def calibrate_history(
         _calibrated(
             knowledge,
             replace(other, history=history, switches=len(numbers)),
-            judged=[np.concatenate(item, axis=-1) for item in zip(*judged[part], strict=True)],
+            judged=[np.concatenate(item) for item in zip(*judged[part], strict=True)],
             tried=tried[part],
         )
         for part, other in alone.items()
@@ -306,7 +306,7 @@ def _calibrated(
         thresholds=thresholds,
         throws=len(ratios),
         residual=tuple(np.quantile(left, RESIDUAL_LEVELS).tolist()),
-        cause_thresholds=cause_limits(cause, knowledge.causes),
+        cause_threshold=max(LEAST_CAUSE, float(np.quantile(cause, 1.0 - CAUSE_RATE))),
         size_factor=factor_of(misses_in_doubt(found.size), otherwise=usual.size_factor),
         gap_factor=gap_factor,
         object_gap_factor=object_gap_factor,
@@ -318,34 +318,6 @@ def _calibrated(
         ),
         place_level=level_of_places(found.likelier, otherwise=usual.place_level),
     )
-
-
-def cause_limits(ratios: Floats, names: Sequence[str]) -> dict[str, float]:
-    """Return the log likelihood ratio from which on each cause is named.
-
-    Each has its own, since some are mimicked by sound throws far more often than others: together
-    they are exceeded by a hundredth of the sound throws at most.
-
-    Parameters
-    ----------
-    ratios : ndarray, shape (n_causes, n_throws)
-        Of sound throws [-].
-    names : sequence of str
-        Of the causes; those that cannot be identified are left out.
-
-    Examples
-    --------
-    >>> ratios = np.vstack([np.linspace(0.0, 10.0, 1001), np.linspace(-9.0, 1.0, 1001)])
-    >>> {name: round(item, 2) for name, item in cause_limits(ratios, ["a", "b"]).items()}
-    {'a': 9.95, 'b': 3.0}
-    """
-    found = np.isfinite(ratios).any(axis=1)
-    share = CAUSE_RATE / max(1, np.count_nonzero(found))
-    return {
-        name: max(LEAST_CAUSE, float(np.quantile(row, 1.0 - share)))
-        for name, row, own in zip(names, ratios, found, strict=True)
-        if own
-    }
 
 
 def with_calibration(knowledge: Knowledge, calibrated: Sequence[Calibrated]) -> Knowledge:

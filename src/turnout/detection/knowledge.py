@@ -31,7 +31,7 @@ from turnout.errors import FileError
 Floats = NDArray[np.float64]
 
 SCHEMA = 2
-"""Of a detector file; format 1, which is read too, knew forces alone and one limit for causes."""
+"""Of a detector file; format 1, which is read too, knew forces alone."""
 SUFFIX = ".detector"
 LARGEST = 400_000_000
 """Of a detector file [bytes]."""
@@ -62,11 +62,9 @@ class Calibrated:
         The same for each end gap without and with an alarm; a single one is for all gaps [-].
     place_level : float
         Probability that the set of places must sum to, to hold the true place in 90 % [-].
-    cause_thresholds : mapping of str to float
-        Logarithm of the likelihood ratio against a sound switch from which on another cause is
-        named, by the cause [-].
     cause_threshold : float
-        The same of causes that are not among these, as in detector files of format 1 [-].
+        Logarithm of the likelihood ratio against a sound switch from which on another cause is
+        named [-].
     gap_reach : float
         A gap is called above its limit where that lies at most so many half-intervals above its
         median [-].
@@ -83,12 +81,7 @@ class Calibrated:
     object_gap_factor: tuple[float, ...] = (1.0,)
     place_level: float = 0.9
     cause_threshold: float = 6.9
-    cause_thresholds: Mapping[str, float] = field(default_factory=dict)
     gap_reach: float = 0.0
-
-    def names_cause(self, name: str, log_odds: float) -> bool:
-        """Return whether the odds of a cause are enough to name it."""
-        return log_odds > self.cause_thresholds.get(name, self.cause_threshold)
 
 
 RESIDUAL_LEVELS = (0.0, 0.01, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)

@@ -298,9 +298,8 @@ def _status(
 ) -> str:
     if log_ratio > threshold:
         return ALARM
-    others = [name for name in odds if name != "object"]
-    best = max(others, key=lambda name: odds[name], default="")
-    if best and calibrated.names_cause(best, odds[best]):
+    others = [odds[name] for name in odds if name != "object"]
+    if max(others, default=-np.inf) > calibrated.cause_threshold:
         return CAUSE
     return UNKNOWN if fit < UNKNOWN_SHARE else SOUND
 
