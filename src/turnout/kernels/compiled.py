@@ -167,7 +167,7 @@ class _KernelCache(FunctionCache):
 class _Kernel(CPUDispatcher):
     """What Python calls; in another kernel its name stands for its inner kernel.
 
-    Cache and inner kernel are made when they are first asked for: most kernels are not, where the
+    Cache and inner kernel are made when they are first used: most kernels are not, where the
     few that Python calls are at hand.
     """
 
