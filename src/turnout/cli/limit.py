@@ -291,6 +291,9 @@ def _members(
     from turnout.errors import FileError
 
     if panels is None:
+        if most is not None:
+            message = "--most: chooses among the panels of --panels; leave it out"
+            raise FileError(message)
         return over_travels(given)
     if over_travel or given is not None:
         message = "--panels: takes its panels from there alone; leave PANEL and --over-travel out"
