@@ -136,7 +136,7 @@ def further(folder: Path, facts: Facts, points: Any, *, checked: int) -> list[di
 
 
 def growth_table(facts: Facts, values: Any, rows: list[dict[str, Any]]) -> str:
-    """Return sizes seen by friction, apart where the rail stands off clearly at 0.4 and where not."""
+    """Return sizes seen by friction, apart where the rail stands off at 0.4 and where not."""
     names = [item.name for item in facts.answers]
     middle = values[:, names.index("f: smallest visible object at sleeper 6")]
     gap = values[:, names.index("f: open at Drive 2, friction 0.4")]
