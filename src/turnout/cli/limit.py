@@ -169,7 +169,7 @@ def limit_command(
     from turnout.detection.added_equipment import check_equipment, read_measures
     from turnout.detection.drive_quantities import signals_of
     from turnout.detection.end_positions import end_position_map, throw_ends
-    from turnout.detection.limit import limit_map
+    from turnout.detection.limit import limit_map, too_few_sound
     from turnout.detection.limit_bands import limit_bands
     from turnout.detection.reference import reference_study
     from turnout.detection.throws import QUICK_SOUND, QUICK_STEPS, STEPS, closing_time, throw_all
@@ -205,6 +205,7 @@ def limit_command(
         workers=count, report=watch,
     )  # fmt: skip
     closing = closing_time(given)
+    _warn([text] if (text := too_few_sound(throws)) else [])
     found = limit_map(throws, conditions, closing=closing)
     if known_place:
         more = _known_place(throws, conditions, closing, quiet=quiet)
