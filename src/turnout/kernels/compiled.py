@@ -167,8 +167,8 @@ class _KernelCache(FunctionCache):
 class _Kernel(CPUDispatcher):
     """What Python calls; in another kernel its name stands for its inner kernel.
 
-    Cache and inner kernel are made when they are first asked for: most kernels are not, where the
-    few that Python calls are at hand.
+    Cache and inner kernel are made at their first use: most kernels have none, where the few that
+    Python calls are at hand.
     """
 
     loop, kept = False, False
