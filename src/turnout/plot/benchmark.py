@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 LINES = ("-", "--", ":")
+DIFFERENT = 6
+"""First colours of the style, none of which is black."""
 LEAST = 1e-4
 """False-alarm rate where the axis begins [-]."""
 
@@ -37,7 +39,7 @@ def plot_benchmark_roc(curves: Mapping[str, tuple[Floats, Floats]], *, title: st
     ax.set_xlim(LEAST, 1.0)
     ax.set_xlabel("False alarms, share of sound throws [-]")
     ax.set_ylabel("Detected, share of touched objects [-]")
-    ax.legend(fontsize=8, loc="upper left")
+    _name_lines(figure, ax)
     put_title(figure, title)
     return figure
 
@@ -69,7 +71,7 @@ def plot_benchmark_pod(
     ax.set_xlim(0.0, 1e3 * float(size.max()) + 1.0)
     ax.set_xlabel("Size of the object [mm]")
     ax.set_ylabel("Detected, share of objects [-]")
-    ax.legend(fontsize=8, loc="lower right")
+    _name_lines(figure, ax)
     put_title(figure, title)
     return figure
 
@@ -78,7 +80,7 @@ def _figure() -> "tuple[Figure, Axes]":
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.4, 5.0), layout="constrained")
+    figure = Figure(figsize=(9.0, 4.8), layout="constrained")
     FigureCanvasAgg(figure)
     ax = figure.subplots()
     ax.set_ylim(0.0, 1.02)
@@ -88,12 +90,17 @@ def _figure() -> "tuple[Figure, Axes]":
     return figure, ax
 
 
+def _name_lines(figure: "Figure", ax: "Axes") -> None:
+    """Put the names of the lines beside them, where they hide nothing."""
+    figure.legend(*ax.get_legend_handles_labels(), fontsize=8, loc="outside right upper")
+
+
 def _style(number: int, count: int) -> dict[str, Any]:
     """Return a line of its own for each method; the last one, this program's, is heavy."""
     if number == count - 1:
         return {"color": "black", "linewidth": 2.0}
     return {
-        "color": COLOURS[number % len(COLOURS)],
-        "linestyle": LINES[number // len(COLOURS) % len(LINES)],
+        "color": COLOURS[number % DIFFERENT],
+        "linestyle": LINES[number // DIFFERENT % len(LINES)],
         "linewidth": 1.3,
     }
