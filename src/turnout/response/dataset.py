@@ -24,6 +24,7 @@ from turnout.response.drives import (
     machine_energies,
     machine_signals,
     machine_slips,
+    machine_supplies,
     moved_throws,
 )
 from turnout.response.gaps import drive_and_sensor_gaps, rail_gap
@@ -252,6 +253,7 @@ def describe_run(
         "foreign_objects": json.dumps([_object_record(panel, item) for item in objects]),
         "movements": movement_records(moved_throws(panel, history)),
         **({"machine_throws": duty_records(panel, made)} if (made := duties(history)) else {}),
+        **({"machine_supplies": json.dumps(fed)} if (fed := machine_supplies(panel)) else {}),
         **({"blind_currents": json.dumps(blind)} if (blind := blind_currents(panel)) else {}),
         "lock_rule": panel.lock.rule,
         "lock_gap_limit": panel.lock.gap_limit,

@@ -87,6 +87,32 @@ def duty_records(panel: Panel, made: Sequence[Duty]) -> str:
     )
 
 
+def machine_supplies(panel: Panel) -> dict[str, dict[str, float | None]]:
+    """Return what feeds the drives that are machines.
+
+    Returns
+    -------
+    dict
+        By drive `frequency`, 0 of direct current [Hz], and `phase_lost_at` [s] or None.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> panel = load_panel("sb1", overrides={"drive.1.machine": "s700k"})
+    >>> machine_supplies(panel)
+    {'1': {'frequency': 50.0, 'phase_lost_at': None}}
+    """
+    named = {name: drive.machine for name, drive in panel.drive.items() if drive.machine}
+    records = {name: panel.machine[machine] for name, machine in named.items()}
+    return {
+        name: {
+            "frequency": machine.motor.frequency or 0.0,
+            "phase_lost_at": machine.supply.phase_lost_at,
+        }
+        for name, machine in records.items()
+    }
+
+
 def machine_signals(panel: Panel, history: History) -> dict[str, Variable]:
     """Return the channels of machines; none where all drives are markers.
 
