@@ -70,8 +70,16 @@ def moved_throws(panel: Panel, history: History) -> tuple[Throw, ...]:
     return tuple(found)
 
 
-def duty_records(panel: Panel, made: Sequence[Duty]) -> str:
-    """Return what the machines did as JSON text, for the attributes of a dataset."""
+def duty_records(panel: Panel, made: Sequence[Duty], end: float) -> str:
+    """Return what the machines did until the end of a run [s] as JSON text, for its attributes."""
+    fed = machine_supplies(panel)
+
+    def lost(duty: Duty) -> float | None:
+        """Return when the machine lost a phase, unless that was later than this command."""
+        time = fed[duty.drive]["phase_lost_at"]
+        until = end if np.isnan(duty.off) else duty.off
+        return time if time is not None and time <= until else None
+
     return json.dumps(
         [
             {
@@ -81,6 +89,7 @@ def duty_records(panel: Panel, made: Sequence[Duty]) -> str:
                 "outcome": duty.outcome,
                 "on": duty.on,
                 "off": None if np.isnan(duty.off) else duty.off,
+                "phase_lost": lost(duty),
             }
             for duty in made
         ]
