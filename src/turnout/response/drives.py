@@ -138,14 +138,10 @@ def machine_signals(panel: Panel, history: History) -> dict[str, Variable]:
         return ("drive", "time"), found
 
     voltage, lead = state[:, :, at.SUPPLIED], state[:, :, at.CURRENT]
-    field = state[:, :, at.ENERGISED] * machines.constants[:, at.FIELD_POWER]
-    power = voltage * lead + field
-    apparent = np.abs(power)
+    power, apparent = np.empty_like(lead), np.empty_like(lead)
+    for number, constants in enumerate(machines.constants):
+        power[:, number], apparent[:, number] = machine_powers(constants, state[:, number])
     three_phase = machines.constants[:, at.THREE_PHASE] > 0.0
-    for number in np.flatnonzero(three_phase):
-        power[:, number], apparent[:, number] = machine_powers(
-            machines.constants[number], state[:, number]
-        )
     rated = np.array([supply_voltage(machine) for machine in machines.records])
     places = [machine.circuit.measured_current for machine in machines.records]
     from_supply = (np.array(places) == "supply") & ~three_phase  # a line's current is in both
