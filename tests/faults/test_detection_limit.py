@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from turnout.cli.limit import conditions_of_options
 from turnout.cli.main import app
 from turnout.errors import TurnoutError
 
@@ -49,3 +50,10 @@ def test_a_plan_that_cannot_be_made_is_refused(options: list[str], words: str) -
     found = CliRunner().invoke(app, ["plan-test", *options])
     assert isinstance(found.exception, TurnoutError)
     assert words in str(found.exception)
+
+
+def test_an_exact_model_is_warned_of(capsys: pytest.CaptureFixture[str]) -> None:
+    assert conditions_of_options(discrepancy=0.05).discrepancy == 0.05
+    assert not capsys.readouterr().err
+    assert conditions_of_options(discrepancy=0.0).discrepancy == 0.0
+    assert "--discrepancy 0: no model is exact" in capsys.readouterr().err

@@ -74,5 +74,7 @@ def test_bands_hold_what_the_panels_give(monkeypatch: pytest.MonkeyPatch, tmp_pa
     assert "over 6 panels" in shown.output
     record = json.loads(CliRunner().invoke(app, [*line, "--json"]).stdout)
     assert record["bands"][0]["a90_middle"] == pytest.approx(rows[0]["a90_middle"])
+    refused = CliRunner().invoke(app, [*line, "--most", "3"])
+    assert "--most: chooses among the panels of --panels" in str(refused.exception)
     refused = CliRunner().invoke(app, [*line, "--ends"])
     assert "--ends: of one panel only" in str(refused.exception)

@@ -1,13 +1,16 @@
 """Every method of the open benchmark sees what is obvious, and gives the same numbers twice."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.unit.benchmark_toy import toy_benchmark
+from typer.testing import CliRunner
 
-from turnout.open_benchmark.definition import Counts
+from turnout.cli.main import app
+from turnout.open_benchmark.definition import PRESETS, Counts
 from turnout.open_benchmark.make_throws import make_throws
 from turnout.open_benchmark.method import Method
 from turnout.open_benchmark.run_methods import Conditions, methods_for, run_method
@@ -51,6 +54,34 @@ def test_a_perfect_detector_has_the_figures_of_one() -> None:
 
 
 COUNTS = Counts(switches=4, known=2, sound=2, objects=3, causes=1)
+
+
+def test_the_command_makes_compares_and_scores(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tiny = Counts(switches=9, known=2, sound=3, objects=4, causes=0)
+    monkeypatch.setitem(PRESETS, "small", tiny)
+    folder = tmp_path / "bench"
+    line = ["benchmark", "detection", str(folder), "--size", "small", "--workers", "1"]
+    line += ["--method", "threshold", "--main"]
+    first = CliRunner().invoke(app, [*line, "--json"])
+    assert first.exit_code == 0, (first.output, first.exception)
+    found = json.loads(first.stdout)
+    assert set(found["results"]) == {"markers-force-h20-d5", "markers-force-h0-d5"}
+    for name in ("data-card.md", "table.md", "roc.png", "pod.png"):
+        assert (folder / name).stat().st_size > 100
+    assert "Panels on both sides of the split: 0." in (folder / "data-card.md").read_text()
+    # the second time nothing is run again, and the numbers are the same
+    again = json.loads(CliRunner().invoke(app, [*line, "--json", "--quiet"]).stdout)
+    assert again["results"] == found["results"]
+    said = folder / "results" / "markers-force-h20-d5" / "threshold.csv"
+    score = CliRunner().invoke(app, ["benchmark", "score", str(folder), str(said), "--json"])
+    own = json.loads(score.stdout)["score"]
+    assert own == found["results"]["markers-force-h20-d5"]["threshold"]["score"]
+    text = CliRunner().invoke(app, ["benchmark", "score", str(folder), str(said)]).output
+    assert "false alarms" in text
+    wrong = CliRunner().invoke(app, ["benchmark", "detection", str(folder), "--size", "huge"])
+    assert "huge" in str(wrong.exception)
 
 
 def test_an_interrupted_benchmark_goes_on_to_the_same_throws(tmp_path: Path) -> None:

@@ -169,7 +169,7 @@ def limit_command(
     from turnout.detection.added_equipment import check_equipment, read_measures
     from turnout.detection.drive_quantities import signals_of
     from turnout.detection.end_positions import end_position_map, throw_ends
-    from turnout.detection.limit import limit_map
+    from turnout.detection.limit import limit_map, too_few_sound
     from turnout.detection.limit_bands import limit_bands
     from turnout.detection.reference import reference_study
     from turnout.detection.throws import QUICK_SOUND, QUICK_STEPS, STEPS, closing_time, throw_all
@@ -181,7 +181,6 @@ def limit_command(
     )  # fmt: skip
     measures = list(dict.fromkeys([*(what_if or []), *(FORMS if advise else ())]))
     check_measures(measures)
-    _warn_of_exact_models(discrepancy)
     given = _given(panel, settings, calibration)
     watch, count = _watching(quiet=quiet), workers or cores()
     steps, least = (QUICK_STEPS, min(sound, QUICK_SOUND)) if quick else (STEPS, sound)
@@ -205,6 +204,7 @@ def limit_command(
         workers=count, report=watch,
     )  # fmt: skip
     closing = closing_time(given)
+    _warn([too_few_sound(throws)])
     found = limit_map(throws, conditions, closing=closing)
     if known_place:
         more = _known_place(throws, conditions, closing, quiet=quiet)
@@ -236,7 +236,7 @@ OPTIONS = {
 
 
 def conditions_of_options(**values: float | int | str) -> "Conditions":
-    """Return conditions; refuse what has no meaning by the name of its option."""
+    """Return conditions; refuse what has no meaning by its option, warn of an exact model."""
     from types import SimpleNamespace
 
     from turnout.detection.conditions import condition_faults
@@ -247,6 +247,9 @@ def conditions_of_options(**values: float | int | str) -> "Conditions":
     if faults:
         listed = [f"{OPTIONS[name]} {given}: {text}" for name, (given, text) in faults.items()]
         raise StudyError(listed, source="options")
+    if values.get("discrepancy") == 0.0:
+        text = "--discrepancy 0: no model is exact; the result is far too good"
+        typer.echo(f"turnout: {text}", err=True)
     return Conditions(**values)  # type: ignore[arg-type]
 
 
@@ -262,14 +265,8 @@ def _given(
 
 
 def _warn(remarks: "Sequence[str]") -> None:
-    for remark in remarks:
+    for remark in filter(None, remarks):
         typer.echo(f"turnout: {remark}", err=True)
-
-
-def _warn_of_exact_models(discrepancy: float) -> None:
-    if discrepancy == 0.0:
-        text = "--discrepancy 0: no model is exact; the result is far too good"
-        typer.echo(f"turnout: {text}", err=True)
 
 
 def _advice(
@@ -290,6 +287,9 @@ def _members(
     from turnout.errors import FileError
 
     if panels is None:
+        if most is not None:
+            message = "--most: chooses among the panels of --panels; leave it out"
+            raise FileError(message)
         return over_travels(given)
     if over_travel or given is not None:
         message = "--panels: takes its panels from there alone; leave PANEL and --over-travel out"

@@ -9,7 +9,7 @@ from turnout.cli.json_output import JsonOption, print_json
 from turnout.cli.options import QuietOption, check_outputs
 
 RunArgument = Annotated[
-    Path, typer.Argument(metavar="RUN.nc", help="Result of a throw whose drives are machines.")
+    Path, typer.Argument(metavar="RUN", help="Result of a throw whose drives are machines.")
 ]
 TogetherOption = Annotated[
     list[str],

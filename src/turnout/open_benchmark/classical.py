@@ -207,7 +207,7 @@ class ComponentsMethod:
     title: str = "PCA, T2 and SPE"
     settings: Settings = tuple(
         {"components": number, "relative": relative}
-        for number in (5, 10, 20, 40)
+        for number in (5, 20, 40, 80)
         for relative in (True, False)
     )
 

@@ -101,35 +101,42 @@ def write_table(folder: Path, results: Mapping[str, Mapping[str, Mapping[str, An
 
 
 def table_of(results: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return one table, a row a method.
+    """Return two tables, a row a method: figures of merit, and a90 by place.
 
     Parameters
     ----------
     results : mapping of str to mapping
         From `run_methods`, under one set of conditions.
     """
+    heads = (
+        *("method", "false alarms in 1,000", "in 10,000", "a90 4-8 [mm]", "at equal rate [mm]"),
+        *("unknown", "causes", "calibration", "ms", "kB"),
+    )
     places = list(next(iter(results.values()))["score"]["place"])
-    heads = [
-        *("method", "false alarms /1000", "rare /10000", "a90 4-8", "at equal rate"),
-        *(_short(name) for name in places),
-        *("unknown", "F1", "calibration", "ms", "kB"),
-    ]
-    lines = ["| " + " | ".join(heads) + " |", "|---|" + "--:|" * (len(heads) - 1)]
+    merits, by_place = [], []
     for result in results.values():
         score = result["score"]
-        cells = [
+        merits.append([
             result["title"],
             _rate(score["false_alarms"], 1e3),
             _rate(score["rare_alarms"], 1e4),
             millimetres(score["mid_span"]),
             millimetres(score["equal_mid_span"]),
-            *(_with_limit(score["place"][name]) for name in places),
             *(_plain(score[name]) for name in ("unknown_auroc", "macro_f1", "calibration")),
             f"{result['milliseconds']:.2f}",
             f"{result['bytes'] / 1e3:.0f}",
-        ]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+        ])  # fmt: skip
+        limits = [millimetres(score["place"][name]["a90_95"]) for name in places]
+        sizes = [millimetres(score["place"][name]["a90"]) for name in places]
+        by_place += [[result["title"], *sizes], ["a90/95", *limits]]
+    return "\n\n".join([
+        _rows(heads, merits), _rows(["a90 [mm]", *map(_short, places)], by_place)
+    ])  # fmt: skip
+
+
+def _rows(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = ["| " + " | ".join(heads) + " |", "|---|" + "--:|" * (len(heads) - 1)]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
 
 
 def _short(place: str) -> str:
@@ -152,11 +159,6 @@ def millimetres(value: float | None) -> str:
     ('12.3', '-')
     """
     return NOTHING if value is None or not np.isfinite(value) else f"{1e3 * value:.1f}"
-
-
-def _with_limit(found: Mapping[str, Any]) -> str:
-    limit = millimetres(found["a90_95"])
-    return f"{millimetres(found['a90'])} ({limit})"
 
 
 def _plain(value: float | None) -> str:

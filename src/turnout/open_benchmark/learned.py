@@ -41,37 +41,45 @@ def scikit_learn(name: str) -> Any:
 class Forest:
     """An isolation forest of sound throws."""
 
-    relative: bool
+    inputs: str
     forest: Any
 
     def score(self, judged: Judged) -> Floats:
         """Return how few cuts isolate each throw."""
-        return -np.asarray(self.forest.score_samples(judged.features(relative=self.relative)))
+        return -np.asarray(self.forest.score_samples(forest_inputs(self.inputs, judged)))
 
     def extras(self, judged: Judged) -> Mapping[str, Any]:
         """Return the score once more: what is isolated is new."""
         return {"novelty": self.score(judged)}
 
 
+def forest_inputs(name: str, judged: Judged) -> Floats:
+    """Return the inputs of a setting, less those of the reference curve."""
+    if name == "window means":
+        return judged.features(relative=True)
+    own = sweep_features(judged.side.histories, judged)
+    return own - sweep_features(judged.reference, judged)
+
+
 @dataclass(frozen=True)
 class ForestMethod:
-    """Isolation forest (Liu, Ting and Zhou 2008) on window means."""
+    """Isolation forest (Liu, Ting and Zhou 2008) on what differs from the reference curve."""
 
     name: str = "isolation-forest"
     title: str = "isolation forest"
     settings: Settings = tuple(
-        {"samples": samples, "relative": relative}
+        {"samples": samples, "inputs": inputs}
         for samples in (256, 1024)
-        for relative in (True, False)
+        for inputs in ("window means", "sweep features")
     )
 
     def fit(self, train: Judged, setting: Mapping[str, Any], *, final: bool = False) -> Model:
         """Learn sound throws."""
-        values = train.features(relative=setting["relative"])[train.sound]
+        values = forest_inputs(setting["inputs"], train)[train.sound]
         forest = scikit_learn(self.title).IsolationForest(
             n_estimators=200, max_samples=min(setting["samples"], len(values)), random_state=0
         )
-        return Forest(setting["relative"], forest.fit(values))
+        return Forest(setting["inputs"], forest.fit(values))
 
 
 # ---- gradient boosting
@@ -196,7 +204,7 @@ class RocketMethod:
 
     name: str = "minirocket"
     title: str = "MiniRocket, ridge"
-    settings: Settings = ({"ridge": 1.0}, {"ridge": 10.0}, {"ridge": 100.0}, {"ridge": 1000.0})
+    settings: Settings = tuple({"ridge": 10.0**power} for power in (2, 3, 4, 5))
     features: int = 2520
     _rocket: MiniRocket | None = None
     _known: dict[int, NDArray[np.float32]] = field(default_factory=dict)

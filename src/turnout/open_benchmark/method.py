@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from turnout.detection.alarm_threshold import threshold_for
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.throw_layout import Layout
+from turnout.errors import StudyError
 from turnout.open_benchmark.definition import OBJECT, SOUND
 from turnout.open_benchmark.sides import Benchmark, Side, window_features
 
@@ -158,8 +159,19 @@ class Fitted:
 
 
 def fold_of_panels(panels: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the fold of each throw, the same for all switches of a panel."""
+    """Return the fold of each throw, the same for all switches of a panel.
+
+    Raises
+    ------
+    StudyError
+        When there are fewer panels than folds.
+    """
     different = np.unique(panels)
+    if len(different) < FOLDS:
+        message = (
+            f"{len(different)} panels are there to train on; {FOLDS} are needed: make a larger size"
+        )
+        raise StudyError([message], source="benchmark")
     place = np.random.default_rng(0).permutation(len(different)) % FOLDS
     found: NDArray[np.intp] = place[np.searchsorted(different, panels)]
     return found

@@ -1,11 +1,11 @@
 """Run the methods of the benchmark, each under each set of conditions; interrupted, it goes on."""
 
 import json
-import pickle
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from pickle import dumps  # its length is the size of a model; nothing is read that way
 from typing import Any
 
 import numpy as np
@@ -174,7 +174,7 @@ def run_method(method: Method, bench: Benchmark, place: Path, *, data: str) -> d
         "tried": [{"setting": dict(item), "detected": share} for item, share in fitted.tried],
         "tuning_time": tuned,
         "milliseconds": 1e3 * took / len(scores),
-        "bytes": len(pickle.dumps(fitted.model)),
+        "bytes": len(dumps(fitted.model)),
         "score": plain(score_verdicts(verdicts, bench)),
     }
     text = json.dumps(to_plain(result, nonfinite=lambda _: None), indent=1)

@@ -164,7 +164,7 @@ def obvious_share(
     for name in places:
         own = (side.labels["place"] == name) & (side.labels["size"] >= OBVIOUS)
         own &= np.isin(side.labels["kind"], HARD)
-        if own.any() and float(alarm[own].mean()) > best[1]:
+        if own.any() and (float(alarm[own].mean()), int(own.sum())) > best[1:]:
             best = (name, float(alarm[own].mean()), int(own.sum()))
     return best
 

@@ -106,8 +106,11 @@ def panel_of(switch: Switch) -> LoadedPanel:
 
 
 def study_of(switch: Switch) -> Study:
-    """Return the reference case about the values of a switch's panel."""
-    return reference_study(panel_of(switch))
+    """Return the reference case on a switch's panel; values are drawn as for the default panel.
+
+    `shifts_of` says by how much they move to those of the panel.
+    """
+    return replace(reference_study(panel_of(switch)), design=reference_study().design)
 
 
 def throws_of_switch(switch: Switch, counts: Counts) -> SwitchThrows:
