@@ -1,5 +1,7 @@
 """What a monitoring system stores: RMS windows, steps, and one transformer for two motors."""
 
+import json
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -49,12 +51,95 @@ def test_direct_currents_add_with_their_signs() -> None:
     assert found["drive_current"].values.ravel()[0] == 0.5
 
 
+def test_motors_of_different_voltages_add_as_phasors() -> None:
+    """By hand: 1 A at 380 V and cos 0.6, 2 A at 110 V and cos 0.8; weighting by S gives 2.93 A."""
+    first, second = np.sqrt(3.0) * 380.0 * 1.0, np.sqrt(3.0) * 110.0 * 2.0
+    run = run_of(
+        drive_current=[[1.0], [2.0]],
+        drive_power=[[0.6 * first], [0.8 * second]],
+        drive_apparent_power=[[first], [second]],
+    )
+    found = monitored(run, Monitoring(together={"both": ["1", "2"]}, current_step=0.0))
+    by_hand = abs((0.6 - 0.8j) + 2.0 * (0.8 - 0.6j))
+    assert found["drive_current"].values == pytest.approx(by_hand, rel=1e-9)
+
+
+def test_direct_and_alternating_current_add_in_the_squares() -> None:
+    """1.768 A rms beside 1.4 A direct: a clamp shows sqrt(1.768^2 + 1.4^2) = 2.2552 A."""
+    run = run_of(
+        drive_current=[[1.768], [1.4]],
+        drive_power=[[345.0], [308.0]],
+        drive_apparent_power=[[1163.5], [308.0]],
+    )
+    found = monitored(run, Monitoring(together={"both": ["1", "2"]}, current_step=0.0))
+    assert found["drive_current"].values == pytest.approx(np.hypot(1.768, 1.4), rel=1e-9)
+    assert found["drive_power"].values == pytest.approx(653.0)
+
+
+def test_direct_currents_keep_their_signs_beside_an_induction_motor() -> None:
+    time = np.arange(0.0, 0.2, 1e-3)
+    rows = {
+        "drive_current": [1.768, 1.0, -0.6],
+        "drive_power": [345.0, 220.0, -132.0],
+        "drive_apparent_power": [1163.5, 220.0, 132.0],
+    }
+    run = xr.Dataset(
+        {k: (("drive", "time"), np.outer(v, np.ones(time.size))) for k, v in rows.items()},
+        {"time": time, "drive": ["1", "2", "3"]},
+    )
+    found = monitored(run, Monitoring(together={"direct": ["2", "3"]}, current_step=0.0))
+    assert found["drive_current"].sel(drive="direct").values == pytest.approx(0.4)
+    assert found["drive_apparent_power"].sel(drive="direct").values == pytest.approx(88.0)
+
+
+@pytest.mark.parametrize(
+    ("second", "words"),
+    [
+        ({"frequency": 60.0, "phase_lost_at": None}, "50 and 60 Hz"),
+        ({"frequency": 50.0, "phase_lost_at": 0.1}, "drive 2 loses a phase at 0.1 s"),
+        ({"frequency": 50.0, "phase_lost_at": 500.0}, None),
+    ],
+)
+def test_motors_that_do_not_add_up(second: dict[str, float], words: str | None) -> None:
+    run = run_of(
+        drive_current=[[1.0], [0.8]],
+        drive_power=[[300.0], [0.0]],
+        drive_apparent_power=[[500.0], [400.0]],
+    )
+    first = {"frequency": 50.0, "phase_lost_at": None}
+    run.attrs["machine_supplies"] = json.dumps({"1": first, "2": second})
+    monitored(run)  # each alone
+    together = Monitoring(together={"both": ["1", "2"]})
+    if words is None:
+        assert monitored(run, together).sizes["drive"] == 1
+        return
+    with pytest.raises(MeasurementError, match=words):
+        monitored(run, together)
+
+
+@pytest.mark.parametrize("rate", [30.0, 60.0, 75.0, 1000.0])
+def test_windows_need_not_be_whole_samples(rate: float) -> None:
+    """A ramp: the mean over each window of its square, of samples that stand for 1 ms each."""
+    run = run_of(drive_current=[[0.0]])
+    run["drive_current"][0] = 10.0 * (run["time"].values + 1e-3)
+    found = monitored(run, Monitoring(rate=rate, current_step=0.0))
+    ends = np.arange(1, int(0.2 * rate) + 1) / rate
+    begins = ends - 1.0 / rate
+    smooth = 10.0 * np.sqrt((ends**3 - begins**3) / 3.0 * rate)
+    assert found["time"].values == pytest.approx(ends - 1e-3)
+    assert found["drive_current"].values[0] == pytest.approx(smooth, abs=0.0051)
+
+
 @pytest.mark.parametrize(
     ("monitoring", "words"),
     [
         (Monitoring(rate=0.0), "must be 1 to 1000"),
-        (Monitoring(rate=300.0), "must be a multiple"),
+        (Monitoring(rate=2.0), "the run is shorter than one window, 0.2 of 0.5 s"),
         (Monitoring(together={"a": ["1", "3"]}), "drive 3 is not there"),
+        (Monitoring(together={"x": []}), "name its drives in a list"),
+        (Monitoring(current_step=-1.0), "current_step = -1 A: must be 0 to 100"),
+        (Monitoring(current_step=1e300), "current_step = 1e\\+300 A: must be 0 to 100"),
+        (Monitoring(power_step=float("nan")), "power_step = nan W: must be 0 to 100000"),
     ],
 )
 def test_what_cannot_be_sampled(monitoring: Monitoring, words: str) -> None:
@@ -62,3 +147,19 @@ def test_what_cannot_be_sampled(monitoring: Monitoring, words: str) -> None:
         monitored(run_of(drive_current=[[1.0]]), monitoring)
     with pytest.raises(MeasurementError, match="drive_current: is missing"):
         monitored(run_of(drive_current=[[1.0]]).drop_vars("drive_current"))
+
+
+def test_a_run_of_few_instants() -> None:
+    run = run_of(drive_current=[[1.0]])
+    with pytest.raises(MeasurementError, match="the run has 1 instants"):
+        monitored(run.isel(time=[0]))
+    with pytest.raises(MeasurementError, match=r"what it samples has 100 1/s only"):
+        monitored(run.isel(time=slice(None, None, 10)), Monitoring(rate=200.0))
+
+
+def test_a_transformer_named_as_a_drive_outside_it_loses_nothing() -> None:
+    run = run_of(drive_current=[[1.0], [0.8]])
+    with pytest.raises(MeasurementError, match="'1': is the name of a drive outside it"):
+        monitored(run, Monitoring(together={"1": ["2"]}))
+    both = monitored(run, Monitoring(together={"1": ["1", "2"]}))
+    assert list(both["drive"].values) == ["1"]

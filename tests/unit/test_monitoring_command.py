@@ -5,18 +5,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.errors import MeasurementError, TurnoutError
+from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.measurement.chain.monitoring import monitoring_of
 from turnout.measurement.formats.file_format import read_recording
 from turnout.panel.load import load_panel
+from turnout.response.machine import machine_dataset
 from turnout.response.simulate import simulate
 from turnout.response.store import save_response
 from turnout.scheme import Scheme
-from turnout.virtual.campaign_plan import CampaignPlan
+from turnout.virtual.campaign_plan import CampaignPlan, check_plan
 from turnout.virtual.make_campaign import make_virtual_campaign
+from turnout.virtual.record_throw import Window
 
 MACHINES = {"drive.1.machine": "s700k", "drive.2.machine": "jea73-drive2"}
 
@@ -61,7 +65,26 @@ def test_a_throw_on_the_command_line(machine_file: Path, tmp_path: Path) -> None
     assert (current.unit, current.rate) == ("A", pytest.approx(25.0))
     assert current.start == pytest.approx(0.036)
     assert np.round(current.values, 2) == pytest.approx(current.values, abs=1e-9)
-    assert current.values.max() > 1.0
+    with xr.open_dataset(machine_file) as run:
+        first, second = run["drive_current"].values
+    count = current.values.size * 10  # quick mode stores every 4 ms
+    alternating, direct = (row[:count].reshape(-1, 10) for row in (first, second))
+    seen = np.sqrt((alternating**2 + direct**2).mean(axis=1))
+    assert current.values == pytest.approx(seen, abs=0.00501)
+    assert seen.max() > 1.0
+
+
+def test_the_throw_of_one_machine(tmp_path: Path) -> None:
+    for machine, count in (("s700k", 3), ("sb3", 2)):
+        throw = throw_one_mass(machine, overrides={"throw.duration": 0.5})
+        file, out = tmp_path / f"{machine}.nc", tmp_path / f"{machine}.csv"
+        save_response(machine_dataset(throw), file)
+        code, text = call("machine", "monitor", file, "--out", out, "--rate", "25 Hz")
+        assert code == 0, text
+        recording = read_recording(out)
+        assert len(recording.channels) == count
+        seen = np.sqrt((throw["current"][:40] ** 2).mean())
+        assert recording.channel(f"Current {machine}").values[0] == pytest.approx(seen, abs=0.00501)
 
 
 @pytest.mark.parametrize(
@@ -71,7 +94,8 @@ def test_a_throw_on_the_command_line(machine_file: Path, tmp_path: Path) -> None
         (["--rate", "0.1 Hz"], "must be 1 to 1000 Hz"),
         (["--together", "1,2"], "write NAME=DRIVE,DRIVE"),
         (["--together", "a=1,7"], "drive 7 is not there"),
-        (["--current-step", "-1 A"], "must be at least 0 A"),
+        (["--current-step", "-1 A"], "must be 0 to 100 A"),
+        (["--current-step", "1e300 A"], "must be 0 to 100 A"),
     ],
 )
 def test_bad_input(machine_file: Path, tmp_path: Path, words: list[str], text: str) -> None:
@@ -85,7 +109,7 @@ def test_bad_input(machine_file: Path, tmp_path: Path, words: list[str], text: s
 def test_a_throw_of_markers(run_file: Path, tmp_path: Path) -> None:
     code, output = call("machine", "monitor", run_file, "--out", tmp_path / "stored.csv")
     assert code == 2
-    assert "only drives that are machines have a current" in output
+    assert "take a throw whose drives are machines" in output
 
 
 def test_all_problems_at_once() -> None:
@@ -110,6 +134,46 @@ def test_a_virtual_campaign(tmp_path: Path) -> None:
         running = (power > 0.0) & (current < 1.4)  # without inrush and braking
         assert running.sum() > 50
         assert power[running] == pytest.approx(220.0 * current[running], abs=2.5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "chosen", "words"),
+    [
+        ({}, {"rate": "400 Hz"}, "400 1/s: what it samples has 200 1/s only"),
+        ({}, {"together": ["1=2"]}, "write NAME=DRIVE,DRIVE"),
+        ({"drive.2.machine": "zdj9"}, {"together": ["1=1,2"]}, None),
+        (
+            {"drive.2.machine": "zdj9", "machine.zdj9.motor.frequency": 60.0},
+            {"together": ["switch=1,2"]},
+            "50 and 60 Hz",
+        ),
+        (
+            {"machine.s700k.supply.phase_lost_at": 100.0},
+            {"together": ["switch=1,2"]},
+            "drive 1 loses a phase at 100 s",
+        ),
+    ],
+)
+def test_a_campaign_refuses_before_it_throws(
+    tmp_path: Path, changes: dict[str, object], chosen: dict[str, object], words: str | None
+) -> None:
+    panel = load_panel("uic60-760-1-15").with_overrides({"drive.1.machine": "s700k"})
+    panel = panel.with_overrides({k: v for k, v in changes.items() if k.startswith("drive")})
+    panel = panel.with_overrides({k: v for k, v in changes.items() if k.startswith("machine")})
+
+    def plan() -> CampaignPlan:
+        return CampaignPlan(
+            places=(),
+            window=Window(rate=200.0),
+            monitoring=monitoring_of(**{"rate": "25 Hz"} | chosen),
+        )
+
+    if words is None:
+        check_plan(plan(), panel)
+        return
+    with pytest.raises(MeasurementError, match=words):
+        make_virtual_campaign(panel, tmp_path / "made", plan=plan())
+    assert not (tmp_path / "made").exists()
 
 
 def test_a_campaign_refuses_together_without_a_rate(tmp_path: Path) -> None:

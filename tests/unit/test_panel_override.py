@@ -299,3 +299,9 @@ def test_checks_ask_for_no_field_that_is_called_unasked() -> None:
         del record.x
     with pytest.raises(AttributeError, match="'x'"):
         check(draft)
+
+
+def test_a_key_of_machines_that_the_panel_has_not_yet() -> None:
+    changes = {"drive.1.machine": "jea73", "machine.supply.shared_resistance": 2.0}
+    with pytest.raises(PanelError, match=r"no machine before these overrides.*machine\.NAME\."):
+        load_panel("sb1", overrides=changes)

@@ -169,6 +169,8 @@ def random_induction_overrides(generator: np.random.Generator) -> dict[str, obje
         found[f"motor.{key}"] = None
     return found | {
         "motor.brush_drop": 0.0,
+        "circuit.after_cutoff": "open",
+        "circuit.snub_resistance": 0.0,
         "motor.loss_torque": float(draw(0.0, 0.3)) * torque,
         "motor.brake_torque": float(draw(0.0, 1.0)) * torque,
         "supply.line_resistance": line,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import xarray as xr
 
 from turnout.analysis.stability import FrictionStability, friction_stability
-from turnout.mechanism.drive_machines import blind_currents
+from turnout.mechanism.drive_machines import blind_currents, weak_motors
 from turnout.metric.slip import LEAST_SHARE, margins
 from turnout.metric.summary import is_inaccurate
 from turnout.panel.check_shape import resting_slips
@@ -27,7 +27,7 @@ class Concern:
     Attributes
     ----------
     what, where, number, remedy : str
-        For the screen, with units.
+        For the screen, with units; no remedy where the number says it.
     """
 
     what: str
@@ -38,7 +38,8 @@ class Concern:
     @property
     def text(self) -> str:
         """All of it in one line."""
-        return f"{self.what}: {self.where}: {self.number}; {self.remedy}"
+        said = f"{self.what}: {self.where}: {self.number}"
+        return f"{said}; {self.remedy}" if self.remedy else said
 
 
 def concerns(dataset: xr.Dataset) -> list[Concern]:
@@ -165,6 +166,7 @@ def panel_concerns(panel: Panel, dataset: xr.Dataset) -> list[Concern]:
         *unusual_concerns(panel),
         *resting_concerns(panel),
         *blind_concerns(panel),
+        *supply_concerns(panel),
         *concerns(dataset),
         *flutter_concerns(panel),
     ]
@@ -196,14 +198,38 @@ def blind_concerns(panel: Panel) -> list[Concern]:
     []
     """
     return [
-        Concern(
-            "blind current",
-            f"drive {name}, {text}",
-            "a current that changes by 10 % or more",
-            "record active power",
-        )
+        Concern("blind current", f"drive {name}", text, "")
         for name, text in blind_currents(panel).items()
     ]
+
+
+def supply_concerns(panel: Panel) -> list[Concern]:
+    """Return the machines whose motor is too weak for its clutch, or loses a phase too late.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> panel = load_panel("sb1", overrides={"drive.1.machine": "s700k"})
+    >>> weak = panel.with_overrides({"machine.s700k.supply.voltage": 100.0})
+    >>> print(supply_concerns(weak)[0].number)
+    s700k: the motor stalls before the clutch slips (breakdown 0.942 N m, clutch 2.1 N m)
+    """
+    found = [
+        Concern(
+            "motor too weak",
+            f"drive {name}",
+            text,
+            "raise supply.voltage, lower supply.line_resistance or clutch.torque",
+        )
+        for name, text in weak_motors(panel).items()
+    ]
+    for name, drive in panel.drive.items():
+        lost = panel.machine[drive.machine].supply.phase_lost_at if drive.machine else None
+        if lost is not None and lost > panel.schedule.end:
+            late = f"supply.phase_lost_at = {lost:g} s is after the end, {panel.schedule.end:g} s"
+            remedy = "without effect; give an earlier time, or a later schedule.end"
+            found.append(Concern("phase lost too late", f"drive {name}", late, remedy))
+    return found
 
 
 def resting_concerns(panel: Panel) -> list[Concern]:

@@ -9,15 +9,18 @@ from turnout.cli.json_output import JsonOption, print_json, print_library
 from turnout.cli.machine_fit import fit_command
 from turnout.cli.machine_monitor import monitor_command
 from turnout.cli.options import FIGURES, check_outputs, first_sentence
-from turnout.errors import SolverError
+from turnout.errors import FileError, SolverError
 
 if TYPE_CHECKING:
     from turnout.machine.machine_file import LoadedMachines
     from turnout.machine.one_mass_throw import MachineThrow
 
 NOT_CONVERGED = 3
+LAST = 0.1
+"""Before the cut-off, over which last current and power are averaged [s]."""
 THROW_UNITS = {
     **{"time": "s", "energised_time": "s", "current_peak": "A", "current_peak_time": "s"},
+    **{"current_mean": "A", "current_last": "A", "power_mean": "W", "power_last": "W"},
     **{"rod_force_max": "N", "rod_force_end": "N", "rod_position_end": "m"},
     **{"rail_position_end": "m", "clutch_slip": "rad", "energies": "J"},
 }
@@ -64,6 +67,9 @@ def show_command(
     from turnout.machine.machine_file import load_machines, machine_text
 
     if toml:
+        if settings:
+            message = "--toml prints the file as the library has it; leave out --set, or --toml"
+            raise FileError(message)
         typer.echo(machine_text(machine), nl=False)
         return
     loaded = load_machines(machine)
@@ -112,7 +118,7 @@ def run_command(
         written = [path for path in (out, plot) if path is not None]
         print_json("machine run", throw_summary(throw), units=THROW_UNITS, written=written)
     else:
-        for line in throw_lines(throw):
+        for line in [*throw_lines(throw), *_notes(loaded, throw)]:
             typer.echo(line)
         for path in (out, plot):
             if path is not None:
@@ -129,11 +135,8 @@ app.command("fit", short_help="Identify machines from the currents of a campaign
 
 def machine_record(loaded: "LoadedMachines") -> dict[str, Any]:
     """Return every value of a machine with its unit and origin."""
-    values = loaded.model_dump(exclude={"schema_version", "name", "description"})
     rows = []
-    for key, value in _leaves("", values):
-        if value is None or value == "":
-            continue
+    for key, value in _values(loaded):
         source = loaded.origin_text(key)
         rows.append({"key": key, "value": value, "unit": loaded.unit_of(key), "origin": source})
     return {"name": loaded.name, "description": loaded.description, "values": rows}
@@ -163,15 +166,28 @@ def machine_lines(loaded: "LoadedMachines") -> list[str]:
     from turnout.machine.steady import steady_lines
 
     lines = [f"{loaded.name}: {loaded.description}"]
-    values = loaded.model_dump(exclude={"schema_version", "name", "description"})
-    for key, value in _leaves("", values):
-        if value is None or value == "":
-            continue
+    for key, value in _values(loaded):
         source = loaded.origin_text(key)
         lines.append(f"  {key:<44}{_shown(value):>16} {loaded.unit_of(key):<12}{source}")
     for name, machine in loaded.machine.items():
         lines += [f"steady, {name}", *steady_lines(machine)]
     return lines
+
+
+def _values(loaded: "LoadedMachines") -> list[tuple[str, Any]]:
+    """Return keys and values that count: not those left out, nor defaults of another motor."""
+    from turnout.machine.components import OF_DIRECT_CURRENT
+
+    spare = {
+        f"machine.{name}.{key}"
+        for name, machine in loaded.machine.items()
+        if machine.motor.kind == "induction"
+        for key in OF_DIRECT_CURRENT
+        if loaded.origin_text(f"machine.{name}.{key}") == "default"
+    }
+    values = loaded.model_dump(exclude={"schema_version", "name", "description"})
+    leaves = _leaves("", values)
+    return [(k, v) for k, v in leaves if v is not None and v != "" and k not in spare]
 
 
 def _leaves(prefix: str, value: Any) -> list[tuple[str, Any]]:
@@ -197,6 +213,14 @@ def throw_summary(throw: "MachineThrow") -> dict[str, Any]:
     current, force = np.abs(throw["lead_current"]), throw["rod_force"]
     energies = {name: throw[name] for name in throw.histories if name.startswith("energy_")}
     finite = throw.energised_time == throw.energised_time
+    span = throw.last_energised
+    last = span & (throw.time > throw.time[span].max() - LAST) if span.any() else span
+    means = {
+        "current_mean": (current, span),
+        "current_last": (current, last),
+        "power_mean": (throw["power"], span),
+        "power_last": (throw["power"], last),
+    }
     return {
         "machine": throw.name,
         "outcome": throw.outcome,
@@ -204,6 +228,10 @@ def throw_summary(throw: "MachineThrow") -> dict[str, Any]:
         "energised_time": throw.energised_time if finite else None,
         "current_peak": float(current.max()),
         "current_peak_time": float(throw.time[current.argmax()]),
+        **{
+            name: float(values[inside].mean()) if inside.any() else None
+            for name, (values, inside) in means.items()
+        },
         "rod_force_max": float(force.max()),
         "rod_force_end": float(force[-1]),
         "rod_position_end": float(throw["rod_position"][-1]),
@@ -215,18 +243,43 @@ def throw_summary(throw: "MachineThrow") -> dict[str, Any]:
     }
 
 
+def _notes(loaded: "LoadedMachines", throw: "MachineThrow") -> list[str]:
+    """Return what the record of the machine says of its currents and of a phase lost too late."""
+    from turnout.machine.steady import blind_text
+
+    machine = loaded.machine[throw.name]
+    lost, blind = machine.supply.phase_lost_at, blind_text(machine)
+    lines = [f"{'note':<16}{blind}"] if blind else []
+    if lost is not None and lost > throw.time[-1]:
+        lines.append(f"{'note':<16}supply.phase_lost_at = {lost:g} s is after the end: no effect")
+    return lines
+
+
 def throw_lines(throw: "MachineThrow") -> list[str]:
     """Return the lines of `turnout machine run`."""
     found = throw_summary(throw)
     events = ", ".join(f"{text} {time:.4f} s" for time, text in throw.events)
     switched = found["energised_time"]
     seconds = f", energised {switched:.4f} s" if switched is not None else ""
-    energies = {key.removeprefix("energy_"): value for key, value in found["energies"].items()}
+    shown_as = {"energy_field": "iron", "energy_snub": "arc"} if throw.three_phase else {}
+    energies = {
+        shown_as.get(key, key.removeprefix("energy_")): value
+        for key, value in found["energies"].items()
+    }
+    rms = " rms" if throw.three_phase else ""
+    means, power = "", []
+    if found["current_mean"] is not None:
+        last = f"over the last {LAST} s"
+        means = f", mean {found['current_mean']:.4f} A, {found['current_last']:.4f} A {last}"
+        text = f"mean {found['power_mean']:.1f} W, {found['power_last']:.1f} W {last}"
+        power = [f"active power    {text}"]
     shown = [f"{key} {value:.4g}" for key, value in energies.items() if abs(value) >= 5e-4]
     return [
         f"outcome         {throw.outcome}{seconds}",
         f"events          {events}",
-        f"current         peak {found['current_peak']:.4f} A at {found['current_peak_time']:.3f} s",
+        f"current         peak {found['current_peak']:.4f} A{rms} at "
+        f"{found['current_peak_time']:.3f} s{means}",
+        *power,
         f"rod force       at most {found['rod_force_max']:.1f} N, at the end "
         f"{found['rod_force_end']:.1f} N",
         f"positions       rod {found['rod_position_end'] * 1e3:.4f} mm, rail "

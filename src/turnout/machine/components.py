@@ -270,6 +270,13 @@ class Machine(Record):
                     "supply.shared_resistance"
                 )
                 raise ValueError(message)
+        spare = self._without_effect()
+        if spare:
+            message = (
+                f"{' and '.join(spare)}: without effect on an induction motor, whose windings are "
+                "open after the cut-off and whose line is the supply; leave it out"
+            )
+            raise ValueError(message)
         back = self.gear.back_efficiency
         if self.circuit.holding == "gear" and back != 0.0:
             message = "circuit.holding = 'gear' needs a self-locking gear: gear.back_efficiency = 0"
@@ -278,6 +285,26 @@ class Machine(Record):
             message = "circuit.holding = 'brake' needs motor.brake_torque"
             raise ValueError(message)
         return self
+
+    def _without_effect(self) -> list[str]:
+        """Return what is given of the circuit and means nothing to the motor."""
+        circuit = self.circuit
+        if self.motor.kind != "induction":
+            return []
+        given = {
+            "circuit.after_cutoff = 'short circuit'": circuit.after_cutoff == "short circuit"
+            and "after_cutoff" in circuit.model_fields_set,
+            "circuit.snub_resistance": circuit.snub_resistance > 0.0,
+            "circuit.measured_current = 'supply'": circuit.measured_current == "supply",
+        }
+        return [name for name, spare in given.items() if spare]
+
+
+OF_DIRECT_CURRENT = {
+    *("motor.brush_drop", "motor.contact_loss", "motor.contact_resistance"),
+    *("circuit.after_cutoff", "circuit.snub_resistance", "circuit.measured_current"),
+}
+"""Keys of a machine that mean nothing to an induction motor."""
 
 
 class OneMassRail(Record):

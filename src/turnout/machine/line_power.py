@@ -1,4 +1,4 @@
-"""Induction motors in numbers of a run or a data sheet: power of the line, parameters."""
+"""Power that machines of either kind draw; parameters and field energy of induction motors."""
 
 import math
 

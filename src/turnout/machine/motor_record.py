@@ -137,8 +137,11 @@ class Motor(Record):
         spare = OWN_OF_A_KIND - set(needed)
         if self.kind == "induction":
             spare -= {"iron_resistance"}
-            if self.brush_drop or self.contact_loss:
-                message = "an induction motor has no brushes: leave out brush_drop and contact_loss"
+            if self.brush_drop or self.contact_loss or self.contact_resistance:
+                message = (
+                    "an induction motor has no brushes: leave out brush_drop, contact_loss and "
+                    "contact_resistance"
+                )
                 raise ValueError(message)
         given = sorted(name for name in spare if getattr(self, name) is not None)
         if given:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from turnout.errors import MachineError, SolverError
 from turnout.law.table import Floats
@@ -30,7 +31,7 @@ ENERGY_NAMES = {
     "energy_copper": "lost in the motor's copper",
     "energy_line": "lost in line and supply",
     "energy_brush": "lost at the brushes",
-    "energy_snub": "lost in the snubber or the arc",
+    "energy_snub": "lost in the snubber, or in arc and windings of an induction motor",
     "energy_field": "lost in a separate field winding, or in the iron of an induction motor",
     "energy_T0": "dry friction of the motor, brake included",
     "energy_c1": "viscous drag of the motor",
@@ -115,6 +116,8 @@ class MachineThrow:
         Largest residual of the energy balance over the energy turned over [-].
     halved : int
         Steps that were taken in halves.
+    three_phase : bool
+        Whether currents are rms values of a line.
     """
 
     time: Floats
@@ -126,10 +129,18 @@ class MachineThrow:
     halved: int
     name: str = ""
     overrides: Mapping[str, object] = field(default_factory=dict)
+    three_phase: bool = False
 
     def __getitem__(self, name: str) -> Floats:
         """Return a history by its name."""
         return self.time if name == "time" else self.histories[name]
+
+    @property
+    def last_energised(self) -> NDArray[np.bool_]:
+        """Instants at which the motor was on, of the last time that it was, shape (n,)."""
+        on = self["energised"] > 0.0
+        begins = np.flatnonzero(on & ~np.concatenate([[False], on[:-1]]))
+        return on & (np.arange(on.size) >= begins[-1]) if begins.size else on
 
     @property
     def is_balanced(self) -> bool:
@@ -254,6 +265,7 @@ def _march(
         halved=int(state[at.HALVED]),
         name=about[0],
         overrides=about[1],
+        three_phase=machine.motor.kind == "induction",
     )
 
 

@@ -1,7 +1,7 @@
 """Steady points of a machine in closed form: current, speed and power under a constant force."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from turnout.core.lru_cache import LRUCache
 from turnout.machine.components import Machine
@@ -17,13 +17,15 @@ from turnout.machine.rows import (
 class SteadyPoint:
     """Current [A], speed of the shaft [rad/s], active [W] and apparent power [V A] drawn.
 
-    The current is that of the motor; of an induction motor that of the line, rms.
+    The current is that of the motor; of an induction motor that of the line, rms. `stalled`: the
+    torque is beyond what the motor can give, so it stands.
     """
 
     current: float
     speed: float
     power: float
     apparent: float
+    stalled: bool = False
 
 
 def line_resistance(machine: Machine) -> float:
@@ -81,10 +83,11 @@ def steady_point(machine: Machine, *, torque: float, drag: bool = True) -> Stead
         need = motor.loss_torque + viscous * speed + torque
         return constant_at(machine, current) * current - need
 
-    current = most if short(most) < 0.0 else float(brentq(short, 1e-9 * most, most, xtol=1e-15))
+    stalled = short(most) < 0.0
+    current = most if stalled else float(brentq(short, 1e-9 * most, most, xtol=1e-15))
     voltage = supply_voltage(machine)
     power = voltage * (current + separate_field_current(machine))
-    return SteadyPoint(current, max(speed_at(machine, current), 0.0), power, power)
+    return SteadyPoint(current, max(speed_at(machine, current), 0.0), power, power, stalled)
 
 
 def circuit_at(machine: Machine, speed: float) -> tuple[float, SteadyPoint]:
@@ -130,7 +133,7 @@ def _induction_point(machine: Machine, torque: float, viscous: float) -> SteadyP
 
     least = (1.0 - min(slip, 1.0)) * synchronous
     if short(least) < 0.0:
-        return circuit_at(machine, 0.0)[1]
+        return replace(circuit_at(machine, 0.0)[1], stalled=True)
     return circuit_at(machine, float(brentq(short, least, synchronous, xtol=1e-13)))[1]
 
 
@@ -162,10 +165,15 @@ BLIND = 0.10
 """A current that load moves by a smaller share of that at the low end cannot show the load [-]."""
 
 
-def load_range(machine: Machine) -> tuple[float, float]:
+CLEARER = 2.0
+"""Power shows load that current does not where load moves it by so much more [-]."""
+
+
+def load_range(machine: Machine) -> tuple[float, float] | None:
     """Return the changes of current and active power from 10 to 100 % of the load, as shares [-].
 
-    100 % is what the clutch transmits; both are over their values at 10 %.
+    100 % is what the clutch transmits; both are over their values at 10 %. None where the motor
+    stalls below that, or runs on two phases from the start.
 
     Examples
     --------
@@ -176,27 +184,66 @@ def load_range(machine: Machine) -> tuple[float, float]:
     """
     clutch, gear = machine.clutch, machine.gear
     key = (machine.motor, machine.supply, clutch.torque, clutch.worn, gear.drag)
+    if machine.supply.phase_lost_at == 0.0:
+        return None
     found = _ranges.get(key)
     if found is None:
         level = clutch.torque * (1.0 - clutch.worn)
         low, high = (steady_point(machine, torque=share * level) for share in (0.1, 1.0))
+        if low.stalled or high.stalled:
+            return None
         found = _ranges.put(key, (high.current / low.current - 1.0, high.power / low.power - 1.0))
     return found
 
 
 def blind_text(machine: Machine) -> str:
     """Return a warning where the current cannot show the load, otherwise nothing."""
-    current, power = load_range(machine)
-    if not abs(current) < BLIND:
+    found = load_range(machine)
+    if found is None or not abs(found[0]) < BLIND:
         return ""
+    current, power = found
+    clear = abs(power) >= max(BLIND, CLEARER * abs(current))
+    said = "current cannot show load: use power" if clear else "neither current nor power show load"
     return (
-        f"current cannot show load: use power (10 to 100 % of what the clutch transmits moves the "
+        f"{said} (10 to 100 % of what the clutch transmits moves the "
         f"current by {100 * current:+.0f} %, the active power by {100 * power:+.0f} %)"
     )
 
 
+def stall_text(machine: Machine) -> str:
+    """Return a warning where the motor stalls before the clutch slips, otherwise nothing.
+
+    By the supply as it is, line included.
+
+    Examples
+    --------
+    >>> from turnout.machine.machine_file import load_machines
+    >>> weak = load_machines("s700k", overrides={"supply.voltage": 100.0}).machine["s700k"]
+    >>> stall_text(weak)
+    'the motor stalls before the clutch slips (breakdown 0.942 N m, clutch 2.1 N m)'
+    """
+    if not slip_point(machine).stalled:
+        return ""
+    motor, level = machine.motor, machine.clutch.torque * (1.0 - machine.clutch.worn)
+    if motor.kind == "induction":
+        own = {"voltage": supply_voltage(machine), "line": line_resistance(machine)}
+        name, most = "breakdown", breakdown_point(motor, **own)[1]
+    else:
+        current = (supply_voltage(machine) - motor.brush_drop) / circuit_resistance(machine)
+        name, most = "standstill", constant_at(machine, current) * current
+    return (
+        f"the motor stalls before the clutch slips ({name} {most:.3g} N m, clutch {level:.3g} N m)"
+    )
+
+
 def steady_lines(machine: Machine) -> list[str]:
-    """Return a table of steady points in mid-stroke."""
+    """Return a table of steady points in mid-stroke.
+
+    Those of an induction motor are of three phases; without them where one is lost at the start.
+    """
+    lost = machine.supply.phase_lost_at
+    if lost == 0.0:
+        return ["  none: one phase is lost from the start (supply.phase_lost_at = 0 s)"]
     slip = slip_point(machine)
     level = machine.clutch.torque * (1.0 - machine.clutch.worn)
     held = level * machine.gear.efficiency / shaft_travel(machine)
@@ -205,6 +252,9 @@ def steady_lines(machine: Machine) -> list[str]:
         force = share * held
         point = steady_point(machine, torque=torque_for(machine, force))
         rod = 1e3 * point.speed * shaft_travel(machine)
+        if point.stalled:
+            rows.append(f"  {force / 1e3:>10.2f}  stalls, at {point.current:.4f} A")
+            continue
         rows.append(
             f"  {force / 1e3:>10.2f}{point.current:>12.4f}{point.speed:>14.1f}{rod:>11.2f}"
             f"{point.power:>8.0f}"
@@ -212,6 +262,11 @@ def steady_lines(machine: Machine) -> list[str]:
     blind = blind_text(machine)
     rows += [f"  {blind}"] if blind else []
     rows.append(
-        f"  the clutch slips at {held / 1e3:.2f} kN with {slip.current:.4f} A, {slip.power:.0f} W"
+        f"  {stall_text(machine)}"
+        if slip.stalled
+        else f"  the clutch slips at {held / 1e3:.2f} kN with {slip.current:.4f} A, "
+        f"{slip.power:.0f} W"
     )
+    if lost is not None:
+        rows.append(f"  all with three phases; one is lost at {lost:g} s")
     return rows

@@ -10,13 +10,14 @@ not know how long a marker was meant to take, and a machine that starts later is
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.machine.components import Machine
 from turnout.machine.rows import machine_row, start_state, stroke_table
-from turnout.machine.steady import blind_text, shaft_travel
+from turnout.machine.steady import blind_text, shaft_travel, stall_text
 from turnout.mechanism.mechanism import DriveMachines, LawIndex
 from turnout.panel.markers import marker_offsets, ordered_movements, start_level
 from turnout.panel.model import Panel
@@ -81,18 +82,19 @@ def slip_force(panel: Panel, name: str) -> float:
 
 
 def blind_currents(panel: Panel) -> dict[str, str]:
-    """Return, by drive, why the current of its machine cannot show the load, where it cannot.
+    """Return, by drive, why the current of its machine cannot show the load, where it cannot."""
+    return _said_of_machines(panel, blind_text)
 
-    Induction motors only: the current of a direct-current motor is its torque.
-    """
-    found = {}
-    for name, drive in panel.drive.items():
-        if drive.machine is None or panel.machine[drive.machine].motor.kind != "induction":
-            continue
-        text = blind_text(panel.machine[drive.machine])
-        if text:
-            found[name] = f"{drive.machine}: {text}"
-    return found
+
+def weak_motors(panel: Panel) -> dict[str, str]:
+    """Return, by drive, that its motor stalls before the clutch slips, where it does."""
+    return _said_of_machines(panel, stall_text)
+
+
+def _said_of_machines(panel: Panel, say: Callable[[Machine], str]) -> dict[str, str]:
+    named = {name: drive.machine for name, drive in panel.drive.items() if drive.machine}
+    texts = {name: say(panel.machine[machine]) for name, machine in named.items()}
+    return {name: f"{named[name]}: {text}" for name, text in texts.items() if text}
 
 
 def command_times(panel: Panel, name: str) -> Floats:

@@ -276,11 +276,19 @@ def _machines(dataset: xr.Dataset) -> list[tuple[str, str]]:
         text = f"drive {item['drive']}, {item['machine']}, {direction}: "
         text += "limit contact" if item["outcome"] == "limit" else item["outcome"].upper()
         text += f" after {off - item['on']:.3f} s"
+        lost = item.get("phase_lost")
+        text += f", ONE PHASE LOST at t = {lost:.3f} s" if lost is not None else ""
         if current.size:
             last = time[inside] > off - 0.1
             text += f", {current.max():.2f} A at most; over its last 0.1 s "
             text += f"{current[last].mean():.2f} A, {power.values[inside][last].mean():.0f} W"
         lines.append(("machine", text))
+    supplies = json.loads(dataset.attrs.get("machine_supplies", "{}"))
+    for name, supply in supplies.items():
+        late = supply.get("phase_lost_at")
+        if late is not None and late > time[-1]:
+            text = f"drive {name}: its phase would be lost at {late:g} s, after the end: no effect"
+            lines.append(("", text))
     blind: dict[str, str] = json.loads(dataset.attrs.get("blind_currents", "{}"))
     return lines + [("", f"drive {name}, {text}") for name, text in blind.items()]
 

@@ -113,6 +113,11 @@ def apply_overrides(
         if not targets:
             near = _nearest_key(tree, key) if len(problems) < MOST_NEAREST else ""
             text = f": matches nothing in this panel{near}"
+            if key.startswith("machine.") and not tree.get("machine"):
+                text = (
+                    ": matches nothing in this panel, whose drives have no machine before these "
+                    "overrides; beside one that names a machine write machine.NAME.TABLE.KEY"
+                )
             problems.append(Problem((key,), text))
             continue
         applied[key] = value

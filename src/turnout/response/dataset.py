@@ -24,6 +24,7 @@ from turnout.response.drives import (
     machine_energies,
     machine_signals,
     machine_slips,
+    machine_supplies,
     moved_throws,
 )
 from turnout.response.gaps import drive_and_sensor_gaps, rail_gap
@@ -240,7 +241,8 @@ def describe_run(
     solver_time: float,
 ) -> dict[str, str | int | float | bool]:
     """Return what made the numbers, as attributes of a dataset; records as JSON text."""
-    outcome = history.outcome
+    outcome, made = history.outcome, duties(history)
+    end = float(history.time[-1]) if history.time.size else 0.0
     return {
         "title": f"Throw of {panel.name}",
         "kind": "simulation",
@@ -251,7 +253,8 @@ def describe_run(
         "overrides": json.dumps(dict(panel.overrides), default=_plain),
         "foreign_objects": json.dumps([_object_record(panel, item) for item in objects]),
         "movements": movement_records(moved_throws(panel, history)),
-        **({"machine_throws": duty_records(panel, made)} if (made := duties(history)) else {}),
+        **({"machine_throws": duty_records(panel, made, end)} if made else {}),
+        **({"machine_supplies": json.dumps(fed)} if (fed := machine_supplies(panel)) else {}),
         **({"blind_currents": json.dumps(blind)} if (blind := blind_currents(panel)) else {}),
         "lock_rule": panel.lock.rule,
         "lock_gap_limit": panel.lock.gap_limit,

@@ -73,8 +73,16 @@ def moved_throws(panel: Panel, history: History) -> tuple[Throw, ...]:
     return tuple(found)
 
 
-def duty_records(panel: Panel, made: Sequence[Duty]) -> str:
-    """Return what the machines did as JSON text, for the attributes of a dataset."""
+def duty_records(panel: Panel, made: Sequence[Duty], end: float) -> str:
+    """Return what the machines did until the end of a run [s] as JSON text, for its attributes."""
+    fed = machine_supplies(panel)
+
+    def lost(duty: Duty) -> float | None:
+        """Return when the machine lost a phase, unless that was later than this command."""
+        time = fed[duty.drive]["phase_lost_at"]
+        until = end if np.isnan(duty.off) else duty.off
+        return time if time is not None and time <= until else None
+
     return json.dumps(
         [
             {
@@ -84,10 +92,37 @@ def duty_records(panel: Panel, made: Sequence[Duty]) -> str:
                 "outcome": duty.outcome,
                 "on": duty.on,
                 "off": None if np.isnan(duty.off) else duty.off,
+                "phase_lost": lost(duty),
             }
             for duty in made
         ]
     )
+
+
+def machine_supplies(panel: Panel) -> dict[str, dict[str, float | None]]:
+    """Return what feeds the drives that are machines.
+
+    Returns
+    -------
+    dict
+        By drive `frequency`, 0 of direct current [Hz], and `phase_lost_at` [s] or None.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> panel = load_panel("sb1", overrides={"drive.1.machine": "s700k"})
+    >>> machine_supplies(panel)
+    {'1': {'frequency': 50.0, 'phase_lost_at': None}}
+    """
+    named = {name: drive.machine for name, drive in panel.drive.items() if drive.machine}
+    records = {name: panel.machine[machine] for name, machine in named.items()}
+    return {
+        name: {
+            "frequency": machine.motor.frequency or 0.0,
+            "phase_lost_at": machine.supply.phase_lost_at,
+        }
+        for name, machine in records.items()
+    }
 
 
 def machine_signals(panel: Panel, history: History) -> dict[str, Variable]:
@@ -106,14 +141,10 @@ def machine_signals(panel: Panel, history: History) -> dict[str, Variable]:
         return ("drive", "time"), found
 
     voltage, lead = state[:, :, at.SUPPLIED], state[:, :, at.CURRENT]
-    field = state[:, :, at.ENERGISED] * machines.constants[:, at.FIELD_POWER]
-    power = voltage * lead + field
-    apparent = np.abs(power)
+    power, apparent = np.empty_like(lead), np.empty_like(lead)
+    for number, constants in enumerate(machines.constants):
+        power[:, number], apparent[:, number] = machine_powers(constants, state[:, number])
     three_phase = machines.constants[:, at.THREE_PHASE] > 0.0
-    for number in np.flatnonzero(three_phase):
-        power[:, number], apparent[:, number] = machine_powers(
-            machines.constants[number], state[:, number]
-        )
     rated = np.array([supply_voltage(machine) for machine in machines.records])
     places = [machine.circuit.measured_current for machine in machines.records]
     from_supply = (np.array(places) == "supply") & ~three_phase  # a line's current is in both

@@ -196,7 +196,7 @@ CHANNELS: Mapping[str, Channel] = _table(
         "taken out",
     ),
     Channel("energy_supply", ("time",), "J", "from the supply of the machines", "put in"),
-    Channel("energy_copper", ("time",), "J", "lost in the motors' copper", "taken out"),
+    Channel("energy_copper", ("time",), "J", "lost in the motors' copper and iron", "taken out"),
     Channel("energy_line", ("time",), "J", "lost in lines, supply and snubbers", "taken out"),
     Channel("energy_brush", ("time",), "J", "lost at the brushes", "taken out"),
     Channel(

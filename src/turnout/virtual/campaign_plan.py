@@ -14,6 +14,7 @@ from turnout.measurement.chain.monitoring import Monitoring, check_monitoring
 from turnout.measurement.formats.file_format import WRITERS
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
+from turnout.response.drives import machine_supplies
 from turnout.scheme import Scheme
 from turnout.virtual.disturbance import Disturbance
 from turnout.virtual.record_throw import CurrentLaw, Window
@@ -238,7 +239,8 @@ def check_plan(plan: CampaignPlan, panel: LoadedPanel) -> None:
         With all problems.
     """
     if plan.monitoring is not None:
-        check_monitoring(plan.monitoring, list(panel.drive))
+        fed = machine_supplies(panel)
+        check_monitoring(plan.monitoring, list(panel.drive), fed, rate=plan.window.rate)
     defects = plan.defects
     wanted = defects.slip_excess or defects.slip_scatter or defects.build_up_lag
     if wanted and defects.drive not in panel.drive:

@@ -3,6 +3,7 @@
 The truth may be a finer reference solution: the same switch with another mesh, step and damping.
 """
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -264,6 +265,10 @@ def record_powers(
     span = movement_named(run, direction)
     instants, time = _instants(run, span, chosen), run["time"].values
     found = recorded[["drive_current"]]
+    supplies = json.loads(run.attrs.get("machine_supplies", "{}"))
+    if supplies:  # a lost phase is on another time; it is refused before the throw
+        kinds = {name: {"frequency": item["frequency"]} for name, item in supplies.items()}
+        found = found.assign_attrs(machine_supplies=json.dumps(kinds))
     for name in ("drive_power", "drive_apparent_power"):
         if name in run:
             values = _sampled(run[name], instants, time)

@@ -5,7 +5,9 @@ of a power) over the window since the last, in steps of 0.01 A, and often with o
 around the leads of two motors.
 """
 
-from collections.abc import Mapping, Sequence
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,6 +22,11 @@ Floats = NDArray[np.float64]
 
 MOST_RATE, LEAST_RATE = 1000.0, 1.0
 """Rates that are accepted; 25 to 100 are usual [1/s]."""
+MOST_STEP = {"current_step": 100.0, "power_step": 100e3}
+"""Coarsest resolutions that are accepted [A], [W]."""
+STEP_UNITS = {"current_step": "A", "power_step": "W"}
+ROUNDING = 1e-6
+"""Share of a window, and of an apparent power, that is rounding [-]."""
 COLUMNS = {
     "drive_current": ("Current", "A"),
     "drive_power": ("Active power", "W"),
@@ -50,13 +57,14 @@ class Monitoring:
 
 
 def monitored(run: xr.Dataset, monitoring: Monitoring | None = None) -> xr.Dataset:
-    """Return currents and powers as a monitoring system stores them.
+    r"""Return currents and powers as a monitoring system stores them.
 
     Parameters
     ----------
     run : xarray.Dataset
-        `drive_current` and, where known, `drive_power` and `drive_apparent_power` (drive, time).
-        Currents of induction motors are rms values of the line already.
+        `drive_current` and, where known, `drive_power` and `drive_apparent_power` (drive, time);
+        or the throw of one machine on a one-mass rail. Currents of induction motors are rms values
+        of the line already.
     monitoring : Monitoring, optional
 
     Returns
@@ -68,13 +76,21 @@ def monitored(run: xr.Dataset, monitoring: Monitoring | None = None) -> xr.Datas
     Raises
     ------
     MeasurementError
-        Without currents, for a rate that the run does not resolve, or unknown drives.
+        With all problems: no currents, a rate that the run does not resolve, unknown drives,
+        motors whose currents one transformer does not add up.
 
     Notes
     -----
-    Line currents of two motors in one transformer add up as phasors. Their phase follows from
-    active and apparent power: I^2 = (sum of P)^2 + (sum of Q)^2 over (3 U)^2, written as
-    I = sum of I times that of S; direct currents add up with their signs.
+    Line currents of motors of one frequency add up in one transformer as phasors, each at the
+    angle of its own power, whatever its voltage:
+
+    .. math:: I = \left|\sum_k I_k\,\frac{P_k - \mathrm{j} Q_k}{S_k}\right|,\quad
+              Q_k = \sqrt{S_k^2 - P_k^2}
+
+    Direct currents add up with their signs, and to an alternating current in the squares,
+    sqrt(I_dc^2 + I_ac^2), as a clamp that passes both shows it. The voltages of all motors are
+    taken to be in phase. A sample stands for the time since the last; a window may begin within
+    one.
 
     Examples
     --------
@@ -87,22 +103,30 @@ def monitored(run: xr.Dataset, monitoring: Monitoring | None = None) -> xr.Datas
     [[1.23, 1.23, 1.23, 1.23, 1.23]]
     """
     chosen = monitoring or Monitoring()
-    size = _window(run, chosen)
-    drives = [str(name) for name in run["drive"].values]
+    if "drive" not in run.dims and "lead_current" in run:
+        run = _as_drive(run)
+    drives = [str(name) for name in run["drive"].values] if "drive" in run.coords else []
+    problems = [*_run_problems(run, chosen)]
+    until = float(run["time"][-1]) if run.sizes.get("time") else math.inf
+    supplies = json.loads(run.attrs.get("machine_supplies", "{}"))
+    if drives:
+        problems += _group_problems(drives, chosen, supplies, until)
+    if problems:
+        raise MeasurementError(problems, source="monitoring")
     groups = _groups(drives, chosen)
-    count = run.sizes["time"] // size
+    time, edges = _edges(run["time"].values, chosen.rate)
     channels = {
-        name: run[name].transpose("drive", "time").values[:, : count * size]
-        for name in ("drive_current", "drive_power", "drive_apparent_power")
-        if name in run
+        name: run[name].transpose("drive", "time").values for name in COLUMNS if name in run
     }
+    direct = _direct(channels, drives, supplies)
     found: dict[str, list[Floats]] = {name: [] for name in channels}
     for names in groups.values():
         rows = [drives.index(name) for name in names]
-        for name, values in _together({k: v[rows] for k, v in channels.items()}).items():
-            windows = values.reshape(count, size)
+        seen = _together({k: v[rows] for k, v in channels.items()}, direct[rows])
+        for name, values in seen.items():
             current = name == "drive_current"
-            mean = np.sqrt((windows**2).mean(axis=1)) if current else windows.mean(axis=1)
+            mean = _means(values**2 if current else values, time, edges)
+            mean = np.sqrt(np.maximum(mean, 0.0)) if current else mean
             step = chosen.current_step if current else chosen.power_step
             found[name].append(np.round(step * np.round(mean / step), 9) if step else mean)
     return xr.Dataset(
@@ -110,7 +134,7 @@ def monitored(run: xr.Dataset, monitoring: Monitoring | None = None) -> xr.Datas
             name: (("drive", "time"), np.array(rows), run[name].attrs)
             for name, rows in found.items()
         },
-        {"time": run["time"].values[size - 1 : count * size : size], "drive": list(groups)},
+        {"time": edges[1:], "drive": list(groups)},
         {"monitoring_rate": chosen.rate},
     )
 
@@ -153,8 +177,9 @@ def monitoring_of(
             problems.append(f"--{key.replace('_', '-')} '{text}': {error}")
     if not LEAST_RATE <= found["rate"] <= MOST_RATE:
         problems.append(f"--rate '{rate}': must be {LEAST_RATE:g} to {MOST_RATE:g} Hz")
-    if found["current_step"] < 0.0:
-        problems.append(f"--current-step '{current_step}': must be at least 0 A")
+    most = MOST_STEP["current_step"]
+    if not 0.0 <= found["current_step"] <= most:
+        problems.append(f"--current-step '{current_step}': must be 0 to {most:g} A")
     for text in together:
         name, sign, drives = (part.strip() for part in text.partition("="))
         members = [item.strip() for item in drives.split(",") if item.strip()]
@@ -169,15 +194,35 @@ def monitoring_of(
     return Monitoring(rate=found["rate"], current_step=found["current_step"], together=groups)
 
 
-def check_monitoring(monitoring: Monitoring, drives: Sequence[str]) -> None:
-    """Refuse transformers around drives that are not there.
+def check_monitoring(
+    monitoring: Monitoring,
+    drives: Sequence[str],
+    supplies: Mapping[str, Mapping[str, float | None]],
+    *,
+    rate: float,
+) -> None:
+    """Refuse what cannot be sampled of any throw of a switch, before one is made.
+
+    Parameters
+    ----------
+    monitoring : Monitoring
+    drives : sequence of str
+        Of the switch.
+    supplies : mapping
+        Of the drives that are machines: `frequency` [Hz], 0 of direct current, and `phase_lost_at`
+        [s] or None.
+    rate : float
+        Samples a second of what it samples [1/s].
 
     Raises
     ------
     MeasurementError
         With all problems.
     """
-    _groups(list(drives), monitoring)
+    problems = [*_own_problems(monitoring), *_rate_problems(monitoring.rate, rate)]
+    problems += _group_problems(drives, monitoring, supplies, math.inf)
+    if problems:
+        raise MeasurementError(problems, source="monitoring")
 
 
 def monitoring_recording(stored: xr.Dataset, *, source: str) -> Recording:
@@ -212,50 +257,152 @@ def monitoring_recording(stored: xr.Dataset, *, source: str) -> Recording:
     return Recording(channels, source)
 
 
-def _window(run: xr.Dataset, chosen: Monitoring) -> int:
-    """Return samples in a window; refuse what cannot be sampled."""
-    problems = []
-    if "drive_current" not in run:
-        problems.append("drive_current: is missing; only drives that are machines have a current")
+def _as_drive(run: xr.Dataset) -> xr.Dataset:
+    """Return the throw of one machine as that of a drive of its name."""
+    own = {"drive_current": "current", "drive_power": "power"}
+    if (run["apparent_power"] > np.abs(run["power"]) * (1.0 + ROUNDING)).any():
+        own["drive_apparent_power"] = "apparent_power"  # of three phases only
+    rows = {name: (("drive", "time"), run[of].values[None]) for name, of in own.items()}
+    return xr.Dataset(rows, {"time": run["time"], "drive": [str(run.attrs.get("machine", "1"))]})
+
+
+def _own_problems(chosen: Monitoring) -> Iterator[str]:
+    """Say what no monitoring system has."""
     if not LEAST_RATE <= chosen.rate <= MOST_RATE:
-        problems.append(f"rate = {chosen.rate:g} 1/s: must be {LEAST_RATE:g} to {MOST_RATE:g}")
-    size = 1
-    if not problems:
+        yield f"rate = {chosen.rate:g} 1/s: must be {LEAST_RATE:g} to {MOST_RATE:g}"
+    for name, most in MOST_STEP.items():
+        value = getattr(chosen, name)
+        if not 0.0 <= value <= most:
+            yield f"{name} = {value:g} {STEP_UNITS[name]}: must be 0 to {most:g}"
+
+
+def _rate_problems(rate: float, own: float) -> Iterator[str]:
+    if rate > own * (1.0 + ROUNDING):
+        yield f"rate = {rate:g} 1/s: what it samples has {own:g} 1/s only; take at most that"
+
+
+def _run_problems(run: xr.Dataset, chosen: Monitoring) -> Iterator[str]:
+    """Say what a run lacks to be sampled so."""
+    if "drive_current" not in run:
+        yield (
+            "drive_current: is missing; take a throw whose drives are machines "
+            "(turnout simulate --set drive.1.machine=...), or that of turnout machine run"
+        )
+    own = [*_own_problems(chosen)]
+    yield from own
+    count = run.sizes.get("time", 0)
+    if count < 2:
+        yield f"time: the run has {count} instants; a window needs at least 2"
+    elif not own:
         time = run["time"].values
-        own = (time.size - 1) / float(time[-1] - time[0])
-        size = round(own / chosen.rate)
-        if abs(size * chosen.rate - own) > 1e-3 * own or size < 1 or time.size < size:
-            problems.append(
-                f"rate = {chosen.rate:g} 1/s: the run has {own:g} 1/s, which must be a multiple "
-                "of it; take such a rate, or store the run every 1 ms (--every '1 ms')"
+        step = float(time[-1] - time[0]) / (count - 1)
+        yield from _rate_problems(chosen.rate, 1.0 / step)
+        if count * step * chosen.rate < 1.0 - ROUNDING:
+            yield (
+                f"rate = {chosen.rate:g} 1/s: the run is shorter than one window, "
+                f"{count * step:g} of {1.0 / chosen.rate:g} s"
             )
-    if problems:
-        raise MeasurementError(problems, source="monitoring")
-    return size
+
+
+def _group_problems(
+    drives: Sequence[str],
+    chosen: Monitoring,
+    supplies: Mapping[str, Mapping[str, float | None]],
+    until: float,
+) -> Iterator[str]:
+    """Say which transformers cannot be, or do not add up what goes through them until a time."""
+    taken = [str(name) for names in chosen.together.values() for name in names]
+    for title, names in chosen.together.items():
+        if isinstance(names, str) or not names:
+            yield f"together '{title}': name its drives in a list, such as ['1', '2']"
+            continue
+        members = [str(name) for name in names]
+        wrong = sorted({n for n in members if n not in drives or taken.count(n) > 1})
+        if wrong:
+            yield f"together '{title}': drive {', '.join(wrong)} is not there or named twice"
+        if title in drives and title not in members:
+            yield f"together '{title}': is the name of a drive outside it; choose another name"
+        if len(members) > 1:
+            yield from _unlike_problems(title, {n: supplies.get(n, {}) for n in members}, until)
+
+
+def _unlike_problems(
+    title: str, supplies: Mapping[str, Mapping[str, float | None]], until: float
+) -> Iterator[str]:
+    rates = sorted({own for supply in supplies.values() if (own := supply.get("frequency"))})
+    if len(rates) > 1:
+        yield (
+            f"together '{title}': its motors take {' and '.join(f'{rate:g}' for rate in rates)} "
+            "Hz; their currents beat, so give each frequency a transformer of its own"
+        )
+    for name, supply in supplies.items():
+        lost = supply.get("phase_lost_at")
+        if lost is not None and lost <= until:
+            yield (
+                f"together '{title}': drive {name} loses a phase at {lost:g} s; the angle of its "
+                "current depends on the conductor, so give it a transformer of its own"
+            )
 
 
 def _groups(drives: Sequence[str], chosen: Monitoring) -> dict[str, list[str]]:
     groups = {name: list(map(str, names)) for name, names in chosen.together.items()}
     taken = [name for names in groups.values() for name in names]
-    wrong = sorted({n for n in taken if n not in drives or taken.count(n) > 1})
-    if wrong:
-        text = f"together: drive {', '.join(wrong)} is not there or named twice"
-        raise MeasurementError([text], source="monitoring")
     return groups | {name: [name] for name in drives if name not in taken}
 
 
-def _together(rows: Mapping[str, Floats]) -> dict[str, Floats]:
-    """Return what one transformer sees of several drives."""
+def _edges(time: Floats, rate: float) -> tuple[Floats, Floats]:
+    """Return where the samples begin and end, and where the windows do [s]."""
+    step = (time[-1] - time[0]) / (time.size - 1)
+    spans = np.concatenate([[time[0] - step], time])
+    count = math.floor((spans[-1] - spans[0]) * rate + ROUNDING)
+    return spans, spans[0] + np.arange(count + 1) / rate
+
+
+def _means(values: Floats, spans: Floats, edges: Floats) -> Floats:
+    """Return the means over windows of samples that each stand for a span, shape (n_windows,)."""
+    whole = np.concatenate([[0.0], np.cumsum(values * np.diff(spans))])
+    return np.asarray(np.diff(np.interp(edges, spans, whole)) / np.diff(edges))
+
+
+def _direct(
+    channels: Mapping[str, Floats],
+    drives: Sequence[str],
+    supplies: Mapping[str, Mapping[str, float | None]],
+) -> NDArray[np.bool_]:
+    """Return which drives take direct current, markers included, shape (n_drives,).
+
+    Where a run does not say: those without reactive power.
+    """
+    found = np.ones(len(drives), dtype=np.bool_)
+    if "drive_apparent_power" in channels and "drive_power" in channels:
+        active = (1.0 + ROUNDING) * np.abs(channels["drive_power"])
+        found = np.logical_not(np.any(channels["drive_apparent_power"] > active, axis=1))
+    for row, name in enumerate(drives):
+        if name in supplies:
+            found[row] = not supplies[name].get("frequency")
+    return found
+
+
+def _together(rows: Mapping[str, Floats], direct: NDArray[np.bool_]) -> dict[str, Floats]:
+    """Return what one transformer sees of several drives; `direct` says which take direct current.
+
+    See the notes of `monitored`.
+    """
     found = {
         name: np.where(np.isnan(values).all(axis=0), np.nan, np.nansum(values, axis=0))
         for name, values in rows.items()
     }
-    if "drive_apparent_power" in rows and rows["drive_current"].shape[0] > 1:
-        active, apparent = np.nan_to_num(rows["drive_power"]), rows["drive_apparent_power"]
-        whole = np.nan_to_num(apparent)
-        reactive = np.sqrt(np.maximum(whole**2 - active**2, 0.0)).sum(axis=0)
-        seen = np.hypot(active.sum(axis=0), reactive)
-        share = np.divide(seen, whole.sum(axis=0), out=np.ones_like(seen), where=seen > 0.0)
-        found["drive_apparent_power"] = seen
-        found["drive_current"] = share * np.nansum(np.abs(rows["drive_current"]), axis=0)
+    if direct.size == 1 or direct.all() or not {"drive_power", "drive_apparent_power"} <= set(rows):
+        if "drive_apparent_power" in found and direct.size > 1:
+            found["drive_apparent_power"] = np.abs(found["drive_power"])
+        return found
+    active, whole = (
+        np.nan_to_num(rows[name][~direct]) for name in ("drive_power", "drive_apparent_power")
+    )
+    phasor = active - 1j * np.sqrt(np.maximum(whole**2 - active**2, 0.0))
+    unit = np.divide(phasor, whole, out=np.zeros_like(phasor), where=whole > 0.0)
+    alternating = np.abs((np.nan_to_num(np.abs(rows["drive_current"][~direct])) * unit).sum(axis=0))
+    steady = np.nansum(rows["drive_current"][direct], axis=0)
+    found["drive_current"] = np.hypot(alternating, steady)
+    found["drive_apparent_power"] = np.hypot(found["drive_power"], phasor.imag.sum(axis=0))
     return found
