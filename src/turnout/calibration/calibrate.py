@@ -46,7 +46,7 @@ from turnout.calibration.result_entries import (
     stage_log,
     warnings_from,
 )
-from turnout.calibration.sensors import common_lead, found_gains, lead_text, stated_gains
+from turnout.calibration.sensors import common_lead, found_sensors, lead_text, stated_gains
 from turnout.calibration.stage_progress import (
     CalibrationProgress,
     ProgressReporter,
@@ -151,7 +151,13 @@ def calibrate(
         scatter={p.name: p.scatter for p in plan.parameters if p.scatter > 0},
         uncertainty=uncertainty or Uncertainty(),
     )
-    comparison = replace(comparison, gains=stated_gains(dataset, comparison))
+    known = comparison.uncertainty
+    comparison = replace(
+        comparison,
+        gains=stated_gains(dataset, comparison),
+        common_zero=known.common_zero,
+        clock=known.clock,
+    )
     planned = planned_throws(plan, movements, panel, posterior=posterior, advise=advise)
     per_step = throws_per_step(plan, movements, panel)
     watch = ProgressReporter(report, len(plan.stages), planned=planned, per_step=per_step)
@@ -159,7 +165,7 @@ def calibrate(
         evaluator.on_throw = lambda: watch.report_state(evaluator)
         run = _Run(plan, panel, movements, comparison, evaluator, watch)
         logs, sweeps, warnings, final, causes = run.stages()
-        gains = found_gains(final)
+        sensors = found_sensors(final)
         final, slip_warnings = drop_unidentified_slip_levels(final)
         warnings += slip_warnings
         spread = spread_of(final)
@@ -169,7 +175,7 @@ def calibrate(
             *unmeasured_drives(movements, panel),
             *warnings,
             *warnings_from(final, spread),
-            *(item.warning for item in gains if item.leaves),
+            *(item.warning for item in sensors if item.leaves),
         ]
         findings = list(spread.findings)
         if advise:
@@ -188,8 +194,8 @@ def calibrate(
         warnings=tuple(dict.fromkeys(warnings)),
         findings=tuple(findings),
         posterior=sampled,
-        causes=(*causes, *(f"gain: {item.text}" for item in gains if item.is_cause)),
-        gains=tuple(item.text for item in gains),
+        causes=(*causes, *(f"{item.cause}: {item.text}" for item in sensors if item.cause)),
+        sensors=tuple(item.text for item in sensors),
     )
     return CalibrationOutcome(
         calibration=calibration,
@@ -271,7 +277,7 @@ class _Run:
                 values = {**values, **swept.values}
             if "fit" in stage.method:
                 last = number == len(self.plan.stages)
-                rough = replace(misfit.comparison, gains={})
+                rough = replace(misfit.comparison, gains={}, common_zero=0.0, clock=0.0)
                 near = replace(misfit, quick=True, comparison=rough)
                 final = fit(
                     near,

@@ -19,7 +19,7 @@ from turnout.calibration.fit import Fit, brief_fit
 from turnout.calibration.measured_movements import OBJECT_FORCE
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import peaks_of
-from turnout.calibration.sensors import found_gains
+from turnout.calibration.sensors import found_sensors
 from turnout.calibration.shared import model_error
 from turnout.errors import SolverError
 from turnout.panel.load import LoadedPanel
@@ -65,7 +65,7 @@ def is_worth_a_search(found: Fit, *, share: float = 1.0) -> bool:
 
     `share` is how many times as much [-]; from `CLEARLY` on no fit need be finished to see it.
     """
-    if share <= 1.0 and any(item.leaves for item in found_gains(found)):
+    if share <= 1.0 and any(item.leaves for item in found_sensors(found)):
         return True
     comparison = found.misfit.comparison
     return any(

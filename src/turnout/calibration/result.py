@@ -116,8 +116,8 @@ class Calibration:
         Of the sampling, where it was done.
     causes : tuple of str
         Why the panel alone does not follow the measurement, in words, the likeliest first.
-    gains : tuple of str
-        The sensitivity of each channel as stated and as found, in words.
+    sensors : tuple of str
+        Sensitivity and zero of each channel and the clock, as stated and as found, in words.
     """
 
     parameters: tuple[Fitted, ...]
@@ -136,7 +136,7 @@ class Calibration:
     about: Mapping[str, str] = field(default_factory=dict)
     posterior: Mapping[str, Any] = field(default_factory=dict)
     causes: tuple[str, ...] = ()
-    gains: tuple[str, ...] = ()
+    sensors: tuple[str, ...] = ()
 
     @property
     def values(self) -> dict[str, float]:
@@ -195,7 +195,7 @@ def calibration_text(calibration: Calibration) -> str:
         f"warnings = {_list(calibration.warnings)}",
         f"findings = {_list(calibration.findings)}",
         f"causes = {_list(calibration.causes)}",
-        f"gains = {_list(calibration.gains)}",
+        f"sensors = {_list(calibration.sensors)}",
         "",
         "[about]",
         *(f"{_text(key)} = {_text(value)}" for key, value in calibration.about.items()),
@@ -294,7 +294,7 @@ def _read(data: Mapping[str, Any]) -> Calibration:
         scatter=data.get("scatter", {}),
         about=data.get("about", {}),
         causes=tuple(data.get("causes", ())),
-        gains=tuple(data.get("gains", ())),
+        sensors=tuple(data.get("sensors", data.get("gains", ()))),
         posterior=json.loads(data["posterior"]["json"]) if "posterior" in data else {},
     )
 

@@ -200,7 +200,7 @@ def result_lines(calibration: "Calibration") -> list[str]:
     lines += _posterior_lines(calibration)
     for name, share in calibration.scatter.items():
         lines.append(f"{'scatter':<12}{name}: {100 * share:.1f} % from movement to movement")
-    lines += [f"{'gain':<12}{text}" for text in calibration.gains]
+    lines += [f"{'sensor':<12}{text}" for text in calibration.sensors]
     lines += [f"{'cause':<12}{text}" for text in calibration.causes]
     lines += [f"{'finding':<12}{text}" for text in calibration.findings]
     lines += [f"{'warning':<12}{text}" for text in calibration.warnings]
