@@ -60,6 +60,8 @@ from turnout.panel.load import LoadedPanel
 from turnout.scheme import Scheme
 
 Floats = NDArray[np.float64]
+# A lead of the motors that is seen before any cause is looked for [s].
+LONG_LEAD = 0.08
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -308,17 +310,16 @@ class _Run:
         # What a model that is far off misses is seen at once; it would go on only to move away.
         found = brief_fit(start, parameters, near.values, near=near, passes=1, steps=0)
         lead = common_lead(found)
-        if lead:
+        # A recorder that averages, or a bushing that is soft, delays forces too, by less.
+        if abs(lead) > LONG_LEAD:
             start = replace(start, comparison=replace(start.comparison, lead=lead))
             found = brief_fit(start, parameters, near.values, near=near, passes=1, steps=0)
         if not is_worth_a_search(found, share=CLEARLY):
             found = brief_fit(start, parameters, found.values, near=found, on_step=on_step)
         search = with_causes(found, start, self.panel, on_step=on_step)
-        if lead and search.tested and not common_lead(search.found):
-            # A recorder that averages delays forces as a lead does.
-            lead = 0.0
-            known = replace(search.first.comparison, lead=lead)
-            search = replace(search, first=replace(search.first, comparison=known))
+        lead = common_lead(search.found)
+        known = replace(search.first.comparison, lead=lead)
+        search = replace(search, first=replace(search.first, comparison=known))
         final = self._final(search)
         causes = [item.line for item in search.tested]
         return final, [lead_text(lead), *causes] if lead else causes

@@ -31,7 +31,12 @@ WORTH_DRIVE = 1.5e-3
 CLEARLY = 3.0
 # Difference of the criterion from which on a cause is fitted, how many are taken up at most, and
 # how many are fitted in turn until one is.
-DECISIVE, MOST_CAUSES, ATTEMPTS = 10.0, 3, 3
+DECISIVE, MOST_CAUSES, ATTEMPTS = 10.0, 3, 2
+# How many are taken up in one fit at most.
+AT_ONCE = 2
+# The share of what a model misses without a cause that is noise in a fit with it [-], and the steps
+# of that: with more noise, or with noise found again too early, it would stay where it is.
+LEFT_MISSED, CAUSE_STEPS = 0.1, 14
 # Causes of which several may be, one a drive.
 SEVERAL = ("clutch", "drive law")
 # What a fit with a cause may miss at most, as a share of what one without it does [-].
@@ -102,7 +107,9 @@ def with_causes(
     tested: list[TestedCause] = []
     left = candidate_causes(panel, found.parameters)
     while (misses := is_worth_a_search(found)) and len(taken) < MOST_CAUSES:
-        choices = cause_trials(found, left, most=MOST_CAUSES - len(taken), decisive=DECISIVE)
+        choices = cause_trials(
+            found, left, most=min(AT_ONCE, MOST_CAUSES - len(taken)), decisive=DECISIVE
+        )
         tested = [item for choice in choices for item, _ in choice if item.gain > DECISIVE]
         good = [choice for choice in choices if choice[0][0].gain > DECISIVE]
         fitted = _first_that_helps(found, first, good[:ATTEMPTS], on_step)
@@ -190,4 +197,13 @@ def _fitted_with(
         misfit=replace(misfit, comparison=kept, effects=effects),
         local=replace(found.local, stepped={}),
     )
-    return brief_fit(misfit, vary, values, near=start, on_step=on_step)
+    return brief_fit(
+        misfit,
+        vary,
+        values,
+        near=start,
+        share=LEFT_MISSED,
+        passes=1,
+        steps=CAUSE_STEPS,
+        on_step=on_step,
+    )
