@@ -12,7 +12,7 @@ from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.predict import predicted
-from turnout.calibration.sensors import FoundSensor, found_sensors
+from turnout.calibration.sensors import FoundSensor, found_sensors, sensor_reasons
 from turnout.calibration.stages import default_plan
 from turnout.panel.load import load_panel
 
@@ -85,6 +85,12 @@ def test_a_clock_that_is_off_is_found_with_a_warning() -> None:
     assert clock.leaves
     assert clock.cause == "timing"
     assert "sampling rate" in clock.warning
+
+
+def test_a_zero_that_nobody_would_believe_is_a_reason_against_the_fit() -> None:
+    (reason,) = sensor_reasons(recorded(zero=300.0))
+    assert "zero of the gauges of drive 1" in reason
+    assert not sensor_reasons(recorded())
 
 
 def test_a_right_chain_is_no_cause() -> None:

@@ -10,7 +10,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.calibration.advice import next_lines, next_movements, systematic_errors
-from turnout.calibration.causes import CLEARLY, CauseSearch, is_worth_a_search, with_causes
+from turnout.calibration.causes import (
+    CLEARLY,
+    LEFT_MISSED,
+    CauseSearch,
+    is_worth_a_search,
+    with_causes,
+)
 from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import Spread, spread_of
 from turnout.calibration.evaluate import Evaluator
@@ -26,6 +32,7 @@ from turnout.calibration.fit import (
 from turnout.calibration.grid_search import GridSearch, sweep
 from turnout.calibration.measured_movements import MeasuredMovement, observe, selected
 from turnout.calibration.misfit import Misfit
+from turnout.calibration.movement_rows import movement_rows
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.posterior import posterior_of
@@ -46,7 +53,13 @@ from turnout.calibration.result_entries import (
     stage_log,
     warnings_from,
 )
-from turnout.calibration.sensors import common_lead, found_sensors, lead_text, stated_gains
+from turnout.calibration.sensors import (
+    common_lead,
+    found_sensors,
+    lead_text,
+    sensor_reasons,
+    stated_gains,
+)
 from turnout.calibration.stage_progress import (
     CalibrationProgress,
     ProgressReporter,
@@ -198,6 +211,7 @@ def calibrate(
         posterior=sampled,
         causes=(*causes, *(f"{item.cause}: {item.text}" for item in sensors if item.cause)),
         sensors=tuple(item.text for item in sensors),
+        effects=movement_rows(final),
     )
     return CalibrationOutcome(
         calibration=calibration,
@@ -231,7 +245,7 @@ def _result(
         data_hash=data_hash(movements),
         movements=tuple(item.name for item in final.misfit.movements),
         stages=(),
-        distrust=tuple(distrust_reasons(final, spread)),
+        distrust=tuple([*distrust_reasons(final, spread), *sensor_reasons(final)]),
         noise=noise_entries(final),
         scatter=final.misfit.comparison.scatter,
         about={
@@ -314,8 +328,18 @@ class _Run:
         if abs(lead) > LONG_LEAD:
             start = replace(start, comparison=replace(start.comparison, lead=lead))
             found = brief_fit(start, parameters, near.values, near=near, passes=1, steps=0)
-        if not is_worth_a_search(found, share=CLEARLY):
-            found = brief_fit(start, parameters, found.values, near=found, on_step=on_step)
+        clearly = is_worth_a_search(found, share=CLEARLY)
+        # A start that is far off misses as much; a model that lacks nothing leaves it at once.
+        again = brief_fit(
+            start,
+            parameters,
+            near.values,
+            near=found,
+            share=LEFT_MISSED if clearly else 1.0,
+            on_step=on_step,
+        )
+        if not (clearly and is_worth_a_search(again, share=CLEARLY)):
+            found = again
         search = with_causes(found, start, self.panel, on_step=on_step)
         lead = common_lead(search.found)
         known = replace(search.first.comparison, lead=lead)

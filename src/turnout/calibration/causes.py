@@ -142,7 +142,10 @@ def _as_fitted(item: TestedCause, cause: Cause, found: Fit) -> TestedCause:
 
 def _each_name_once(tested: Sequence[TestedCause]) -> list[TestedCause]:
     """Return the likeliest of each name, in their order."""
-    return list({item.name: item for item in reversed(tested)}.values())[::-1]
+    found: dict[str, TestedCause] = {}
+    for item in tested:
+        found.setdefault(item.name, item)
+    return list(found.values())
 
 
 def _first_that_helps(

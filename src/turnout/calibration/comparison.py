@@ -151,6 +151,8 @@ class Alignment:
         From a noise-whitened row to the estimates of onset and movement effects.
     estimates : mapping of str to (float, float)
         Mean and standard deviation: "onset" [s], scattering parameters as shares.
+    channels : tuple of (float, float)
+        Zero [N] and gain [-] of each part, as estimated beside those that all movements share.
     """
 
     movement: MeasuredMovement
@@ -165,6 +167,7 @@ class Alignment:
     shrink: Floats
     estimator: Floats
     estimates: Mapping[str, tuple[float, float]]
+    channels: tuple[tuple[float, float], ...]
 
     def reduced(self, response: Response, effects: Mapping[str, float] | None = None) -> Floats:
         """Return the prediction of a response, carried back to zero nuisances.
@@ -340,6 +343,13 @@ def _align(
             )
             for n, (name, scale) in enumerate(zip(names, scales, strict=True))
         },
+        channels=tuple(
+            (
+                float(zero) * comparison.uncertainty.zero,
+                float(gain) * comparison.uncertainty.gain,
+            )
+            for zero, gain in found[len(scales) :].reshape(-1, 2)
+        ),
     )
 
 

@@ -118,6 +118,8 @@ class Calibration:
         Why the panel alone does not follow the measurement, in words, the likeliest first.
     sensors : tuple of str
         Sensitivity and zero of each channel and the clock, as stated and as found, in words.
+    effects : mapping of str to mapping of str to float
+        By movement of the last stage, as from `movement_rows`.
     """
 
     parameters: tuple[Fitted, ...]
@@ -137,6 +139,7 @@ class Calibration:
     posterior: Mapping[str, Any] = field(default_factory=dict)
     causes: tuple[str, ...] = ()
     sensors: tuple[str, ...] = ()
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def values(self) -> dict[str, float]:
@@ -225,6 +228,11 @@ def calibration_text(calibration: Calibration) -> str:
         lines += [f"{key} = {_number(value)}" for key, value in sizes.items()]
     for stage in calibration.stages:
         lines += ["", "[[stage]]", *_stage_lines(stage)]
+    if calibration.effects:
+        lines += ["", "[effects]  # of each movement, in SI"]
+        for name, row in calibration.effects.items():
+            cells = ", ".join(f"{_text(key)} = {_number(value)}" for key, value in row.items())
+            lines.append(f"{_text(name)} = {{ {cells} }}")
     if calibration.posterior:
         lines += ["", f"[posterior]\njson = {_text(json.dumps(calibration.posterior))}"]
     return "\n".join(lines) + "\n"
@@ -295,6 +303,7 @@ def _read(data: Mapping[str, Any]) -> Calibration:
         about=data.get("about", {}),
         causes=tuple(data.get("causes", ())),
         sensors=tuple(data.get("sensors", data.get("gains", ()))),
+        effects=data.get("effects", {}),
         posterior=json.loads(data["posterior"]["json"]) if "posterior" in data else {},
     )
 

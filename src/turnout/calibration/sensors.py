@@ -16,6 +16,8 @@ from turnout.calibration.shared import CLOCK, GAIN, ZERO, SensorColumn
 LEAVES_PRIOR = 2.0
 # One this many of its own deviations from nothing is off.
 CLEAR = 4.0
+# One so many stated deviations off: something else is wrong that the sensors take up.
+BEYOND_BELIEF = 4.0
 # Movements that all begin later than their currents say, in standard deviations of an onset.
 LATE, LEAST_ONSETS, LEAD_PASSES = 3.0, 2, 3
 
@@ -139,6 +141,19 @@ def found_sensors(found: Fit) -> list[FoundSensor]:
             deviation=float(deviations[n]) * item.stated,
         )
         for n, item in enumerate(shared.sensors)
+    ]
+
+
+def sensor_reasons(found: Fit) -> list[str]:
+    """Say which sensors would have to be off by more than anybody would believe of them.
+
+    A cause that is not known is taken up by gains: rails of another stiffness, a bushing that is
+    soft. Values are then off by as much as the gains are.
+    """
+    return [
+        f"{item.text}: not to be believed of it, so something else is wrong"
+        for item in found_sensors(found)
+        if abs(item.value) > BEYOND_BELIEF * item.stated
     ]
 
 

@@ -60,7 +60,9 @@ def calibrate_command(
     ] = 20,
     figures: Annotated[
         Path | None,
-        typer.Option("--figures", metavar="DIR", help="Draw the misfit sweep of each stage."),
+        typer.Option(
+            "--figures", metavar="DIR", help="Draw each sweep, and each movement as fitted."
+        ),
     ] = None,
     posterior: Annotated[
         bool,
@@ -244,7 +246,8 @@ def _posterior_lines(calibration: "Calibration") -> list[str]:
 
 
 def _draw(outcome: "CalibrationOutcome", folder: Path, *, quiet: bool) -> list[Path]:
-    from turnout.plot.calibration import plot_sweep
+    from turnout.calibration.movement_rows import fitted_signals
+    from turnout.plot.calibration import plot_fit, plot_sweep
     from turnout.plot.style import rendered
 
     written = []
@@ -253,5 +256,10 @@ def _draw(outcome: "CalibrationOutcome", folder: Path, *, quiet: bool) -> list[P
         figure = plot_sweep(item.curves)
         path = folder / f"sweep-{number}-{name}.png"
         write_and_report(path, rendered(figure, ".png"), quiet=quiet)
+        written.append(path)
+    signals = fitted_signals(outcome.final)
+    for number, name in enumerate(signals["movement"].values, 1):
+        path = folder / f"fit-{number}.png"
+        write_and_report(path, rendered(plot_fit(signals, str(name)), ".png"), quiet=quiet)
         written.append(path)
     return written
