@@ -161,18 +161,7 @@ def calibrate(
         observe(dataset, panel, exclude=exclude), panel
     )
     check_campaign(movements, plan, panel, source=str(dataset.attrs.get("title", "campaign")))
-    comparison = Comparison(
-        noise=measured_noise(movements),
-        scatter={p.name: p.scatter for p in plan.parameters if p.scatter > 0},
-        uncertainty=uncertainty or Uncertainty(),
-    )
-    known = comparison.uncertainty
-    comparison = replace(
-        comparison,
-        gains=stated_gains(dataset, comparison),
-        common_zero=known.common_zero,
-        clock=known.clock,
-    )
+    comparison = _comparison(dataset, movements, plan, uncertainty or Uncertainty())
     planned = planned_throws(plan, movements, panel, posterior=posterior, advise=advise)
     per_step = throws_per_step(plan, movements, panel)
     watch = ProgressReporter(report, len(plan.stages), planned=planned, per_step=per_step)
@@ -220,6 +209,23 @@ def calibrate(
         sweeps=tuple(sweeps),
         movements=movements,
     )
+
+
+def _comparison(
+    dataset: xr.Dataset,
+    movements: Sequence[MeasuredMovement],
+    plan: CalibrationPlan,
+    known: Uncertainty,
+) -> Comparison:
+    """Return how movements are compared, with gains, zeros and clock as stated."""
+    comparison = Comparison(
+        noise=measured_noise(movements),
+        scatter={p.name: p.scatter for p in plan.parameters if p.scatter > 0},
+        uncertainty=known,
+        common_zero=known.common_zero,
+        clock=known.clock,
+    )
+    return replace(comparison, gains=stated_gains(dataset, comparison))
 
 
 def _advice(final: Fit, spread: Spread, panel: LoadedPanel) -> list[str]:

@@ -343,13 +343,14 @@ def _align(
             )
             for n, (name, scale) in enumerate(zip(names, scales, strict=True))
         },
-        channels=tuple(
-            (
-                float(zero) * comparison.uncertainty.zero,
-                float(gain) * comparison.uncertainty.gain,
-            )
-            for zero, gain in found[len(scales) :].reshape(-1, 2)
-        ),
+        channels=_channel_estimates(found[len(scales) :], comparison.uncertainty),
+    )
+
+
+def _channel_estimates(found: Floats, known: Uncertainty) -> tuple[tuple[float, float], ...]:
+    """Return zero [N] and gain [-] of each part, from what `_channel_columns` are taken by."""
+    return tuple(
+        (float(zero) * known.zero, float(gain) * known.gain) for zero, gain in found.reshape(-1, 2)
     )
 
 

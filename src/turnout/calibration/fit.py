@@ -221,7 +221,7 @@ def brief_fit(
         Of each pass at most; with none, only what the start misses is found.
     share : float
         Of what the start misses that is noise in the first pass [-]: a model that lacks nothing is
-        found with little of it, one that lacks something would be led astray.
+        found with little of it, one that lacks something would follow that.
     on_step : callable, optional
         As of `fit`.
 
@@ -271,11 +271,7 @@ def _least_squares(
 ) -> Fit:
     """Levenberg-Marquardt within bounds, in one state of noise and scatter."""
     names = [item.name for item in parameters]
-    if local is None or not set(names) <= set(local.stepped):
-        local = misfit.local(values, names)
-    else:
-        whole = {**misfit.base, **values}
-        local = replace(local, values=whole, simulated=tuple(misfit.responses([whole])[0]))
+    local = _local_at(misfit, values, names, local)
     damping, iterations = 1e-4, 0
     max_steps, max_rejected, passes = _limits(rough=rough, brief=brief)
     min_decrease = min_decrease if brief is None else BRIEF_DECREASE
@@ -333,6 +329,16 @@ def _least_squares(
         message=message or f"stopped after {iterations} steps before convergence",
         converged=converged,
     )
+
+
+def _local_at(
+    misfit: Misfit, values: Mapping[str, float], names: Sequence[str], local: Linearisation | None
+) -> Linearisation:
+    """Return responses at values, with the slopes that are known where they suffice."""
+    if local is None or not set(names) <= set(local.stepped):
+        return misfit.local(values, names)
+    whole = {**misfit.base, **values}
+    return replace(local, values=whole, simulated=tuple(misfit.responses([whole])[0]))
 
 
 def _limits(*, rough: bool, brief: int | None) -> tuple[int, int, int]:

@@ -56,8 +56,7 @@ class Misfit:
     fine : bool
         Whether throws have shorter steps, those aside excepted, whose differences alone count.
     quick_slopes : bool
-        Whether throws aside are quick, though the others are not: near enough for a fit that
-        others follow, at half the time.
+        Whether throws aside are quick, though the others are not, which leads near.
     """
 
     evaluator: Evaluator
@@ -169,8 +168,8 @@ class Misfit:
             for p in stepped
         }
         plain = replace(self, fine=False, quick=self.coarse)
-        alike = plain.quick == self.quick and not self.fine
-        origin = here if alike or not stepped else plain.responses([whole])[0]
+        apart = stepped and (self.fine or plain.quick != self.quick)
+        origin = plain.responses([whole])[0] if apart else here
         moved = plain._moved(whole, stepped, aside, origin)
         count = len(self.movements)
         steps = {
@@ -204,8 +203,8 @@ class Misfit:
         Near is judged movement by movement, as each is simulated at its own values.
         """
         whole = {**self.base, **values}
-        most = SAME_SLOPE if self.quick else SAME_FINE_SLOPE
-        most = SAME_BRIEF_SLOPE if self.quick_slopes else most
+        coarse = SAME_BRIEF_SLOPE if self.quick_slopes else SAME_SLOPE
+        most = coarse if self.coarse else SAME_FINE_SLOPE
         stale = [n for n in range(len(self.movements)) if self._shift(whole, n, previous) > most]
         same = set(vary) <= set(previous.stepped) and previous.quick == self.coarse
         if not same or len(stale) == len(self.movements):
@@ -240,10 +239,7 @@ class Misfit:
         aside: Mapping[str, float],
         here: Sequence[Response],
     ) -> dict[str, tuple[Response, ...]]:
-        """Return the responses aside; where a parameter does not act, those that are known.
-
-        What has a prior is thrown quickly on both sides: its slope need not be exact.
-        """
+        """Return the responses aside, quickly thrown for priors; known ones where nothing acts."""
         wanted: list[tuple[Parameter, int, bool]] = []
         throws = []
         found = {p.name: list(here) for p in stepped}
