@@ -6,7 +6,8 @@ PERFORMANCE = Path(__file__).parents[1] / "docs" / "performance.md"
 HEAD = """# Performance
 
 Every section below is written by the command that it names. The machine and its load stand with
-each; ratios are of figures from one run of one command.
+each; ratios are of figures from one run of one command. What comes before the first throw has
+[a page of its own](performance-start.md).
 """
 ORDER = (
     "One throw",

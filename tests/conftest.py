@@ -40,7 +40,7 @@ def pytest_report_header() -> str:
     if fault := cache_fault():
         return f"kernels: {fault}"
     if must_compile():
-        return "kernels: the first test that simulates compiles them, silently, for 40 to 120 s"
+        return "kernels: the first test that simulates compiles them, silently, for 20 to 60 s"
     return "kernels: compiled before"
 
 

@@ -39,6 +39,7 @@ class Planted:
 
 def plant(folder):
     import kernel
+    kernel.double.enable_caching()
     index = Path(kernel.double._cache._cache_file._index_path)
     place = folder / index.relative_to(index.parents[1])
     place.parent.mkdir(parents=True, exist_ok=True)

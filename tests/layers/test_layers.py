@@ -78,6 +78,9 @@ ALLOWED: dict[str, set[str]] = {
         *("errors", "lazy", "scheme", "core", "schema", "panel", "response", "measurement"),
         *("study", "sweep"),
     },
+    "open_benchmark": {
+        *("errors", "core", "panel", "response", "study", "sweep", "detection"),
+    },
     "validation": {
         *("errors", "scheme", "core", "schema", "panel", "response", "measurement"),
         *("metric", "calibration"),
@@ -119,7 +122,7 @@ ALLOWED: dict[str, set[str]] = {
         ),
         *("measurement",),
         *("metric", "analysis", "virtual", "calibration", "study", "sweep", "detection"),
-        *("validation", "matching", "plot", "report", "web"),
+        *("open_benchmark", "validation", "matching", "plot", "report", "web"),
     },
     "__main__": {"cli"},
 }
@@ -128,7 +131,7 @@ ALLOWED: dict[str, set[str]] = {
 FACES = {
     *("schema", "response", "measurement", "metric", "analysis", "virtual", "calibration"),
     *("study", "sweep", "detection", "validation", "matching", "plot", "report", "api", "web"),
-    "cli",
+    *("open_benchmark", "cli"),
 }
 HEAVY: dict[str, set[str]] = {
     "xarray": FACES,

@@ -32,6 +32,7 @@ PACKAGES = (
     ),
     *(
         "metric",
+        "open_benchmark",
         "plot",
         "reduction",
         "report",

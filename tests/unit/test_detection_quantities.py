@@ -12,7 +12,7 @@ from turnout.detection.drive_quantities import (
     signals_of,
     stored_channels,
 )
-from turnout.detection.limit import limit_map
+from turnout.detection.limit import limit_map, too_few_sound
 from turnout.detection.reference import Conditions, reference_study
 from turnout.detection.signal_errors import SignalErrors, discrepancy_of_signals, signal_errors
 from turnout.detection.throws import Throws
@@ -128,6 +128,13 @@ def test_a_current_that_shows_nothing_adds_little() -> None:
     found = limit_map(with_currents(0.0), Conditions(), closing=CLOSING)
     blind = found["pod"].sel(channel="current")
     np.testing.assert_allclose(blind, 1e-3, rtol=1e-6)
+
+
+def test_few_sound_throws_of_many_signals_are_warned_of() -> None:
+    assert not too_few_sound(toy_throws())  # forces: the discrepancy fills what throws leave open
+    many = with_currents(1.0)
+    few = replace(many, sound=many.sound[:50], switch=many.switch[:50], level=many.level[:50])
+    assert "50 sound throws for" in too_few_sound(few)
 
 
 @pytest.mark.parametrize("name", ["noise", "current_noise", "power_noise"])

@@ -18,6 +18,7 @@ from tests.verification.detector_figures import (
     Judged,
     Uses,
     a90_of_places,
+    alone_of,
     cause_figures,
     false_alarms,
     gap_figures,
@@ -49,7 +50,7 @@ from turnout.detection.throw_set import ThrowSet
 from turnout.detection.throws import nominal_amplitude
 from turnout.detection.train_detector import knowledge_of_sets
 from turnout.detection.training import setting_of
-from turnout.detection.training_plan import DEFECTS
+from turnout.detection.training_plan import DEFECTS, HISTORY, OBJECT
 from turnout.study.load_study import load_study
 
 Sets = dict[str, dict[str, ThrowSet]]
@@ -62,10 +63,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, help="keeps throws, the detector and the figures")
     parser.add_argument("--study", type=Path, help="population in place of the reference case")
-    for name, value in (("sound", 4000), ("objects", 3000), ("switches", 100)):
+    for name, value in (("sound", 4000), ("objects", 3000), ("switches", 200)):
         parser.add_argument(f"--{name}", type=int, default=value)
-    parser.add_argument("--test-sound", type=int, default=2000)
-    parser.add_argument("--test-objects", type=int, default=1300)
     parser.add_argument("--only", nargs="*", help="figures wanted; default all that are missing")
     parser.add_argument("--workers", type=int, default=1)
     given = vars(parser.parse_args())
@@ -112,27 +111,23 @@ def figures_of(
 ) -> dict[str, Callable[[], object]]:
     """Return what computes each figure, by name."""
     test, narrow, cases = sets["test"], sets["narrow"], sets["cases"]
-    fewer = {**test, "sound": test["sound"].of(slice(VERDICTS_ON_SOUND))}
+    alone = alone_of(test)
     return {
-        "time": lambda: verdict_times(knowledge, test["object"]),
-        "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, fewer, draws=2)),
+        "time": lambda: verdict_times(knowledge, alone[OBJECT]),
+        "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, alone, draws=1)),
         "known": lambda: known_figures(
             knowledge, *judge_with_history(knowledge, test, kept / "known")
         ),
         "other": lambda: other_figures(knowledge, forces),
         "narrow": lambda: narrow_figures(knowledge, narrow, kept),
-        "rates alone": lambda: rates_alone(knowledge, test["sound"], draws=3),
-        "known place": lambda: known_place_a90(knowledge, test["sound"], test["object"]),
-        "unknown": lambda: unknown_auroc(knowledge, test),
+        "rates alone": lambda: rates_alone(knowledge, test[HISTORY]),
+        "known place": lambda: known_place_a90(knowledge, test[HISTORY], alone[OBJECT]),
+        "unknown": lambda: unknown_auroc(knowledge, alone),
         "ice": lambda: [vars_of(item) for item in ice_ramps(knowledge, cases["ice"])],
         "soft": lambda: soft_shares(knowledge, cases["soft"], SOFT_KINDS),
-        "price": lambda: price_of(knowledge, sets["train"], test, discrepancy=0.08),
+        "price": lambda: price_of(knowledge, sets["train"], alone, discrepancy=0.08),
         "year": lambda: year_rates(knowledge, cases["year"], kept / "year"),
     }
-
-
-VERDICTS_ON_SOUND = 3000
-"""Sound throws that get a whole verdict; for the rates of alarms all are judged."""
 
 
 def known_figures(knowledge: Knowledge, test: dict[str, ThrowSet], kept: Path) -> dict[str, object]:
@@ -146,7 +141,7 @@ def narrow_figures(
 ) -> dict[str, object]:
     """Return a90 and false alarms in the narrow population, by the same detector [m]."""
     places = knowledge.setting.places
-    alone = judge_alone(knowledge, {"object": narrow["object"]}, draws=2)
+    alone = judge_alone(knowledge, alone_of(narrow), draws=1)
     known, _ = judge_with_history(
         knowledge, narrow, kept / "narrow", uses=Uses(verdicts=1, sound=0, causes=0)
     )

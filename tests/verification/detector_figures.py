@@ -88,6 +88,24 @@ def verdict_of(record: Mapping[str, Any]) -> Verdict:
     return Verdict(**given)
 
 
+def measured_by_switch(throws: ThrowSet, errors: Errors) -> Floats:
+    """Return features as if measured, with errors that are the same in all throws of a switch."""
+    fixed = errors.of_switches(int(throws.switch.max()) + 1)[throws.switch]
+    return np.asarray(throws.features + fixed + errors.of_throws(throws.rates))
+
+
+def alone_of(sets: Mapping[str, ThrowSet], *, known: int = 20) -> dict[str, ThrowSet]:
+    """Return what is judged after a history by its kind, to be judged without one."""
+    sound = sets[HISTORY]
+    first = int(np.bincount(sound.switch).max())
+    found = {SOUND: sound.of(sound.row % first >= known)}
+    return found | {
+        name.removeprefix(f"{HISTORY}, "): item
+        for name, item in sets.items()
+        if name.startswith(f"{HISTORY}, ")
+    }
+
+
 def of_each_switch(
     switches: NDArray[np.intp], folder: Path, work: Callable[[int], Mapping[str, list[Any]]]
 ) -> list[dict[str, list[Any]]]:
@@ -130,7 +148,10 @@ def judge_alone(
     part: str = CYCLE,
     seed: int = 5,
 ) -> Judged:
-    """Judge throws without a history, each several times with other errors."""
+    """Judge throws without a history, each several times with other errors.
+
+    What the errors keep is drawn for each switch.
+    """
     errors = drawn_errors(knowledge, seed)
     view = make_view(knowledge, part=part)
     judged = Judged()
@@ -139,8 +160,7 @@ def judge_alone(
             continue
         change = changes_of(throws, sets.get("sound", throws), knowledge)
         for _ in range(draws):
-            fixed = errors.of_switches(len(throws.level))
-            features = throws.features + fixed + errors.of_throws(throws.rates)
+            features = measured_by_switch(throws, errors)
             said = verdicts_on(knowledge, view, features, rate=rate)
             judged.add(kind, throws, said, change=change)
     return judged
@@ -158,7 +178,7 @@ class Uses:
         For the alarm alone, of sound throws, and of dry chairs and adjustments.
     """
 
-    verdicts: int = 2
+    verdicts: int = 1
     sound: int = 50
     causes: int = 10
 

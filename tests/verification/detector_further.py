@@ -11,6 +11,7 @@ from tests.verification.detector_figures import (
     a90,
     drawn_errors,
     false_alarm_limits,
+    measured_by_switch,
     of_each_switch,
 )
 
@@ -28,19 +29,19 @@ Floats = NDArray[np.float64]
 
 
 def rates_alone(
-    knowledge: Knowledge, sound: ThrowSet, *, draws: int = 16
+    knowledge: Knowledge, sound: ThrowSet, *, draws: int = 7
 ) -> dict[str, dict[str, float]]:
     """Return false alarms of single sound throws, each used several times, at both thresholds."""
     errors = drawn_errors(knowledge, 21)
     view = make_view(knowledge)
-    found = []
-    for _ in range(draws):
-        fixed = errors.of_switches(len(sound.level))
-        found.append(alarms_of(view, sound.features + fixed + errors.of_throws(sound.rates))[0])
+    found = [alarms_of(view, measured_by_switch(sound, errors))[0] for _ in range(draws)]
+    ratios = np.array(found)
     calibrated = knowledge.calibration(part=CYCLE, history=0)
     assert calibrated is not None
     return {
-        rate: false_alarm_limits(threshold < np.array(found).T)
+        rate: false_alarm_limits(
+            [ratios[:, sound.switch == own].ravel() > threshold for own in np.unique(sound.switch)]
+        )
         for rate, threshold in calibrated.thresholds.items()
     }
 

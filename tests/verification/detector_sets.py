@@ -10,7 +10,7 @@ from tests.verification.detector_cases import case_plans
 from turnout.detection.throw_layout import Layout
 from turnout.detection.throw_set import ThrowSet
 from turnout.detection.training import read_set
-from turnout.detection.training_plan import OBJECT_AT, OBJECT_SIZE, SOUND, Plan
+from turnout.detection.training_plan import HISTORY, OBJECT_AT, OBJECT_SIZE, Plan
 from turnout.detection.training_sets import Counts, throw_plans, training_plans
 from turnout.study.load_study import load_study
 from turnout.study.study import Study
@@ -24,9 +24,6 @@ class Sizes:
     sound: int = 4000
     objects: int = 3000
     switches: int = 200
-    test_sound: int = 10_000
-    test_objects: int = 2600
-    test_defects: int = 150
 
     @property
     def training(self) -> Counts:
@@ -41,16 +38,11 @@ class Sizes:
 
     @property
     def test(self) -> Counts:
-        """For judging: other switches, of which some have a history of 20 throws."""
+        """For judging: other switches, each thrown 20 times before what is judged."""
         return Counts(
-            sound=self.test_sound,
-            objects=self.test_objects,
-            defects=self.test_defects,
-            switches=self.switches,
-            repeats=23,
-            judged=3,
+            sound=0, objects=0, defects=0, switches=self.switches, repeats=23, judged=3,
             objects_each=3,
-        )
+        )  # fmt: skip
 
 
 def sets_of(
@@ -151,12 +143,7 @@ def plans_of(study: Study, sizes: Sizes) -> dict[str, dict[str, Plan]]:
     """Return all sweeps by folder."""
     return {
         "train": training_plans(study, sizes.training),
-        "test": dict(
-            sorted(
-                training_plans(study, sizes.test, seed=JUDGED_SEED).items(),
-                key=lambda item: len(item[1].level),
-            )
-        ),
+        "test": judged_plans(study, sizes.test, seed=JUDGED_SEED),
         "narrow": narrow_plans(sizes),
         "cases": case_plans(study),
     }
@@ -166,17 +153,20 @@ JUDGED_SEED = 530_000
 """Of switches that no choice in the detector was made on [-]."""
 
 
+def judged_plans(study: Study, counts: Counts, *, seed: int) -> dict[str, Plan]:
+    """Return throws of switches with a history: judged after it, and as if there were none."""
+    found = training_plans(study, counts, seed=seed)
+    return {name: plan for name, plan in found.items() if name.startswith(HISTORY)}
+
+
 def narrow_plans(sizes: Sizes) -> dict[str, Plan]:
     """Return switches of the narrow population: no variation of sections, fit or stress-free state.
 
     Their numbers compare with the study that the goals of the detector come from.
     """
-    count = min(NARROW_OBJECTS, sizes.test_objects)
-    counts = replace(sizes.test, sound=count, objects=count, defects=0)
-    counts = replace(counts, switches=min(NARROW_SWITCHES, sizes.switches))
-    found = training_plans(load_study(NARROW), counts, seed=JUDGED_SEED + 1)
-    return {name: plan for name, plan in found.items() if name != SOUND}
+    counts = replace(sizes.test, switches=min(NARROW_SWITCHES, sizes.switches))
+    return judged_plans(load_study(NARROW), counts, seed=JUDGED_SEED + 1)
 
 
 NARROW = Path(__file__).with_name("detector_narrow.toml")
-NARROW_OBJECTS, NARROW_SWITCHES = 1300, 100
+NARROW_SWITCHES = 100

@@ -5,7 +5,7 @@
 Data variables are bit-identical in one environment, whatever the number of workers. Another
 processor adds and multiplies in another order. Here it is played by a compiler and a linear algebra
 library that may only use what every 64-bit x86 processor has; the kernels are compiled once for
-each, which takes a minute or two.
+each, which takes half a minute or more.
 """
 
 import os

@@ -394,4 +394,4 @@ def report_command(
         "throws known": str(found.known.throws),
     }
     rows = [asdict(item) for item in verdicts]
-    write_and_report(out, page_html(detection_page(rows, about=about)))
+    write_and_report(out, page_html(detection_page(rows, about=about, quantity=found.quantity)))

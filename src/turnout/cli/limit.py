@@ -17,7 +17,7 @@ from turnout.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     import xarray as xr
 
@@ -165,12 +165,11 @@ def limit_command(
     """Show the smallest object that the drive forces can reveal at each place, by any method."""
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     from turnout.cli.limit_output import write_bands, write_map
-    from turnout.cli.options import opened_panel
     from turnout.cli.sweep import cores
     from turnout.detection.added_equipment import check_equipment, read_measures
     from turnout.detection.drive_quantities import signals_of
     from turnout.detection.end_positions import end_position_map, throw_ends
-    from turnout.detection.limit import limit_map
+    from turnout.detection.limit import limit_map, too_few_sound
     from turnout.detection.limit_bands import limit_bands
     from turnout.detection.reference import reference_study
     from turnout.detection.throws import QUICK_SOUND, QUICK_STEPS, STEPS, closing_time, throw_all
@@ -183,9 +182,7 @@ def limit_command(
     measures = list(dict.fromkeys([*(what_if or []), *(FORMS if advise else ())]))
     check_measures(measures)
     _warn_of_exact_models(discrepancy)
-    given = None
-    if panel is not None or calibration is not None or settings:
-        given = opened_panel(panel, settings, calibration)
+    given = _given(panel, settings, calibration)
     watch, count = _watching(quiet=quiet), workers or cores()
     steps, least = (QUICK_STEPS, min(sound, QUICK_SOUND)) if quick else (STEPS, sound)
     if panels is not None or over_travel:
@@ -199,17 +196,16 @@ def limit_command(
         write_bands(bands, out=out, plot=plot, as_json=as_json, quiet=quiet)
         return
     population = reference_study(given, count=1)
-    thrown = population.panel
-    signals_of(thrown, channels)
-    check_equipment(measures, thrown)
-    for remark in population.remarks:
-        typer.echo(f"turnout: {remark}", err=True)
+    signals_of(population.panel, channels)
+    check_equipment(measures, population.panel)
+    _warn(population.remarks)
     throws = throw_all(
         given, folder,
         sound=max(least, states), states=states, channels=channels, steps=steps,
         workers=count, report=watch,
     )  # fmt: skip
     closing = closing_time(given)
+    _warn([text] if (text := too_few_sound(throws)) else [])
     found = limit_map(throws, conditions, closing=closing)
     if known_place:
         more = _known_place(throws, conditions, closing, quiet=quiet)
@@ -253,6 +249,22 @@ def conditions_of_options(**values: float | int | str) -> "Conditions":
         listed = [f"{OPTIONS[name]} {given}: {text}" for name, (given, text) in faults.items()]
         raise StudyError(listed, source="options")
     return Conditions(**values)  # type: ignore[arg-type]
+
+
+def _given(
+    panel: str | None, settings: list[str], calibration: Path | None
+) -> "LoadedPanel | None":
+    """Return the panel of the command line, None for that of the reference case."""
+    if panel is None and calibration is None and not settings:
+        return None
+    from turnout.cli.options import opened_panel
+
+    return opened_panel(panel, settings, calibration)
+
+
+def _warn(remarks: "Sequence[str]") -> None:
+    for remark in remarks:
+        typer.echo(f"turnout: {remark}", err=True)
 
 
 def _warn_of_exact_models(discrepancy: float) -> None:

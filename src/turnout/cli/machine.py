@@ -101,7 +101,7 @@ def run_command(
     if settings:
         loaded = loaded.with_settings(settings)
     if must_compile(kernel):
-        typer.echo("turnout: compiling kernels, first run only (10 to 30 s)", err=True)
+        typer.echo("turnout: compiling kernels, first run only (5 to 20 s)", err=True)
     try:
         throw = throw_one_mass(loaded)
     except SolverError as error:

@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperCommand
 
 from turnout.cli import (
+    benchmark,
     calibrate,
     campaign,
     detect,
@@ -74,6 +75,9 @@ app.add_typer(
 app.add_typer(
     detect.app, name="detect", short_help="Detect objects from drive forces: train, learn, run."
 )
+app.add_typer(
+    benchmark.app, name="benchmark", short_help="Open benchmark of detection: make, compare, score."
+)
 # The type that typer writes behind the name of an argument.
 _ARGUMENT_TYPE = re.compile(r"(?<=[A-Z]) <[a-z\[\] ]+>")
 
@@ -85,7 +89,8 @@ class _Command(TyperCommand):
         return _ARGUMENT_TYPE.sub("", super().get_help(ctx))
 
 
-for _group in (app, panel.app, machine.app, campaign.app, sweep.app, detect.app):
+_GROUPS = (panel.app, machine.app, campaign.app, sweep.app, detect.app, benchmark.app)
+for _group in (app, *_GROUPS):
     for _info in _group.registered_commands:
         _info.cls = _Command
 

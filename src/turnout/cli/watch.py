@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 FIRST_LINE_AFTER = 2.0
 SECONDS_BETWEEN_LINES = 5.0
-COMPILING = "compiling kernels, first run only (40 to 120 s)"
+COMPILING = "compiling kernels, first run only (20 to 60 s)"
 # Interval of compilation progress [s]: on a terminal, where the line is rewritten, and elsewhere.
 TICK_ON_TERMINAL, TICK = 1.0, 15.0
 

@@ -8,6 +8,7 @@ NAMES = {
     "Recorded": "turnout.detection.recorded",
     "Allowances": "turnout.detection.allowances",
     "Counts": "turnout.detection.training_sets",
+    "open_benchmark": "turnout.open_benchmark.sides",
     "read_throws": "turnout.detection.reading",
     "train": "turnout.detection.train_detector:train_detector",
 }

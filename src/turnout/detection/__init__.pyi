@@ -7,6 +7,7 @@ from turnout.detection.recorded import Recorded as Recorded
 from turnout.detection.throw_verdict import Verdict as Verdict
 from turnout.detection.train_detector import train_detector as train
 from turnout.detection.training_sets import Counts as Counts
+from turnout.open_benchmark.sides import open_benchmark as open_benchmark
 
 __all__ = [
     "Allowances",
@@ -14,6 +15,7 @@ __all__ = [
     "Detector",
     "Recorded",
     "Verdict",
+    "open_benchmark",
     "read_throws",
     "train",
 ]

@@ -30,8 +30,8 @@ from turnout.errors import FileError
 
 Floats = NDArray[np.float64]
 
-SCHEMA = 1
-"""Of a detector file."""
+SCHEMA = 2
+"""Of a detector file; format 1, which is read too, knew forces alone."""
 SUFFIX = ".detector"
 LARGEST = 400_000_000
 """Of a detector file [bytes]."""
@@ -277,7 +277,7 @@ def load(path: Path | str) -> tuple[Knowledge, dict[str, NDArray[Any]]]:
         message = f"{place}: damaged (its digest does not fit); train it again, or copy it again"
         raise FileError(message)
     said = json.loads(bytes(arrays["said"]).decode())
-    if said.get("schema") != SCHEMA:
+    if said.get("schema") not in (1, SCHEMA):
         message = (
             f"{place}: detector format {said.get('schema')}, this version reads {SCHEMA}; "
             "train it again: turnout detect train"

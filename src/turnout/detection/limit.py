@@ -10,8 +10,10 @@ from scipy.linalg import solve_triangular
 
 from turnout.core.threads import one_blas_thread
 from turnout.detection.bound import predictive, probability_of_detection
+from turnout.detection.conditions import FORCE
 from turnout.detection.drive_quantities import Signal, noise_of, quantities_of
 from turnout.detection.features import (
+    OPENING_WINDOW,
     features_of,
     noise_covariance,
     window_means,
@@ -176,6 +178,29 @@ def _channels(signals: Sequence[Signal], *, windows: int) -> dict[str, NDArray[n
     for name in quantities if len(quantities) > 1 else ():
         kept[name] = [n for n, item in enumerate(signals) if item.quantity == name]
     return {name: of_all[rows].ravel() for name, rows in kept.items()}
+
+
+def too_few_sound(throws: Throws) -> str:
+    """Return a warning where so few sound throws do not determine the covariance, or nothing.
+
+    Of forces the discrepancy fills what throws leave open. What current and power are beside the
+    force has a much smaller one, so directions in which few throws happen not to scatter count as
+    visible.
+    """
+    windows = round(float(throws.time[-1] - throws.time[0]) / OPENING_WINDOW)
+    features = len(throws.signals) * windows
+    least = ENOUGH * features
+    if all(item.quantity == FORCE for item in throws.signals) or len(throws.sound) >= least:
+        return ""
+    return (
+        f"{len(throws.sound)} sound throws for {features} features or more of "
+        f"{len(throws.signals)} signals: the bound is too optimistic; take {least} sound throws, "
+        "or fewer channels"
+    )
+
+
+ENOUGH = 4
+"""Sound throws for each feature beyond those of forces."""
 
 
 def _limit_map(

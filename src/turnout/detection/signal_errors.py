@@ -20,21 +20,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.detection.conditions import CURRENT, FORCE, POWER, Conditions
+from turnout.detection.conditions import FORCE, Conditions
 from turnout.detection.drive_quantities import Signal, after_inrush, force_peaks, read_signals
 from turnout.detection.features import correlation, discrepancy_covariance
-from turnout.machine.components import Machine
-from turnout.machine.rows import supply_voltage
-from turnout.machine.steady import shaft_travel, steady_point, torque_for
 from turnout.panel.load import LoadedPanel
-from turnout.response.drives import ON
+from turnout.response.force_gain import gain_along
 from turnout.response.simulate import simulate
 from turnout.scheme import Scheme
 
 Floats = NDArray[np.float64]
-
-FORCES = 41
-"""Of the table of steady points, from 0 to what the clutch holds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,22 +74,21 @@ def signal_errors(
     dataset = simulate(panel, scheme=scheme)
     instants = dataset["time"].to_numpy()
     values = read_signals(dataset.expand_dims("scenario"), signals)[0]
-    amplitude: list[float] = []
-    peak: list[float] = []
-    gain: list[Floats] = []
+    amplitudes, peaks_of, gains = [], [], []
     for item, row in zip(signals, values, strict=True):
         force = dataset["drive_force"].sel(drive=item.drive).to_numpy()
-        peak.append(float(np.abs(force).max()))
+        peaks_of.append(float(np.abs(force).max()))
         if item.quantity == FORCE:
-            amplitude.append(peak[-1])
-            gain.append(np.ones(time.size))
+            amplitudes.append(peaks_of[-1])
+            gains.append(np.ones(time.size))
             continue
         state = dataset["drive_state"].sel(drive=item.drive).to_numpy()
-        amplitude.append(float(np.abs(row[np.isfinite(row) & after_inrush(instants, state)]).max()))
-        own = _gain_along(panel, item, force=force, state=state)
-        gain.append(own[np.clip(np.searchsorted(instants, time), 0, instants.size - 1)])
+        used = np.isfinite(row) & after_inrush(instants, state)
+        amplitudes.append(float(np.abs(row[used]).max()))
+        own = gain_along(panel, item.drive, item.quantity, force=force, state=state)
+        gains.append(own[np.clip(np.searchsorted(instants, time), 0, instants.size - 1)])
     return SignalErrors(
-        amplitude=np.array(amplitude), force_peak=np.array(peak), gain=np.array(gain)
+        amplitude=np.array(amplitudes), force_peak=np.array(peaks_of), gain=np.array(gains)
     )
 
 
@@ -104,41 +97,6 @@ def forces_only(amplitude: Floats, *, count: int) -> SignalErrors:
     return SignalErrors(
         amplitude=amplitude, force_peak=amplitude, gain=np.ones((len(amplitude), count))
     )
-
-
-def _gain_along(panel: LoadedPanel, item: Signal, *, force: Floats, state: Floats) -> Floats:
-    """Return the local gain of a machine at every instant of a throw."""
-    name = panel.drive[item.drive].machine
-    assert name is not None
-    force_table, gain_table = local_gain(panel.machine[name], item.quantity)
-    gain = np.interp(np.maximum(force, 0.0), force_table, gain_table)
-    return np.where(state == ON, gain, 0.0)
-
-
-def local_gain(machine: Machine, quantity: str) -> tuple[Floats, Floats]:
-    """Return forces [N] and the change of current [A/N] or power [W/N] with the force there.
-
-    Parameters
-    ----------
-    machine : Machine
-        In mid-stroke, moving.
-    quantity : str
-        "current" or "power".
-
-    Examples
-    --------
-    >>> from turnout.machine.machine_file import load_machines
-    >>> force, gain = local_gain(load_machines("jea73").machine["jea73"], "current")
-    >>> bool(np.all((1e3 * gain > 0.1) & (1e3 * gain < 0.3)))  # A/kN
-    True
-    """
-    held = machine.clutch.torque * (1.0 - machine.clutch.worn) * machine.gear.efficiency
-    force = np.linspace(0.0, held / shaft_travel(machine), FORCES)
-    points = [steady_point(machine, torque=torque_for(machine, float(each))) for each in force]
-    power = np.array([point.power for point in points])
-    from_supply = machine.circuit.measured_current == "supply" and machine.motor.kind != "induction"
-    current = power / supply_voltage(machine) if from_supply else [p.current for p in points]
-    return force, np.gradient({CURRENT: np.asarray(current), POWER: power}[quantity], force)
 
 
 def discrepancy_of_signals(

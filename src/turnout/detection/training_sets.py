@@ -91,7 +91,7 @@ def training_plans(study: Study, counts: Counts, *, seed: int = 0) -> dict[str, 
     population = Population(study, seed=seed)
     places = np.array(list(places_of(study.panel).values()))
     sound = [population.row(state) for state in range(counts.sound)]
-    plans = {SOUND: population.plan(SOUND, sound)}
+    plans = {SOUND: population.plan(SOUND, sound)} if sound else {}
     test = seed != 0
     if counts.objects:
         rng = np.random.default_rng([study.seed, seed, 7])

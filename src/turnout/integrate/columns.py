@@ -76,11 +76,11 @@ def assemble_level(
         matrix = system.stiffness[first:last, :n].copy()
         for i in range(n):
             matrix[i, i] += inertia + viscosity * system.damping[first + i]
-        inverse = np.full_like(matrix, np.nan)
+        inverse = np.empty_like(matrix)
         try:
-            inverse[:] = np.linalg.inv(matrix)
+            _put(np.linalg.inv(matrix), inverse)  # type: ignore[arg-type]
         except Exception:  # the only class a kernel can catch: a free body, or NaN
-            inverse[:] = np.nan
+            _fill(np.nan, inverse)
         start, stop = system.end_start[block], system.end_stop[block]
         width = stop - start
         modes = system.mode_ends[first:last]
@@ -91,11 +91,27 @@ def assemble_level(
                 compliance[stop + i, end - start] = column[width + i]
         for end in range(system.follower_start[block], system.follower_start[block + 1]):
             _assemble_column(system, end, inverse, modes, compliance[end, : width + n])
-        compliance[stop : stop + n, width : width + n] = inverse
+        _put(inverse, compliance[stop : stop + n, width : width + n])
         padded = system.end_start[block + 1] - start
-        compliance[start : stop + n, width + n : padded] = 0.0
+        _fill(0.0, compliance[start : stop + n, width + n : padded])
         followers = system.follower_start[block], system.follower_start[block + 1]
-        compliance[followers[0] : followers[1], width + n : padded] = 0.0
+        _fill(0.0, compliance[followers[0] : followers[1], width + n : padded])
+
+
+@compiled
+def _put(values: Floats, to: Floats) -> None:
+    """Copy a matrix into another of its shape; an assignment of slices takes seconds to compile."""
+    for i in range(to.shape[0]):
+        for j in range(to.shape[1]):
+            to[i, j] = values[i, j]
+
+
+@compiled
+def _fill(value: float, to: Floats) -> None:
+    """Set all of a matrix to a value."""
+    for i in range(to.shape[0]):
+        for j in range(to.shape[1]):
+            to[i, j] = value
 
 
 @compiled

@@ -18,7 +18,7 @@ from turnout.integrate.arrange import PreparedRun, arrange, prepare, trim_record
 from turnout.integrate.dense import interpolate_record
 from turnout.integrate.driven import MachineHistory, machine_history, new_rods, start_rods
 from turnout.integrate.energy import energy_balance
-from turnout.integrate.march import march, store_instant
+from turnout.integrate.march import march, march_with_machines, store_instant
 from turnout.integrate.outcome import Code, Outcome, is_closed
 from turnout.integrate.start import PriorMotion, find_start
 from turnout.integrate.state import (
@@ -297,21 +297,11 @@ def _assemble_history(
 
 
 def _march(run: PreparedRun, first: int, last: int) -> tuple[int, int]:
-    return march(
-        run.system,
-        run.table,
-        run.state,
-        run.work,
-        run.tolerances,
-        run.stepping,
-        run.positions,
-        first,
-        last,
-        run.record,
-        run.obstructions,
-        run.courses,
-        run.rods,
-    )
+    given = (run.system, run.table, run.state, run.work, run.tolerances, run.stepping)
+    record = (run.record, run.obstructions, run.courses)
+    if run.rods is not None:
+        return march_with_machines(*given, run.positions, first, last, *record, run.rods)
+    return march(*given, run.positions, first, last, *record, None)
 
 
 # Whether the kernels for drives that are machines, and for others, are at hand.

@@ -3,6 +3,8 @@
 Kernels change `State` in place and return an outcome code; they never raise and never print.
 """
 
+import numpy as np
+
 from turnout.integrate.accuracy import (
     DRIFTS,
     equilibrium_residual,
@@ -242,11 +244,12 @@ def march(
         Of drives that are machines; their inputs are written as they come to be.
     """
     nominal = step_factors(stepping, stepping.step)
+    whole = int(np.int64(0))  # a literal is another type: all it reaches would compile once more
     row, remaining = first // stepping.stride, stepping.stride - first % stepping.stride
     for n in range(first, last):
         time = n * stepping.step
         if stepping.inertia and state.counters[LEVEL] != 0:
-            switch_level(system, table, state, work, stepping, 0)
+            switch_level(system, table, state, work, stepping, whole)
         count = switch_laws(system, table, state, work, time + stepping.step)
         update_marked(system, table, state, work, count)
         pair = (inputs[n], inputs[n + 1])
@@ -275,3 +278,37 @@ def march(
         if stepping.inertia and (n + 1) % MEASURE_EVERY == 0:
             state.drift[0] = max(state.drift[0], DRIFTS)  # errors at rest may have grown
     return CONVERGED, last
+
+
+@compiled
+def march_with_machines(
+    system: System,
+    table: LawTable,
+    state: State,
+    work: Work,
+    tolerances: Tolerances,
+    stepping: Stepping,
+    inputs: Floats,
+    first: int,
+    last: int,
+    record: StepRecord,
+    obstructions: Obstructions,
+    courses: FrictionCourses,
+    rods: Rods,
+) -> tuple[int, int]:
+    """Step as `march` with drives that are machines, as a kernel with a cache of its own."""
+    return march(
+        system,
+        table,
+        state,
+        work,
+        tolerances,
+        stepping,
+        inputs,
+        first,
+        last,
+        record,
+        obstructions,
+        courses,
+        rods,
+    )

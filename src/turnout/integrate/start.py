@@ -205,6 +205,7 @@ def _call_march(motion: PreparedRun, last: int) -> tuple[int, int]:
         motion.record,
         motion.obstructions,
         motion.courses,
+        None,  # left out it would be another signature, and the loop compiled once more
     )
 
 

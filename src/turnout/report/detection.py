@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from turnout.detection.conditions import CURRENT, FORCE, UNITS
 from turnout.detection.trends import LEAST_THROWS, staying_causes, trend_of
 from turnout.metric.finding import Finding
 from turnout.plot.detection import trend_sheet
@@ -16,7 +17,9 @@ SAFETY = (
 )
 
 
-def detection_page(verdicts: Sequence[Mapping[str, Any]], *, about: Mapping[str, str]) -> Page:
+def detection_page(
+    verdicts: Sequence[Mapping[str, Any]], *, about: Mapping[str, str], quantity: str = FORCE
+) -> Page:
     """Return the page about judged throws.
 
     Parameters
@@ -25,6 +28,8 @@ def detection_page(verdicts: Sequence[Mapping[str, Any]], *, about: Mapping[str,
         Fields of `turnout.detection.throw_verdict.Verdict`, in the order of the throws.
     about : mapping of str to str
         Where they come from.
+    quantity : str
+        What of the drives was judged.
     """
     counts = Counter(str(item["status"]) for item in verdicts)
     findings = [_headline(verdicts, counts)]
@@ -58,7 +63,7 @@ def detection_page(verdicts: Sequence[Mapping[str, Any]], *, about: Mapping[str,
                 text="Straight lines through all throws that were judged. A worn clutch shows in "
                 "the largest force only where the drive slips.",
                 pictures=[picture_of(trend_sheet(verdicts))],
-                tables=[_trends(verdicts)],
+                tables=[_trends(verdicts, quantity)],
             )
         )
     return Page(
@@ -108,12 +113,13 @@ def _advice(called: Sequence[Mapping[str, Any]]) -> Table:
     return Table("", ["throw", "verdict", "next"], rows)
 
 
-def _trends(verdicts: Sequence[Mapping[str, Any]]) -> Table:
+def _trends(verdicts: Sequence[Mapping[str, Any]], quantity: str) -> Table:
     drives = dict.fromkeys(name for item in verdicts for name in item["peaks"])
     lines = [("friction level [-]", [item["friction"] for item in verdicts], "{:.3f}")]
     for name in drives:
         peaks = [item["peaks"].get(name, float("nan")) for item in verdicts]
-        lines.append((f"largest force of drive {name} [N]", peaks, "{:.0f}"))
+        label = f"largest {quantity} of drive {name} [{UNITS[quantity]}]"
+        lines.append((label, peaks, "{:.2f}" if quantity == CURRENT else "{:.0f}"))
     rows = []
     for label, values, shape in lines:
         found = trend_of(values)

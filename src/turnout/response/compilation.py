@@ -15,7 +15,7 @@ _found: set[tuple[str, str]] = set()
 
 
 def must_compile(kernel: Any = march.march) -> bool:
-    """Return whether the next run compiles the kernels, which takes a minute or two.
+    """Return whether the next run compiles the kernels, which takes half a minute or more.
 
     Parameters
     ----------

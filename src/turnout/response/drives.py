@@ -6,6 +6,7 @@ Rows of drives that are markers are NaN, and none of these channels is made wher
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,8 @@ LAST = 0.1
 """Before the cut-off, over which the last current is averaged [s]."""
 SLIP_ROUNDING = 1e-6
 """From one stored instant to the next [rad]."""
+_slips: WeakKeyDictionary[MachineHistory, NDArray[np.bool_]] = WeakKeyDictionary()
+"""Slips of histories that are in use: states and labels both ask for them."""
 _ENERGIES = {
     "energy_copper": ("copper", "field"),
     "energy_line": ("line",),
@@ -130,6 +133,11 @@ def machine_signals(panel: Panel, history: History) -> dict[str, Variable]:
 
 def _clutch_slips(machines: MachineHistory) -> NDArray[np.bool_]:
     """Return whether each clutch slips, beyond what is overlooked, shape (n, n_times)."""
+    known = _slips.get(machines)
+    return known if known is not None else _slips.setdefault(machines, _found_slips(machines))
+
+
+def _found_slips(machines: MachineHistory) -> NDArray[np.bool_]:
     found = np.zeros((len(machines.names), machines.time.size), dtype=np.bool_)
     for number, (machine, events) in enumerate(zip(machines.records, machines.events, strict=True)):
         slip, travel = machines.states[:, number, at.SLIP], shaft_travel(machine)

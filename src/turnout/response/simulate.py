@@ -10,8 +10,8 @@ import numpy as np
 from turnout.core.threads import one_blas_thread
 from turnout.errors import ResponseError
 from turnout.integrate.integration import Floats, History, integrate
+from turnout.integrate.march import march_with_machines
 from turnout.integrate.outcome import NotConverged
-from turnout.integrate.rods import store_rods
 from turnout.integrate.start import PriorMotion
 from turnout.integrate.watch import Watch
 from turnout.mechanism.build import build_mechanism
@@ -242,7 +242,7 @@ def solve_placed(
     """
     began = time.perf_counter()
     machines = any(drive.machine is not None for drive in panel.drive.values())
-    if machines and must_compile(store_rods):
+    if machines and must_compile(march_with_machines):
         compile_kernels(machines=True)
     elif must_compile():
         compile_kernels()

@@ -1,0 +1,105 @@
+"""Whether the sound throws of `turnout limit --channels all` suffice: a90 claimed and confirmed.
+
+    python -m benchmarks.channels_confirmed FOLDER [--set drive.1.machine=jea73 ...]
+
+FOLDER is that of `turnout limit --set ... --channels all`. The best test of one half of the sound
+throws is judged with the covariance of the other half: no less than that can be detected. What all
+throws claim is no less than the limit.
+"""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from turnout.detection.bound import probability_of_detection
+from turnout.detection.features import features_of
+from turnout.detection.limit import (
+    LARGEST_SIZE,
+    SIZE_STEP,
+    limit_map,
+    smallest_seen,
+    sound_throws,
+)
+from turnout.detection.reference import Conditions
+from turnout.detection.signal_errors import SignalErrors
+from turnout.detection.throws import Throws, closing_time, stored_throws
+from turnout.panel.load import load_panel
+
+MACHINES = ("drive.1.machine=jea73", "drive.2.machine=jea73-drive2")
+SETS = (("force",), ("current",), ("power",), ("force", "current"), ("force", "current", "power"))
+
+
+def main() -> None:
+    """Print a90 in millimetres by channels and place."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("folder", type=Path)
+    options.add_argument("--set", action="append", dest="settings", metavar="KEY=VALUE")
+    given = options.parse_args()
+    settings = dict(item.split("=", 1) for item in given.settings or MACHINES)
+    panel = load_panel("uic60-760-1-15", overrides=settings)
+    throws, closing = stored_throws(panel, given.folder, channels="all"), closing_time(panel)
+    for quantities in SETS:
+        own, name = with_quantities(throws, quantities), " and ".join(quantities)
+        claimed = limit_map(own, Conditions(), closing=closing)["a90"].sel(channel="both drives")
+        print(f"{name}, claimed  ", (1e3 * claimed.to_numpy()).round(1))
+        print(f"{name}, confirmed", (1e3 * confirmed(own, Conditions(), closing)).round(1))
+
+
+def with_quantities(throws: Throws, quantities: Sequence[str]) -> Throws:
+    """Return throws with the signals of some quantities alone."""
+    rows = [n for n, item in enumerate(throws.signals) if item.quantity in quantities]
+    errors = SignalErrors(
+        amplitude=throws.errors.amplitude[rows], force_peak=throws.errors.force_peak[rows],
+        gain=throws.errors.gain[rows],
+    )  # fmt: skip
+    return replace(
+        throws, sound=throws.sound[:, rows], change=throws.change[..., rows, :], errors=errors,
+        signals=tuple(throws.signals[row] for row in rows),
+    )  # fmt: skip
+
+
+def confirmed(throws: Throws, conditions: Conditions, closing: float) -> np.ndarray:
+    r"""Return a90 by the index :math:`w^T s / \sqrt{w^T C_B w}` of the test :math:`w = C_A^{-1} s`.
+
+    A and B are halves of the sound throws; the mean of both ways round, NaN beyond what was thrown.
+    """
+    halves = [
+        sound_throws(
+            replace(
+                throws, sound=throws.sound[part::2], switch=throws.switch[part::2],
+                level=throws.level[part::2],
+            ),
+            conditions, closing=closing,
+        )
+        for part in (0, 1)
+    ]  # fmt: skip
+    near = halves[0].nearest(throws.level[throws.states])
+    sizes = np.arange(0.0, LARGEST_SIZE + 0.5 * SIZE_STEP, SIZE_STEP)
+    found = []
+    for own, other in (halves, halves[::-1]):
+        inverse = [np.linalg.inv(item) for item in own.covariances]
+        pod = np.zeros((len(throws.places), sizes.size))
+        for state, level in enumerate(near):
+            signature = np.nan_to_num(features_of(throws.change[state], own.means))
+            test = signature @ inverse[level]
+            gain = np.einsum("psf,psf->ps", signature, test)
+            spread = np.einsum("psf,fg,psg->ps", test, other.covariances[level], test)
+            index = gain / np.sqrt(np.maximum(spread, 1e-30))
+            for place, gap in enumerate(throws.gap[state]):
+                used = throws.sizes[place] > gap
+                along = np.interp(
+                    sizes, [gap, *throws.sizes[place][used]], [0.0, *index[place][used]], left=0.0
+                )
+                pod[place] += probability_of_detection(
+                    along, false_alarm_rate=conditions.false_alarm_rate
+                )
+        seen = smallest_seen(pod / len(near), sizes)
+        found.append(np.where(seen <= throws.sizes.max(axis=1), seen, np.nan))
+    return np.asarray(np.mean(found, axis=0))
+
+
+if __name__ == "__main__":
+    main()

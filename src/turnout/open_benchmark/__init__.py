@@ -1,0 +1,1 @@
+"""The open benchmark of foreign-object detection: throws, metrics, baselines, tables."""

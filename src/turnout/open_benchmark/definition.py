@@ -1,0 +1,180 @@
+"""What the benchmark consists of: switches, their panels and machines, and how many throws of what.
+
+Everything follows from the number of a switch and from one seed. Panels are the cases of the study
+`plausible-panels` as it was when the benchmark was frozen (`panels.toml`). States, and what differs
+from throw to throw, are those of the reference case of detection, about the values of the panel. A
+panel belongs to one side of the split with all its switches.
+"""
+
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from turnout.core.json_files import to_plain
+from turnout.core.provenance import content_hash
+from turnout.detection.reference import reference_study
+from turnout.errors import StudyError
+from turnout.study.load_study import load_study
+from turnout.study.study import Study
+
+VERSION = 1
+"""Of the definition; raised when throws or the split change."""
+SEED = 4_000_000
+"""Added to the seed of the reference study, so that no throw is one that others trained on [-]."""
+PANELS = Path(__file__).with_name("panels.toml")
+MACHINES = (("jea73", "jea73-drive2"), ("s700k", "s700k"), ("m70", "m70"))
+"""Machines of Drive 1 and Drive 2 of the switches that have some."""
+MACHINE_SHARE = 0.2
+"""Of the switches whose drives are machines instead of markers [-]."""
+TEST_SHARE = 0.4
+"""Of the panels, whose switches are all for testing [-]."""
+RATES = (125.0, 50.0, 25.0)
+"""Samples a second of the recorders, switch by switch in turn [Hz]."""
+MARKERS, WITH_MACHINES = "markers", "machines"
+TRAIN, TEST = "train", "test"
+HISTORY, SOUND, OBJECT = "history", "sound", "object"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Counts:
+    """How many switches and throws there are.
+
+    Attributes
+    ----------
+    switches : int
+        In all.
+    known : int
+        Sound throws of each switch in the first half of its year: its history.
+    sound, objects : int
+        Throws of each switch in the other half of its year, judged.
+    causes : int
+        Throws of each other cause, of each switch.
+    """
+
+    switches: int
+    known: int
+    sound: int
+    objects: int
+    causes: int
+
+    def __post_init__(self) -> None:
+        """Refuse what makes no benchmark, all of it at once."""
+        least = {"switches": 4, "known": 1, "sound": 1, "objects": 1, "causes": 0}
+        faults = [
+            f"{name} = {getattr(self, name)}: must be {number} or more"
+            for name, number in least.items()
+            if getattr(self, name) < number
+        ]
+        if faults:
+            raise StudyError(faults, source="benchmark")
+
+
+PRESETS = {
+    "full": Counts(switches=200, known=200, sound=100, objects=140, causes=10),
+    "reduced": Counts(switches=80, known=20, sound=60, objects=39, causes=2),
+    "small": Counts(switches=20, known=20, sound=10, objects=13, causes=1),
+}
+"""Sizes of the benchmark by name; a smaller one is no part of a larger one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Switch:
+    """One switch of the benchmark.
+
+    Attributes
+    ----------
+    number : int
+        From 0.
+    panel : int
+        Case of the study of panels.
+    machines : tuple of str
+        Of each drive; none where drives are markers.
+    rate : float
+        Of its recorder [Hz].
+    split : str
+        "train" or "test".
+    phase : float
+        Where in the year its first throw lies, from 0 for the first of January to 1 [-].
+    """
+
+    number: int
+    panel: int
+    machines: tuple[str, ...]
+    rate: float
+    split: str
+    phase: float
+
+    @property
+    def track(self) -> str:
+        """Return "markers" or "machines", which are judged apart."""
+        return WITH_MACHINES if self.machines else MARKERS
+
+
+@lru_cache(maxsize=1)
+def panels_study() -> Study:
+    """Return the study whose cases are the panels."""
+    return load_study(PANELS)
+
+
+def test_panels(panels: int) -> frozenset[int]:
+    """Return which panels are for testing.
+
+    Examples
+    --------
+    >>> len(test_panels(45))
+    18
+    """
+    order = np.random.default_rng([SEED, 1]).permutation(panels)
+    return frozenset(order[: round(TEST_SHARE * panels)].tolist())
+
+
+def switches_of(counts: Counts, *, panels: int | None = None) -> list[Switch]:
+    """Return all switches of a benchmark.
+
+    Parameters
+    ----------
+    counts : Counts
+        Of the benchmark.
+    panels : int, optional
+        Cases of the study of panels; default as many as it has.
+
+    Examples
+    --------
+    >>> found = switches_of(PRESETS["full"], panels=45)
+    >>> len(found), len({item.panel for item in found}), found[0].split == found[45].split
+    (200, 45, True)
+    """
+    count = panels_study().count if panels is None else panels
+    tested = test_panels(count)
+    order = np.random.default_rng([SEED, 2]).permutation(count).tolist()
+    first = counts.switches - round(MACHINE_SHARE * counts.switches)
+    found = []
+    for number in range(counts.switches):
+        panel = int(order[number % count])
+        machines = MACHINES[number % len(MACHINES)] if number >= first else ()
+        found.append(
+            Switch(
+                number=number,
+                panel=panel,
+                machines=machines,
+                rate=RATES[int(np.random.default_rng([SEED, 3, number]).integers(len(RATES)))],
+                split=TEST if panel in tested else TRAIN,
+                phase=float(np.random.default_rng([SEED, 4, number]).random()),
+            )
+        )
+    return found
+
+
+def definition_digest(counts: Counts) -> str:
+    """Return a digest of all that determines a benchmark but the version of the program."""
+    content = {
+        "version": VERSION,
+        "seed": SEED,
+        "counts": asdict(counts),
+        "panels": panels_study().digest,
+        "reference": reference_study().digest,
+        "switches": [asdict(item) for item in switches_of(counts)],
+    }
+    return content_hash(to_plain(content))

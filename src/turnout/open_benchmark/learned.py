@@ -1,0 +1,243 @@
+"""Baselines of machine learning: isolation forest, MiniRocket, gradient boosting.
+
+Isolation forest and gradient boosting are those of scikit-learn, the extra `learn`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from turnout.errors import TurnoutError
+from turnout.open_benchmark.classical import closing_of, peak_and_duration, three_features
+from turnout.open_benchmark.make_throws import STEP
+from turnout.open_benchmark.method import Judged, Model
+from turnout.open_benchmark.minirocket import MiniRocket, fit_minirocket
+
+Floats = NDArray[np.float64]
+Settings = Sequence[Mapping[str, Any]]
+
+
+def scikit_learn(name: str) -> Any:
+    """Return `sklearn.ensemble`, or say what lacks."""
+    try:
+        from sklearn import ensemble
+    except ImportError:
+        message = (
+            f"the baseline '{name}' needs scikit-learn, which is not installed; "
+            "run: pip install 'turnout[learn]'"
+        )
+        raise TurnoutError(message) from None
+    return ensemble
+
+
+# ---- isolation forest
+
+
+@dataclass(frozen=True, eq=False)
+class Forest:
+    """An isolation forest of sound throws."""
+
+    inputs: str
+    forest: Any
+
+    def score(self, judged: Judged) -> Floats:
+        """Return how few cuts isolate each throw."""
+        return -np.asarray(self.forest.score_samples(forest_inputs(self.inputs, judged)))
+
+    def extras(self, judged: Judged) -> Mapping[str, Any]:
+        """Return the score once more: what is isolated is new."""
+        return {"novelty": self.score(judged)}
+
+
+def forest_inputs(name: str, judged: Judged) -> Floats:
+    """Return the inputs of a setting, less those of the reference curve."""
+    if name == "window means":
+        return judged.features(relative=True)
+    own = sweep_features(judged.side.histories, judged)
+    return own - sweep_features(judged.reference, judged)
+
+
+@dataclass(frozen=True)
+class ForestMethod:
+    """Isolation forest (Liu, Ting and Zhou 2008) on what differs from the reference curve."""
+
+    name: str = "isolation-forest"
+    title: str = "isolation forest"
+    settings: Settings = tuple(
+        {"samples": samples, "inputs": inputs}
+        for samples in (256, 1024)
+        for inputs in ("window means", "sweep features")
+    )
+
+    def fit(self, train: Judged, setting: Mapping[str, Any], *, final: bool = False) -> Model:
+        """Learn sound throws."""
+        values = forest_inputs(setting["inputs"], train)[train.sound]
+        forest = scikit_learn(self.title).IsolationForest(
+            n_estimators=200, max_samples=min(setting["samples"], len(values)), random_state=0
+        )
+        return Forest(setting["inputs"], forest.fit(values))
+
+
+# ---- gradient boosting
+
+
+def sweep_features(histories: Floats, judged: Judged) -> Floats:
+    """Return what a sweep says of each movement, from recorded histories, shape (n, n_features).
+
+    Peak force and its time, plateau, end force, duration, and onset and slope of the build-up: the
+    first time above half of the peak, and the steepest rise over 80 ms.
+    """
+    closing = closing_of(judged.layout)
+    opening = slice(0, closing.start)
+    own = histories[..., closing]
+    peak = own.max(axis=-1, keepdims=True)
+    rise = (own[..., 4:] - own[..., :-4]) / (4.0 * STEP)
+    onset = STEP * np.argmax(own > 0.5 * peak, axis=-1)
+    return np.hstack([
+        peak_and_duration(histories, closing), three_features(histories, closing),
+        STEP * own.argmax(axis=-1), onset, rise.max(axis=-1), STEP * rise.argmax(axis=-1),
+        histories[..., opening].min(axis=-1), np.median(histories[..., opening], axis=-1),
+    ])  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Boosted:
+    """A boosted classifier of objects, and one of causes."""
+
+    inputs: str
+    classifier: Any
+    causes: Any
+
+    def score(self, judged: Judged) -> Floats:
+        """Return the log odds of an object."""
+        values = boosting_inputs(self.inputs, judged)
+        with threadpool_limits(limits=1):
+            return np.asarray(self.classifier.decision_function(values))
+
+    def extras(self, judged: Judged) -> Mapping[str, Any]:
+        """Return the likeliest cause and the probability of an object."""
+        values = boosting_inputs(self.inputs, judged)
+        with threadpool_limits(limits=1):
+            return {
+                "cause": self.causes.predict(values).astype(np.str_),
+                "probability": self.classifier.predict_proba(values)[:, 1],
+            }
+
+
+def boosting_inputs(name: str, judged: Judged) -> Floats:
+    """Return the inputs of a setting."""
+    own = sweep_features(judged.side.histories, judged)
+    whole = np.hstack([own, own - sweep_features(judged.reference, judged)])
+    if name == "sweep features":
+        return whole
+    return np.hstack([whole, judged.features(relative=True)])
+
+
+@dataclass(frozen=True)
+class BoostingMethod:
+    """Histogram gradient boosting on the sweep's features, with or without all window means."""
+
+    name: str = "boosting"
+    title: str = "gradient boosting"
+    settings: Settings = tuple(
+        {"inputs": inputs, "rate": rate}
+        for inputs in ("sweep features", "and window means")
+        for rate in (0.05, 0.15)
+    )
+
+    def fit(self, train: Judged, setting: Mapping[str, Any], *, final: bool = False) -> Model:
+        """Learn touched objects against all else, and causes."""
+        values = boosting_inputs(setting["inputs"], train)
+        ensemble = scikit_learn(self.title)
+        used = train.touched | (train.side.labels["role"] != "object")
+        role = train.side.labels["role"].astype(np.str_)
+
+        def booster(rounds: int) -> Any:
+            return ensemble.HistGradientBoostingClassifier(
+                learning_rate=setting["rate"], max_iter=rounds, max_leaf_nodes=15,
+                class_weight="balanced", early_stopping=False, random_state=0,
+            )  # fmt: skip
+
+        # threads that wait for each other cost more than they gain
+        with threadpool_limits(limits=1):
+            causes = booster(CAUSE_ROUNDS).fit(values[used], role[used]) if final else None
+            objects = booster(ROUNDS).fit(values[used], train.touched[used])
+        return Boosted(setting["inputs"], objects, causes)
+
+
+ROUNDS, CAUSE_ROUNDS = 120, 40
+"""Trees, for each class of several."""
+
+
+# ---- MiniRocket
+
+
+@dataclass(frozen=True, eq=False)
+class Ridge:
+    """A linear classifier of MiniRocket features."""
+
+    features: "RocketMethod"
+    weights: Floats
+    middle: Floats
+    scale: Floats
+
+    def score(self, judged: Judged) -> Floats:
+        """Return the linear score."""
+        values = (self.features.of(judged) - self.middle) / self.scale
+        return np.asarray(values @ self.weights, dtype=np.float64)
+
+    def extras(self, judged: Judged) -> Mapping[str, Any]:
+        """Return nothing more."""
+        return {}
+
+
+@dataclass
+class RocketMethod:
+    """MiniRocket on what differs from the reference curve, and ridge regression.
+
+    The transform is fitted once, to training throws without their labels.
+    """
+
+    name: str = "minirocket"
+    title: str = "MiniRocket, ridge"
+    settings: Settings = tuple({"ridge": 10.0**power} for power in (2, 3, 4, 5))
+    features: int = 2520
+    _rocket: MiniRocket | None = None
+    _known: dict[int, NDArray[np.float32]] = field(default_factory=dict)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what was transformed: it is no part of a model."""
+        return {**self.__dict__, "_known": {}}
+
+    def of(self, judged: Judged) -> NDArray[np.float32]:
+        """Return the features of throws, each transformed once."""
+        numbers = judged.side.throw.tolist()
+        new = [row for row, number in enumerate(numbers) if number not in self._known]
+        if new:
+            series = _halved(judged.relative[new])
+            if self._rocket is None:
+                self._rocket = fit_minirocket(series, features=self.features)
+            found = self._rocket.transform(series)
+            self._known |= {numbers[row]: item for row, item in zip(new, found, strict=True)}
+        return np.stack([self._known[number] for number in numbers])
+
+    def fit(self, train: Judged, setting: Mapping[str, Any], *, final: bool = False) -> Model:
+        """Solve the ridge regression of touched objects, 1, against all else, -1."""
+        used = train.touched | (train.side.labels["role"] != "object")
+        values = self.of(train)[used].astype(np.float64)
+        middle, scale = values.mean(axis=0), values.std(axis=0) + 1e-8
+        white = (values - middle) / scale
+        wanted = np.where(train.touched[used], 1.0, -1.0)
+        square = white.T @ white + setting["ridge"] * np.eye(white.shape[1])
+        weights = np.linalg.solve(square, white.T @ (wanted - wanted.mean()))
+        return Ridge(self, weights, middle, scale)
+
+
+def _halved(histories: Floats) -> Floats:
+    """Return histories at half of the samples; an odd last one is left out."""
+    even = histories[..., : histories.shape[-1] // 2 * 2]
+    return np.asarray(even.reshape(*even.shape[:-1], -1, 2).mean(axis=-1))

@@ -1,0 +1,288 @@
+"""Make the throws of the benchmark: switch by switch, each a file; interrupted, it goes on.
+
+A switch is thrown as a sweep; what the benchmark keeps of it goes to one file and the sweep is
+deleted. The files of all switches are joined at the end.
+"""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.core.files import atomic_path, write_atomic
+from turnout.core.provenance import version
+from turnout.detection.throw_layout import Layout, throw_features
+from turnout.detection.training import layout_of_panel
+from turnout.errors import FileError
+from turnout.open_benchmark.definition import (
+    VERSION,
+    Counts,
+    Switch,
+    definition_digest,
+    panels_study,
+    switches_of,
+)
+from turnout.open_benchmark.switch_throws import SwitchThrows, throws_of_switch
+from turnout.response.compilation import must_compile
+from turnout.response.simulate import compile_kernels
+from turnout.sweep.process import worker_processes
+from turnout.sweep.read import open_sweep
+from turnout.sweep.run import run_sweep
+
+Floats = NDArray[np.float64]
+Report = Callable[[int, int], None]
+"""Called with how many switches are done, and of how many."""
+
+STEP = 0.02
+"""Samples of a history are means over so long [s]."""
+QUANTUM = {"force": 0.5, "current": 1e-3, "power": 0.25}
+"""Histories are stored in whole multiples of this, [N], [A] and [W]: the noise is 40 times more."""
+DEFINITION, THROWS = "benchmark.json", "detection-benchmark.nc"
+SWITCHES = "switches"
+
+
+def fine_layout(layout: Layout) -> Layout:
+    """Return the same movements with windows of `STEP`, which the windows of features consist of.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> fine_layout(layout_of_panel(load_panel("uic60-760-1-15"))).windows
+    408
+    """
+    parts = [
+        replace(part, window=STEP, count=round(part.count * part.window / STEP))
+        for part in layout.parts
+    ]
+    return Layout(parts=tuple(parts), drives=layout.drives)
+
+
+def make_throws(
+    folder: Path, counts: Counts, *, workers: int = 1, report: Report | None = None
+) -> Path:
+    """Throw what is missing of the benchmark, and return the file with all of it.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is not there; must be empty, or hold the beginning of this benchmark.
+    counts : Counts
+        Switches and throws.
+    workers : int
+        Processes.
+    report : callable, optional
+        Called after each switch.
+
+    Raises
+    ------
+    FileError
+        When the folder is that of another benchmark.
+    """
+    digest = definition_digest(counts)
+    claim_folder(folder, digest, counts)
+    whole = folder / THROWS
+    if whole.exists():
+        return whole
+    switches = switches_of(counts)
+    (folder / SWITCHES).mkdir(exist_ok=True)
+    paths = [folder / SWITCHES / f"{item.number:03d}.nc" for item in switches]
+    with shared_pool(workers) as pool:
+        for done, (switch, path) in enumerate(zip(switches, paths, strict=True)):
+            if report is not None:
+                report(done, len(switches))
+            if not path.exists():
+                _throw_switch(switch, counts, path, pool=pool, workers=workers)
+    _join(paths, whole, digest=digest, counts=counts)
+    shutil.rmtree(folder / SWITCHES)
+    if report is not None:
+        report(len(switches), len(switches))
+    return whole
+
+
+def claim_folder(folder: Path, digest: str, counts: Counts) -> None:
+    """Write what a folder is for, or refuse one that is for something else."""
+    path = folder / DEFINITION
+    if path.exists():
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))["digest"]
+        except (OSError, ValueError, KeyError, TypeError):
+            found = "unknown"
+        if found != digest:
+            message = (
+                f"{folder}: holds another benchmark (definition {str(found)[:12]}, this is "
+                f"{digest[:12]}); give an empty folder, or the preset and version it was made with"
+            )
+            raise FileError(message)
+        return
+    if folder.exists() and any(folder.iterdir()):
+        message = f"{folder}: is not empty and holds no benchmark; give an empty or a new folder"
+        raise FileError(message)
+    folder.mkdir(parents=True, exist_ok=True)
+    about = {"benchmark": VERSION, "digest": digest, "counts": asdict(counts)}
+    write_atomic(path, json.dumps(about | {"turnout": version()}, indent=1) + "\n")
+
+
+class _Shared(Executor):
+    """An executor that sweeps take in turn and none of them ends."""
+
+    def __init__(self, own: Executor) -> None:
+        self._own = own
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        return self._own.submit(fn, *args, **kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Leave it open."""
+
+
+@contextmanager
+def shared_pool(workers: int) -> Iterator[Callable[[], Executor]]:
+    """Give what returns the executor of all sweeps: processes, or this process for one worker."""
+    if must_compile():
+        compile_kernels()
+    own = worker_processes(workers) if workers > 1 else ThreadPoolExecutor(1)
+    try:
+        yield lambda: _Shared(own)
+    finally:
+        own.shutdown(wait=False, cancel_futures=True)
+
+
+def _throw_switch(
+    switch: Switch,
+    counts: Counts,
+    path: Path,
+    *,
+    pool: Callable[[], Executor],
+    workers: int,
+) -> None:
+    throws = throws_of_switch(switch, counts)
+    sweep = path.with_suffix("")
+    run_sweep(throws.plan.study, sweep, workers=workers, pool=pool)
+    with open_sweep(sweep) as dataset:
+        found = collected(switch, throws, dataset)
+    with atomic_path(path) as temporary:
+        found.to_netcdf(temporary, engine="h5netcdf", encoding=encoding_of(found))
+    shutil.rmtree(sweep)
+
+
+def collected(switch: Switch, throws: SwitchThrows, dataset: xr.Dataset) -> xr.Dataset:
+    """Return what the benchmark keeps of the throws of a switch; those that did not end go."""
+    plan, panel = throws.plan, throws.plan.study.panel
+    fine = fine_layout(layout_of_panel(panel))
+    onsets = np.tile([part.start for part in fine.parts], (len(throws.role), 1))
+    onsets[:, -1] = plan.start
+    time = dataset["time"].to_numpy().astype(np.float64)
+    channels: dict[str, Floats] = {}
+    for name in QUANTUM:
+        if f"drive_{name}" not in dataset:
+            continue
+        values = dataset[f"drive_{name}"].to_numpy().astype(np.float64)
+        ended = np.where(np.isfinite(values), values, 0.0)
+        found = throw_features(time, ended, layout=fine, onsets=onsets)
+        found = found.reshape(len(found), len(fine.drives), -1)
+        channels |= {f"{name} {drive}": found[:, at] for at, drive in enumerate(fine.drives)}
+    ended = (dataset["outcome"].astype(str) == "complete").to_numpy()
+    partner = plan.partner.copy()
+    kept = np.flatnonzero(ended & ((partner < 0) | ended[np.maximum(partner, 0)]))
+    new = np.full(len(ended), -1)
+    new[kept] = np.arange(len(kept))
+    history = np.full((len(kept), len(SIGNALS), fine.windows), np.nan)
+    for name, item in channels.items():
+        history[:, SIGNALS.index(name)] = item[kept]
+    gaps = [dataset["sensor_gap"].to_numpy()[..., -1], dataset["end_gap"].to_numpy()]
+    limits = [f"sensor {name}" for name in panel.sensor] + [f"drive {name}" for name in panel.drive]
+    per_throw = {
+        "role": np.array(throws.role), "kind": np.array(throws.kind),
+        "place": np.array(throws.place), "size": throws.size, "x": throws.x,
+        "moment": throws.moment, "level": plan.level,
+        "object_force": dataset["object_force_peak"].to_numpy(),
+        "locked": dataset["end_locked"].to_numpy().astype(np.int8),
+    }  # fmt: skip
+    labels = {name: ("throw", item[kept]) for name, item in per_throw.items()}
+    count = len(kept)
+    fixed = {
+        "switch": switch.number, "panel": switch.panel, "track": switch.track,
+        "machine": switch.machines[0] if switch.machines else "", "rate": switch.rate,
+        "split": switch.split,
+    }  # fmt: skip
+    return xr.Dataset(
+        {
+            "history": (("throw", "signal", "sample"), history),
+            "gap": (("throw", "position"), np.hstack(gaps)[kept]),
+            "partner": ("throw", np.where(partner < 0, -1, new[partner])[kept]),
+            "inputs": (("throw", "input"), plan.inputs[kept]),
+            **labels,
+            **{name: ("throw", np.full(count, value)) for name, value in fixed.items()},
+        },
+        {"signal": list(SIGNALS), "position": limits},
+        {"inputs": "; ".join(throws.inputs)},
+    )
+
+
+SIGNALS = ("force 1", "force 2", "current 1", "current 2", "power 1", "power 2")
+
+
+def encoding_of(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
+    """Return how each variable is stored: histories as whole numbers, all of it compressed."""
+    found: dict[str, dict[str, Any]] = {}
+    for name, item in dataset.data_vars.items():
+        if item.dtype.kind in "fiu":
+            found[str(name)] = {"zlib": True, "complevel": 4, "shuffle": True}
+    return found
+
+
+def _join(paths: list[Path], whole: Path, *, digest: str, counts: Counts) -> None:
+    """Write the file of all switches."""
+    parts: list[xr.Dataset] = []
+    for path in paths:
+        with xr.open_dataset(path, engine="h5netcdf") as part:
+            own = part.load()
+        before = sum(item.sizes["throw"] for item in parts)
+        own["partner"] = own["partner"].where(own["partner"] < 0, own["partner"] + before)
+        for name in TEXTS:  # of different lengths
+            own[name] = own[name].astype(object)
+        parts.append(own)
+    joined = xr.concat(parts, "throw", join="exact")
+    quantum = np.array([QUANTUM[name.split()[0]] for name in SIGNALS])
+    steps = np.rint(joined["history"].to_numpy() / quantum[:, np.newaxis])
+    stored = np.where(np.isfinite(steps), np.clip(steps, -32767, 32767), MISSING).astype(np.int16)
+    joined["history"] = (("throw", "signal", "sample"), stored)
+    joined["quantum"] = ("signal", quantum)
+    layout = fine_layout(layout_of_panel(panels_study().panel))
+    joined = joined.assign_coords(time=("sample", layout.time[: layout.windows]))
+    joined.attrs |= {
+        "benchmark": VERSION,
+        "definition": digest,
+        "counts": json.dumps(asdict(counts)),
+        "turnout": version(),
+        "data": data_digest(joined),
+    }
+    with atomic_path(whole) as temporary:
+        joined.to_netcdf(temporary, engine="h5netcdf", encoding=encoding_of(joined))
+
+
+TEXTS = ("role", "kind", "place", "track", "machine", "split")
+MISSING = -32768
+"""Stands in histories where there is no such channel."""
+
+
+def data_digest(dataset: xr.Dataset) -> str:
+    """Return a digest of histories and labels, whatever file they are in."""
+    found = hashlib.sha256()
+    for name in ("history", "gap", "switch", "role", "kind", "place", "size", "split"):
+        values = dataset[name].to_numpy()
+        found.update(name.encode())
+        found.update(
+            "\0".join(map(str, values)).encode() if values.dtype.kind in "OUST"
+            else np.ascontiguousarray(np.round(values, 9)).tobytes()
+        )  # fmt: skip
+    return found.hexdigest()

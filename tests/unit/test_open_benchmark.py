@@ -1,0 +1,225 @@
+"""The open benchmark: its definition, its recorder, its metrics, and the file of verdicts."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+from tests.unit.benchmark_toy import POSITIONS, TIME, toy_benchmark
+
+from turnout.detection.allowances import Allowances
+from turnout.errors import FileError, StudyError
+from turnout.open_benchmark.definition import (
+    PRESETS,
+    Counts,
+    definition_digest,
+    switches_of,
+)
+from turnout.open_benchmark.make_throws import claim_folder
+from turnout.open_benchmark.metrics import clustered_rate, detectable, roc_curve
+from turnout.open_benchmark.minirocket import fit_minirocket
+from turnout.open_benchmark.recorder_errors import Recorder, correlated, recorded
+from turnout.open_benchmark.verdicts import Verdicts, read_verdicts, write_verdicts
+
+# ---- definition
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_no_panel_is_on_both_sides(name: str) -> None:
+    sides: dict[str, set[int]] = {"train": set(), "test": set()}
+    for switch in switches_of(PRESETS[name]):
+        sides[switch.split].add(switch.panel)
+    assert sides["train"]
+    assert sides["test"]
+    assert not sides["train"] & sides["test"]
+
+
+def test_the_full_size_is_100000_throws() -> None:
+    full = PRESETS["full"]
+    sound_and_objects = full.known + full.sound + full.objects
+    causes = sum(full.causes * (5 - 2 * bool(s.machines)) for s in switches_of(full))
+    assert 0.95e5 < full.switches * sound_and_objects + causes < 1.05e5
+
+
+def test_the_definition_is_frozen() -> None:
+    # changes with the reference case, the default panel or the definition: raise VERSION then
+    first = definition_digest(PRESETS["reduced"])
+    assert first == definition_digest(PRESETS["reduced"])
+    assert first != definition_digest(PRESETS["small"])
+
+
+def test_counts_without_throws_are_refused_together() -> None:
+    with pytest.raises(StudyError, match=r"(?s)switches = 1.*objects = 0"):
+        Counts(switches=1, known=1, sound=1, objects=0, causes=0)
+
+
+def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(FileError, match="is not empty and holds no benchmark"):
+        claim_folder(tmp_path, "digest", PRESETS["small"])
+    own = tmp_path / "own"
+    claim_folder(own, "digest", PRESETS["small"])
+    claim_folder(own, "digest", PRESETS["small"])
+    with pytest.raises(FileError, match="holds another benchmark"):
+        claim_folder(own, "other", PRESETS["small"])
+
+
+# ---- recorder
+
+
+def test_the_discrepancy_has_its_size_and_its_kernel() -> None:
+    rng = np.random.default_rng(0)
+    time = 0.02 * np.arange(200)
+    found = correlated(rng.standard_normal((20_000, 200)), time, Allowances())
+    assert found.std(axis=0) == pytest.approx(np.ones(200), abs=0.03)
+    after = (found[:, 100] * found[:, 125]).mean()  # 0.5 s later
+    assert after == pytest.approx(np.exp(-1.0), abs=0.03)
+
+
+def test_half_of_the_discrepancy_is_fixed_for_a_switch() -> None:
+    recorder = Recorder(
+        signals=("force 1",), time=TIME, part=np.zeros(TIME.size, int),
+        amplitude=np.array([1000.0]), rate=50.0,
+    )  # fmt: skip
+    errors = Allowances(discrepancy=0.1, gain=0.0, zero=0.0, timing=0.0, noise=20.0)
+    means = []
+    for switch in range(300):
+        found = recorded(np.zeros((40, 1, TIME.size)), recorder, switch=switch, errors=errors)
+        means.append(found[:, 0, 200].mean())
+        if not switch:
+            again = recorded(np.zeros((40, 1, TIME.size)), recorder, switch=0, errors=errors)
+            assert np.array_equal(found, again)
+    # variance of a mean of 40: half of 100 N squared, and what differs from throw to throw / 40
+    wanted = np.sqrt(0.5e4 + (0.5e4 + 400.0) / 40.0)
+    assert np.std(means) == pytest.approx(wanted, rel=0.15)
+
+
+# ---- metrics on closed forms
+
+
+def test_throws_that_are_all_alike_widen_the_interval_of_false_alarms() -> None:
+    switches = np.repeat(np.arange(50), 20)
+    alike = clustered_rate(switches < 5, switches)
+    assert alike.value == 0.1
+    # five of fifty switches: the binomial interval of switches, 0.033 to 0.218
+    assert alike.high == pytest.approx(0.19, abs=0.03)
+    apart = clustered_rate(np.arange(1000) % 10 == 0, switches)
+    assert apart.high == pytest.approx(0.12, abs=0.005)
+
+
+def test_a90_of_a_normal_curve_is_its_quantile() -> None:
+    rng = np.random.default_rng(1)
+    size = 30e-3 * rng.random(4000)
+    hit = size + 2e-3 * rng.standard_normal(4000) > 12e-3
+    found = detectable(size, hit, np.arange(4000) % 40)
+    assert found.a90 == pytest.approx(12e-3 + 2e-3 * norm.isf(0.1), abs=0.2e-3)
+    assert found.a90 < found.a90_95 < found.a90 + 0.5e-3
+
+
+def test_a90_of_nothing_and_of_everything_and_of_a_step() -> None:
+    size, groups = np.linspace(1e-3, 30e-3, 60), np.arange(60)
+    assert detectable(size, np.zeros(60, bool), groups).a90 == np.inf
+    assert detectable(size, np.ones(60, bool), groups).a90 == 1e-3
+    # sizes are 0.5 mm apart: a step is known no better
+    assert detectable(size, size > 10e-3, groups).a90 == pytest.approx(10e-3, abs=0.5e-3)
+
+
+def test_the_curve_of_two_normals_has_the_area_of_the_distance_between_them() -> None:
+    rng = np.random.default_rng(2)
+    false, seen = roc_curve(rng.standard_normal(20_000), 1.5 + rng.standard_normal(20_000))
+    order = np.argsort(false, kind="stable")
+    area = np.trapezoid(seen[order], false[order])
+    assert area == pytest.approx(norm.cdf(1.5 / np.sqrt(2.0)), abs=0.01)
+
+
+# ---- MiniRocket
+
+
+def test_a_feature_of_minirocket_is_the_share_above_its_bias() -> None:
+    rng = np.random.default_rng(3)
+    series = np.cumsum(rng.standard_normal((5, 2, 120)), axis=-1)
+    rocket = fit_minirocket(series, features=840, seed=0)
+    found = rocket.transform(series)
+    # the last dilation, first kernel: weights 2 at places 0, 1 and 2
+    number = len(rocket.dilations) - 1
+    dilation, own = rocket.dilations[number], list(rocket.signals[number][0])
+    bias = rocket.biases[number][0][0]
+    at = sum(part.size for part in rocket.biases[:number])
+    signal = np.zeros((5, 120 + 8 * dilation), dtype=np.float32)
+    signal[:, 4 * dilation : 4 * dilation + 120] = series[:, own].sum(axis=1).astype(np.float32)
+    weights = [2, 2, 2, -1, -1, -1, -1, -1, -1]
+    whole = sum(w * signal[:, k * dilation : k * dilation + 120] for k, w in enumerate(weights))
+    if number % 2:
+        whole = whole[:, 4 * dilation : -4 * dilation]
+    assert found[:, at] == pytest.approx((whole > bias).mean(axis=1), abs=1e-6)
+    assert found.shape == (5, 840)
+
+
+# ---- verdict files
+
+
+def verdicts_of(throws: np.ndarray) -> Verdicts:
+    count = len(throws)
+    rng = np.random.default_rng(4)
+    middle = rng.random((count, 1))
+    return Verdicts(
+        throw=throws, score=rng.random(count), alarm=rng.random(count) < 0.5,
+        rare_alarm=rng.random(count) < 0.1, x=middle + [0.0, -0.1, 0.1],
+        size=middle + [0.0, -0.1, 0.1], cause=np.full(count, "sound"),
+        gap=(middle + [0.0, -0.1, 0.1])[:, np.newaxis, :].repeat(2, axis=1),
+        probability=rng.random(count), novelty=rng.random(count),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["said.csv", "said.parquet"])
+def test_a_verdict_file_comes_back_in_the_order_of_the_throws(tmp_path: Path, name: str) -> None:
+    if name.endswith("parquet"):
+        pytest.importorskip("pyarrow")
+    throws = np.arange(20, 40)
+    given = verdicts_of(throws[::-1])
+    write_verdicts(given, tmp_path / name, POSITIONS)
+    found = read_verdicts(tmp_path / name, throws=throws, positions=POSITIONS)
+    assert np.array_equal(found.throw, throws)
+    assert found.score == pytest.approx(given.score[::-1])
+    assert found.gap is not None
+    assert given.gap is not None
+    assert found.gap == pytest.approx(given.gap[::-1])
+
+
+def test_all_faults_of_a_verdict_file_are_said_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "said.csv"
+    path.write_text("throw,score,alarms,x\n1,0.5,1,2.0\n")
+    with pytest.raises(FileError) as fault:
+        read_verdicts(path, throws=np.array([1]), positions=POSITIONS)
+    text = str(fault.value)
+    assert 'column "alarm" is missing' in text
+    assert 'column "alarms" is unknown; nearest is ' in text
+    assert '"x" needs all of x, x_low and x_high' in text
+
+
+def test_wrong_throws_and_values_are_said(tmp_path: Path) -> None:
+    path = tmp_path / "said.csv"
+    path.write_text("throw,score,alarm,probability\n1,0.5,2,0.1\n1,,0,1.5\n9,0.1,0,0.2\n")
+    with pytest.raises(FileError) as fault:
+        read_verdicts(path, throws=np.array([1, 2]), positions=POSITIONS)
+    text = str(fault.value)
+    for part in (
+        "1 throws judged twice: 1", "1 throws to be judged are missing: 2",
+        "1 throws are none of those to be judged: 9", '"score" is empty in 1 rows',
+        '"alarm" must be 0 or 1', '"probability" must be from 0 to 1',
+    ):  # fmt: skip
+        assert part in text
+
+
+def test_what_is_no_table_is_one_message(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="there is no such file"):
+        read_verdicts(tmp_path / "no.csv", throws=np.array([1]), positions=POSITIONS)
+    (tmp_path / "no.parquet").write_bytes(b"nothing")
+    with pytest.raises(FileError, match=r"cannot be read as a table|Parquet needs"):
+        read_verdicts(tmp_path / "no.parquet", throws=np.array([1]), positions=POSITIONS)
+
+
+def test_the_history_of_a_switch_is_its_first_throws() -> None:
+    bench = toy_benchmark(train=2, test=1)
+    assert bench.train.known(3).sum() == 6
+    assert not bench.train.known(3)[bench.train.judged].any()

@@ -1,0 +1,113 @@
+"""Every method of the open benchmark sees what is obvious, and gives the same numbers twice."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.unit.benchmark_toy import toy_benchmark
+from typer.testing import CliRunner
+
+from turnout.cli.main import app
+from turnout.open_benchmark.definition import PRESETS, Counts
+from turnout.open_benchmark.make_throws import make_throws
+from turnout.open_benchmark.method import Method
+from turnout.open_benchmark.run_methods import Conditions, methods_for, run_method
+from turnout.open_benchmark.score import score_verdicts
+from turnout.open_benchmark.sides import open_benchmark
+from turnout.open_benchmark.verdicts import Verdicts
+
+BENCH = toy_benchmark()
+BASELINES = methods_for(Conditions(track="machines"))
+
+
+@pytest.mark.parametrize("method", BASELINES, ids=lambda item: item.name)
+def test_each_baseline_sees_an_obvious_object(method: Method, tmp_path: Path) -> None:
+    if method.name in ("isolation-forest", "boosting"):
+        pytest.importorskip("sklearn")
+    one = replace(method, settings=method.settings[:1])  # type: ignore[type-var]
+    result = run_method(one, BENCH, tmp_path, data="toy")
+    place, share, count = result["score"]["obvious"]
+    assert count >= 3
+    # 25 mm are 3.75 kN here, on 0.4 kN of all that differs otherwise
+    assert share == 1.0, place
+    assert (tmp_path / f"{method.name}.csv").exists()
+
+
+def test_a_perfect_detector_has_the_figures_of_one() -> None:
+    side = BENCH.test.of(BENCH.test.judged)
+    size = side.labels["size"]
+    verdicts = Verdicts(
+        throw=side.throw, score=size, alarm=size > 0.0,
+        probability=(size > 0.0).astype(float), novelty=size, cause=side.labels["role"],
+        size=np.column_stack([size, size, size]),
+    )  # fmt: skip
+    score = score_verdicts(verdicts, BENCH)
+    assert score.false_alarms.value == 0.0
+    assert score.macro_f1 == 1.0
+    assert score.calibration == 0.0
+    assert score.size is not None
+    assert score.size.coverage == 1.0
+    assert score.size.median == 0.0
+    assert score.mid_span == pytest.approx(size[size > 0].min(), abs=2e-3)
+
+
+COUNTS = Counts(switches=4, known=2, sound=2, objects=3, causes=1)
+
+
+def test_the_command_makes_compares_and_scores(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tiny = Counts(switches=9, known=2, sound=3, objects=4, causes=0)
+    monkeypatch.setitem(PRESETS, "small", tiny)
+    folder = tmp_path / "bench"
+    line = ["benchmark", "detection", str(folder), "--size", "small", "--workers", "1"]
+    line += ["--method", "threshold", "--main"]
+    first = CliRunner().invoke(app, [*line, "--json"])
+    assert first.exit_code == 0, (first.output, first.exception)
+    found = json.loads(first.stdout)
+    assert set(found["results"]) == {"markers-force-h20-d5", "markers-force-h0-d5"}
+    for name in ("data-card.md", "table.md", "roc.png", "pod.png"):
+        assert (folder / name).stat().st_size > 100
+    assert "Panels on both sides of the split: 0." in (folder / "data-card.md").read_text()
+    # the second time nothing is run again, and the numbers are the same
+    again = json.loads(CliRunner().invoke(app, [*line, "--json", "--quiet"]).stdout)
+    assert again["results"] == found["results"]
+    said = folder / "results" / "markers-force-h20-d5" / "threshold.csv"
+    score = CliRunner().invoke(app, ["benchmark", "score", str(folder), str(said), "--json"])
+    own = json.loads(score.stdout)["score"]
+    assert own == found["results"]["markers-force-h20-d5"]["threshold"]["score"]
+    text = CliRunner().invoke(app, ["benchmark", "score", str(folder), str(said)]).output
+    assert "false alarms" in text
+    wrong = CliRunner().invoke(app, ["benchmark", "detection", str(folder), "--size", "huge"])
+    assert "huge" in str(wrong.exception)
+
+
+def test_an_interrupted_benchmark_goes_on_to_the_same_throws(tmp_path: Path) -> None:
+    class Enough(Exception):
+        pass
+
+    def stop(done: int, total: int) -> None:
+        if done == 2:
+            raise Enough
+
+    with pytest.raises(Enough):
+        make_throws(tmp_path / "one", COUNTS, report=stop)
+    assert len(list((tmp_path / "one" / "switches").glob("*.nc"))) == 2
+    make_throws(tmp_path / "one", COUNTS)
+    make_throws(tmp_path / "two", COUNTS)
+    sides = [open_benchmark(tmp_path / name) for name in ("one", "two")]
+    assert sides[0].attrs["data"] == sides[1].attrs["data"]
+    train = sides[0].train
+    assert np.array_equal(train.histories, sides[1].train.histories)
+    assert not set(train.groups) & set(sides[0].test.groups)
+    # a throw with an object is the sound throw of the same state and what the object adds
+    rows = np.flatnonzero(train.partner >= 0)
+    assert rows.size
+    assert np.array_equal(train.groups[rows], train.groups[train.partner[rows]])
+    assert np.array_equal(train.labels["level"][rows], train.labels["level"][train.partner[rows]])
+    before = slice(0, 100)  # while the switch opens, before anything is touched
+    for row in rows[train.labels["role"][rows] == "object"]:
+        change = train.clean[row] - train.clean[train.partner[row]]
+        assert np.abs(change[:, before]).max() <= 1.0
