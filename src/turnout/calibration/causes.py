@@ -158,11 +158,21 @@ def _first_that_helps(
     for choice in choices:
         try:
             again = _fitted_with(found, first, choice, on_step=on_step)
+            kept = [pair for pair in choice if not _is_slight(pair[1], again)]
+            if kept and len(kept) < len(choice):
+                choice, again = kept, _fitted_with(found, first, kept, on_step=on_step)
         except SolverError:
             continue
-        if _missed(again) <= LESS_MISSED * _missed(found):
+        if kept and _missed(again) <= LESS_MISSED * _missed(found):
             return again, choice
     return None
+
+
+def _is_slight(cause: Cause, found: Fit) -> bool:
+    """Return whether all sizes of a cause are too small to be one."""
+    return bool(cause.parameters) and all(
+        abs(found.values[item.name] - item.start) < cause.least for item in cause.parameters
+    )
 
 
 def _missed(found: Fit) -> float:
