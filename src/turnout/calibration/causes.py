@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from turnout.calibration.candidate_causes import Cause, candidate_causes
 from turnout.calibration.cause_trials import TestedCause, cause_trials, own_levels, with_cause
-from turnout.calibration.fit import Fit, brief_fit
+from turnout.calibration.drive_law.fit_law import END
+from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.measured_movements import OBJECT_FORCE
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import peaks_of
@@ -154,10 +155,16 @@ def _first_that_helps(
     choices: Sequence[Sequence[tuple[TestedCause, Cause]]],
     on_step: Callable[[float], None] | None,
 ) -> tuple[Fit, Sequence[tuple[TestedCause, Cause]]] | None:
-    """Fit with the likeliest choices in turn until one makes the model miss less."""
-    for choice in choices:
+    """Fit with the likeliest choices in turn until one makes the model miss less.
+
+    Brief fits first; where none helps, and much is missed, fits to their end.
+    """
+    far = is_worth_a_search(found, share=CLEARLY)
+    tries = [(choice, False) for choice in choices]
+    tries += [(choice, True) for choice in reversed(choices) if far]
+    for choice, thorough in tries:
         try:
-            again = _fitted_with(found, first, choice, on_step=on_step)
+            again = _fitted_with(found, first, choice, thorough=thorough, on_step=on_step)
             kept = [pair for pair in choice if not _is_slight(pair[1], again)]
             if kept and len(kept) < len(choice):
                 choice, again = kept, _fitted_with(found, first, kept, on_step=on_step)
@@ -189,6 +196,7 @@ def _fitted_with(
     first: Misfit,
     choice: Sequence[tuple[TestedCause, Cause]],
     *,
+    thorough: bool = False,
     on_step: Callable[[float], None] | None,
 ) -> Fit:
     """Fit all values together with causes, from where both are."""
@@ -210,6 +218,8 @@ def _fitted_with(
         misfit=replace(misfit, comparison=kept, effects=effects),
         local=replace(found.local, stepped={}),
     )
+    if thorough:
+        return fit(misfit, vary, values, near=start, on_step=on_step, **END)
     return brief_fit(
         misfit,
         vary,
