@@ -11,7 +11,7 @@ from turnout.calibration.covariance import spread_of
 from turnout.calibration.fit import fit
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import framed
-from turnout.calibration.sensors import common_lead, found_gains
+from turnout.calibration.sensors import common_lead, found_sensors
 from turnout.calibration.shared import (
     Shared,
     discrepancy_modes,
@@ -28,7 +28,7 @@ def shared(columns: Floats) -> Shared:
     squares, vectors = np.linalg.eigh(columns.T @ columns)
     sizes = np.sqrt(squares)
     basis = columns @ vectors / sizes
-    return Shared(gains=(), columns=columns, plain=(columns,), basis=basis, sizes=sizes)
+    return Shared(sensors=(), columns=columns, plain=(columns,), basis=basis, sizes=sizes)
 
 
 def test_the_cost_is_that_of_the_whole_covariance() -> None:
@@ -98,7 +98,7 @@ def test_a_gain_is_found_as_far_as_the_movements_show_it_and_widens_the_interval
     """Friction and a slip level that is fixed: only the level shows the gain."""
     whole = misfit(movements(gain=0.03))
     free = replace(whole, comparison=replace(whole.comparison, gains={KEY: 0.01}))
-    (gain,) = found_gains(fit(free, PARAMETERS, TRUE))
+    (gain,) = found_sensors(fit(free, PARAMETERS, TRUE))
     assert gain.value == pytest.approx(0.03, abs=4 * gain.deviation + 1e-3)
     assert gain.deviation < 0.01
     assert gain.leaves

@@ -13,11 +13,13 @@ differ; campaigns by independent programs are the harder test.
 The truth of a case is what its parameter means on that switch: friction is the mean over the chairs
 weighted by their normal force while the rail slides, a slip level the mean over the throws, the
 stiffness of a bushing the slope beyond its soft zone. For each case the table has error, interval,
-whether it covers, the verdict and the causes that are named; `--write` puts it on the page.
+whether it covers, the verdict and the causes that are named; `--write` puts it on the page. With
+`--out` a run that was stopped goes on: delete a `-result.json` to calibrate its case again.
 """
 
 import argparse
 import json
+import shutil
 import tempfile
 import time
 from collections.abc import Callable, Mapping
@@ -403,6 +405,22 @@ def _cell(value: dict[str, Any] | None) -> str:
     return f"{100 * value['error']:+.2f} ± {reach:.2f}{star}"
 
 
+def _kept_result(name: str, out: Path, *, seed: int) -> dict[str, Any]:
+    """Make and calibrate a case, or read what was found before."""
+    case, folder = CASES[name], out / f"{name}-{seed}"
+    made, done = out / f"{name}-{seed}.json", out / f"{name}-{seed}-result.json"
+    if done.exists():
+        return dict(json.loads(done.read_text(encoding="utf-8")))
+    if not made.exists():
+        # Of a run that was stopped.
+        shutil.rmtree(folder, ignore_errors=True)
+        made.write_text(json.dumps(make(case, folder, seed=seed)), encoding="utf-8")
+    truth = json.loads(made.read_text(encoding="utf-8"))
+    result = result_of(case, folder, truth=truth, throws=out / "throws")
+    done.write_text(json.dumps(result), encoding="utf-8")
+    return result
+
+
 def main() -> None:
     """Make and calibrate the cases, print the table, and put it on the page if asked to."""
     parser = argparse.ArgumentParser()
@@ -412,15 +430,10 @@ def main() -> None:
     parser.add_argument("--write", action="store_true")
     given = parser.parse_args()
     out = given.out or Path(tempfile.mkdtemp())
+    out.mkdir(parents=True, exist_ok=True)
     results = {}
     for name in given.case or CASES:
-        case, folder = CASES[name], out / f"{name}-{given.seed}"
-        kept = out / f"{name}-{given.seed}.json"
-        truth = (
-            json.loads(kept.read_text()) if kept.exists() else make(case, folder, seed=given.seed)
-        )
-        kept.write_text(json.dumps(truth))
-        results[name] = result_of(case, folder, truth=truth, throws=out / "throws")
+        results[name] = _kept_result(name, out, seed=given.seed)
         print(f"{name}: {json.dumps(results[name])}", flush=True)
     lines = table(results, seed=given.seed)
     print("\n".join(lines))

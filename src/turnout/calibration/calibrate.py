@@ -10,7 +10,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.calibration.advice import next_lines, next_movements, systematic_errors
-from turnout.calibration.causes import CLEARLY, CauseSearch, is_worth_a_search, with_causes
+from turnout.calibration.causes import (
+    CLEARLY,
+    LEFT_MISSED,
+    CauseSearch,
+    is_worth_a_search,
+    with_causes,
+)
 from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import Spread, spread_of
 from turnout.calibration.evaluate import Evaluator
@@ -26,6 +32,7 @@ from turnout.calibration.fit import (
 from turnout.calibration.grid_search import GridSearch, sweep
 from turnout.calibration.measured_movements import MeasuredMovement, observe, selected
 from turnout.calibration.misfit import Misfit
+from turnout.calibration.movement_rows import movement_rows
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.posterior import posterior_of
@@ -46,7 +53,13 @@ from turnout.calibration.result_entries import (
     stage_log,
     warnings_from,
 )
-from turnout.calibration.sensors import common_lead, found_gains, lead_text, stated_gains
+from turnout.calibration.sensors import (
+    common_lead,
+    found_sensors,
+    lead_text,
+    sensor_reasons,
+    stated_gains,
+)
 from turnout.calibration.stage_progress import (
     CalibrationProgress,
     ProgressReporter,
@@ -60,6 +73,8 @@ from turnout.panel.load import LoadedPanel
 from turnout.scheme import Scheme
 
 Floats = NDArray[np.float64]
+# A lead of the motors that is seen before any cause is looked for [s].
+LONG_LEAD = 0.08
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -146,12 +161,7 @@ def calibrate(
         observe(dataset, panel, exclude=exclude), panel
     )
     check_campaign(movements, plan, panel, source=str(dataset.attrs.get("title", "campaign")))
-    comparison = Comparison(
-        noise=measured_noise(movements),
-        scatter={p.name: p.scatter for p in plan.parameters if p.scatter > 0},
-        uncertainty=uncertainty or Uncertainty(),
-    )
-    comparison = replace(comparison, gains=stated_gains(dataset, comparison))
+    comparison = _comparison(dataset, movements, plan, uncertainty or Uncertainty())
     planned = planned_throws(plan, movements, panel, posterior=posterior, advise=advise)
     per_step = throws_per_step(plan, movements, panel)
     watch = ProgressReporter(report, len(plan.stages), planned=planned, per_step=per_step)
@@ -159,7 +169,7 @@ def calibrate(
         evaluator.on_throw = lambda: watch.report_state(evaluator)
         run = _Run(plan, panel, movements, comparison, evaluator, watch)
         logs, sweeps, warnings, final, causes = run.stages()
-        gains = found_gains(final)
+        sensors = found_sensors(final)
         final, slip_warnings = drop_unidentified_slip_levels(final)
         warnings += slip_warnings
         spread = spread_of(final)
@@ -169,7 +179,7 @@ def calibrate(
             *unmeasured_drives(movements, panel),
             *warnings,
             *warnings_from(final, spread),
-            *(item.warning for item in gains if item.leaves),
+            *(item.warning for item in sensors if item.leaves),
         ]
         findings = list(spread.findings)
         if advise:
@@ -188,8 +198,9 @@ def calibrate(
         warnings=tuple(dict.fromkeys(warnings)),
         findings=tuple(findings),
         posterior=sampled,
-        causes=(*causes, *(f"gain: {item.text}" for item in gains if item.is_cause)),
-        gains=tuple(item.text for item in gains),
+        causes=(*causes, *(f"{item.cause}: {item.text}" for item in sensors if item.cause)),
+        sensors=tuple(item.text for item in sensors),
+        effects=movement_rows(final),
     )
     return CalibrationOutcome(
         calibration=calibration,
@@ -198,6 +209,23 @@ def calibrate(
         sweeps=tuple(sweeps),
         movements=movements,
     )
+
+
+def _comparison(
+    dataset: xr.Dataset,
+    movements: Sequence[MeasuredMovement],
+    plan: CalibrationPlan,
+    known: Uncertainty,
+) -> Comparison:
+    """Return how movements are compared, with gains, zeros and clock as stated."""
+    comparison = Comparison(
+        noise=measured_noise(movements),
+        scatter={p.name: p.scatter for p in plan.parameters if p.scatter > 0},
+        uncertainty=known,
+        common_zero=known.common_zero,
+        clock=known.clock,
+    )
+    return replace(comparison, gains=stated_gains(dataset, comparison))
 
 
 def _advice(final: Fit, spread: Spread, panel: LoadedPanel) -> list[str]:
@@ -223,7 +251,7 @@ def _result(
         data_hash=data_hash(movements),
         movements=tuple(item.name for item in final.misfit.movements),
         stages=(),
-        distrust=tuple(distrust_reasons(final, spread)),
+        distrust=tuple([*distrust_reasons(final, spread), *sensor_reasons(final)]),
         noise=noise_entries(final),
         scatter=final.misfit.comparison.scatter,
         about={
@@ -271,7 +299,7 @@ class _Run:
                 values = {**values, **swept.values}
             if "fit" in stage.method:
                 last = number == len(self.plan.stages)
-                rough = replace(misfit.comparison, gains={})
+                rough = replace(misfit.comparison, gains={}, common_zero=0.0, clock=0.0)
                 near = replace(misfit, quick=True, comparison=rough)
                 final = fit(
                     near,
@@ -302,17 +330,26 @@ class _Run:
         # What a model that is far off misses is seen at once; it would go on only to move away.
         found = brief_fit(start, parameters, near.values, near=near, passes=1, steps=0)
         lead = common_lead(found)
-        if lead:
+        # A recorder that averages, or a bushing that is soft, delays forces too, by less.
+        if abs(lead) > LONG_LEAD:
             start = replace(start, comparison=replace(start.comparison, lead=lead))
             found = brief_fit(start, parameters, near.values, near=near, passes=1, steps=0)
-        if not is_worth_a_search(found, share=CLEARLY):
-            found = brief_fit(start, parameters, found.values, near=found, on_step=on_step)
+        clearly = is_worth_a_search(found, share=CLEARLY)
+        # A start that is far off misses as much; a model that lacks nothing leaves it at once.
+        again = brief_fit(
+            start,
+            parameters,
+            near.values,
+            near=found,
+            share=LEFT_MISSED if clearly else 1.0,
+            on_step=on_step,
+        )
+        if not (clearly and is_worth_a_search(again, share=CLEARLY)):
+            found = again
         search = with_causes(found, start, self.panel, on_step=on_step)
-        if lead and search.tested and not common_lead(search.found):
-            # A recorder that averages delays forces as a lead does.
-            lead = 0.0
-            known = replace(search.first.comparison, lead=lead)
-            search = replace(search, first=replace(search.first, comparison=known))
+        lead = common_lead(search.found)
+        known = replace(search.first.comparison, lead=lead)
+        search = replace(search, first=replace(search.first, comparison=known))
         final = self._final(search)
         causes = [item.line for item in search.tested]
         return final, [lead_text(lead), *causes] if lead else causes

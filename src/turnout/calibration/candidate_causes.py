@@ -51,6 +51,8 @@ class Cause:
     smooth : bool
         Whether forces change in proportion to it: then one size is tried, and the likeliest
         follows with those of all values.
+    least : float
+        What is smaller is none: a fit that lacks another cause finds some of every one [as sizes].
     law, shape : callable or None
         As of `Misfit`.
     scatter : mapping of str to float
@@ -62,6 +64,7 @@ class Cause:
     parameters: tuple[Parameter, ...] = ()
     tries: tuple[float, ...] = ()
     smooth: bool = False
+    least: float = 0.0
     law: Law | None = None
     shape: Shape | None = None
     scatter: Mapping[str, float] = field(default_factory=dict)
@@ -94,6 +97,7 @@ def _recorder() -> Cause:
         ),
         parameters=(_linear("recorder.average", 0.5, "s"),),
         tries=(0.03, 0.1, 0.25),
+        least=5e-3,
         shape=lambda response, values: _recorded(response, values["recorder.average"]),
     )
 
@@ -136,6 +140,7 @@ def _bushings(panel: LoadedPanel) -> list[Cause]:
                 ),
                 parameters=(_linear(key, 0.01, "m"),),
                 tries=(0.5e-3, 1.5e-3, 3e-3),
+                least=1e-4,
                 law=law,
             )
         )
@@ -196,6 +201,7 @@ def _tables(panel: LoadedPanel) -> list[Cause]:
                 parameters=tuple(replace(item, prior=TABLE_SPREAD) for item in parameters),
                 tries=(0.2,) * len(keys),
                 smooth=True,
+                least=0.1,
                 law=law,
             )
         )
@@ -319,6 +325,7 @@ def _friction_by_chair(panel: LoadedPanel) -> list[Cause]:
             parameters=tuple(spread),
             tries=(0.1,) * count,
             smooth=True,
+            least=0.05,
             law=law,
         )
     ]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from turnout.calibration.candidate_causes import Cause
 from turnout.calibration.drive_law.candidates import level_key
 from turnout.calibration.drive_law.fit_law import criteria
-from turnout.calibration.evaluate import Response
+from turnout.calibration.evaluate import Response, with_change
 from turnout.calibration.fit import Fit
 from turnout.calibration.misfit import Frame, Misfit, framed, jacobian
 from turnout.calibration.parameter import Parameter
@@ -241,8 +241,7 @@ def _chosen_together(
         taken.append(best)
         gains.append(scores[best])
         least -= scores[best]
-        name = linear[best][0].name
-        left = [n for n in left if n != best and linear[n][0].name != name]
+        left.remove(best)
     sizes = iter(deviance(taken)[1].tolist())
     for n, gain in zip(taken, gains, strict=True):
         choice.append((_trial(linear[n][0], _reached(linear[n][0], sizes), gain), linear[n][0]))
@@ -281,20 +280,6 @@ def _changed(
         ]
         for row in rows
     ]
-
-
-def with_change(base: Response, after: Response, before: Response) -> Response:
-    """Return a response with the difference of two others, which are on the same times."""
-    if after.failure or before.failure:
-        return after if after.failure else before
-    return replace(
-        base,
-        drive_force={
-            name: row + (after.drive_force[name] - before.drive_force[name])
-            for name, row in base.drive_force.items()
-        },
-        object_force=base.object_force + (after.object_force - before.object_force),
-    )
 
 
 def _judging(misfit: Misfit) -> Misfit:

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from turnout.calibration.candidate_causes import Cause, candidate_causes
 from turnout.calibration.cause_trials import TestedCause, cause_trials, own_levels, with_cause
-from turnout.calibration.fit import Fit, brief_fit
+from turnout.calibration.drive_law.fit_law import END
+from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.measured_movements import OBJECT_FORCE
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import peaks_of
-from turnout.calibration.sensors import found_gains
+from turnout.calibration.sensors import found_sensors
 from turnout.calibration.shared import model_error
 from turnout.errors import SolverError
 from turnout.panel.load import LoadedPanel
@@ -31,7 +32,12 @@ WORTH_DRIVE = 1.5e-3
 CLEARLY = 3.0
 # Difference of the criterion from which on a cause is fitted, how many are taken up at most, and
 # how many are fitted in turn until one is.
-DECISIVE, MOST_CAUSES, ATTEMPTS = 10.0, 3, 3
+DECISIVE, MOST_CAUSES, ATTEMPTS = 10.0, 3, 2
+# How many are taken up in one fit at most.
+AT_ONCE = 2
+# The share of what a model misses without a cause that is noise in a fit with it [-], and the steps
+# of that: with more noise, or with noise found again too early, it would stay where it is.
+LEFT_MISSED, CAUSE_STEPS = 0.1, 14
 # Causes of which several may be, one a drive.
 SEVERAL = ("clutch", "drive law")
 # What a fit with a cause may miss at most, as a share of what one without it does [-].
@@ -65,7 +71,7 @@ def is_worth_a_search(found: Fit, *, share: float = 1.0) -> bool:
 
     `share` is how many times as much [-]; from `CLEARLY` on no fit need be finished to see it.
     """
-    if share <= 1.0 and any(item.leaves for item in found_gains(found)):
+    if share <= 1.0 and any(item.leaves for item in found_sensors(found)):
         return True
     comparison = found.misfit.comparison
     return any(
@@ -102,7 +108,9 @@ def with_causes(
     tested: list[TestedCause] = []
     left = candidate_causes(panel, found.parameters)
     while (misses := is_worth_a_search(found)) and len(taken) < MOST_CAUSES:
-        choices = cause_trials(found, left, most=MOST_CAUSES - len(taken), decisive=DECISIVE)
+        choices = cause_trials(
+            found, left, most=min(AT_ONCE, MOST_CAUSES - len(taken)), decisive=DECISIVE
+        )
         tested = [item for choice in choices for item, _ in choice if item.gain > DECISIVE]
         good = [choice for choice in choices if choice[0][0].gain > DECISIVE]
         fitted = _first_that_helps(found, first, good[:ATTEMPTS], on_step)
@@ -135,7 +143,10 @@ def _as_fitted(item: TestedCause, cause: Cause, found: Fit) -> TestedCause:
 
 def _each_name_once(tested: Sequence[TestedCause]) -> list[TestedCause]:
     """Return the likeliest of each name, in their order."""
-    return list({item.name: item for item in reversed(tested)}.values())[::-1]
+    found: dict[str, TestedCause] = {}
+    for item in tested:
+        found.setdefault(item.name, item)
+    return list(found.values())
 
 
 def _first_that_helps(
@@ -144,15 +155,31 @@ def _first_that_helps(
     choices: Sequence[Sequence[tuple[TestedCause, Cause]]],
     on_step: Callable[[float], None] | None,
 ) -> tuple[Fit, Sequence[tuple[TestedCause, Cause]]] | None:
-    """Fit with the likeliest choices in turn until one makes the model miss less."""
-    for choice in choices:
+    """Fit with the likeliest choices in turn until one makes the model miss less.
+
+    Brief fits first; where none helps, and much is missed, fits to their end.
+    """
+    far = is_worth_a_search(found, share=CLEARLY)
+    tries = [(choice, False) for choice in choices]
+    tries += [(choice, True) for choice in reversed(choices) if far]
+    for choice, thorough in tries:
         try:
-            again = _fitted_with(found, first, choice, on_step=on_step)
+            again = _fitted_with(found, first, choice, thorough=thorough, on_step=on_step)
+            kept = [pair for pair in choice if not _is_slight(pair[1], again)]
+            if kept and len(kept) < len(choice):
+                choice, again = kept, _fitted_with(found, first, kept, on_step=on_step)
         except SolverError:
             continue
-        if _missed(again) <= LESS_MISSED * _missed(found):
+        if kept and _missed(again) <= LESS_MISSED * _missed(found):
             return again, choice
     return None
+
+
+def _is_slight(cause: Cause, found: Fit) -> bool:
+    """Return whether all sizes of a cause are too small to be one."""
+    return bool(cause.parameters) and all(
+        abs(found.values[item.name] - item.start) < cause.least for item in cause.parameters
+    )
 
 
 def _missed(found: Fit) -> float:
@@ -169,6 +196,7 @@ def _fitted_with(
     first: Misfit,
     choice: Sequence[tuple[TestedCause, Cause]],
     *,
+    thorough: bool = False,
     on_step: Callable[[float], None] | None,
 ) -> Fit:
     """Fit all values together with causes, from where both are."""
@@ -190,4 +218,15 @@ def _fitted_with(
         misfit=replace(misfit, comparison=kept, effects=effects),
         local=replace(found.local, stepped={}),
     )
-    return brief_fit(misfit, vary, values, near=start, on_step=on_step)
+    if thorough:
+        return fit(misfit, vary, values, near=start, on_step=on_step, **END)
+    return brief_fit(
+        misfit,
+        vary,
+        values,
+        near=start,
+        share=LEFT_MISSED,
+        passes=1,
+        steps=CAUSE_STEPS,
+        on_step=on_step,
+    )

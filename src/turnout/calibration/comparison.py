@@ -42,6 +42,10 @@ class Uncertainty:
         intervals [-].
     solver : float
         Of each value, as a share of it, from mesh and step: what a finer twin moved it by [-].
+    common_zero : float
+        Of the zero of a force channel, in all movements alike [N].
+    clock : float
+        Of the time that the recorder states, as a share of it [-].
     scale : float
         Of the model's forces from mesh and step, where free gains leave them as the only scale [-].
     """
@@ -53,6 +57,8 @@ class Uncertainty:
     common_gain: float = 1e-2
     cross_talk: float = 5e-4
     solver: float = 1.2e-4
+    common_zero: float = 10.0
+    clock: float = 1e-3
     scale: float = 1e-3
 
 
@@ -73,7 +79,10 @@ class Comparison:
     uncertainty : Uncertainty
         Of onset, zero, gain and solver.
     gains : mapping of (channel, drive) to float
-        Standard deviation of the sensitivity that all movements share [-]; empty for none.
+        Standard deviation of the sensitivity that all movements share [-]; empty where neither
+        gains nor zeros nor the clock are unknowns.
+    common_zero, clock : float
+        As of `Uncertainty` [N, -]; 0 for none.
     discrepancy : mapping of (channel, drive, direction) to (float, float)
         Size [N] and correlation time [s] of what the model misses alike in all movements.
     lead : float
@@ -89,6 +98,8 @@ class Comparison:
     scatter: Mapping[str, float] = field(default_factory=dict)
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     gains: Mapping[Key, float] = field(default_factory=dict)
+    common_zero: float = 0.0
+    clock: float = 0.0
     discrepancy: Mapping[tuple[str, str, str], tuple[float, float]] = field(default_factory=dict)
     lead: float = 0.0
     outlier_limit: float = float("inf")
@@ -140,6 +151,8 @@ class Alignment:
         From a noise-whitened row to the estimates of onset and movement effects.
     estimates : mapping of str to (float, float)
         Mean and standard deviation: "onset" [s], scattering parameters as shares.
+    channels : tuple of (float, float)
+        Zero [N] and gain [-] of each part, as estimated beside those that all movements share.
     """
 
     movement: MeasuredMovement
@@ -154,6 +167,7 @@ class Alignment:
     shrink: Floats
     estimator: Floats
     estimates: Mapping[str, tuple[float, float]]
+    channels: tuple[tuple[float, float], ...]
 
     def reduced(self, response: Response, effects: Mapping[str, float] | None = None) -> Floats:
         """Return the prediction of a response, carried back to zero nuisances.
@@ -329,6 +343,14 @@ def _align(
             )
             for n, (name, scale) in enumerate(zip(names, scales, strict=True))
         },
+        channels=_channel_estimates(found[len(scales) :], comparison.uncertainty),
+    )
+
+
+def _channel_estimates(found: Floats, known: Uncertainty) -> tuple[tuple[float, float], ...]:
+    """Return zero [N] and gain [-] of each part, from what `_channel_columns` are taken by."""
+    return tuple(
+        (float(zero) * known.zero, float(gain) * known.gain) for zero, gain in found.reshape(-1, 2)
     )
 
 

@@ -14,12 +14,15 @@ from turnout.calibration.fit_noise import SCATTER_WEIGHT
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import shared_estimates
 from turnout.calibration.parameter import Parameter, prior_slopes
+from turnout.calibration.shared import GAIN
 
 Floats = NDArray[np.float64]
 # A standard deviation above this share of what the bounds alone allow: not identified.
 UNIDENTIFIED = 0.7
 # Correlation beyond which two parameters are called strongly correlated [-].
 CORRELATED = 0.95
+# Correlation with a parameter that has a prior, from which on it is said [-].
+NOTED = 0.6
 # Units of values that a scale of all forces changes.
 FORCES = ("N", "N/m")
 NORMAL_95 = float(norm.ppf(0.975))
@@ -187,10 +190,14 @@ def _scale_uncertainty(found: Fit) -> float:
     channels have alike is not separable from an error of these, so it counts as uncertainty.
     """
     comparison, shared = found.misfit.comparison, found.frame.shared
-    if shared is None or not shared.gains:
+    sizes = shared_estimates(found.local, found.frame)
+    gains = [
+        size * item.stated
+        for size, item in zip(sizes, shared.sensors if shared else (), strict=False)
+        if item.kind == GAIN
+    ]
+    if not gains:
         return 0.0
-    sizes = shared_estimates(found.local, found.frame)[: len(shared.gains)]
-    gains = [size * comparison.gains[key] for size, key in zip(sizes, shared.gains, strict=True)]
     alike = float(np.mean(gains)) if min(gains) * max(gains) > 0.0 else 0.0
     return float(np.hypot(comparison.uncertainty.scale, alike))
 
@@ -228,6 +235,8 @@ def _correlations(parameters: Sequence[Parameter], whole: Floats, kept: Sequence
         for other in kept[place + 1 :]:
             correlation = float(whole[one, other] / (sizes[one] * sizes[other]))
             if abs(correlation) < CORRELATED:
+                if bool(parameters[one].prior) != bool(parameters[other].prior):
+                    found += _with_prior(parameters[one], parameters[other], correlation)
                 continue
             word = "ratio" if correlation > 0 else "product"
             found.append(
@@ -235,3 +244,15 @@ def _correlations(parameters: Sequence[Parameter], whole: Floats, kept: Sequence
                 f"({correlation:+.2f}); only their {word} is identified"
             )
     return found
+
+
+def _with_prior(one: Parameter, other: Parameter, correlation: float) -> list[str]:
+    """Say that a value depends on what was stated of another one, where it does."""
+    stated, value = (one, other) if one.prior else (other, one)
+    if abs(correlation) < NOTED:
+        return []
+    unit = "" if stated.unit == "1" else f" {stated.unit}"
+    return [
+        f"{value.name} depends on {stated.name} (correlation {correlation:+.2f}), which is taken "
+        f"to be known to {stated.prior:.3g}{unit}; measure it"
+    ]

@@ -297,6 +297,20 @@ def fitted_part(panel: LoadedPanel, solved: Solved) -> Response:
     )
 
 
+def with_change(base: Response, after: Response, before: Response) -> Response:
+    """Return a response with the difference of two others, which are on the same times."""
+    if after.failure or before.failure:
+        return after if after.failure else before
+    return replace(
+        base,
+        drive_force={
+            name: row + (after.drive_force[name] - before.drive_force[name])
+            for name, row in base.drive_force.items()
+        },
+        object_force=base.object_force + (after.object_force - before.object_force),
+    )
+
+
 def _failed(reason: str) -> Response:
     none = np.zeros(0)
     return Response(

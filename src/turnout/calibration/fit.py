@@ -55,7 +55,7 @@ MIN_DECREASE = 0.05
 ROUGH_STEPS, ROUGH_REJECTED, ROUGH_DECREASE = 6, 2, 0.01
 # Of a brief fit: passes with noise found again, steps of each, how often movement effects are
 # thrown again in a step, and the decrease below which a step is not tried.
-BRIEF_PASSES, BRIEF_STEPS, BRIEF_EFFECTS, BRIEF_DECREASE = 2, 5, 1, 0.5
+BRIEF_PASSES, BRIEF_STEPS, BRIEF_EFFECTS, BRIEF_DECREASE = 2, 8, 1, 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -199,6 +199,7 @@ def brief_fit(
     near: Fit,
     passes: int = BRIEF_PASSES,
     steps: int = BRIEF_STEPS,
+    share: float = 1.0,
     on_step: Callable[[float], None] | None = None,
 ) -> Fit:
     """Fit near to the end only, to see what a model misses: few steps with slopes of quick throws.
@@ -218,6 +219,9 @@ def brief_fit(
         How often noise and discrepancy are estimated at most.
     steps : int
         Of each pass at most; with none, only what the start misses is found.
+    share : float
+        Of what the start misses that is noise in the first pass [-]: a model that lacks nothing is
+        found with little of it, one that lacks something would follow that.
     on_step : callable, optional
         As of `fit`.
 
@@ -226,11 +230,11 @@ def brief_fit(
     Fit
         With the noise and discrepancy that it leaves.
     """
-    kept = replace(
-        misfit.comparison,
-        noise=near.misfit.comparison.noise,
-        scatter=near.misfit.comparison.scatter,
-    )
+    noise = {
+        key: replace(item, missed=max(share * item.missed, misfit.comparison.noise[key].missed))
+        for key, item in near.misfit.comparison.noise.items()
+    }
+    kept = replace(misfit.comparison, noise=noise, scatter=near.misfit.comparison.scatter)
     present = replace(misfit, comparison=kept, effects=near.misfit.effects, quick_slopes=True)
     local, iterations = near.local, 0
     for _ in range(passes):
@@ -267,17 +271,15 @@ def _least_squares(
 ) -> Fit:
     """Levenberg-Marquardt within bounds, in one state of noise and scatter."""
     names = [item.name for item in parameters]
-    if local is None or not set(names) <= set(local.stepped):
-        local = misfit.local(values, names)
-    else:
-        whole = {**misfit.base, **values}
-        local = replace(local, values=whole, simulated=tuple(misfit.responses([whole])[0]))
+    local = _local_at(misfit, values, names, local)
     damping, iterations = 1e-4, 0
     max_steps, max_rejected, passes = _limits(rough=rough, brief=brief)
     min_decrease = min_decrease if brief is None else BRIEF_DECREASE
-    message, converged = "", rough
+    message, converged, fresh = "", rough, False
     while True:
+        slopes = local.stepped
         misfit, local, frame = update_movement_effects(misfit, local, names, passes=passes)
+        fresh = fresh or local.stepped is not slopes
         r = misfit.residuals_of(local.simulated, frame)
         J = jacobian(local, frame, names)
         cost = float(r @ r) + _prior_cost(parameters, local.values)
@@ -309,9 +311,12 @@ def _least_squares(
                 break
         if not accepted:
             if brief is not None and rejected == max_rejected:
+                if not fresh and iterations < max_steps:
+                    local, fresh = misfit.local(local.values, names), True
+                    continue
                 message, converged = "converged as far as slopes of quick throws lead", True
             break
-        local = replace(local, values=trial, simulated=here)
+        local, fresh = replace(local, values=trial, simulated=here), False
     return Fit(
         misfit=misfit,
         parameters=tuple(parameters),
@@ -324,6 +329,16 @@ def _least_squares(
         message=message or f"stopped after {iterations} steps before convergence",
         converged=converged,
     )
+
+
+def _local_at(
+    misfit: Misfit, values: Mapping[str, float], names: Sequence[str], local: Linearisation | None
+) -> Linearisation:
+    """Return responses at values, with the slopes that are known where they suffice."""
+    if local is None or not set(names) <= set(local.stepped):
+        return misfit.local(values, names)
+    whole = {**misfit.base, **values}
+    return replace(local, values=whole, simulated=tuple(misfit.responses([whole])[0]))
 
 
 def _limits(*, rough: bool, brief: int | None) -> tuple[int, int, int]:

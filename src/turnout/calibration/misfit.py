@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.comparison import Alignment, Comparison, Sensitivity, align
-from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs
+from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs, with_change
 from turnout.calibration.linearisation import (
     DIFFERENCE,
     FINE_DIFFERENCE,
@@ -56,8 +56,7 @@ class Misfit:
     fine : bool
         Whether throws have shorter steps, those aside excepted, whose differences alone count.
     quick_slopes : bool
-        Whether throws aside are quick, though the others are not: near enough for a fit that
-        others follow, at half the time.
+        Whether throws aside are quick, though the others are not, which leads near.
     """
 
     evaluator: Evaluator
@@ -164,10 +163,13 @@ class Misfit:
                 message = f"{movement.text}: cannot be simulated: {response.failure}"
                 raise SolverError(message)
         difference = DIFFERENCE if self.coarse else FINE_DIFFERENCE
-        aside = {p.name: stepped_value(p, whole[p.name], difference) for p in stepped}
+        aside = {
+            p.name: stepped_value(p, whole[p.name], DIFFERENCE if p.prior else difference)
+            for p in stepped
+        }
         plain = replace(self, fine=False, quick=self.coarse)
-        alike = plain.quick == self.quick and not self.fine
-        origin = here if alike or not stepped else plain.responses([whole])[0]
+        apart = stepped and (self.fine or plain.quick != self.quick)
+        origin = plain.responses([whole])[0] if apart else here
         moved = plain._moved(whole, stepped, aside, origin)
         count = len(self.movements)
         steps = {
@@ -201,8 +203,8 @@ class Misfit:
         Near is judged movement by movement, as each is simulated at its own values.
         """
         whole = {**self.base, **values}
-        most = SAME_SLOPE if self.quick else SAME_FINE_SLOPE
-        most = SAME_BRIEF_SLOPE if self.quick_slopes else most
+        coarse = SAME_BRIEF_SLOPE if self.quick_slopes else SAME_SLOPE
+        most = coarse if self.coarse else SAME_FINE_SLOPE
         stale = [n for n in range(len(self.movements)) if self._shift(whole, n, previous) > most]
         same = set(vary) <= set(previous.stepped) and previous.quick == self.coarse
         if not same or len(stale) == len(self.movements):
@@ -237,25 +239,38 @@ class Misfit:
         aside: Mapping[str, float],
         here: Sequence[Response],
     ) -> dict[str, tuple[Response, ...]]:
-        """Return the responses aside; where a parameter does not act, those that are known."""
-        wanted: list[tuple[str, int]] = []
+        """Return the responses aside, quickly thrown for priors; known ones where nothing acts."""
+        wanted: list[tuple[Parameter, int, bool]] = []
         throws = []
         found = {p.name: list(here) for p in stepped}
+        fast = replace(self, quick=True)
         for p in stepped:
             values = {**whole, p.name: aside[p.name]}
+            rough = p.prior > 0.0 and not self.quick
             for number in range(len(self.movements)):
                 if p.name in self.always or touches(p, whole[p.name], here[number]):
-                    wanted.append((p.name, number))
-                    throws.append(self._throw(number, values))
+                    wanted.append((p, number, rough))
+                    throws.append((fast if rough else self)._throw(number, values))
+        origins = sorted({number for _, number, rough in wanted if rough})
+        throws += [fast._throw(number, whole) for number in origins]
         made = self.evaluator.responses(throws)
-        for (name, number), response in zip(wanted, made, strict=True):
-            if response.failure:
-                movement = self.movements[number]
-                message = f"{movement.text}: cannot be simulated: {response.failure}"
-                raise SolverError(message)
-            values = {**whole, name: aside[name]}
-            found[name][number] = response if self.shape is None else self.shape(response, values)
+        before = {
+            number: self._shaped(number, response, whole)
+            for number, response in zip(origins, made[len(wanted) :], strict=True)
+        }
+        for (p, number, rough), response in zip(wanted, made[: len(wanted)], strict=True):
+            moved = self._shaped(number, response, {**whole, p.name: aside[p.name]})
+            found[p.name][number] = (
+                with_change(here[number], moved, before[number]) if rough else moved
+            )
         return {name: tuple(row) for name, row in found.items()}
+
+    def _shaped(self, number: int, response: Response, values: Mapping[str, float]) -> Response:
+        """Return a response as it is compared; SolverError where it failed."""
+        if response.failure:
+            message = f"{self.movements[number].text}: cannot be simulated: {response.failure}"
+            raise SolverError(message)
+        return response if self.shape is None else self.shape(response, values)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -358,10 +373,10 @@ def shared_estimates(local: Linearisation, frame: Frame) -> Floats:
 
 
 def shared_corrections(local: Linearisation, frame: Frame) -> list[Floats | None]:
-    """Return for each movement what wrong gains add to its measured forces, as estimated [N]."""
+    """Return for each movement what its sensors add to the measured forces, as estimated [N]."""
     if frame.shared is None:
         return [None] * len(frame.alignments)
-    count = len(frame.shared.gains)
+    count = len(frame.shared.sensors)
     sizes = shared_estimates(local, frame)[:count]
     return [block[:, :count] @ sizes for block in frame.shared.plain]
 

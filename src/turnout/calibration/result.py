@@ -116,8 +116,10 @@ class Calibration:
         Of the sampling, where it was done.
     causes : tuple of str
         Why the panel alone does not follow the measurement, in words, the likeliest first.
-    gains : tuple of str
-        The sensitivity of each channel as stated and as found, in words.
+    sensors : tuple of str
+        Sensitivity and zero of each channel and the clock, as stated and as found, in words.
+    effects : mapping of str to mapping of str to float
+        By movement of the last stage, as from `movement_rows`.
     """
 
     parameters: tuple[Fitted, ...]
@@ -136,7 +138,8 @@ class Calibration:
     about: Mapping[str, str] = field(default_factory=dict)
     posterior: Mapping[str, Any] = field(default_factory=dict)
     causes: tuple[str, ...] = ()
-    gains: tuple[str, ...] = ()
+    sensors: tuple[str, ...] = ()
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def values(self) -> dict[str, float]:
@@ -195,7 +198,7 @@ def calibration_text(calibration: Calibration) -> str:
         f"warnings = {_list(calibration.warnings)}",
         f"findings = {_list(calibration.findings)}",
         f"causes = {_list(calibration.causes)}",
-        f"gains = {_list(calibration.gains)}",
+        f"sensors = {_list(calibration.sensors)}",
         "",
         "[about]",
         *(f"{_text(key)} = {_text(value)}" for key, value in calibration.about.items()),
@@ -225,6 +228,11 @@ def calibration_text(calibration: Calibration) -> str:
         lines += [f"{key} = {_number(value)}" for key, value in sizes.items()]
     for stage in calibration.stages:
         lines += ["", "[[stage]]", *_stage_lines(stage)]
+    if calibration.effects:
+        lines += ["", "[effects]  # of each movement, in SI"]
+        for name, row in calibration.effects.items():
+            cells = ", ".join(f"{_text(key)} = {_number(value)}" for key, value in row.items())
+            lines.append(f"{_text(name)} = {{ {cells} }}")
     if calibration.posterior:
         lines += ["", f"[posterior]\njson = {_text(json.dumps(calibration.posterior))}"]
     return "\n".join(lines) + "\n"
@@ -294,7 +302,8 @@ def _read(data: Mapping[str, Any]) -> Calibration:
         scatter=data.get("scatter", {}),
         about=data.get("about", {}),
         causes=tuple(data.get("causes", ())),
-        gains=tuple(data.get("gains", ())),
+        sensors=tuple(data.get("sensors", data.get("gains", ()))),
+        effects=data.get("effects", {}),
         posterior=json.loads(data["posterior"]["json"]) if "posterior" in data else {},
     )
 

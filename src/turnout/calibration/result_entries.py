@@ -12,6 +12,7 @@ from turnout.calibration.grid_search import GridSearch
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.result import Fitted, StageLog
+from turnout.calibration.sensors import LEAVES_PRIOR
 from turnout.calibration.shared import model_error, poorly_followed
 from turnout.calibration.stages import CalibrationPlan, Stage
 from turnout.core.provenance import content_hash
@@ -97,6 +98,15 @@ def warnings_from(final: Fit, spread: Spread) -> list[str]:
             found.append(
                 f"{item.name}: not identifiable from these movements; fix it, or measure one that "
                 "depends on it"
+            )
+    for item in final.parameters:
+        away = abs(final.values[item.name] - item.start)
+        if item.keys and item.prior and away > LEAVES_PRIOR * item.prior:
+            unit = "" if item.unit == "1" else f" {item.unit}"
+            found.append(
+                f"{item.name} = {final.values[item.name]:.3g}{unit}: further from the panel's "
+                f"{item.start:.3g}{unit} than was expected (± {item.prior:.3g}); measure it, or "
+                "look for another cause"
             )
     for key, noise in final.misfit.comparison.noise.items():
         measured = float(np.hypot(noise.white, noise.slow))

@@ -1,4 +1,4 @@
-"""Sensors as unknowns: stated uncertainty of the gains, and what a fit says of them."""
+"""Sensors as unknowns: what is stated of gains, zeros and clock, and what a fit says of them."""
 
 import json
 from dataclasses import dataclass, replace
@@ -9,60 +9,75 @@ import xarray as xr
 from turnout.calibration.comparison import Comparison, Key
 from turnout.calibration.fit import Fit
 from turnout.calibration.misfit import framed, plain_jacobian, shared_estimates
+from turnout.calibration.parameter import prior_slopes
+from turnout.calibration.shared import CLOCK, GAIN, ZERO, SensorColumn
 
 # A gain this many deviations from where it was stated to be gives a warning.
 LEAVES_PRIOR = 2.0
 # One this many of its own deviations from nothing is off.
 CLEAR = 4.0
+# One so many stated deviations off: something else is wrong that the sensors take up.
+BEYOND_BELIEF = 4.0
 # Movements that all begin later than their currents say, in standard deviations of an onset.
 LATE, LEAST_ONSETS, LEAD_PASSES = 3.0, 2, 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Gain:
-    """The sensitivity of a channel, as stated and as found.
+class FoundSensor:
+    """An unknown of the measuring chain, as stated and as found.
 
     Attributes
     ----------
-    channel, drive : str
-        Of the schema; no drive for the load cell.
-    stated : float
-        Standard deviation before the measurement [-].
+    column : SensorColumn
+        Which one, and its standard deviation before the measurement.
     value, deviation : float
-        How much too high the channel reads, and the standard deviation of that [-].
+        How much too high it reads or too long its seconds are, and the standard deviation of that
+        [-, N, -].
     """
 
-    channel: str
-    drive: str
-    stated: float
+    column: SensorColumn
     value: float
     deviation: float
 
     @property
+    def stated(self) -> float:
+        """Standard deviation before the measurement."""
+        return self.column.stated
+
+    @property
     def name(self) -> str:
         """Name in texts."""
-        return f"gauges of drive {self.drive}" if self.drive else "load cell"
+        if self.column.kind == CLOCK:
+            return "clock of the recorder"
+        where = f"gauges of drive {self.column.drive}" if self.column.drive else "load cell"
+        return f"zero of the {where}" if self.column.kind == ZERO else where
 
     @property
     def text(self) -> str:
-        """Stated and found gain in words."""
+        """Stated and found value in words."""
+        factor, unit, digits = (1.0, "N", 1) if self.column.kind == ZERO else (100.0, "%", 2)
         return (
-            f"{self.name} {100 * self.value:+.2f} ± {100 * self.deviation:.2f} % "
-            f"(stated ± {100 * self.stated:.3g} %)"
+            f"{self.name} {factor * self.value:+.{digits}f} ± {factor * self.deviation:.{digits}f} "
+            f"{unit} (stated ± {factor * self.stated:.3g} {unit})"
         )
 
     @property
     def warning(self) -> str:
-        """What to do where a gain leaves its prior."""
-        return (
-            f"{self.text}: further off than was stated; calibrate the channel (shunt or known "
-            "loads), state gain_uncertainty in the channel map, or look for another cause"
-        )
+        """What to do where it leaves its prior."""
+        remedy = {
+            GAIN: "calibrate the channel (shunt or known loads), state gain_uncertainty in the "
+            "channel map, or look for another cause",
+            ZERO: "zero the channel with the rail unloaded, or look for another cause",
+            CLOCK: "check the sampling rate that the recorder states, or look for another cause",
+        }
+        return f"{self.text}: further off than was stated; {remedy[self.column.kind]}"
 
     @property
-    def is_cause(self) -> bool:
-        """Whether the movements show that the gain is off."""
-        return abs(self.value) > max(CLEAR * self.deviation, 0.5 * self.stated)
+    def cause(self) -> str:
+        """Name of the cause that it is where the movements show it; empty where they do not."""
+        if abs(self.value) <= max(CLEAR * self.deviation, 0.5 * self.stated):
+            return ""
+        return {GAIN: "gain", ZERO: "zero", CLOCK: "timing"}[self.column.kind]
 
     @property
     def leaves(self) -> bool:
@@ -96,8 +111,8 @@ def stated_gains(dataset: xr.Dataset, comparison: Comparison) -> dict[Key, float
     }
 
 
-def found_gains(found: Fit) -> list[Gain]:
-    r"""Return the gains at the end of a fit, with what the parameters leave uncertain of them.
+def found_sensors(found: Fit) -> list[FoundSensor]:
+    r"""Return gains, zeros and clock at a fit, with what the parameters leave uncertain of them.
 
     With the Jacobian `J` of the residuals that are whitened movement by movement, and columns `B`
     of what all movements share, parameters and columns have the joint covariance
@@ -110,25 +125,35 @@ def found_gains(found: Fit) -> list[Gain]:
         At its end.
     """
     shared = found.frame.shared
-    if shared is None or not shared.gains:
+    if shared is None or not shared.sensors:
         return []
     J = plain_jacobian(found.local, found.frame, [item.name for item in found.parameters])
     B = shared.columns
     # Parameters with flat priors: a weak one keeps those that are not identified regular.
-    weak = 1e-6 * np.eye(J.shape[1])
+    weak = 1e-6 * np.eye(J.shape[1]) + np.diag(prior_slopes(found.parameters) ** 2)
     joint = np.block([[J.T @ J + weak, -J.T @ B], [-B.T @ J, np.eye(B.shape[1]) + B.T @ B]])
     deviations = np.sqrt(np.diag(np.linalg.inv(joint))[J.shape[1] :])
     values = shared_estimates(found.local, found.frame)
-    shares = found.misfit.comparison.gains
     return [
-        Gain(
-            channel=key[0],
-            drive=key[1],
-            stated=shares[key],
-            value=float(values[n]) * shares[key],
-            deviation=float(deviations[n]) * shares[key],
+        FoundSensor(
+            column=item,
+            value=float(values[n]) * item.stated,
+            deviation=float(deviations[n]) * item.stated,
         )
-        for n, key in enumerate(shared.gains)
+        for n, item in enumerate(shared.sensors)
+    ]
+
+
+def sensor_reasons(found: Fit) -> list[str]:
+    """Say which sensors would have to be off by more than anybody would believe of them.
+
+    A cause that is not known is taken up by gains: rails of another stiffness, a bushing that is
+    soft. Values are then off by as much as the gains are.
+    """
+    return [
+        f"{item.text}: not to be believed of it, so something else is wrong"
+        for item in found_sensors(found)
+        if abs(item.value) > BEYOND_BELIEF * item.stated
     ]
 
 

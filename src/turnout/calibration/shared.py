@@ -32,6 +32,27 @@ LEAST_SHARED, LEAST_SIZE = 0.3, 1e-6
 LEAST_MOVEMENTS = 3
 DiscrepancyKey = tuple[str, str, str]
 """Channel, drive and direction."""
+GAIN, ZERO, CLOCK = "gain", "zero", "clock"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorColumn:
+    """One unknown of the measuring chain that all movements share.
+
+    Attributes
+    ----------
+    kind : str
+        `GAIN`, `ZERO` or `CLOCK`.
+    channel, drive : str
+        Of the schema; empty for the clock.
+    stated : float
+        Standard deviation before the measurement [-, N, -].
+    """
+
+    kind: str
+    channel: str = ""
+    drive: str = ""
+    stated: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,8 +61,8 @@ class Shared:
 
     Attributes
     ----------
-    gains : tuple of (str, str)
-        Channel and drive of the first columns, whose sensitivity may be off.
+    sensors : tuple of SensorColumn
+        What the first columns stand for.
     columns : ndarray, shape (n, q)
         Whitened, for one standard deviation each.
     plain : tuple of ndarray, shape (n_m, q)
@@ -50,7 +71,7 @@ class Shared:
         Orthonormal directions and standard deviations along them.
     """
 
-    gains: tuple[Key, ...]
+    sensors: tuple["SensorColumn", ...]
     columns: Floats
     plain: tuple[Floats, ...]
     basis: Floats
@@ -82,8 +103,8 @@ def shared_of(alignments: Sequence[Alignment], comparison: Comparison) -> Shared
     comparison : Comparison
         With the uncertainty of gains and the size of discrepancies.
     """
-    gains = [key for key, share in comparison.gains.items() if share > 0.0]
-    blocks = [_gain_columns(item, gains, comparison.gains) for item in alignments]
+    sensors = sensor_columns(comparison)
+    blocks = [_sensor_block(item, sensors) for item in alignments]
     for key, (size, length) in comparison.discrepancy.items():
         if size > 0.0:
             modes = _discrepancy_columns(alignments, key, size=size, length=length)
@@ -97,7 +118,7 @@ def shared_of(alignments: Sequence[Alignment], comparison: Comparison) -> Shared
     kept = squares > LEAST_SIZE
     sizes = np.sqrt(squares[kept])
     return Shared(
-        gains=tuple(gains),
+        sensors=sensors,
         columns=columns,
         plain=tuple(blocks),
         basis=columns @ vectors[:, kept] / sizes,
@@ -115,14 +136,39 @@ def _places(alignment: Alignment) -> list[tuple[Key, Floats, slice]]:
     return found
 
 
-def _gain_columns(
-    alignment: Alignment, gains: Sequence[Key], shares: Mapping[Key, float]
-) -> Floats:
-    """Return the change of a movement with one standard deviation of each gain."""
-    block = np.zeros((alignment.measured.size, len(gains)))
-    for key, _, place in _places(alignment):
-        if key in gains:
-            block[place, gains.index(key)] = shares[key] * alignment.measured[place]
+def sensor_columns(comparison: Comparison) -> tuple[SensorColumn, ...]:
+    """Return the unknowns of the measuring chain: gains, zeros, then the clock."""
+    found = [
+        SensorColumn(kind=GAIN, channel=channel, drive=drive, stated=share)
+        for (channel, drive), share in comparison.gains.items()
+        if share > 0.0
+    ]
+    if comparison.common_zero > 0.0:
+        found += [
+            SensorColumn(kind=ZERO, channel=channel, drive=drive, stated=comparison.common_zero)
+            for channel, drive in comparison.noise
+        ]
+    if comparison.clock > 0.0:
+        found.append(SensorColumn(kind=CLOCK, stated=comparison.clock))
+    return tuple(found)
+
+
+def _sensor_block(alignment: Alignment, sensors: Sequence[SensorColumn]) -> Floats:
+    r"""Return the change of a movement with one standard deviation of each unknown of its chain.
+
+    A recorder whose seconds are a share `c` too short writes
+    :math:`F(t / (1 + c)) \approx F(t) - c t \dot F(t)`.
+    """
+    block = np.zeros((alignment.measured.size, len(sensors)))
+    places = _places(alignment)
+    for column, item in enumerate(sensors):
+        for key, time, place in places:
+            if item.kind == CLOCK:
+                # The first column is the change with a later onset, less the rate of the force.
+                block[place, column] = item.stated * time * alignment.columns[place, 0]
+            elif key == (item.channel, item.drive):
+                scale = alignment.measured[place] if item.kind == GAIN else 1.0
+                block[place, column] = item.stated * scale
     return block
 
 
@@ -307,7 +353,7 @@ def effective_samples(alignments: Sequence[Alignment], comparison: Comparison) -
     with the covariance of noise and of both discrepancies, over all movements together, and the
     variance of a bin: what all movements share counts once only.
     """
-    modes = shared_of(alignments, replace(comparison, gains={}))
+    modes = shared_of(alignments, replace(comparison, gains={}, common_zero=0.0, clock=0.0))
     blocks = (
         modes.plain if modes is not None else [np.zeros((a.measured.size, 0)) for a in alignments]
     )

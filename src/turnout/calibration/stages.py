@@ -17,6 +17,9 @@ FRICTION_SCATTER = 0.02
 TEST_SIZE = 0.013
 # Enough for five parameters; what is left over is there to validate.
 JOINT_MOVEMENTS = 20
+# How well over-travel and fit are known [m], and the stress-free fraction [-]; bounds are so many
+# deviations away.
+MILLIMETRE, FRACTION, FURTHEST = 1e-3, 0.05, 6.0
 ANY = "any"
 NONE = "none"
 
@@ -198,6 +201,7 @@ def default_plan(
                 optional=True,
             )
         )
+    parameters += nuisances(panel)
     known = [item.name for item in parameters]
     parameters += [free_parameter(panel, key) for key in free if key not in known]
     problems = [
@@ -216,6 +220,50 @@ def default_plan(
         movements=Selection(most=most),
     )
     return CalibrationPlan(parameters=kept, stages=(*stages, joint))
+
+
+def nuisances(panel: LoadedPanel) -> list[Parameter]:
+    """Return what is known of a panel to a part of a millimetre only, each with a prior.
+
+    How far each drive goes beyond the closed position, where each rail stands without any force,
+    and the gap that it leaves closed. Forces hold them, so they are fitted in the joint stage; what
+    a drive pushes further is much like what it is stiffer.
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> [item.name for item in nuisances(load_panel("uic60-760-1-15"))][:2]
+    ['drive.1.over_travel_closed', 'drive.2.over_travel_closed']
+    >>> nuisances(load_panel("sb1"))
+    []
+    """
+    found = [
+        _nuisance(f"drive.{name}.over_travel_closed", drive.over_travel_closed, MILLIMETRE)
+        for name, drive in panel.drive.items()
+        if drive.over_travel_closed != 0.0
+    ]
+    for name in dict.fromkeys(drive.rail for drive in panel.drive.values()):
+        rail = panel.rail[name]
+        if isinstance(rail.stress_free, float):
+            key = f"rail.{name}.stress_free"
+            item = _nuisance(key, rail.stress_free, FRACTION, unit="1")
+            found.append(replace(item, lower=max(item.lower, 0.0), upper=min(item.upper, 1.0)))
+        if isinstance(rail.fit_gap, float):
+            found.append(_nuisance(f"rail.{name}.fit_gap", rail.fit_gap, MILLIMETRE))
+    return found
+
+
+def _nuisance(key: str, value: float, prior: float, *, unit: str = "m") -> Parameter:
+    return Parameter(
+        name=key,
+        keys=(key,),
+        start=value,
+        lower=value - FURTHEST * prior,
+        upper=value + FURTHEST * prior,
+        unit=unit,
+        transform="linear",
+        prior=prior,
+    )
 
 
 def spread(count: int, most: int) -> list[int]:

@@ -60,7 +60,9 @@ def calibrate_command(
     ] = 20,
     figures: Annotated[
         Path | None,
-        typer.Option("--figures", metavar="DIR", help="Draw the misfit sweep of each stage."),
+        typer.Option(
+            "--figures", metavar="DIR", help="Draw each sweep, and each movement as fitted."
+        ),
     ] = None,
     posterior: Annotated[
         bool,
@@ -200,7 +202,7 @@ def result_lines(calibration: "Calibration") -> list[str]:
     lines += _posterior_lines(calibration)
     for name, share in calibration.scatter.items():
         lines.append(f"{'scatter':<12}{name}: {100 * share:.1f} % from movement to movement")
-    lines += [f"{'gain':<12}{text}" for text in calibration.gains]
+    lines += [f"{'sensor':<12}{text}" for text in calibration.sensors]
     lines += [f"{'cause':<12}{text}" for text in calibration.causes]
     lines += [f"{'finding':<12}{text}" for text in calibration.findings]
     lines += [f"{'warning':<12}{text}" for text in calibration.warnings]
@@ -244,7 +246,8 @@ def _posterior_lines(calibration: "Calibration") -> list[str]:
 
 
 def _draw(outcome: "CalibrationOutcome", folder: Path, *, quiet: bool) -> list[Path]:
-    from turnout.plot.calibration import plot_sweep
+    from turnout.calibration.movement_rows import fitted_signals
+    from turnout.plot.calibration import plot_fit, plot_sweep
     from turnout.plot.style import rendered
 
     written = []
@@ -253,5 +256,10 @@ def _draw(outcome: "CalibrationOutcome", folder: Path, *, quiet: bool) -> list[P
         figure = plot_sweep(item.curves)
         path = folder / f"sweep-{number}-{name}.png"
         write_and_report(path, rendered(figure, ".png"), quiet=quiet)
+        written.append(path)
+    signals = fitted_signals(outcome.final)
+    for number, name in enumerate(signals["movement"].values, 1):
+        path = folder / f"fit-{number}.png"
+        write_and_report(path, rendered(plot_fit(signals, str(name)), ".png"), quiet=quiet)
         written.append(path)
     return written

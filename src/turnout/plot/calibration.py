@@ -144,3 +144,47 @@ def plot_intervals(dataset: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     ax.spines[["top", "right"]].set_visible(False)
     ax.set_title(str(dataset.attrs.get("title", "")), loc="left", fontsize=11)
     return ax
+
+
+def plot_fit(signals: xr.Dataset, movement: str) -> "Figure":
+    """Draw measured and fitted forces of a movement, and under each what is left between them.
+
+    Parameters
+    ----------
+    signals : xarray.Dataset
+        `measured`, `fitted`, `residual` (movement, channel, time) [N].
+    movement : str
+        Which one.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Two rows a channel: forces [kN], then the residual [N].
+    """
+    one = signals.sel(movement=movement)
+    names = [
+        str(name)
+        for name in one["channel"].values
+        if one["measured"].sel(channel=name).notnull().any()
+    ]
+    if not names:
+        message = f"nothing to draw: {movement} was not compared"
+        raise ResponseError(message)
+    figure, axes = new_figure(2 * len(names))
+    time = one["time"].to_numpy()
+    span = (float(time[0]), float(time[-1]))
+    for place, name in enumerate(names):
+        forces, rest = axes[2 * place], axes[2 * place + 1]
+        row = one.sel(channel=name)
+        forces.plot(time, KILO * row["measured"], color="black", linewidth=2.6, alpha=0.75)
+        forces.plot(time, KILO * row["fitted"], color=COLOURS[0], linewidth=1.2)
+        rest.plot(time, row["residual"], color=COLOURS[1], linewidth=1.0)
+        rest.axhline(0.0, color=GREY, linewidth=0.8, linestyle=":")
+        styled(forces, f"{name} [kN]", span=span)
+        styled(rest, "Residual [N]", span=span)
+    axes[0].legend(["measured", "fitted"], loc="upper left", frameon=False)
+    axes[-1].set_xlabel("Time from the onset [s]")
+    figure.align_ylabels(axes)
+    texts = dict(zip(signals["movement"].values, signals.attrs["texts"], strict=True))
+    put_title(figure, str(texts[movement]))
+    return figure

@@ -54,6 +54,7 @@ def calibration_page(
         ),
         Section(heading="Stages", pictures=pictures, tables=[_stages(calibration)]),
         Section(heading="Noise and scatter", tables=_noise(calibration)),
+        Section(heading="Sensors and movements", tables=_movements(calibration)),
         _inputs(calibration, panel),
         Section(heading="Versions", tables=[Table("", ("What", ""), _about(calibration))]),
     ]
@@ -183,6 +184,33 @@ def _noise(calibration: Calibration) -> list[Table]:
     if scatter:
         heading = "Scatter from movement to movement"
         tables.append(Table(heading, ("Parameter", "Share"), scatter))
+    return tables
+
+
+def _movements(calibration: Calibration) -> list[Table]:
+    """Return sensors as found, and onset, friction, zeros, gains and residual of each movement."""
+    tables = []
+    if calibration.causes:
+        tables.append(Table("", ("Cause",), [(text,) for text in calibration.causes]))
+    if calibration.sensors:
+        tables.append(Table("", ("Sensor",), [(text,) for text in calibration.sensors]))
+    keys = list(dict.fromkeys(key for row in calibration.effects.values() for key in row))
+    if keys:
+        units = {"onset": (1e3, "ms"), "zero": (1.0, "N"), "residual": (1.0, "N")}
+        parts = [units.get(key.split(" ")[0], (100.0, "%")) for key in keys]
+        columns = ("Movement", *(f"{k} [{u}]" for k, (_, u) in zip(keys, parts, strict=True)))
+        rows = [
+            (
+                name,
+                *(
+                    f"{factor * row[key]:.3g}" if key in row else "-"
+                    for key, (factor, _) in zip(keys, parts, strict=True)
+                ),
+            )
+            for name, row in calibration.effects.items()
+        ]
+        heading = "Each movement beside the common values"
+        tables.append(Table(heading, columns, rows))
     return tables
 
 

@@ -10,13 +10,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.problems import choices
+from turnout.validation.error_kind import error_kind
 
 Floats = NDArray[np.float64]
 LEAST_COVER, MOST_SPREADS = 0.80, 3.0
 FEATURES = ("contact", "slope", "peak", "plateau")
 WORST = 3
-# Share of a difference that a shift or a factor must explain to name it.
-EXPLAINED = 0.5
 # A parameter that may be off by more than this is not judged at all [-].
 MOST_POWER = 1.0
 
@@ -83,7 +82,10 @@ class Acceptance:
     cover : float
         Share of all measured instants, of all channels, within the band of 95 %.
     held_back : bool
-        Whether the judged ones were held back; if not, this is a test of the fit alone.
+        Whether the judged ones were held back, or predicted from other places; if not, this is a
+        test of the fit alone.
+    left_out : bool
+        Whether each was predicted from the movements at all other places.
     reasons : tuple of str
         Why the model is not accepted.
     worst : tuple of str
@@ -100,6 +102,7 @@ class Acceptance:
     reasons: tuple[str, ...]
     worst: tuple[str, ...]
     power: tuple[str, ...] = ()
+    left_out: bool = False
 
     @property
     def accepted(self) -> bool:
@@ -116,9 +119,14 @@ class Acceptance:
                 "NOT VALIDATED: the fit has seen every movement, so this only shows that it fits; "
                 "leave some out with `turnout calibrate --exclude MOVEMENT`"
             )
+        seen = (
+            "each predicted from the other places alone,"
+            if self.left_out
+            else "that the fit has not seen"
+        )
         return (
-            f"VALID: all {len(self.channels)} channels of {self.judged} movements that the fit has "
-            f"not seen lie within {MOST_SPREADS:g} repeat spreads, and the band of 95 % covers "
+            f"VALID: all {len(self.channels)} channels of {self.judged} movements {seen} lie "
+            f"within {MOST_SPREADS:g} repeat spreads, and the band of 95 % covers "
             f"{100 * self.cover:.0f} % of the measurement"
         )
 
@@ -136,11 +144,14 @@ def judge(validation: xr.Dataset) -> Acceptance:
     Acceptance
         Accepted where the band of 95 % covers at least 80 % of the measurement, and each channel
         is off by at most three times its spread of repeats. Where the fit has seen every movement
-        all are judged, and nothing is accepted.
+        those are judged that could be predicted from other places; without any, all are, and
+        nothing is accepted.
     """
     used = validation["used"].values
-    held_back = bool((~used).any())
-    chosen = np.flatnonzero(~used) if held_back else np.arange(used.size)
+    left = validation["left_out"].values if "left_out" in validation else np.zeros_like(used)
+    held_back = bool((~used).any() or left.any())
+    judged = ~used if (~used).any() else left if left.any() else np.ones_like(used)
+    chosen = np.flatnonzero(judged)
     part = validation.isel(movement=chosen)
     results = tuple(
         _result(part.sel(channel=name))
@@ -163,6 +174,7 @@ def judge(validation: xr.Dataset) -> Acceptance:
         reasons=tuple(reasons),
         worst=_worst(part),
         power=_power(part),
+        left_out=bool(used.all() and left.any()),
     )
 
 
@@ -186,42 +198,6 @@ def _power(part: xr.Dataset) -> tuple[str, ...]:
         else:
             found.append(f"{name} by no means")
     return tuple(found)
-
-
-def error_kind(measured: Floats, predicted: Floats) -> str:
-    """Return what most of a difference is: "timing", "level" or "shape".
-
-    Timing is what a shift explains (the slope of the prediction), level what a factor and an offset
-    do; where neither explains half of it, the shape differs.
-
-    Parameters
-    ----------
-    measured, predicted : ndarray, shape (n_movements, n_times)
-        NaN where nothing was measured [N].
-
-    Examples
-    --------
-    >>> wave = np.sin(np.arange(200) / 20.0)[None, :]
-    >>> error_kind(np.roll(wave, 3), wave), error_kind(1.1 * wave + 0.2, wave)
-    ('timing', 'level')
-    """
-    known = np.isfinite(measured) & np.isfinite(predicted)
-    off = (measured - predicted)[known]
-    total = float(off @ off)
-    if not total:
-        return ""
-    slope = np.gradient(predicted, axis=1)
-    columns = {
-        "timing": [slope[known]],
-        "level": [predicted[known], np.ones(off.size)],
-    }
-    shares = {}
-    for name, rows in columns.items():
-        matrix = np.nan_to_num(np.stack(rows, axis=1))
-        rest = off - matrix @ np.linalg.lstsq(matrix, off, rcond=None)[0]
-        shares[name] = 1.0 - float(rest @ rest) / total
-    best = max(shares, key=lambda name: shares[name])
-    return best if shares[best] > EXPLAINED else "shape"
 
 
 def _result(part: xr.Dataset) -> ChannelResult:
@@ -304,6 +280,7 @@ def acceptance_lines(verdict: Acceptance) -> list[str]:
             f"{cells[0]:>12}{cells[1]:>12}{cells[2]:>14}{cells[3]:>14}"
         )
     seen = "held back" if verdict.held_back else "all used for the fit"
+    seen = "each predicted without its place" if verdict.left_out else seen
     lines.append(f"{verdict.judged} movements judged, {seen}; {verdict.used} used for the fit")
     if verdict.power:
         lines.append(f"would notice: {', '.join(verdict.power)}")

@@ -30,6 +30,7 @@ from turnout.metric.channel_features import channel_features, contact_time
 from turnout.panel.load import LoadedPanel
 from turnout.schema.channels import SCHEMA_VERSION
 from turnout.validation.grid import DRIVE, OBJECT, Grid
+from turnout.validation.leave_out import LeftOut, leave_out_places
 from turnout.validation.onset import onset_shifts
 from turnout.validation.scatter import Direction, ThrowScatter, scatter_of
 
@@ -84,8 +85,9 @@ def validate(
     xarray.Dataset
         `measured`, `predicted`, `low`, `high` (channel, movement, time) [N]; `rms`, `nrmse`,
         `cover`, and features as `slope_measured`, `slope_predicted` and so on (channel, movement);
-        `repeat_spread`, `scale` (channel); `used` and `onset_shift`, how much later than marked a
-        movement without motor currents began (movement) [s].
+        `repeat_spread`, `scale` (channel); `used`, `left_out` (whether it is predicted from other
+        places alone) and `onset_shift`, how much later than marked a movement without motor
+        currents began (movement) [s].
 
     Raises
     ------
@@ -104,8 +106,10 @@ def validate(
         groups=groups,
         noise=_noise(movements, grid),
     )
-    forecast = measured.copy(data=model.forces)
-    reach = QUANTILE * np.sqrt(scatter.variance + _of_parameters(model, calibration))
+    used = np.isin(sheet["movement"].values, _used(calibration))
+    left = _left_out(model, measured.values, calibration, movements, scatter, used)
+    forecast = measured.copy(data=left.forces)
+    reach = QUANTILE * np.sqrt(scatter.variance + left.variance)
     low, high = forecast - reach, forecast + reach
     return xr.Dataset(
         {
@@ -118,7 +122,8 @@ def validate(
             "cover": band_coverage(measured, low, high),
             "scale": channel_scale(measured),
             "repeat_spread": _spread(measured, groups, scatter),
-            "used": ("movement", np.isin(sheet["movement"].values, _used(calibration))),
+            "used": ("movement", used),
+            "left_out": ("movement", left.predicted),
             "onset_shift": ("movement", model.shifts, {"units": "s"}),
             "answer": _answers(model, measured, calibration),
             **_features(measured, forecast),
@@ -232,6 +237,31 @@ def _of_parameters(model: _Model, calibration: Calibration) -> Floats:
     stacked = np.stack(list(model.slopes.values()))
     found = np.einsum("i...,ij,j...->...", stacked, calibration.covariance, stacked)
     return np.asarray(found, dtype=np.float64)
+
+
+def _left_out(
+    model: _Model,
+    measured: Floats,
+    calibration: Calibration,
+    movements: Sequence[MeasuredMovement],
+    scatter: ThrowScatter,
+    used: NDArray[np.bool_],
+) -> LeftOut:
+    """Predict as the fit does, or each place from the others where it has seen all movements."""
+    if used.all() and model.slopes:
+        return leave_out_places(
+            measured,
+            model.forces,
+            model.slopes,
+            places=[item.place for item in movements],
+            variance=scatter.variance,
+            covariance=calibration.covariance,
+        )
+    return LeftOut(
+        forces=model.forces,
+        variance=_of_parameters(model, calibration),
+        predicted=np.zeros(used.size, dtype=np.bool_),
+    )
 
 
 def _noise(movements: Sequence[MeasuredMovement], grid: Grid) -> Floats:

@@ -1,0 +1,122 @@
+"""Parameters with priors, and zeros and clock of the recorder, on movements that were made up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, response
+
+from turnout.calibration.covariance import spread_of
+from turnout.calibration.fit import Fit, fit
+from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.misfit import Misfit
+from turnout.calibration.parameter import Parameter
+from turnout.calibration.predict import predicted
+from turnout.calibration.sensors import FoundSensor, found_sensors, sensor_reasons
+from turnout.calibration.stages import default_plan
+from turnout.panel.load import load_panel
+
+FREE = PARAMETERS[1]
+
+
+def stated(prior: float, *, start: float) -> tuple[Parameter, ...]:
+    return PARAMETERS[0], replace(FREE, start=start, prior=prior)
+
+
+def with_parameters(whole: Misfit, parameters: tuple[Parameter, ...]) -> Misfit:
+    return replace(whole, parameters=parameters, base={p.name: p.start for p in parameters})
+
+
+def test_what_movements_do_not_show_is_known_as_it_was_stated() -> None:
+    """The object is met at 1.5 s, so that movements of 1.4 s say nothing of the stiffness."""
+    short = [replace(movement(f"m{n}", rng=np.random.default_rng(n)), length=1.4) for n in range(4)]
+    parameters = stated(0.1, start=800e3)
+    found = fit(with_parameters(misfit(short), parameters), parameters, {**TRUE, "k": 950e3})
+    assert found.values["k"] == pytest.approx(800e3, rel=2e-3)
+    spread = spread_of(found)
+    assert spread.states == ("fitted", "fitted")
+    low, high = spread.intervals[1]
+    assert np.log(high / low) / 2 == pytest.approx(1.96 * 0.1, rel=0.02)
+
+
+def test_a_prior_does_not_hold_what_movements_show() -> None:
+    whole = misfit([movement(f"m{n}", rng=np.random.default_rng(n)) for n in range(4)])
+    parameters = stated(0.1, start=800e3)
+    found = fit(with_parameters(whole, parameters), parameters, {**TRUE, "k": 800e3})
+    assert found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
+
+
+def test_a_prior_weighs_as_a_measurement() -> None:
+    """Inverse variances add up; mesh and step come beside them."""
+    whole = misfit([movement(f"m{n}", rng=np.random.default_rng(n)) for n in range(2)])
+    solver = whole.comparison.uncertainty.solver**2
+    alone = spread_of(fit(whole, PARAMETERS, TRUE)).coordinate_covariance[1, 1] - solver
+    parameters = stated(float(np.sqrt(alone)), start=TRUE["k"])
+    both = spread_of(fit(with_parameters(whole, parameters), parameters, TRUE))
+    assert both.coordinate_covariance[1, 1] - solver == pytest.approx(alone / 2, rel=0.05)
+
+
+def recorded(*, clock: float = 0.0, zero: float = 0.0) -> Fit:
+    """Fit to movements of a recorder with short seconds, or of an amplifier with a zero."""
+    made: list[MeasuredMovement] = []
+    for number in range(6):
+        rng = np.random.default_rng(number)
+        item = replace(movement(f"m{number}", rng=rng), clocked=True)
+        (signal,) = item.signals
+        stretched = replace(signal, time=signal.time / (1.0 + clock))
+        clean = predicted(response(TRUE), item, stretched, np.arange(signal.time.size))
+        values = clean + zero + 2.0 * rng.standard_normal(clean.size)
+        made.append(replace(item, signals=(replace(signal, values=values),)))
+    whole = misfit(made)
+    known = replace(
+        whole.comparison, gains={("drive_force", "1"): 1e-4}, common_zero=10.0, clock=1e-3
+    )
+    return fit(replace(whole, comparison=known), PARAMETERS, TRUE)
+
+
+def sensor(found: Fit, kind: str) -> FoundSensor:
+    return next(item for item in found_sensors(found) if item.column.kind == kind)
+
+
+def test_a_clock_that_is_off_is_found_with_a_warning() -> None:
+    """Ten deviations off: onsets and stiffness imitate a part of it, so not all of it is found."""
+    clock = sensor(recorded(clock=0.01), "clock")
+    assert 2e-3 < clock.value < 0.012
+    assert clock.leaves
+    assert clock.cause == "timing"
+    assert "sampling rate" in clock.warning
+
+
+def test_a_zero_that_nobody_would_believe_is_a_reason_against_the_fit() -> None:
+    (reason,) = sensor_reasons(recorded(zero=300.0))
+    assert "zero of the gauges of drive 1" in reason
+    assert not sensor_reasons(recorded())
+
+
+def test_a_right_chain_is_no_cause() -> None:
+    for item in found_sensors(recorded()):
+        assert not item.leaves, item.text
+        assert not item.cause, item.text
+
+
+def test_a_zero_that_all_movements_share_is_found() -> None:
+    zero = sensor(recorded(zero=25.0), "zero")
+    # Each movement has a zero of its own, of 20 N; six of them hold the common one to 8 N.
+    assert 5.0 < zero.value < 25.0
+    assert zero.deviation < 10.0
+    assert "zero of the gauges of drive 1" in zero.text
+
+
+def test_over_travel_and_fit_are_fitted_with_priors_where_a_panel_has_them() -> None:
+    plan = default_plan(load_panel("60e1-300-1-9"))
+    uncertain = {item.name: item.prior for item in plan.parameters if item.prior}
+    assert uncertain == {
+        "drive.1.over_travel_closed": 1e-3,
+        "rail.straight.stress_free": 0.05,
+        "rail.straight.fit_gap": 1e-3,
+    }
+    # They are in the joint stage alone.
+    assert set(uncertain) <= set(plan.stages[-1].parameters)
+    assert not set(uncertain) & {name for stage in plan.stages[:-1] for name in stage.parameters}
+    fixed = default_plan(load_panel("60e1-300-1-9"), fixed=["rail.straight.fit_gap"])
+    assert "rail.straight.fit_gap" not in [p.name for p in fixed.parameters if p.vary]

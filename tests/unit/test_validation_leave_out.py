@@ -1,0 +1,72 @@
+"""Places left out in turn: exact for a linear model, and a wrong place is seen."""
+
+import numpy as np
+
+from turnout.validation.leave_out import leave_out_places
+
+PLACES = ["none", "none", "drive 1", "drive 1", "sleeper 7", "drive 2"]
+
+
+def made() -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
+    rng = np.random.default_rng(5)
+    slopes = {name: rng.standard_normal((2, len(PLACES), 40)) for name in ("mu", "k", "level")}
+    stacked = np.stack(list(slopes.values()))
+    measured = np.tensordot([1.0, -2.0, 0.5], stacked, axes=1)
+    measured += 0.3 * rng.standard_normal(measured.shape)
+    return measured, slopes, stacked
+
+
+def test_it_is_the_fit_to_the_other_places() -> None:
+    measured, slopes, stacked = made()
+    J = stacked.reshape(3, -1).T
+    values = np.linalg.lstsq(J, measured.ravel(), rcond=None)[0]
+    covariance = 0.09 * np.linalg.inv(J.T @ J)
+    found = leave_out_places(
+        measured,
+        np.tensordot(values, stacked, axes=1),
+        slopes,
+        places=PLACES,
+        variance=np.full(measured.shape, 0.09),
+        covariance=covariance,
+    )
+    assert found.predicted.all()
+    for place in set(PLACES):
+        inside = np.array([item == place for item in PLACES])
+        rest = stacked[:, :, ~inside].reshape(3, -1).T
+        others = np.linalg.lstsq(rest, measured[:, ~inside].ravel(), rcond=None)[0]
+        expected = np.tensordot(others, stacked[:, :, inside], axes=1)
+        np.testing.assert_allclose(found.forces[:, inside], expected, atol=1e-10)
+        spread = 0.09 * np.linalg.inv(rest.T @ rest)
+        variance = np.einsum(
+            "icmt,ij,jcmt->cmt", stacked[:, :, inside], spread, stacked[:, :, inside]
+        )
+        np.testing.assert_allclose(found.variance[:, inside], variance, rtol=1e-8)
+
+
+def test_a_value_that_one_place_alone_shows_keeps_that_place() -> None:
+    measured, slopes, stacked = made()
+    slopes["level"][:, :5] = 0.0
+    found = leave_out_places(
+        measured,
+        np.zeros_like(measured),
+        slopes,
+        places=PLACES,
+        variance=np.ones_like(measured),
+        covariance=np.eye(3),
+    )
+    assert found.predicted.tolist() == [True] * 5 + [False]
+    np.testing.assert_array_equal(found.forces[:, 5], 0.0)
+
+
+def test_missing_bins_say_nothing() -> None:
+    measured, slopes, stacked = made()
+    measured[1, 2] = np.nan
+    found = leave_out_places(
+        measured,
+        np.zeros_like(measured),
+        slopes,
+        places=PLACES,
+        variance=np.ones_like(measured),
+        covariance=np.eye(3),
+    )
+    assert np.isfinite(found.forces).all()
