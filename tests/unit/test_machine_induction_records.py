@@ -19,7 +19,6 @@ def shown(*words: str) -> str:
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        ("circuit.after_cutoff", "short circuit"),
         ("circuit.snub_resistance", 5.0),
         ("circuit.measured_current", "supply"),
         ("motor.contact_resistance", 4.0),
@@ -29,6 +28,11 @@ def test_values_without_effect_are_refused(key: str, value: object) -> None:
     with pytest.raises(MachineError, match=key.rpartition(".")[2]):
         load_machines("s700k", overrides={key: value})
     assert load_machines("jea73", overrides={key: value})
+
+
+def test_a_motor_based_on_one_of_direct_current_has_open_windings_after_the_cutoff() -> None:
+    found = load_machines("s700k", overrides={"circuit.after_cutoff": "short circuit"})
+    assert found.machine["s700k"].motor.kind == "induction"
 
 
 def test_defaults_of_other_motors_are_not_shown() -> None:

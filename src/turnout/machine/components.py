@@ -287,13 +287,14 @@ class Machine(Record):
         return self
 
     def _without_effect(self) -> list[str]:
-        """Return what is given of the circuit and means nothing to the motor."""
+        """Return what is given of the circuit and means nothing to the motor.
+
+        `after_cutoff` is not among it: machines that are based on one of direct current have it.
+        """
         circuit = self.circuit
         if self.motor.kind != "induction":
             return []
         given = {
-            "circuit.after_cutoff = 'short circuit'": circuit.after_cutoff == "short circuit"
-            and "after_cutoff" in circuit.model_fields_set,
             "circuit.snub_resistance": circuit.snub_resistance > 0.0,
             "circuit.measured_current = 'supply'": circuit.measured_current == "supply",
         }
