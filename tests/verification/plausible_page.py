@@ -3,7 +3,8 @@
 `python -m tests.verification.plausible_page FOLDER` writes them. What a matching does not throw,
 sizes seen at other frictions and the whole check of `turnout panel check`, is thrown here for the
 panels of the study and kept in the folder; `--check N` bounds how many are checked, at 8 s each;
-`--study` leaves measurements to the panels of the study.
+`--study` leaves measurements to the panels of the study. Checked is what is shipped: the cases of
+the library study `plausible-panels`, whose values are rounded.
 """
 
 import json
@@ -15,7 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from turnout.analysis.panel_check import panel_concerns
+from turnout.analysis.panel_check import (
+    FRICTION_RESERVE,
+    blind_concerns,
+    concerns,
+    resting_concerns,
+    supply_concerns,
+    unusual_concerns,
+)
+from turnout.analysis.stability import friction_stability
 from turnout.matching.facts import Facts, Sum, Term, load_facts
 from turnout.matching.match import Matching, match_panel
 from turnout.matching.meet_facts import Thrower, panel_at
@@ -23,6 +32,7 @@ from turnout.matching.propose import farthest_points
 from turnout.matching.remaining import answer_rows, combinations, fixed_direction, gains, ranges
 from turnout.matching.survey import survey
 from turnout.response.simulate import simulate
+from turnout.study.case import load_panel_or_case
 
 PAGE = Path(__file__).parents[2] / "docs" / "plausible-panels.md"
 CHOSEN = 50
@@ -128,11 +138,43 @@ def further(folder: Path, facts: Facts, points: Any, *, checked: int) -> list[di
             if str(friction) not in row:
                 row[str(friction)] = visible(facts, point, friction)
         if number < checked and "warnings" not in row:
-            panel = panel_at(facts, point)
-            row["warnings"] = [item.text for item in panel_concerns(panel, simulate(panel))]
+            row |= whole_check(number)
         path.write_text(json.dumps(known), encoding="utf-8")
         print(f"panel {number + 1} of {len(points)}", file=sys.stderr, flush=True)
     return [known[json.dumps(list(point))] for point in points]
+
+
+def whole_check(number: int) -> dict[str, Any]:
+    """Return what `turnout panel check` warns of in a case of the library study, and growth rates.
+
+    As `turnout.analysis.panel_check.panel_concerns`, but with the growth rate of the worst mode at
+    the panel's friction and at `FRICTION_RESERVE` times it also where all modes decay [1/s].
+    """
+    panel = load_panel_or_case(f"plausible-panels:{number}")
+    found = [*unusual_concerns(panel), *resting_concerns(panel), *blind_concerns(panel)]
+    found += [*supply_concerns(panel), *concerns(simulate(panel))]
+    sliding = [friction_stability(panel, friction_factor=f) for f in (1.0, FRICTION_RESERVE)]
+    warnings = [item.text for item in found] + [str(item) for item in sliding if not item.stable]
+    growth = [item.worst.growth_rate for item in sliding]
+    return {"warnings": warnings, "growth": growth, "hertz": [item.frequency for item in sliding]}
+
+
+def check_table(rows: list[dict[str, Any]]) -> str:
+    """Return how fast the least damped vibration decays in the panels that were checked."""
+    own = [row for row in rows if "growth" in row]
+    lines = [
+        "| friction | panels checked | with warnings | growth rate of the worst mode, "
+        "least ... median ... most [1/s] | its frequency [Hz] |",
+        "|---|---:|---:|---:|---:|",
+    ]
+    warned = sum(bool(row["warnings"]) for row in own)
+    for number, factor in enumerate((1.0, FRICTION_RESERVE)):
+        growth = np.array([row["growth"][number] for row in own])
+        hertz = np.array([row["hertz"][number] for row in own])
+        cells = f"{growth.min():.3g} ... {np.median(growth):.3g} ... {growth.max():.3g}"
+        span = f"{hertz.min():.3g} to {hertz.max():.3g}"
+        lines.append(f"| {factor:g} times | {len(own)} | {warned} | {cells} | {span} |")
+    return "\n".join(lines)
 
 
 def growth_table(facts: Facts, values: Any, rows: list[dict[str, Any]]) -> str:
@@ -186,6 +228,8 @@ def main(folder: Path, *, checked: int = CHOSEN, whole: bool = True) -> None:
         "facts": answers_table([facts.facts[n] for n in early], facts_values[:, early]),
         "growth": growth_table(facts, shows.answers, rows),
     }
+    if any("growth" in row for row in rows):
+        parts["check"] = check_table(rows)
     parts["gains"] = gains_table(facts, shows.points, shows)
     write(parts)
     if whole:
