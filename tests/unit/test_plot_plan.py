@@ -61,7 +61,7 @@ def test_a_stock_rail_that_bends_is_drawn_with_its_fastenings() -> None:
 
 
 def test_the_open_edge_is_that_of_the_layout(figure) -> None:  # type: ignore[no-untyped-def]
-    line = line_of(figure.axes[0], "Running edge open")
+    line = line_of(figure.axes[0], "Running edge open (estimate)")
     expected = rail_line(sb2_panel(), "A", line.get_xdata()).open_edge + 0.5 * TRACK
     np.testing.assert_allclose(line.get_ydata(), expected)
 

@@ -43,7 +43,8 @@ def test_a_case_is_a_panel_that_can_be_changed_as_a_file(tmp_path: Path) -> None
         ("plausible-panels:1000", StudyError, "there is no case 1000; there are 0 to "),
         ("sleeper-6:3", StudyError, "more than a panel, they have object"),
         ("plausible-panel:3", FileError, "nearest is 'plausible-panels'"),
-        ("plausible-panels:-1", FileError, "no library panel is called 'plausible-panels:-1'"),
+        ("plausible-panels:-1", StudyError, "'-1' is no number of a case; name one"),
+        ("plausible-panels", StudyError, "it is a study, not a panel; name one"),
     ],
 )
 def test_what_is_no_case_is_refused(name: str, error: type[Exception], words: str) -> None:

@@ -70,3 +70,28 @@ def test_missing_bins_say_nothing() -> None:
         covariance=np.eye(3),
     )
     assert np.isfinite(found.forces).all()
+
+
+def test_channels_and_values_that_say_nothing_change_nothing() -> None:
+    measured, slopes, _ = made()
+    forces, variance = np.zeros_like(measured), np.ones_like(measured)
+    plain = leave_out_places(
+        measured[:1],
+        forces[:1],
+        {key: item[:1] for key, item in slopes.items()},
+        places=PLACES,
+        variance=variance[:1],
+        covariance=np.eye(3),
+    )
+    variance[1] = np.nan  # a channel that was not fitted
+    slopes["clutch"] = np.zeros_like(measured)  # a value on which nothing here depends
+    found = leave_out_places(
+        measured, forces, slopes, places=PLACES, variance=variance, covariance=np.eye(4)
+    )
+    assert found.predicted.all()
+    np.testing.assert_allclose(found.forces[0], plain.forces[0], rtol=1e-12)
+    none = {"clutch": slopes["clutch"]}
+    found = leave_out_places(
+        measured, forces, none, places=PLACES, variance=variance, covariance=np.eye(1)
+    )
+    assert not found.predicted.any()

@@ -81,4 +81,5 @@ def test_the_command_takes_up_the_throws_and_its_file_applies(
     assert all(stage.evaluations == 0 for stage in record.stages)
     panel = record.apply(load_panel("sb1"))
     assert panel.drive["1"].stiffness == pytest.approx(TRUE["drive.1.stiffness"], rel=0.01)
-    assert len(list(figures.glob("*.png"))) == 2
+    assert len(list(figures.glob("sweep-*.png"))) == 2
+    assert len(list(figures.glob("fit-*.png"))) == 3  # one a movement

@@ -263,6 +263,24 @@ def _result(
     )
 
 
+def _not_from_far(
+    misfit: Misfit,
+    skipped: Sequence[tuple[Parameter, Sequence[float]]],
+    parameters: Sequence[Parameter],
+    values: Mapping[str, float],
+) -> dict[str, float]:
+    """Return values in which those of skipped stages start at the best of their grid.
+
+    No stage has brought them near: from twice the true stiffness a fit follows causes instead.
+    """
+    found = dict(values)
+    for parameter, grid in skipped:
+        if parameter in parameters:
+            tried = sorted({*grid, found[parameter.name]})
+            found = dict(sweep(replace(misfit, quick=True), parameter, tried, found).values)
+    return found
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Run:
     """The stages of one calibration."""
@@ -283,15 +301,18 @@ class _Run:
         warnings: list[str] = []
         causes: list[str] = []
         final: Fit | None = None
+        skipped: list[tuple[Parameter, Sequence[float]]] = []
         for number, stage in enumerate(self.plan.stages, 1):
             self.watch.stage, self.watch.number = stage.name, number
             chosen = selected(self.movements, stage.movements, self.panel)
             parameters = self.plan.named(stage.parameters)
             if not chosen or not parameters:
                 warnings += skipped_stage(stage, chosen)
+                skipped += [(item, stage.grid) for item in parameters[:1] if stage.grid]
                 continue
             before = self.evaluator.made
             misfit = self._misfit(stage, chosen, values, scatter)
+            values = _not_from_far(misfit, skipped, parameters, values)
             swept: GridSearch | None = None
             if "sweep" in stage.method and parameters[0].name == stage.parameters[0]:
                 swept = sweep(replace(misfit, quick=True), parameters[0], stage.grid, values)

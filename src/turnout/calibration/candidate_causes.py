@@ -53,6 +53,8 @@ class Cause:
         follows with those of all values.
     least : float
         What is smaller is none: a fit that lacks another cause finds some of every one [as sizes].
+    about_mean : bool
+        Whether only differences of its sizes from their mean count.
     law, shape : callable or None
         As of `Misfit`.
     scatter : mapping of str to float
@@ -65,6 +67,7 @@ class Cause:
     tries: tuple[float, ...] = ()
     smooth: bool = False
     least: float = 0.0
+    about_mean: bool = False
     law: Law | None = None
     shape: Shape | None = None
     scatter: Mapping[str, float] = field(default_factory=dict)
@@ -326,6 +329,7 @@ def _friction_by_chair(panel: LoadedPanel) -> list[Cause]:
             tries=(0.1,) * count,
             smooth=True,
             least=0.05,
+            about_mean=True,
             law=law,
         )
     ]

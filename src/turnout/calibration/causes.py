@@ -177,9 +177,10 @@ def _first_that_helps(
 
 def _is_slight(cause: Cause, found: Fit) -> bool:
     """Return whether all sizes of a cause are too small to be one."""
-    return bool(cause.parameters) and all(
-        abs(found.values[item.name] - item.start) < cause.least for item in cause.parameters
-    )
+    sizes = np.array([found.values[item.name] - item.start for item in cause.parameters])
+    if cause.about_mean:
+        sizes = sizes - sizes.mean()
+    return bool(sizes.size) and bool(np.all(np.abs(sizes) < cause.least))
 
 
 def _missed(found: Fit) -> float:

@@ -211,7 +211,7 @@ def _rails(ax: "Axes", panel: Panel, line: RailLine) -> None:
         color=colour,
         linestyle=DASHES[1],
         linewidth=1.1,
-        label=_label(ax, "Running edge open"),
+        label=_label(ax, "Running edge open (estimate)"),
         zorder=4,
     )
     ax.annotate(

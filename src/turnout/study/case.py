@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
+from turnout.core.library import names_in_library
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel, as_written, load_panel
 
@@ -46,9 +47,18 @@ def load_panel_or_case(
     """
     found = None if isinstance(name_or_path, Path) else _CASE.fullmatch(str(name_or_path).strip())
     if found is None:
+        _refuse_study(str(name_or_path))
         return load_panel(name_or_path, overrides=overrides)
     panel = case_panel(found["study"], int(found["number"]))
     return panel.with_overrides(overrides) if overrides else panel
+
+
+def _refuse_study(name: str) -> None:
+    """Refuse a study of the library where one of its cases is wanted, with or without a number."""
+    study, colon, number = name.strip().partition(":")
+    if study in names_in_library("turnout.study"):
+        what = f"'{number}' is no number of a case" if colon else "it is a study, not a panel"
+        raise StudyError([f"{what}; name one, counted from 0, as in {study}:0"], source=study)
 
 
 def case_panel(study_name: str | Path, number: int) -> LoadedPanel:

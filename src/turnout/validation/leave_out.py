@@ -61,7 +61,7 @@ def leave_out_places(
     places : sequence of str
         Of each movement.
     variance : ndarray, shape (n_channels, n_movements, n_times)
-        Of a measured instant about its prediction [N^2].
+        Of a measured instant about its prediction [N^2]; NaN in channels that were not fitted.
     covariance : ndarray, shape (p, p)
         Of the values of the fit to all movements.
 
@@ -80,13 +80,28 @@ def leave_out_places(
     [3.0, 1.0]
     """
     stacked = np.stack(list(slopes.values()))
-    known = np.isfinite(measured) & np.isfinite(stacked).all(axis=0)
-    weight = np.where(known, 1.0 / variance, 0.0)
+    # A channel without a variance was not fitted, and says nothing of the values.
+    known = np.isfinite(measured) & np.isfinite(stacked).all(axis=0) & (variance > 0.0)
+    weight = np.divide(1.0, variance, out=np.zeros_like(variance), where=known)
     J = np.where(known, stacked, 0.0)
     rest = np.where(known, measured - forces, 0.0)
     information = np.einsum("icmt,jcmt,cmt->mij", J, J, weight)
     gradient = np.einsum("icmt,cmt,cmt->mi", J, weight, rest)
     whole = information.sum(axis=0)
+    if not np.diag(whole).all():
+        # What none of these movements depends on stays as it is, and changes no prediction.
+        used = np.diag(whole) > 0.0
+        if not used.any():
+            nothing = np.zeros(len(places), dtype=np.bool_)
+            return LeftOut(forces=forces, variance=np.zeros_like(forces), predicted=nothing)
+        return leave_out_places(
+            measured,
+            forces,
+            {key: item for (key, item), on in zip(slopes.items(), used, strict=True) if on},
+            places=places,
+            variance=variance,
+            covariance=covariance[np.ix_(used, used)],
+        )
     # Values in units in which all movements together know each to one.
     scale = 1.0 / np.sqrt(np.diag(whole))
     every = _scaled(whole, scale)
