@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
-from scipy.stats import beta
 
 from turnout.core.files import write_atomic
+from turnout.detection.alarm_threshold import share_interval
 from turnout.detection.calibrating import AT_ONCE, Errors, alarms_of, learn_history
 from turnout.detection.floor import TOUCH_FORCE
 from turnout.detection.judging import CYCLE, View, evidence_of, make_view
@@ -361,7 +361,7 @@ def false_alarm_limits(
     rng = np.random.default_rng(seed)
     drawn = rng.integers(0, len(called), (RESAMPLES * 5, len(called)))
     shares = called[drawn].sum(axis=1) / thrown[drawn].sum(axis=1)
-    exact = float(beta.ppf(0.95, total + 1.0, throws - total)) if total < throws else 1.0
+    exact = float(share_interval(total, int(throws), tail=0.05)[1])
     return {
         "throws": throws,
         "switches": float(len(called)),

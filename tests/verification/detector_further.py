@@ -24,6 +24,7 @@ from turnout.detection.switch_history import observe
 from turnout.detection.throw_set import ThrowSet
 from turnout.detection.train_detector import knowledge_of_sets
 from turnout.detection.training_plan import HISTORY, OBJECT, SOUND
+from turnout.open_benchmark.metrics import auroc
 
 Floats = NDArray[np.float64]
 
@@ -133,7 +134,7 @@ def unknown_auroc(
                 rows = rows + errors.of_throws(item.rates)
                 parts.append(_left_by_others(view, rows, left_out))
             squares[kind] = np.concatenate(parts)
-        found[name] = auroc(squares[SOUND], squares[name])
+        found[name] = auroc(squares[name], squares[SOUND])
     return found
 
 
@@ -145,19 +146,6 @@ def _left_by_others(view: View, features: Floats, left_out: NDArray[np.intp]) ->
         sound = np.einsum("kft,kft->kt", evidence.white, evidence.white).min(axis=0)
         found.append(np.minimum(sound, evidence.square[kept].min(axis=0)))
     return np.concatenate(found)
-
-
-def auroc(usual: Floats, other: Floats) -> float:
-    """Return the share of pairs in which the other is larger.
-
-    Examples
-    --------
-    >>> auroc(np.array([1.0, 2.0]), np.array([3.0, 1.5]))
-    0.75
-    """
-    below = np.searchsorted(np.sort(usual), other, side="left")
-    not_above = np.searchsorted(np.sort(usual), other, side="right")
-    return float((below + not_above).mean() / (2.0 * usual.size))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,8 @@ one shows that it is not, and a lighter one is not believed.
 """
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import betaincinv
 
 Floats = NDArray[np.float64]
 
@@ -94,3 +95,32 @@ def growth(times: float, shape: float) -> float:
 
 SMALL = 1e-6
 r""":math:`\xi` below which the tail counts as exponential [-]."""
+
+
+def share_interval(hits: ArrayLike, count: int, *, tail: float = 0.025) -> tuple[Floats, Floats]:
+    """Return the interval of a share of independent throws (Clopper and Pearson 1934).
+
+    Parameters
+    ----------
+    hits : array_like of int, shape (...)
+        How many of the throws count.
+    count : int
+        Throws, at least one.
+    tail : float
+        Probability that the share lies beyond either end, at most [-].
+
+    Returns
+    -------
+    tuple of ndarray, shape (...)
+        Lower and upper end [-].
+
+    Examples
+    --------
+    >>> low, high = share_interval([0, 300], 300)
+    >>> low.round(4).tolist(), high.round(4).tolist()  # 0.025 ** (1 / 300)
+    ([0.0, 0.9878], [0.0122, 1.0])
+    """
+    called = np.asarray(hits, dtype=np.float64)
+    low = betaincinv(np.maximum(called, 1.0), count - called + 1.0, tail)
+    high = betaincinv(called + 1.0, np.maximum(count - called, 1.0), 1.0 - tail)
+    return np.where(called > 0, low, 0.0), np.where(called < count, high, 1.0)

@@ -31,8 +31,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.special import expit, logsumexp
-from scipy.stats import beta
 
+from turnout.detection.alarm_threshold import share_interval
 from turnout.detection.likelihood import AMPLITUDE
 
 Floats = NDArray[np.float64]
@@ -172,8 +172,8 @@ class Power:
     @property
     def alarm_rate(self) -> tuple[float, float]:
         """The 95 % interval of the rate of alarms of the drawn sound throws (Clopper-Pearson)."""
-        low = beta.ppf(0.025, self.alarms, self.draws - self.alarms + 1) if self.alarms else 0.0
-        return float(low), float(beta.ppf(0.975, self.alarms + 1, self.draws - self.alarms))
+        low, high = share_interval(self.alarms, self.draws)
+        return float(low), float(high)
 
 
 def known_place_power(

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import expit, xlogy
-from scipy.stats import beta, chi2
+from scipy.stats import chi2
 
+from turnout.detection.alarm_threshold import share_interval
 from turnout.detection.pod_bound import confidence_bound, separated, upper_bound
 from turnout.detection.pod_fit import Fit, detected_size, maximise
 from turnout.detection.pod_likelihood import (
@@ -79,7 +80,7 @@ def estimate_pod(throws: TestThrows, model: PodModel | None = None) -> Pod:
     scale = row[SCALE] if not campaigns.binary else 1.0
     count = int(sound.sum())
     high_rate = (
-        float(beta.ppf(0.95, alarms.sum() + 1, count - alarms.sum()))
+        float(share_interval(alarms.sum(), count, tail=0.05)[1])
         if count > alarms.sum() else np.nan
     )  # fmt: skip
     return Pod(

@@ -12,9 +12,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.special import ndtri
-from scipy.stats import beta, norm
+from scipy.stats import norm
 
 from turnout.core.problems import choices
+from turnout.detection.alarm_threshold import share_interval
 from turnout.detection.pod_table import TestThrows
 from turnout.errors import StudyError
 
@@ -104,9 +105,8 @@ def _points(sound: Floats, objects: Floats) -> tuple[Floats, Floats, Floats]:
     thresholds = thresholds[np.isfinite(thresholds)]
     count = np.array([np.count_nonzero(objects >= level) for level in thresholds])
     false = np.array([np.count_nonzero(sound >= level) for level in thresholds]) / sound.size
-    low = beta.ppf(0.025, np.maximum(count, 1e-9), objects.size - count + 1)
-    high = beta.ppf(0.975, count + 1, np.maximum(objects.size - count, 1e-9))
-    return false, count / objects.size, np.column_stack([low, high])
+    interval = np.column_stack(share_interval(count, objects.size))
+    return false, count / objects.size, interval
 
 
 def bound_curve(

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import beta, rankdata
+from scipy.stats import rankdata
 
+from turnout.detection.alarm_threshold import share_interval
 from turnout.detection.pod import estimate_pod
 from turnout.detection.pod_result import PodModel
 from turnout.detection.pod_table import TestThrows
@@ -71,10 +72,10 @@ def clustered_rate(hits: Bools, groups: NDArray[np.intp], *, seed: int = 0) -> R
     drawn = np.random.default_rng(seed).integers(0, len(each), (RESAMPLES, len(each)))
     shares = hit[drawn].sum(axis=1) / each[drawn].sum(axis=1)
     low, high = np.quantile(shares, [0.025, 0.975])
-    exact_low = float(beta.ppf(0.025, total, count - total + 1)) if total else 0.0
-    exact_high = float(beta.ppf(0.975, total + 1, count - total)) if total < count else 1.0
+    exact_low, exact_high = share_interval(total, count)
     return Rate(
-        value=total / count, low=min(float(low), exact_low), high=max(float(high), exact_high),
+        value=total / count,
+        low=min(float(low), float(exact_low)), high=max(float(high), float(exact_high)),
         hits=total, count=count, switches=len(each),
     )  # fmt: skip
 

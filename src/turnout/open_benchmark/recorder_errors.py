@@ -21,8 +21,6 @@ from turnout.open_benchmark.definition import SEED
 
 Floats = NDArray[np.float64]
 
-NOISE = {"force": 20.0, "current": 0.02, "power": 5.0}
-"""Standard deviation of a sample [N], [A], [W]; those of currents and power are assumptions."""
 INRUSH = 0.5
 """After the onset of a movement, left out of the amplitude [s]."""
 
@@ -78,7 +76,7 @@ def recorded(clean: Floats, recorder: Recorder, *, switch: int, errors: Allowanc
     zero = errors.zero * rng.standard_normal((count, signals, 1)) * force[:, np.newaxis]
     noise = rng.standard_normal((count, signals, samples))
     step = float(recorder.time[1] - recorder.time[0])
-    each = np.array([NOISE[name.split()[0]] for name in recorder.signals])
+    each = np.array([errors.noise_of(name.split()[0]) for name in recorder.signals])
     each = each / np.sqrt(max(1.0, step * recorder.rate))
     moved = clean - shift * slopes(clean, recorder.part, step)
     whole = moved + scale * (np.sqrt(share) * fixed + np.sqrt(1.0 - share) * drawn)
