@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from turnout.core.library import names_in_library
-from turnout.errors import StudyError
+from turnout.errors import FileError, StudyError
 from turnout.panel.load import LoadedPanel, as_written, load_panel
 
 _CASE = re.compile(r"(?P<study>.*\S):(?P<number>\d+)")
@@ -47,8 +47,11 @@ def load_panel_or_case(
     """
     found = None if isinstance(name_or_path, Path) else _CASE.fullmatch(str(name_or_path).strip())
     if found is None:
-        _refuse_study(str(name_or_path))
-        return load_panel(name_or_path, overrides=overrides)
+        try:
+            return load_panel(name_or_path, overrides=overrides)
+        except FileError:
+            _refuse_study(str(name_or_path))
+            raise
     panel = case_panel(found["study"], int(found["number"]))
     return panel.with_overrides(overrides) if overrides else panel
 
