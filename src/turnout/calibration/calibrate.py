@@ -313,6 +313,7 @@ class _Run:
             before = self.evaluator.made
             misfit = self._misfit(stage, chosen, values, scatter)
             values = _not_from_far(misfit, skipped, parameters, values)
+            skipped = [item for item in skipped if item[0] not in parameters]
             swept: GridSearch | None = None
             if "sweep" in stage.method and parameters[0].name == stage.parameters[0]:
                 swept = sweep(replace(misfit, quick=True), parameters[0], stage.grid, values)

@@ -173,8 +173,20 @@ def soft_bushing(
     level = values.get(level_key(drive), record.saturation_force)
     first = min(SOFT_SHARE * stiffness * travel, 0.9 * level)
     knee = travel + (level - first) / stiffness
-    last = level + record.saturated_stiffness * (REACH - knee) + 1.0
-    half = ((travel, first), (knee, level), (REACH, last))
+    return _symmetric_bushing(panel, drive, [(travel, first)], knee=knee, level=level)
+
+
+def _symmetric_bushing(
+    panel: LoadedPanel,
+    drive: str,
+    points: Sequence[tuple[float, float]],
+    *,
+    knee: float,
+    level: float,
+) -> dict[str, object]:
+    """Return a bushing through points [m], [N] that slips beyond its knee, alike to either side."""
+    last = level + panel.drive[drive].saturated_stiffness * (REACH - knee) + 1.0
+    half = [*points, (knee, level), (REACH, last)]
     extension = [*(-x for x, _ in reversed(half)), *(x for x, _ in half)]
     force = [*(-f for _, f in reversed(half)), *(f for _, f in half)]
     return {f"drive.{drive}.extension": extension, f"drive.{drive}.force": force}
@@ -216,7 +228,7 @@ def bushing_table(
 ) -> dict[str, object]:
     r"""Return a bushing with another stiffness in each of its first spans, as overrides.
 
-    .. math:: k_i = k e^{-s_i} 	ext{ up to } x_i, \quad k 	ext{ beyond}
+    .. math:: k_i = k e^{-s_i} \text{ up to } x_i, \quad k \text{ beyond}
 
     Parameters
     ----------
@@ -244,10 +256,7 @@ def bushing_table(
         stiffness * float(np.exp(-softness[len(half)])) if len(half) < len(softness) else stiffness
     )
     knee = x + (level - force) / slope
-    half += [(knee, level), (REACH, level + record.saturated_stiffness * (REACH - knee) + 1.0)]
-    extension = [*(-x for x, _ in reversed(half)), *(x for x, _ in half)]
-    table = [*(-f for _, f in reversed(half)), *(f for _, f in half)]
-    return {f"drive.{drive}.extension": extension, f"drive.{drive}.force": table}
+    return _symmetric_bushing(panel, drive, half, knee=knee, level=level)
 
 
 def _lag(drive: str) -> Cause:
