@@ -82,7 +82,7 @@ def write_map(
         write_and_report(plot, rendered(plot_limit(found), plot.suffix), quiet=still)
     if as_json:
         record = {
-            "conditions": _plain(found.attrs),
+            "conditions": found.attrs,
             "places": rows_of(found),
             "known_place": known_rows(found) if "known_pod" in found else None,
             "end_positions": end_rows(found) if "end_pod" in found else None,
@@ -99,13 +99,6 @@ def write_map(
             _print_ends(end_rows(found))
         if advice:
             _print_advice(gain_rows(advice[0]), advice[1])
-
-
-def _plain(attributes: "dict[str, object]") -> "dict[str, object]":
-    return {
-        name: value.tolist() if hasattr(value, "tolist") else value
-        for name, value in attributes.items()
-    }
 
 
 def _print(found: "xr.Dataset") -> None:
