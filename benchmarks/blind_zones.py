@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from turnout.detection.features import features_of
-from turnout.detection.known_place_map import known_place_map
-from turnout.detection.limit import limit_map, sound_throws
+from turnout.detection.limit.known_place_map import known_place_map
+from turnout.detection.limit.limit_map import limit_map, sound_throws
 from turnout.detection.reference import Conditions
 from turnout.detection.throws import Throws, closing_time, stored_throws, throw_all
 from turnout.plot.limit import plot_limit

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from turnout.detection.bound import probability_of_detection
 from turnout.detection.features import features_of
-from turnout.detection.limit import (
+from turnout.detection.limit.bound import probability_of_detection
+from turnout.detection.limit.limit_map import (
     LARGEST_SIZE,
     SIZE_STEP,
     limit_map,

@@ -65,12 +65,12 @@ NAMES = {
     "run_sweep": "turnout.api.sweep",
     "open_sweep": "turnout.api.sweep",
     # Detection
-    "read_test_throws": "turnout.detection.pod_table",
-    "TestThrows": "turnout.detection.pod_table",
-    "estimate_pod": "turnout.detection.pod",
-    "PodModel": "turnout.detection.pod_result",
-    "Pod": "turnout.detection.pod_result",
-    "pod_dataset": "turnout.detection.pod_result",
+    "read_test_throws": "turnout.detection.pod.pod_table",
+    "TestThrows": "turnout.detection.pod.pod_table",
+    "estimate_pod": "turnout.detection.pod.estimate",
+    "PodModel": "turnout.detection.pod.pod_result",
+    "Pod": "turnout.detection.pod.pod_result",
+    "pod_dataset": "turnout.detection.pod.pod_result",
     # Figures
     "plot": "turnout.plot",
     "detection": "turnout.detection",

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from turnout.detection.allowances import Allowances
-from turnout.detection.training import layout_of_panel
+from turnout.detection.detector.allowances import Allowances
+from turnout.detection.detector.training import layout_of_panel
 from turnout.open_benchmark.definition import panels_study
 from turnout.open_benchmark.make_throws import fine_layout
 from turnout.open_benchmark.score import MID_SPAN

@@ -6,8 +6,8 @@ import numpy as np
 import xarray as xr
 from tests.unit.detector_toy import toy_set, toy_setting, toy_throw
 
-from turnout.detection.detector import Detector
-from turnout.detection.train_detector import knowledge_of_sets
+from turnout.detection.detector.detector import Detector
+from turnout.detection.detector.train_detector import knowledge_of_sets
 from turnout.response.store import save_response
 from turnout.schema.channels import SCHEMA_VERSION
 

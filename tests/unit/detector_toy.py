@@ -8,14 +8,14 @@ from functools import cache
 
 import numpy as np
 
-from turnout.detection.allowances import Allowances
-from turnout.detection.detector import Detector
-from turnout.detection.knowledge import Setting
-from turnout.detection.recorded import Recorded
-from turnout.detection.throw_layout import Layout, layout_of
-from turnout.detection.throw_set import ThrowSet
-from turnout.detection.train_detector import knowledge_of_sets
-from turnout.detection.training import SHIFT
+from turnout.detection.detector.allowances import Allowances
+from turnout.detection.detector.detector import Detector
+from turnout.detection.detector.knowledge import Setting
+from turnout.detection.detector.recorded import Recorded
+from turnout.detection.detector.throw_layout import Layout, layout_of
+from turnout.detection.detector.throw_set import ThrowSet
+from turnout.detection.detector.train_detector import knowledge_of_sets
+from turnout.detection.detector.training import SHIFT
 
 PLACES = {"drive 1": 0.3, "sleeper 3": 1.8, "sleeper 6": 3.6, "drive 2": 6.9}
 RATE = 125.0
@@ -65,7 +65,7 @@ def toy_set(
     elif kind == "adjustment":
         over = over + rng.uniform(-1.2, 1.2, over.shape) * (rng.random(over.shape) < 0.6)
     layout = toy_layout()
-    from turnout.detection.throw_layout import throw_features
+    from turnout.detection.detector.throw_layout import throw_features
 
     onsets = np.tile([0.2, 4.4], (count, 1))
     given = {"size": size, "x": x, "dry": dry}

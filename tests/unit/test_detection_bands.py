@@ -10,8 +10,8 @@ from tests.unit.detection_throws import toy_throws
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.detection import limit_bands as bands
-from turnout.detection.limit import limit_map
+from turnout.detection.limit import bands
+from turnout.detection.limit.limit_map import limit_map
 from turnout.detection.reference import Conditions, reference_study
 from turnout.errors import StudyError
 from turnout.panel.load import library_text

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from turnout.detection.bound import (
-    Predictive,
-    detection_index,
-    excess_over_bound,
-    predictive,
-    probability_of_detection,
-)
 from turnout.detection.features import (
     correlation,
     discrepancy_covariance,
     features_of,
     window_means,
+)
+from turnout.detection.limit.bound import (
+    Predictive,
+    detection_index,
+    excess_over_bound,
+    predictive,
+    probability_of_detection,
 )
 from turnout.detection.population import Local, independent, local_models
 from turnout.detection.reference import Conditions

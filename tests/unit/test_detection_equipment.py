@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from tests.unit.detection_throws import toy_throws
 
-from turnout.detection.added_equipment import (
+from turnout.detection.limit.added_equipment import (
     Readings,
     check_equipment,
     equipment_of,
     sensor_measure,
     with_drive,
 )
-from turnout.detection.limit import limit_map
+from turnout.detection.limit.limit_map import limit_map
+from turnout.detection.limit.what_if import check_measures, gain_rows, gains
 from turnout.detection.reference import Conditions
-from turnout.detection.what_if import check_measures, gain_rows, gains
 from turnout.errors import StudyError
 from turnout.panel.load import load_panel
 

@@ -7,15 +7,15 @@ import pytest
 from scipy.stats import norm
 from tests.unit.detection_throws import toy_throws
 
-from turnout.detection.bound import detection_index, predictive
-from turnout.detection.known_place import (
+from turnout.detection.limit.bound import detection_index, predictive
+from turnout.detection.limit.known_place import (
     Population,
     draw_sound,
     known_place_power,
     threshold_of,
 )
-from turnout.detection.known_place_map import known_place_map, known_rows
-from turnout.detection.limit import limit_map
+from turnout.detection.limit.known_place_map import known_place_map, known_rows
+from turnout.detection.limit.limit_map import limit_map
 from turnout.detection.population import Local
 from turnout.detection.reference import Conditions
 

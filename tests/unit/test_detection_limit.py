@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.unit.detection_throws import toy_throws
 
-from turnout.detection.limit import limit_map, rows_of, size_weights, smallest_seen
+from turnout.detection.limit.limit_map import limit_map, rows_of, size_weights, smallest_seen
 from turnout.detection.reference import Conditions, reference_study
 from turnout.detection.throws import objects_study, places_of, sizes_beyond
 from turnout.plot.limit import plot_limit

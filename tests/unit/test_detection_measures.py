@@ -11,8 +11,8 @@ from tests.unit.detection_throws import toy_throws
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.detection.bound import repeated_alarm_rate
-from turnout.detection.day_plan import (
+from turnout.detection.limit.bound import repeated_alarm_rate
+from turnout.detection.limit.day_plan import (
     Candidates,
     Parameter,
     candidates,
@@ -21,10 +21,10 @@ from turnout.detection.day_plan import (
     ordered,
     plan,
 )
-from turnout.detection.end_positions import EndThrows, Position, end_position_map, end_rows
-from turnout.detection.limit import limit_map, sound_throws
+from turnout.detection.limit.end_positions import EndThrows, Position, end_position_map, end_rows
+from turnout.detection.limit.limit_map import limit_map, sound_throws
+from turnout.detection.limit.what_if import FORMS, gain_rows, gains, read_measure, repeated_throw
 from turnout.detection.reference import Conditions
-from turnout.detection.what_if import FORMS, gain_rows, gains, read_measure, repeated_throw
 from turnout.errors import StudyError
 from turnout.response.store import open_response
 
@@ -213,7 +213,9 @@ def test_the_command_prints_map_end_positions_and_measures(
 ) -> None:
     monkeypatch.setattr("turnout.detection.throws.throw_all", lambda *_, **__: toy_throws())
     monkeypatch.setattr("turnout.detection.throws.closing_time", lambda _: CLOSING)
-    monkeypatch.setattr("turnout.detection.end_positions.throw_ends", lambda *_, **__: ends(2e5))
+    monkeypatch.setattr(
+        "turnout.detection.limit.end_positions.throw_ends", lambda *_, **__: ends(2e5)
+    )
     out, figure = tmp_path / "limit.nc", tmp_path / "limit.png"
     line = [
         "limit",

@@ -51,7 +51,7 @@ def test_stress_free_position_and_inertia_lie_about_those_of_the_panel() -> None
 
 
 def with_third_drive() -> LoadedPanel:
-    from turnout.detection.added_equipment import with_drive
+    from turnout.detection.limit.added_equipment import with_drive
 
     return with_drive(load_panel(DEFAULT), 3.6)
 

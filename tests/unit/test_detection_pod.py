@@ -7,12 +7,12 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from turnout.detection.pod import estimate_pod
-from turnout.detection.pod_bound import confidence_bound, upper_bound
-from turnout.detection.pod_fit import detected_size, draw_campaigns, maximise
-from turnout.detection.pod_likelihood import Campaigns, Constraint, evaluate, margin
-from turnout.detection.pod_result import PodModel, curve_of, key_figures, pod_dataset
-from turnout.detection.pod_table import TestThrows, response_value
+from turnout.detection.pod.estimate import estimate_pod
+from turnout.detection.pod.pod_bound import confidence_bound, upper_bound
+from turnout.detection.pod.pod_fit import detected_size, draw_campaigns, maximise
+from turnout.detection.pod.pod_likelihood import Campaigns, Constraint, evaluate, margin
+from turnout.detection.pod.pod_result import PodModel, curve_of, key_figures, pod_dataset
+from turnout.detection.pod.pod_table import TestThrows, response_value
 from turnout.errors import StudyError
 from turnout.plot.pod import plot_pod
 from turnout.plot.style import rendered

@@ -12,7 +12,7 @@ from turnout.detection.drive_quantities import (
     signals_of,
     stored_channels,
 )
-from turnout.detection.limit import limit_map, too_few_sound
+from turnout.detection.limit.limit_map import limit_map, too_few_sound
 from turnout.detection.reference import Conditions, reference_study
 from turnout.detection.signal_errors import SignalErrors, discrepancy_of_signals, signal_errors
 from turnout.detection.throws import Throws

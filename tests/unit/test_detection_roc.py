@@ -9,10 +9,10 @@ from tests.unit.detection_throws import toy_throws
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.detection.limit import limit_map
-from turnout.detection.pod_table import TestThrows
+from turnout.detection.limit.limit_map import limit_map
+from turnout.detection.pod.pod_table import TestThrows
+from turnout.detection.pod.roc import RATES, bound_curve, campaign_roc
 from turnout.detection.reference import Conditions
-from turnout.detection.roc import RATES, bound_curve, campaign_roc
 from turnout.errors import StudyError
 from turnout.response.store import response_bytes
 

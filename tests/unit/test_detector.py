@@ -13,9 +13,9 @@ from typer.testing import CliRunner
 
 from turnout.cli.main import app
 from turnout.detection.alarm_threshold import threshold_for
-from turnout.detection.detector import Detector
-from turnout.detection.knowledge import Knowledge
-from turnout.detection.training import teach
+from turnout.detection.detector.detector import Detector
+from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.training import teach
 from turnout.errors import FileError
 
 

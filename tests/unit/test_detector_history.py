@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from turnout.detection.sound_model import SPACING_SHARE, SoundModel, fit_sound_model
-from turnout.detection.switch_history import ThrowErrors, before_history, observe, predict
+from turnout.detection.detector.sound_model import SPACING_SHARE, SoundModel, fit_sound_model
+from turnout.detection.detector.switch_history import ThrowErrors, before_history, observe, predict
 
 
 def toy_model(*, spread: float = 0.0) -> SoundModel:

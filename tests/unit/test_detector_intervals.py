@@ -8,11 +8,11 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 from tests.unit.detector_toy import toy_detector
 
-from turnout.detection import interval_widths, knowledge
-from turnout.detection.detector import Detector
-from turnout.detection.interval_widths import level_of_places, likelier
-from turnout.detection.judging import evidence_of
-from turnout.detection.object_posterior import Posterior, mixture_intervals, posterior_of
+from turnout.detection.detector import interval_widths, knowledge
+from turnout.detection.detector.detector import Detector
+from turnout.detection.detector.interval_widths import level_of_places, likelier
+from turnout.detection.detector.judging import evidence_of
+from turnout.detection.detector.object_posterior import Posterior, mixture_intervals, posterior_of
 
 
 def test_quantiles_of_mixtures_are_exact() -> None:

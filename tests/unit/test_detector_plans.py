@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from turnout.detection.detector.training_plan import DEFECTS, Population
+from turnout.detection.detector.training_sets import Counts, after_history, training_plans
 from turnout.detection.reference import reference_study
-from turnout.detection.training_plan import DEFECTS, Population
-from turnout.detection.training_sets import Counts, after_history, training_plans
 from turnout.panel.load import load_panel
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from turnout.detection.reading import read_table, read_throws, throws_of_dataset
-from turnout.detection.recorded import (
+from turnout.detection.detector.reading import read_table, read_throws, throws_of_dataset
+from turnout.detection.detector.recorded import (
     UNLOADED,
     ZEROED,
     Recorded,
@@ -17,7 +17,7 @@ from turnout.detection.recorded import (
     recording_fault,
     zeroed_rest,
 )
-from turnout.detection.throw_layout import Layout, layout_of, throw_features
+from turnout.detection.detector.throw_layout import Layout, layout_of, throw_features
 from turnout.errors import FileError
 
 LAYOUT = layout_of([("opening", 0.2, 3.2), ("closing", 4.4, 3.4)], end=8.5, drives=["1", "2"])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from turnout.detection.throw_verdict import Verdict
-from turnout.detection.trends import cumulated, staying_causes, trend_of
+from turnout.detection.detector.throw_verdict import Verdict
+from turnout.detection.detector.trends import cumulated, staying_causes, trend_of
 from turnout.report.detection import detection_page
 
 

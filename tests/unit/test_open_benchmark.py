@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import norm
 from tests.unit.benchmark_toy import POSITIONS, TIME, toy_benchmark
 
-from turnout.detection.allowances import Allowances
+from turnout.detection.detector.allowances import Allowances
 from turnout.errors import FileError, StudyError
 from turnout.open_benchmark.definition import (
     PRESETS,

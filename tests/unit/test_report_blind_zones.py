@@ -8,8 +8,8 @@ from tests.unit.detection_throws import toy_throws
 from typer.testing import CliRunner
 
 from turnout.cli.main import app
-from turnout.detection.known_place_map import known_place_map
-from turnout.detection.limit import limit_map
+from turnout.detection.limit.known_place_map import known_place_map
+from turnout.detection.limit.limit_map import limit_map
 from turnout.detection.reference import Conditions
 from turnout.report.blind_zones import blind_zone_page
 from turnout.response.store import response_bytes

@@ -15,8 +15,8 @@ from tests.unit.detector_files import detector_file, limit_file, table_file
 from tests.unit.served import Client, Reply, served
 from tests.unit.simulated import sb2_panel
 
-from turnout.detection.detector import Detector
-from turnout.detection.reading import read_table
+from turnout.detection.detector.detector import Detector
+from turnout.detection.detector.reading import read_table
 
 SIZES = [0.0, 0.0, 0.0, 0.0, 0.0, 24e-3]
 

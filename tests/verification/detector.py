@@ -41,16 +41,16 @@ from tests.verification.detector_other import other_figures
 from tests.verification.detector_sets import Sizes, forces_of, plans_of, sets_of
 
 from turnout.core.threads import one_blas_thread
-from turnout.detection.allowances import Allowances
-from turnout.detection.detector import Detector
-from turnout.detection.judging import ADJUSTED, LEAST_HISTORY
-from turnout.detection.knowledge import Knowledge
+from turnout.detection.detector.allowances import Allowances
+from turnout.detection.detector.detector import Detector
+from turnout.detection.detector.judging import ADJUSTED, LEAST_HISTORY
+from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.throw_set import ThrowSet
+from turnout.detection.detector.train_detector import knowledge_of_sets
+from turnout.detection.detector.training import setting_of
+from turnout.detection.detector.training_plan import DEFECTS, HISTORY, OBJECT
 from turnout.detection.reference import NOMINAL_FRICTION, reference_study
-from turnout.detection.throw_set import ThrowSet
 from turnout.detection.throws import nominal_amplitude
-from turnout.detection.train_detector import knowledge_of_sets
-from turnout.detection.training import setting_of
-from turnout.detection.training_plan import DEFECTS, HISTORY, OBJECT
 from turnout.study.load_study import load_study
 
 Sets = dict[str, dict[str, ThrowSet]]

@@ -8,9 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from turnout.detection.reference import FRICTION, TEMPERATURE
-from turnout.detection.throws import places_of
-from turnout.detection.training_plan import (
+from turnout.detection.detector.training_plan import (
     LARGEST,
     OBJECT_AT,
     OBJECT_SIZE,
@@ -23,6 +21,8 @@ from turnout.detection.training_plan import (
     over_travel,
     with_object,
 )
+from turnout.detection.reference import FRICTION, TEMPERATURE
+from turnout.detection.throws import places_of
 from turnout.panel.load import load_panel
 from turnout.scheme import Scheme
 from turnout.study.read_study import scheme_for

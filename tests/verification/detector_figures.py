@@ -12,14 +12,14 @@ from scipy.optimize import minimize
 
 from turnout.core.files import write_atomic
 from turnout.detection.alarm_threshold import share_interval
-from turnout.detection.calibrating import AT_ONCE, Errors, alarms_of, learn_history
+from turnout.detection.detector.calibrating import AT_ONCE, Errors, alarms_of, learn_history
+from turnout.detection.detector.judging import CYCLE, View, evidence_of, make_view
+from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.object_posterior import Interval
+from turnout.detection.detector.throw_set import ThrowSet
+from turnout.detection.detector.throw_verdict import ALARM, Change, Gap, Verdict, verdict_on
+from turnout.detection.detector.training_plan import ADJUSTED, DRY, HISTORY, SOUND
 from turnout.detection.floor import TOUCH_FORCE
-from turnout.detection.judging import CYCLE, View, evidence_of, make_view
-from turnout.detection.knowledge import Knowledge
-from turnout.detection.object_posterior import Interval
-from turnout.detection.throw_set import ThrowSet
-from turnout.detection.throw_verdict import ALARM, Change, Gap, Verdict, verdict_on
-from turnout.detection.training_plan import ADJUSTED, DRY, HISTORY, SOUND
 
 Floats = NDArray[np.float64]
 RESAMPLES = 200

@@ -16,14 +16,14 @@ from tests.verification.detector_figures import (
 )
 
 from turnout.core.threads import one_blas_thread
-from turnout.detection.calibrating import AT_ONCE, alarms_of, learn_history
-from turnout.detection.detector import Detector
-from turnout.detection.judging import CYCLE, View, evidence_of, make_view
-from turnout.detection.knowledge import Knowledge
-from turnout.detection.switch_history import observe
-from turnout.detection.throw_set import ThrowSet
-from turnout.detection.train_detector import knowledge_of_sets
-from turnout.detection.training_plan import HISTORY, OBJECT, SOUND
+from turnout.detection.detector.calibrating import AT_ONCE, alarms_of, learn_history
+from turnout.detection.detector.detector import Detector
+from turnout.detection.detector.judging import CYCLE, View, evidence_of, make_view
+from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.switch_history import observe
+from turnout.detection.detector.throw_set import ThrowSet
+from turnout.detection.detector.train_detector import knowledge_of_sets
+from turnout.detection.detector.training_plan import HISTORY, OBJECT, SOUND
 from turnout.open_benchmark.metrics import auroc
 
 Floats = NDArray[np.float64]

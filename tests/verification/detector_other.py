@@ -8,11 +8,11 @@ from tests.verification.detector_cases import KNOWN, OTHER_OBJECTS, OTHER_SOUND
 from tests.verification.detector_figures import false_alarm_limits
 
 from turnout.detection.conditions import Conditions
-from turnout.detection.detector import Detector
+from turnout.detection.detector.detector import Detector
+from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.recorded import Recorded
 from turnout.detection.features import correlation
 from turnout.detection.floor import TOUCH_FORCE
-from turnout.detection.knowledge import Knowledge
-from turnout.detection.recorded import Recorded
 
 Floats = NDArray[np.float64]
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from tests.verification.detector_cases import case_plans
 
-from turnout.detection.throw_layout import Layout
-from turnout.detection.throw_set import ThrowSet
-from turnout.detection.training import read_set
-from turnout.detection.training_plan import HISTORY, OBJECT_AT, OBJECT_SIZE, Plan
-from turnout.detection.training_sets import Counts, throw_plans, training_plans
+from turnout.detection.detector.throw_layout import Layout
+from turnout.detection.detector.throw_set import ThrowSet
+from turnout.detection.detector.training import read_set
+from turnout.detection.detector.training_plan import HISTORY, OBJECT_AT, OBJECT_SIZE, Plan
+from turnout.detection.detector.training_sets import Counts, throw_plans, training_plans
 from turnout.study.load_study import load_study
 from turnout.study.study import Study
 from turnout.sweep.run import SweepProgress

@@ -22,10 +22,10 @@ from tests.verification.detector_cases import KNOWN, OTHER_OBJECTS, OTHER_SOUND
 from tests.verification.detector_other import NOISE, SHARE
 
 from turnout.core.threads import one_blas_thread
-from turnout.detection.detector import Detector
+from turnout.detection.detector.detector import Detector
+from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.reading import throws_of_dataset
 from turnout.detection.floor import TOUCH_FORCE
-from turnout.detection.knowledge import Knowledge
-from turnout.detection.reading import throws_of_dataset
 
 Floats = NDArray[np.float64]
 

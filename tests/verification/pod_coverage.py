@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from tests.verification.resumable import Record, command_line, put_section
 
-from turnout.detection.pod_bound import confidence_bound, upper_bound
-from turnout.detection.pod_fit import detected_size, draw_campaigns, maximise
-from turnout.detection.pod_likelihood import Campaigns
+from turnout.detection.pod.pod_bound import confidence_bound, upper_bound
+from turnout.detection.pod.pod_fit import detected_size, draw_campaigns, maximise
+from turnout.detection.pod.pod_likelihood import Campaigns
 
 SEED = 20261122
 SWITCHES, SIZES, SPREAD = 6, 10, 0.8

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from turnout.detection.bound import (
+from turnout.detection.limit.bound import (
     detection_index,
     excess_over_bound,
     probability_of_detection,

@@ -14,9 +14,9 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import norm
 
-from turnout.detection.pod import estimate_pod
-from turnout.detection.pod_result import PodModel
-from turnout.detection.pod_table import read_test_throws
+from turnout.detection.pod.estimate import estimate_pod
+from turnout.detection.pod.pod_result import PodModel
+from turnout.detection.pod.pod_table import read_test_throws
 
 FILE = Path(__file__).parent / "data" / "mil_hdbk_1823a_example_1.csv"
 FLOOR, THRESHOLD = 50.0, 200.0

@@ -21,10 +21,10 @@ from turnout.cli.options import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from turnout.detection.detector import Detector
-    from turnout.detection.knowledge import Knowledge
-    from turnout.detection.recorded import Recorded
-    from turnout.detection.throw_verdict import Verdict
+    from turnout.detection.detector.detector import Detector
+    from turnout.detection.detector.knowledge import Knowledge
+    from turnout.detection.detector.recorded import Recorded
+    from turnout.detection.detector.throw_verdict import Verdict
     from turnout.sweep.run import SweepProgress
 
 EXIT_NOT_SOUND = 1
@@ -126,10 +126,10 @@ def train_command(
     check_outputs({"--out": out}, {"--out": (".detector",)})
     from turnout.cli.options import opened_panel
     from turnout.cli.sweep import cores
-    from turnout.detection.allowances import Allowances
-    from turnout.detection.detector import Detector
-    from turnout.detection.train_detector import train_detector
-    from turnout.detection.training_sets import Counts
+    from turnout.detection.detector.allowances import Allowances
+    from turnout.detection.detector.detector import Detector
+    from turnout.detection.detector.train_detector import train_detector
+    from turnout.detection.detector.training_sets import Counts
     from turnout.study.load_study import load_study
 
     allowances = Allowances(discrepancy=discrepancy)
@@ -224,7 +224,7 @@ def learn_command(
 ) -> None:
     """Add sound throws of one switch to its detector; what is not called sound is left out."""
     check_outputs({"--out": out}, {"--out": (".detector",)})
-    from turnout.detection.detector import Detector
+    from turnout.detection.detector.detector import Detector
 
     found = Detector.load(detector)
     if reset:
@@ -255,7 +255,7 @@ def run_command(
     as_json: JsonOption = False,
 ) -> None:
     """Judge throws: object or not, where, how large, gaps without sensors, other causes."""
-    from turnout.detection.detector import Detector
+    from turnout.detection.detector.detector import Detector
 
     found = Detector.load(detector, false_alarm_rate=_rate(far))
     verdicts = found.predict(_read(recordings, channels, found.quantity))
@@ -278,7 +278,7 @@ def _summary(verdicts: "Sequence[Verdict]") -> str:
 
 
 def _rate(far: float) -> float:
-    from turnout.detection.calibrating import RATES
+    from turnout.detection.detector.calibrating import RATES
     from turnout.errors import FileError
 
     if far not in RATES:
@@ -289,7 +289,7 @@ def _rate(far: float) -> float:
 
 
 def _read(recordings: "Sequence[Path]", channels: Path | None, quantity: str) -> "list[Recorded]":
-    from turnout.detection.reading import read_throws
+    from turnout.detection.detector.reading import read_throws
 
     return [
         throw
@@ -318,7 +318,7 @@ def watch_command(
     ] = False,
 ) -> None:
     """Judge each new file of a folder once, until interrupted; a bad file stops nothing."""
-    from turnout.detection.detector import Detector
+    from turnout.detection.detector.detector import Detector
     from turnout.errors import FileError
 
     found = Detector.load(detector, false_alarm_rate=_rate(far))
@@ -355,7 +355,7 @@ def _files(folder: Path) -> list[tuple[Path, tuple[int, int]]]:
 
 
 def _judge_file(found: "Detector", path: Path, channels: Path | None, *, as_json: bool) -> None:
-    from turnout.detection.throw_verdict import ADVICE, CANNOT, Verdict
+    from turnout.detection.detector.throw_verdict import ADVICE, CANNOT, Verdict
     from turnout.errors import TurnoutError
 
     try:
@@ -382,7 +382,7 @@ def report_command(
 ) -> None:
     """Judge throws and write one HTML file: findings, a row a throw, trend of friction."""
     check_outputs({"--out": out}, {"--out": (".html",)})
-    from turnout.detection.detector import Detector
+    from turnout.detection.detector.detector import Detector
     from turnout.report.detection import detection_page
     from turnout.report.page import page_html
 

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from turnout.detection.limit_bands import Member
+    from turnout.detection.limit.bands import Member
+    from turnout.detection.limit.what_if import Measure, Repeat
     from turnout.detection.reference import Conditions
     from turnout.detection.throws import Throws
-    from turnout.detection.what_if import Measure, Repeat
     from turnout.panel.load import LoadedPanel
     from turnout.sweep.run import SweepProgress
 
@@ -166,14 +166,14 @@ def limit_command(
     check_outputs({"--out": out, "--plot": plot}, {"--out": (".nc",), "--plot": FIGURES})
     from turnout.cli.limit_output import write_bands, write_map
     from turnout.cli.sweep import cores
-    from turnout.detection.added_equipment import check_equipment, read_measures
     from turnout.detection.drive_quantities import signals_of
-    from turnout.detection.end_positions import end_position_map, throw_ends
-    from turnout.detection.limit import limit_map, too_few_sound
-    from turnout.detection.limit_bands import limit_bands
+    from turnout.detection.limit.added_equipment import check_equipment, read_measures
+    from turnout.detection.limit.bands import limit_bands
+    from turnout.detection.limit.end_positions import end_position_map, throw_ends
+    from turnout.detection.limit.limit_map import limit_map, too_few_sound
+    from turnout.detection.limit.what_if import FORMS, check_measures
     from turnout.detection.reference import reference_study
     from turnout.detection.throws import QUICK_SOUND, QUICK_STEPS, STEPS, closing_time, throw_all
-    from turnout.detection.what_if import FORMS, check_measures
 
     conditions = conditions_of_options(
         discrepancy=discrepancy, machine_discrepancy=machine_discrepancy, false_alarm_rate=far,
@@ -273,7 +273,7 @@ def _advice(
     throws: "Throws", conditions: "Conditions", measures: "list[Measure]", closing: float
 ) -> "tuple[xr.Dataset, Repeat]":
     """Return what the measures gain, and the false alarms of a second throw."""
-    from turnout.detection.what_if import gains, repeated_throw
+    from turnout.detection.limit.what_if import gains, repeated_throw
 
     ranked = gains(throws, conditions, measures, closing=closing)
     return ranked, repeated_throw(throws, conditions, closing=closing)
@@ -283,7 +283,7 @@ def _members(
     panels: str | None, given: "LoadedPanel | None", *, over_travel: bool, most: int | None
 ) -> "list[Member]":
     """Return the panels that bands are wanted for."""
-    from turnout.detection.limit_bands import over_travels, panels_of
+    from turnout.detection.limit.bands import over_travels, panels_of
     from turnout.errors import FileError
 
     if panels is None:
@@ -310,7 +310,7 @@ def _known_place(
     throws: "Throws", conditions: "Conditions", closing: float, *, quiet: bool
 ) -> "xr.Dataset":
     from turnout.cli.watch import watched
-    from turnout.detection.known_place_map import known_place_map
+    from turnout.detection.limit.known_place_map import known_place_map
 
     with watched("bound at known places", quiet=quiet) as watch:
         return known_place_map(throws, conditions, closing=closing, report=watch.report)

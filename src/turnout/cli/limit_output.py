@@ -12,7 +12,7 @@ from turnout.cli.options import write_and_report
 if TYPE_CHECKING:
     import xarray as xr
 
-    from turnout.detection.what_if import Repeat
+    from turnout.detection.limit.what_if import Repeat
 
 LENGTHS = dict.fromkeys(
     (
@@ -28,7 +28,7 @@ def write_bands(
     found: "xr.Dataset", *, out: Path | None, plot: Path | None, as_json: bool, quiet: bool
 ) -> None:
     """Write files first, then print."""
-    from turnout.detection.limit_bands import band_rows
+    from turnout.detection.limit.bands import band_rows
 
     still = quiet or as_json
     if out is not None:
@@ -65,10 +65,10 @@ def write_map(
     quiet: bool,
 ) -> None:
     """Write files first, then print."""
-    from turnout.detection.end_positions import end_rows
-    from turnout.detection.known_place_map import known_rows
-    from turnout.detection.limit import rows_of
-    from turnout.detection.what_if import gain_rows
+    from turnout.detection.limit.end_positions import end_rows
+    from turnout.detection.limit.known_place_map import known_rows
+    from turnout.detection.limit.limit_map import rows_of
+    from turnout.detection.limit.what_if import gain_rows
 
     still = quiet or as_json
     if out is not None:
@@ -102,7 +102,7 @@ def write_map(
 
 
 def _print(found: "xr.Dataset") -> None:
-    from turnout.detection.limit import rows_of
+    from turnout.detection.limit.limit_map import rows_of
 
     said = found.attrs
     typer.echo(

@@ -16,7 +16,7 @@ from turnout.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from turnout.detection.day_plan import Candidates, Knowledge
+    from turnout.detection.limit.day_plan import Candidates, Knowledge
 
 LENGTHS = dict.fromkeys(("size", "a90", "a90_95", "grid_a90_95"), "m")
 
@@ -45,7 +45,7 @@ def plan_test_command(
     from turnout.cli.limit import conditions_of_options
     from turnout.cli.options import opened_panel
     from turnout.cli.watch import watched
-    from turnout.detection.day_plan import candidates, full_grid, known_after, ordered, plan
+    from turnout.detection.limit.day_plan import candidates, full_grid, known_after, ordered, plan
 
     conditions = conditions_of_options(discrepancy=discrepancy)
     given = None

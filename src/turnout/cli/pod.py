@@ -15,8 +15,8 @@ from turnout.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from turnout.detection.pod_result import Pod
-    from turnout.detection.pod_table import TestThrows
+    from turnout.detection.pod.pod_result import Pod
+    from turnout.detection.pod.pod_table import TestThrows
 
 TABLES = (".nc", ".csv")
 METRES = ("a50", "a90", "a90_95", "a90_95_profile", "required_size", "required_size_bound")
@@ -98,9 +98,9 @@ def pod_command(
         {"--out": out, "--plot": plot, "--roc": roc},
         {"--out": TABLES, "--plot": FIGURES, "--roc": FIGURES},
     )
-    from turnout.detection.pod import estimate_pod
-    from turnout.detection.pod_result import PodModel, key_figures
-    from turnout.detection.pod_table import read_test_throws
+    from turnout.detection.pod.estimate import estimate_pod
+    from turnout.detection.pod.pod_result import PodModel, key_figures
+    from turnout.detection.pod.pod_table import read_test_throws
 
     throws = read_test_throws(results)
     curves = _roc_figure(throws, roc, limit=limit, place=at)
@@ -120,7 +120,7 @@ def pod_command(
     if out is not None:
         write_and_report(out, _content(found, out.suffix.lower()), quiet=still)
     if plot is not None:
-        from turnout.detection.pod_result import pod_dataset
+        from turnout.detection.pod.pod_result import pod_dataset
         from turnout.plot.pod import plot_pod
         from turnout.plot.style import rendered
 
@@ -148,7 +148,7 @@ def _roc_figure(
     """Return the figure of detections against false alarms; empty where it is not wanted."""
     if path is None:
         return b""
-    from turnout.detection.roc import campaign_roc
+    from turnout.detection.pod.roc import campaign_roc
     from turnout.errors import FileError
     from turnout.plot.roc import plot_roc
     from turnout.plot.style import rendered
@@ -168,7 +168,7 @@ def _roc_figure(
 
 def _responses(texts: dict[str, str | None], throws: "TestThrows") -> dict[str, float]:
     """Return the responses that options give, in the unit of the table, or refuse them at once."""
-    from turnout.detection.pod_table import response_value
+    from turnout.detection.pod.pod_table import response_value
     from turnout.errors import StudyError
 
     found, faults = {}, []
@@ -186,7 +186,7 @@ def _responses(texts: dict[str, str | None], throws: "TestThrows") -> dict[str, 
 
 def _content(found: "Pod", suffix: str) -> bytes | str:
     """Return the file of a result: all of it as netCDF, or its curve as a table."""
-    from turnout.detection.pod_result import pod_dataset
+    from turnout.detection.pod.pod_result import pod_dataset
 
     dataset = pod_dataset(found)
     if suffix == ".nc":

@@ -3,14 +3,14 @@
 from turnout.lazy import loader
 
 NAMES = {
-    "Detector": "turnout.detection.detector",
-    "Verdict": "turnout.detection.throw_verdict",
-    "Recorded": "turnout.detection.recorded",
-    "Allowances": "turnout.detection.allowances",
-    "Counts": "turnout.detection.training_sets",
+    "Detector": "turnout.detection.detector.detector",
+    "Verdict": "turnout.detection.detector.throw_verdict",
+    "Recorded": "turnout.detection.detector.recorded",
+    "Allowances": "turnout.detection.detector.allowances",
+    "Counts": "turnout.detection.detector.training_sets",
     "open_benchmark": "turnout.open_benchmark.sides",
-    "read_throws": "turnout.detection.reading",
-    "train": "turnout.detection.train_detector:train_detector",
+    "read_throws": "turnout.detection.detector.reading",
+    "train": "turnout.detection.detector.train_detector:train_detector",
 }
 
 __all__ = sorted(NAMES)  # noqa: PLE0605 - follows from the table

@@ -1,12 +1,12 @@
 """Written by `python -m turnout.api.stub` from the table in __init__.py."""
 
-from turnout.detection.allowances import Allowances as Allowances
-from turnout.detection.detector import Detector as Detector
-from turnout.detection.reading import read_throws as read_throws
-from turnout.detection.recorded import Recorded as Recorded
-from turnout.detection.throw_verdict import Verdict as Verdict
-from turnout.detection.train_detector import train_detector as train
-from turnout.detection.training_sets import Counts as Counts
+from turnout.detection.detector.allowances import Allowances as Allowances
+from turnout.detection.detector.detector import Detector as Detector
+from turnout.detection.detector.reading import read_throws as read_throws
+from turnout.detection.detector.recorded import Recorded as Recorded
+from turnout.detection.detector.throw_verdict import Verdict as Verdict
+from turnout.detection.detector.train_detector import train_detector as train
+from turnout.detection.detector.training_sets import Counts as Counts
 from turnout.open_benchmark.sides import open_benchmark as open_benchmark
 
 __all__ = [

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.detection.throw_layout import CLOSING, Layout
+from turnout.detection.detector.throw_layout import CLOSING, Layout
 from turnout.open_benchmark.make_throws import STEP, fine_layout
 from turnout.open_benchmark.method import Judged, Model
 

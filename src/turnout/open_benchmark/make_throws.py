@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from turnout.core.files import atomic_path, write_atomic
 from turnout.core.provenance import version
-from turnout.detection.throw_layout import Layout, throw_features
-from turnout.detection.training import layout_of_panel
+from turnout.detection.detector.throw_layout import Layout, throw_features
+from turnout.detection.detector.training import layout_of_panel
 from turnout.errors import FileError
 from turnout.open_benchmark.definition import (
     VERSION,

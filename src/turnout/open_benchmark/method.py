@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.detection.alarm_threshold import threshold_for
+from turnout.detection.detector.throw_layout import Layout
 from turnout.detection.floor import TOUCH_FORCE
-from turnout.detection.throw_layout import Layout
 from turnout.errors import StudyError
 from turnout.open_benchmark.definition import OBJECT, SOUND
 from turnout.open_benchmark.sides import Benchmark, Side, window_features

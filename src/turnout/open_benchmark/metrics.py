@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.stats import rankdata
 
 from turnout.detection.alarm_threshold import share_interval
-from turnout.detection.pod import estimate_pod
-from turnout.detection.pod_result import PodModel
-from turnout.detection.pod_table import TestThrows
+from turnout.detection.pod.estimate import estimate_pod
+from turnout.detection.pod.pod_result import PodModel
+from turnout.detection.pod.pod_table import TestThrows
 from turnout.errors import StudyError
 
 Floats = NDArray[np.float64]
@@ -101,7 +101,7 @@ class Detectable:
 def detectable(
     size: Floats, hit: Bools, groups: NDArray[np.intp], *, grouped: bool = True
 ) -> Detectable:
-    """Return a90 and a90/95 of throws with objects, by `turnout.detection.pod`.
+    """Return a90 and a90/95 of throws with objects, by `turnout.detection.pod.estimate`.
 
     Parameters
     ----------

@@ -17,17 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.threads import one_blas_thread
-from turnout.detection.allowances import Allowances
-from turnout.detection.calibrating import learn_history
-from turnout.detection.interval_widths import AT_ONCE
-from turnout.detection.judging import View, best_square, evidence_of, make_view, ratios_of
-from turnout.detection.knowledge import Knowledge
+from turnout.detection.detector.allowances import Allowances
+from turnout.detection.detector.calibrating import learn_history
+from turnout.detection.detector.interval_widths import AT_ONCE
+from turnout.detection.detector.judging import View, best_square, evidence_of, make_view, ratios_of
+from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.object_posterior import posterior_of
+from turnout.detection.detector.throw_layout import Layout
+from turnout.detection.detector.throw_set import ThrowSet
+from turnout.detection.detector.training import setting_of, teach
+from turnout.detection.detector.training_plan import DEFECTS
 from turnout.detection.likelihood import Evidence
-from turnout.detection.object_posterior import posterior_of
-from turnout.detection.throw_layout import Layout
-from turnout.detection.throw_set import ThrowSet
-from turnout.detection.training import setting_of, teach
-from turnout.detection.training_plan import DEFECTS
 from turnout.open_benchmark.definition import HISTORY, OBJECT, SOUND, panels_study
 from turnout.open_benchmark.make_throws import STEP, fine_layout
 from turnout.open_benchmark.method import Judged, Model

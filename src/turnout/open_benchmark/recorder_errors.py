@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.detection.allowances import Allowances
+from turnout.detection.detector.allowances import Allowances
 from turnout.open_benchmark.definition import SEED
 
 Floats = NDArray[np.float64]

@@ -12,7 +12,7 @@ import numpy as np
 
 from turnout.core.files import write_atomic
 from turnout.core.json_files import to_plain
-from turnout.detection.allowances import Allowances
+from turnout.detection.detector.allowances import Allowances
 from turnout.errors import StudyError
 from turnout.open_benchmark.classical import ComponentsMethod, LimitsMethod, WarpingMethod
 from turnout.open_benchmark.definition import MARKERS, TEST, TRAIN, WITH_MACHINES

@@ -14,9 +14,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.detection.allowances import Allowances
-from turnout.detection.throw_layout import Layout
-from turnout.detection.training import layout_of_panel
+from turnout.detection.detector.allowances import Allowances
+from turnout.detection.detector.throw_layout import Layout
+from turnout.detection.detector.training import layout_of_panel
 from turnout.errors import FileError, StudyError
 from turnout.open_benchmark.definition import HISTORY, MARKERS, TEST, TRAIN, VERSION, panels_study
 from turnout.open_benchmark.make_throws import MISSING, THROWS, data_digest, fine_layout

@@ -10,9 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.detection.reference import TEMPERATURE, reference_study
-from turnout.detection.throws import places_of
-from turnout.detection.training_plan import (
+from turnout.detection.detector.training_plan import (
     CLUTCH,
     DEFECTS,
     FROZEN,
@@ -25,6 +23,8 @@ from turnout.detection.training_plan import (
     Population,
     Row,
 )
+from turnout.detection.reference import TEMPERATURE, reference_study
+from turnout.detection.throws import places_of
 from turnout.open_benchmark.definition import (
     HISTORY,
     OBJECT,

@@ -16,7 +16,7 @@ def trend_sheet(verdicts: Sequence[Mapping[str, Any]]) -> Sheet:
     Parameters
     ----------
     verdicts : sequence of mapping
-        Fields of `turnout.detection.throw_verdict.Verdict`, in the order of the throws.
+        Fields of `turnout.detection.detector.throw_verdict.Verdict`, in the order of the throws.
 
     Returns
     -------

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from turnout.detection.conditions import CURRENT, FORCE, UNITS
-from turnout.detection.trends import LEAST_THROWS, staying_causes, trend_of
+from turnout.detection.detector.trends import LEAST_THROWS, staying_causes, trend_of
 from turnout.metric.finding import Finding
 from turnout.plot.detection import trend_sheet
 from turnout.report.page import Page, Section, Table
@@ -25,7 +25,7 @@ def detection_page(
     Parameters
     ----------
     verdicts : sequence of mapping
-        Fields of `turnout.detection.throw_verdict.Verdict`, in the order of the throws.
+        Fields of `turnout.detection.detector.throw_verdict.Verdict`, in the order of the throws.
     about : mapping of str to str
         Where they come from.
     quantity : str

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from turnout.detection.detector import Detector
-from turnout.detection.reading import read_table, throws_of_dataset
-from turnout.detection.recorded import Recorded
-from turnout.detection.switch_history import predict
-from turnout.detection.throw_verdict import CANNOT, Verdict
-from turnout.detection.trends import staying_causes
+from turnout.detection.detector.detector import Detector
+from turnout.detection.detector.reading import read_table, throws_of_dataset
+from turnout.detection.detector.recorded import Recorded
+from turnout.detection.detector.switch_history import predict
+from turnout.detection.detector.throw_verdict import CANNOT, Verdict
+from turnout.detection.detector.trends import staying_causes
 from turnout.errors import FileError
 from turnout.measurement.chain.apply import apply_chain
 from turnout.measurement.formats.history import is_history, read_history

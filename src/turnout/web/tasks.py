@@ -70,7 +70,7 @@ from turnout.web.throw import (
 )
 
 if TYPE_CHECKING:
-    from turnout.detection.detector import Detector
+    from turnout.detection.detector.detector import Detector
 
 # Sizes of the caches.
 MOST_PANELS, MOST_RUNS, MOST_MEASURED, MOST_DETECTORS = 12, 3, 20, 2

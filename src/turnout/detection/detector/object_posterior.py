@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from turnout.detection.judging import View
+from turnout.detection.detector.judging import View
 from turnout.detection.likelihood import AMPLITUDE, Evidence
 
 Floats = NDArray[np.float64]

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.threads import one_blas_thread
-from turnout.detection.calibrating import throw_levels
 from turnout.detection.conditions import FORCE
-from turnout.detection.find_movements import MovementFinder, located
-from turnout.detection.judging import CYCLE, View, evidence_of, make_view
-from turnout.detection.knowledge import Knowledge, load, store
-from turnout.detection.recorded import (
+from turnout.detection.detector.calibrating import throw_levels
+from turnout.detection.detector.find_movements import MovementFinder, located
+from turnout.detection.detector.judging import CYCLE, View, evidence_of, make_view
+from turnout.detection.detector.knowledge import Knowledge, load, store
+from turnout.detection.detector.recorded import (
     UNLOADED,
     ZEROED,
     Aligner,
@@ -24,10 +24,10 @@ from turnout.detection.recorded import (
     recording_fault,
     zeroed_rest,
 )
-from turnout.detection.switch_history import Expectation, before_history, observe
-from turnout.detection.throw_layout import CLOSING
-from turnout.detection.throw_set import ThrowSet
-from turnout.detection.throw_verdict import ADVICE, CANNOT, SOUND, Verdict, verdict_on
+from turnout.detection.detector.switch_history import Expectation, before_history, observe
+from turnout.detection.detector.throw_layout import CLOSING
+from turnout.detection.detector.throw_set import ThrowSet
+from turnout.detection.detector.throw_verdict import ADVICE, CANNOT, SOUND, Verdict, verdict_on
 from turnout.errors import FileError, TurnoutError
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class Detector:
         if isinstance(throws, Recorded):
             throws = [throws]
         elif hasattr(throws, "data_vars"):
-            from turnout.detection.reading import throws_of_dataset
+            from turnout.detection.detector.reading import throws_of_dataset
 
             throws = throws_of_dataset(cast("xr.Dataset", throws), quantity=self.quantity)
         return [self.judge(throw) for item in throws for throw in self.located(item)]
@@ -232,7 +232,7 @@ class Detector:
     @classmethod
     def fit(cls, sets: Mapping[str, ThrowSet], setting: Any, **options: Any) -> Self:
         """Train a detector on simulated throws; see `train_detector`."""
-        from turnout.detection.train_detector import knowledge_of_sets
+        from turnout.detection.detector.train_detector import knowledge_of_sets
 
         return cls(knowledge_of_sets(sets, setting, **options))
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.detection.alarm_threshold import threshold_for
-from turnout.detection.interval_widths import (
+from turnout.detection.detector.interval_widths import (
     AT_ONCE,
     Misses,
     factor_of,
@@ -19,7 +19,7 @@ from turnout.detection.interval_widths import (
     misses_of,
     reach_of_call,
 )
-from turnout.detection.judging import (
+from turnout.detection.detector.judging import (
     CAUSE_WEIGHT,
     CYCLE,
     View,
@@ -29,9 +29,14 @@ from turnout.detection.judging import (
     make_view,
     ratios_of,
 )
-from turnout.detection.knowledge import RESIDUAL_LEVELS, Calibrated, Knowledge
-from turnout.detection.switch_history import Expectation, ThrowErrors, before_history, observe
-from turnout.detection.throw_set import ThrowSet
+from turnout.detection.detector.knowledge import RESIDUAL_LEVELS, Calibrated, Knowledge
+from turnout.detection.detector.switch_history import (
+    Expectation,
+    ThrowErrors,
+    before_history,
+    observe,
+)
+from turnout.detection.detector.throw_set import ThrowSet
 
 Floats = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from scipy.stats import norm
 
 from turnout.core.problems import choices
 from turnout.detection.alarm_threshold import share_interval
-from turnout.detection.pod_table import TestThrows
+from turnout.detection.pod.pod_table import TestThrows
 from turnout.errors import StudyError
 
 Floats = NDArray[np.float64]

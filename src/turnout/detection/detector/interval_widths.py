@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.detection.detector.judging import View, evidence_of, ratios_of
+from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.object_posterior import Interval, posterior_of
+from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.floor import touched
-from turnout.detection.judging import View, evidence_of, ratios_of
-from turnout.detection.knowledge import Knowledge
-from turnout.detection.object_posterior import Interval, posterior_of
-from turnout.detection.throw_set import ThrowSet
 
 Floats = NDArray[np.float64]
 

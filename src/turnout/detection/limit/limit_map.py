@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from turnout.core.threads import one_blas_thread
-from turnout.detection.bound import predictive, probability_of_detection
 from turnout.detection.conditions import FORCE
 from turnout.detection.drive_quantities import Signal, noise_of, quantities_of
 from turnout.detection.features import (
@@ -19,9 +18,10 @@ from turnout.detection.features import (
     window_means,
 )
 from turnout.detection.floor import touch_floor, touched
+from turnout.detection.limit.bound import predictive, probability_of_detection
+from turnout.detection.pod.roc import index_quantiles
 from turnout.detection.population import local_models
 from turnout.detection.reference import Conditions
-from turnout.detection.roc import index_quantiles
 from turnout.detection.signal_errors import discrepancy_of_signals
 from turnout.detection.throws import Throws
 from turnout.schema.channels import SCHEMA_VERSION

@@ -8,18 +8,20 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from turnout.detection.allowances import Allowances
 from turnout.detection.conditions import FORCE
-from turnout.detection.drive_quantities import CHANNELS, signals_of
-from turnout.detection.floor import TOUCH_FORCE
-from turnout.detection.knowledge import Knowledge, Setting
-from turnout.detection.likelihood import Signatures
-from turnout.detection.sound_model import SoundModel, fit_sound_model
-from turnout.detection.switch_history import ThrowErrors, error_at
-from turnout.detection.throw_layout import CLOSING, OPENING, Layout, layout_of, throw_features
-from turnout.detection.throw_set import ThrowSet
-from turnout.detection.throws import places_of
-from turnout.detection.training_plan import (
+from turnout.detection.detector.allowances import Allowances
+from turnout.detection.detector.knowledge import Knowledge, Setting
+from turnout.detection.detector.sound_model import SoundModel, fit_sound_model
+from turnout.detection.detector.switch_history import ThrowErrors, error_at
+from turnout.detection.detector.throw_layout import (
+    CLOSING,
+    OPENING,
+    Layout,
+    layout_of,
+    throw_features,
+)
+from turnout.detection.detector.throw_set import ThrowSet
+from turnout.detection.detector.training_plan import (
     DEFECTS,
     HISTORY,
     OBJECT,
@@ -28,6 +30,10 @@ from turnout.detection.training_plan import (
     SOUND,
     Plan,
 )
+from turnout.detection.drive_quantities import CHANNELS, signals_of
+from turnout.detection.floor import TOUCH_FORCE
+from turnout.detection.likelihood import Signatures
+from turnout.detection.throws import places_of
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
 

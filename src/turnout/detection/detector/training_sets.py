@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from turnout.detection.throws import places_of
-from turnout.detection.training_plan import (
+from turnout.detection.detector.training_plan import (
     ADJUSTED,
     DEFECTS,
     DRY,
@@ -22,6 +21,7 @@ from turnout.detection.training_plan import (
     with_dry_chairs,
     with_object,
 )
+from turnout.detection.throws import places_of
 from turnout.study.study import Study
 from turnout.sweep.read import open_sweep
 from turnout.sweep.run import SweepProgress, run_sweep

@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.detection.conditions import FORCE, Conditions
-from turnout.detection.limit import limit_map
+from turnout.detection.limit.limit_map import limit_map
 from turnout.detection.throws import (
     QUICK_SOUND,
     QUICK_STEPS,

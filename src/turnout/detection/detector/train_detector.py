@@ -8,24 +8,28 @@ from pathlib import Path
 import numpy as np
 
 from turnout.core.threads import one_blas_thread
-from turnout.detection.allowances import Allowances
-from turnout.detection.calibrating import calibrate_alone, calibrate_history, with_calibration
 from turnout.detection.conditions import FORCE
-from turnout.detection.drive_quantities import signals_of
-from turnout.detection.judging import CYCLE
-from turnout.detection.knowledge import Calibrated, Knowledge, Setting
-from turnout.detection.reference import NOMINAL_FRICTION, reference_study
-from turnout.detection.throw_layout import CLOSING
-from turnout.detection.throw_set import ThrowSet
-from turnout.detection.throws import nominal_amplitude
-from turnout.detection.training import read_set, setting_of, teach
-from turnout.detection.training_plan import HISTORY, OBJECT, SOUND
-from turnout.detection.training_sets import (
+from turnout.detection.detector.allowances import Allowances
+from turnout.detection.detector.calibrating import (
+    calibrate_alone,
+    calibrate_history,
+    with_calibration,
+)
+from turnout.detection.detector.judging import CYCLE
+from turnout.detection.detector.knowledge import Calibrated, Knowledge, Setting
+from turnout.detection.detector.throw_layout import CLOSING
+from turnout.detection.detector.throw_set import ThrowSet
+from turnout.detection.detector.training import read_set, setting_of, teach
+from turnout.detection.detector.training_plan import HISTORY, OBJECT, SOUND
+from turnout.detection.detector.training_sets import (
     Counts,
     after_history,
     throw_plans,
     training_plans,
 )
+from turnout.detection.drive_quantities import signals_of
+from turnout.detection.reference import NOMINAL_FRICTION, reference_study
+from turnout.detection.throws import nominal_amplitude
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel
 from turnout.study.study import Study

@@ -10,9 +10,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.detection.conditions import FORCE, UNITS
+from turnout.detection.detector.recorded import Recorded
+from turnout.detection.detector.throw_layout import CLOSING, OPENING
 from turnout.detection.drive_quantities import CHANNELS
-from turnout.detection.recorded import Recorded
-from turnout.detection.throw_layout import CLOSING, OPENING
 from turnout.errors import FileError, TurnoutError
 from turnout.measurement.campaign.build_campaign import (
     CHANNEL_FILE,

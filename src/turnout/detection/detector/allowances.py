@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.detection.conditions import CURRENT, FORCE, POWER, Conditions
+from turnout.detection.detector.throw_layout import Layout, means_on
 from turnout.detection.features import discrepancy_covariance
-from turnout.detection.throw_layout import Layout, means_on
 from turnout.errors import StudyError
 
 Floats = NDArray[np.float64]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from turnout.core.threads import one_blas_thread
 from turnout.detection.conditions import Conditions
 from turnout.detection.features import features_of
-from turnout.detection.known_place import (
+from turnout.detection.limit.known_place import (
     DRAWS,
     Draws,
     Population,
@@ -17,7 +17,7 @@ from turnout.detection.known_place import (
     draw_sound,
     known_place_power,
 )
-from turnout.detection.limit import (
+from turnout.detection.limit.limit_map import (
     BOTH,
     LARGEST_SIZE,
     SIZE_STEP,

@@ -6,9 +6,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.detection.pod_bound import DRAWN
-from turnout.detection.pod_likelihood import Campaigns, marginal_probability
-from turnout.detection.pod_table import TestThrows
+from turnout.detection.pod.pod_bound import DRAWN
+from turnout.detection.pod.pod_likelihood import Campaigns, marginal_probability
+from turnout.detection.pod.pod_table import TestThrows
 from turnout.errors import StudyError
 from turnout.schema.channels import SCHEMA_VERSION
 

@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from turnout.core.threads import one_blas_thread
-from turnout.detection.bound import conditioned, detection_index
 from turnout.detection.features import (
     discrepancy_covariance,
     features_of,
     noise_covariance,
     window_means,
 )
+from turnout.detection.limit.bound import conditioned, detection_index
 from turnout.detection.reference import FRICTION, NOMINAL_FRICTION, Conditions, reference_study
 from turnout.detection.throws import closing_time, places_of
 from turnout.errors import StudyError

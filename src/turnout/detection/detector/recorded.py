@@ -1,6 +1,6 @@
 """Throws as they come from recorders: what can be judged, and when each movement begins.
 
-Only numpy and scipy are used here; files are read in `turnout.detection.reading`.
+Only numpy and scipy are used here; files are read in `turnout.detection.detector.reading`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.detection.conditions import FORCE, UNITS
-from turnout.detection.judging import CYCLE, View
+from turnout.detection.detector.judging import CYCLE, View
+from turnout.detection.detector.throw_layout import CLOSING, OPENING, Layout, throw_features
 from turnout.detection.likelihood import log_density
-from turnout.detection.throw_layout import CLOSING, OPENING, Layout, throw_features
 
 Floats = NDArray[np.float64]
 

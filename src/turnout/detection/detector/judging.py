@@ -13,10 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from turnout.detection.knowledge import Knowledge
+from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.switch_history import (
+    Expectation,
+    ThrowErrors,
+    before_history,
+    predict,
+)
+from turnout.detection.detector.throw_layout import CLOSING
 from turnout.detection.likelihood import Centre, Evidence, Signatures, make_centre, weigh
-from turnout.detection.switch_history import Expectation, ThrowErrors, before_history, predict
-from turnout.detection.throw_layout import CLOSING
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]

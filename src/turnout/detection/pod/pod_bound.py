@@ -14,14 +14,14 @@ from collections.abc import Callable
 import numpy as np
 from scipy.special import ndtri
 
-from turnout.detection.pod_fit import (
+from turnout.detection.pod.pod_fit import (
     Fit,
     detected_size,
     draw_campaigns,
     maximise,
     signed_root,
 )
-from turnout.detection.pod_likelihood import Campaigns, Constraint
+from turnout.detection.pod.pod_likelihood import Campaigns, Constraint
 
 DRAWN, ROUNDS = 400, 2
 """Simulated campaigns, and how often the place where they are drawn is moved to the bound."""

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from turnout.core.threads import one_blas_thread
-from turnout.detection.bound import probability_of_detection
 from turnout.detection.drive_quantities import read_signals, stored_channels
 from turnout.detection.features import features_of
-from turnout.detection.limit import SoundThrows, smallest_seen, sound_throws
+from turnout.detection.limit.bound import probability_of_detection
+from turnout.detection.limit.limit_map import SoundThrows, smallest_seen, sound_throws
 from turnout.detection.reference import Conditions, reference_study
 from turnout.detection.throws import Report, Throws, objects_study
 from turnout.panel.load import LoadedPanel

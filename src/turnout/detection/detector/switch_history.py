@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from turnout.detection.sound_model import SPACING_SHARE, SoundModel
+from turnout.detection.detector.sound_model import SPACING_SHARE, SoundModel
 
 Floats = NDArray[np.float64]
 

@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 
 from turnout.core.files import write_atomic
 from turnout.core.provenance import version
-from turnout.detection.allowances import (
+from turnout.detection.conditions import FORCE, UNITS
+from turnout.detection.detector.allowances import (
     Allowances,
     discrepancy_of,
     gains_of,
     noise_of,
     zeros_of,
 )
-from turnout.detection.conditions import FORCE, UNITS
+from turnout.detection.detector.sound_model import SoundModel
+from turnout.detection.detector.switch_history import ThrowErrors
+from turnout.detection.detector.throw_layout import Layout, Part
 from turnout.detection.likelihood import Signatures
-from turnout.detection.sound_model import SoundModel
-from turnout.detection.switch_history import ThrowErrors
-from turnout.detection.throw_layout import Layout, Part
 from turnout.errors import FileError
 
 Floats = NDArray[np.float64]

@@ -15,9 +15,9 @@ from scipy.special import expit, xlogy
 from scipy.stats import chi2
 
 from turnout.detection.alarm_threshold import share_interval
-from turnout.detection.pod_bound import confidence_bound, separated, upper_bound
-from turnout.detection.pod_fit import Fit, detected_size, maximise
-from turnout.detection.pod_likelihood import (
+from turnout.detection.pod.pod_bound import confidence_bound, separated, upper_bound
+from turnout.detection.pod.pod_fit import Fit, detected_size, maximise
+from turnout.detection.pod.pod_likelihood import (
     INTERCEPT,
     KNOWN,
     SCALE,
@@ -25,8 +25,8 @@ from turnout.detection.pod_likelihood import (
     SPREAD,
     Campaigns,
 )
-from turnout.detection.pod_result import Pod, PodModel, alarms_of
-from turnout.detection.pod_table import TestThrows
+from turnout.detection.pod.pod_result import Pod, PodModel, alarms_of
+from turnout.detection.pod.pod_table import TestThrows
 from turnout.errors import StudyError
 
 Floats = NDArray[np.float64]

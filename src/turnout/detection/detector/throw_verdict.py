@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from turnout.detection.judging import (
+from turnout.detection.detector.judging import (
     ADJUSTED,
     Ratios,
     View,
@@ -15,10 +15,10 @@ from turnout.detection.judging import (
     level_of,
     ratios_of,
 )
-from turnout.detection.knowledge import RESIDUAL_LEVELS, Calibrated, Knowledge
+from turnout.detection.detector.knowledge import RESIDUAL_LEVELS, Calibrated, Knowledge
+from turnout.detection.detector.object_posterior import Interval, Posterior, posterior_of
+from turnout.detection.detector.throw_layout import CLOSING
 from turnout.detection.likelihood import Evidence
-from turnout.detection.object_posterior import Interval, Posterior, posterior_of
-from turnout.detection.throw_layout import CLOSING
 
 Floats = NDArray[np.float64]
 

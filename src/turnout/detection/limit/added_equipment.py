@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from turnout.detection.conditions import Conditions
 from turnout.detection.drive_quantities import ALL
-from turnout.detection.limit import limit_map
+from turnout.detection.limit.limit_map import limit_map
+from turnout.detection.limit.what_if import ADDED, EQUIPMENT, Measure, read_measure, some_states
 from turnout.detection.reference import reference_study, switch_inputs
 from turnout.detection.throws import (
     STEPS,
@@ -35,7 +36,6 @@ from turnout.detection.throws import (
     places_of,
     throw_all,
 )
-from turnout.detection.what_if import ADDED, EQUIPMENT, Measure, read_measure, some_states
 from turnout.errors import StudyError
 from turnout.panel.load import LoadedPanel, panel_from_document
 from turnout.sweep.read import open_sweep

@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.detection.judging import View
-from turnout.detection.recorded import (
+from turnout.detection.detector.judging import View
+from turnout.detection.detector.recorded import (
     END_MISSING,
     START_MISSING,
     Aligner,
@@ -27,7 +27,7 @@ from turnout.detection.recorded import (
     part_of,
     value_fault,
 )
-from turnout.detection.throw_layout import CLOSING, OPENING, Layout, Part
+from turnout.detection.detector.throw_layout import CLOSING, OPENING, Layout, Part
 
 Floats = NDArray[np.float64]
 

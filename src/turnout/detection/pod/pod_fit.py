@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.detection.pod_likelihood import (
+from turnout.detection.pod.pod_likelihood import (
     INTERCEPT,
     KNOWN,
     SCALE,

@@ -1,0 +1,1 @@
+"""The detector: training, a switch's history, the likelihood ratio, verdicts."""
