@@ -15,7 +15,9 @@ from turnout.calibration.causes import (
     LEFT_MISSED,
     CauseSearch,
     is_worth_a_search,
+    unexplained_reasons,
     with_causes,
+    without_needless,
 )
 from turnout.calibration.comparison import Comparison, Uncertainty
 from turnout.calibration.covariance import Spread, spread_of
@@ -68,6 +70,7 @@ from turnout.calibration.stage_progress import (
 )
 from turnout.calibration.stages import CalibrationPlan, Stage, default_plan
 from turnout.core.provenance import provenance
+from turnout.core.threads import one_blas_thread
 from turnout.errors import PanelError, SolverError
 from turnout.panel.load import LoadedPanel
 from turnout.scheme import Scheme
@@ -165,7 +168,11 @@ def calibrate(
     planned = planned_throws(plan, movements, panel, posterior=posterior, advise=advise)
     per_step = throws_per_step(plan, movements, panel)
     watch = ProgressReporter(report, len(plan.stages), planned=planned, per_step=per_step)
-    with Evaluator(panel, folder=folder, workers=workers, scheme=scheme or Scheme()) as evaluator:
+    # Matrices are small: threads would cost four times what the fits themselves take.
+    with (
+        one_blas_thread(),
+        Evaluator(panel, folder=folder, workers=workers, scheme=scheme or Scheme()) as evaluator,
+    ):
         evaluator.on_throw = lambda: watch.report_state(evaluator)
         run = _Run(plan, panel, movements, comparison, evaluator, watch)
         logs, sweeps, warnings, final, causes = run.stages()
@@ -251,7 +258,7 @@ def _result(
         data_hash=data_hash(movements),
         movements=tuple(item.name for item in final.misfit.movements),
         stages=(),
-        distrust=tuple([*distrust_reasons(final, spread), *sensor_reasons(final)]),
+        distrust=_distrust(final, spread),
         noise=noise_entries(final),
         scatter=final.misfit.comparison.scatter,
         about={
@@ -261,6 +268,14 @@ def _result(
             "synthetic": str(dataset.attrs.get("synthetic", "")),
         },
     )
+
+
+def _distrust(final: Fit, spread: Spread) -> tuple[str, ...]:
+    """Say why values are not to be trusted; what is far off is not said twice."""
+    found = [*distrust_reasons(final, spread), *sensor_reasons(final)]
+    named = [text.split(":")[0] for text in found]
+    found += [text for text in unexplained_reasons(final) if text.split(":")[0] not in named]
+    return tuple(found)
 
 
 def _not_from_far(
@@ -371,9 +386,13 @@ class _Run:
         search = with_causes(found, start, self.panel, on_step=on_step)
         lead = common_lead(search.found)
         known = replace(search.first.comparison, lead=lead)
-        search = replace(search, first=replace(search.first, comparison=known))
+        plain = replace(search.plain, comparison=replace(search.plain.comparison, lead=lead))
+        search = replace(search, first=replace(search.first, comparison=known), plain=plain)
         final = self._final(search)
-        causes = [item.line for item in search.tested]
+        fewer = without_needless(search, final, on_step=on_step)
+        if fewer is not search:
+            search, final = fewer, self._final(fewer)
+        causes = [item.line for item in search.ended(final).tested]
         return final, [lead_text(lead), *causes] if lead else causes
 
     def _final(self, search: CauseSearch) -> Fit:
