@@ -40,7 +40,7 @@ def test_a90_moves_the_way_it_must() -> None:
     assert np.all(a90(false_alarm_rate=1e-4) > usual)
 
 
-def test_a90_beyond_what_was_thrown_is_not_told() -> None:
+def test_a90_beyond_what_was_thrown_is_not_given() -> None:
     throws = dataclasses.replace(toy_throws(), change=0.0 * toy_throws().change)
     found = limit_map(throws, Conditions(), closing=0.8)
     assert np.isnan(found["a90"]).all()
