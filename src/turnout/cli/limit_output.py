@@ -122,7 +122,8 @@ def _print(found: "xr.Dataset") -> None:
         f"{said['quantities'].capitalize()} of the drives: smallest size that the bound detects "
         f"in 90 % of {said['states']} states "
         f"(discrepancy {100 * said['discrepancy']:g} %, {said['history']} sound throws known, "
-        f"false-alarm rate {said['false_alarm_rate']:g}); optimistic: place and size are known"
+        f"false-alarm rate {said['false_alarm_rate']:g}, objects: {said['object_kind']}); "
+        "optimistic: place and size are known"
     )
     channels = [str(name) for name in found["channel"].to_numpy()]
     others = "".join(f"{name + ' alone':>16}" for name in channels[1:])

@@ -69,7 +69,8 @@ def plot_limit(dataset: xr.Dataset, *, channel: str = "both drives") -> "Figure"
     figure.suptitle(
         f"Best detection by {said.get('quantities', 'force')}, {channel}: discrepancy "
         f"{100 * said['discrepancy']:g} %, "
-        f"{said['history']} throws known, false-alarm rate {said['false_alarm_rate']:g}",
+        f"{said['history']} throws known, false-alarm rate {said['false_alarm_rate']:g}"
+        + (f", {kind}" if (kind := said.get("object_kind", "spring")) != "spring" else ""),
         fontsize=10,
     )
     return figure

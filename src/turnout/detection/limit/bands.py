@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from turnout.detection.conditions import FORCE, Conditions
 from turnout.detection.limit.limit_map import limit_map
 from turnout.detection.throws import (
+    ELASTIC,
     QUICK_SOUND,
     QUICK_STEPS,
     Report,
@@ -127,6 +128,7 @@ def limit_bands(
     sound: int = QUICK_SOUND,
     steps: Sequence[float] = QUICK_STEPS,
     channels: str = FORCE,
+    kind: str = ELASTIC,
     workers: int = 1,
     report: Callable[[str, str], Report] | None = None,
 ) -> xr.Dataset:
@@ -146,6 +148,8 @@ def limit_bands(
         Sizes thrown at a place beyond its touch floor [m].
     channels : str
         What is evaluated.
+    kind : str
+        Of the objects.
     workers : int
         Processes.
     report : callable, optional
@@ -162,7 +166,7 @@ def limit_bands(
         throws = throw_all(
             member.panel, folder / member.name,
             sound=max(sound, states), states=states, channels=channels, steps=steps,
-            over_travel=member.over_travel, workers=workers,
+            over_travel=member.over_travel, kind=kind, workers=workers,
             report=None if report is None else _named(report, member.name),
         )  # fmt: skip
         maps.append(limit_map(throws, conditions, closing=closing_time(member.panel)))

@@ -367,6 +367,7 @@ def _dataset(
             "object_throws": int(np.isfinite(throws.force_peak).sum()),
             "amplitude": throws.amplitude.tolist(),
             "quantities": quantities_of(throws.signals),
+            "object_kind": throws.kind,
             "touch_agreement": float(agree.mean()),
             "bound": "linear-Gaussian: place, size and signature known; optimistic",
         },
