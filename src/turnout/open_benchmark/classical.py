@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.robust_deviation import MAD_TO_SIGMA
 from turnout.detection.detector.throw_layout import CLOSING, Layout
 from turnout.open_benchmark.make_throws import STEP, fine_layout
 from turnout.open_benchmark.method import Judged, Model
@@ -97,7 +96,7 @@ class LimitsMethod:
         """Take the limits from sound throws."""
         values = numbers_of(self.numbers, train, relative=setting["relative"])[train.sound]
         middle = np.median(values, axis=0)
-        spread = MAD_TO_SIGMA * np.median(np.abs(values - middle), axis=0)
+        spread = 1.4826 * np.median(np.abs(values - middle), axis=0)
         return Limits(self.numbers, setting["relative"], middle, np.maximum(spread, 1e-6))
 
 
