@@ -11,11 +11,12 @@ from turnout.errors import SolverError
 from turnout.integrate.arrange import PreparedRun
 from turnout.integrate.duty import Duty, machine_duties
 from turnout.integrate.rods import Rods
+from turnout.integrate.scratch import acquire_buffer
 from turnout.kernels.shared_record import shared_record
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
 from turnout.machine.line_power import field_energies
-from turnout.machine.rows import work_rows
+from turnout.machine.rows import machine_room
 from turnout.mechanism.mechanism import DriveMachines, Mechanism
 from turnout.scheme import Scheme
 
@@ -219,14 +220,13 @@ def new_rods(run: PreparedRun, mechanism: Mechanism, scheme: Scheme, count: int)
         )
         raise SolverError(message)
     n = len(given.names)
+    size = count * n * at.STATES
     rods = Rods(
         constants=run_constants(given, scheme),
         tables=given.tables,
         commands=given.commands,
         shared_resistance=np.array([given.shared_resistance]),
-        rails=np.zeros((n, at.RAIL_CONSTANTS)),
-        work=work_rows(),
-        log=np.zeros((n, MOST_EVENTS, 2)),
+        **machine_room(n, events=MOST_EVENTS)._asdict(),
         place=run.system.row_place[run.laws.row[given.laws]].astype(np.int64),
         law=given.laws,
         input=given.inputs,
@@ -239,11 +239,12 @@ def new_rods(run: PreparedRun, mechanism: Mechanism, scheme: Scheme, count: int)
         free=np.zeros(n),
         compliance=np.zeros((n, n)),
         before=np.zeros((2, n)),
+        rod_before=np.zeros((2, n)),
         lengths=np.full(2, float(scheme.step)),
         force=np.zeros(n),
         given=np.zeros(n),
         left=np.zeros(1),
-        kept=np.zeros((count, n, at.STATES)),
+        kept=acquire_buffer(size)[:size].reshape(count, n, at.STATES),
         kept_given=np.zeros((count, n)),
     )
     return shared_record(rods)
@@ -255,6 +256,7 @@ def start_rods(run: PreparedRun) -> None:
     if rods is None:
         return
     rods.before[:] = run.state.g[rods.place] - rods.shift
+    rods.rod_before[:] = rods.state[:, at.ROD_POSITION]
     rods.force[:] = run.work.force[rods.law]
     rods.state[:, at.ROD_FORCE] = -rods.force
     rods.kept[0] = rods.state

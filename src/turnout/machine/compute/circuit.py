@@ -348,11 +348,38 @@ def _piece(
     before = beyond_limit(constants, state, state[GEAR_ANGLE])
     if over > ANGLE_ROUNDING and before < -ANGLE_ROUNDING:
         h = _locate_limit(constants, rail, table, state, (time, h), work)
-    locks = constants[HOLDS] > 0.0 and state[ENERGISED] == 0.0 and state[LOCKED] == 0.0
-    if locks and h > 0.0 and work[SECOND, GEAR_SPEED] * state[GEAR_SPEED] < 0.0:
+    if h > 0.0 and _turns_round(constants, state, work):
         h = _locate_turn(constants, rail, table, state, (time, h), work)
-    if h <= 0.0:
-        return h
+    if h > 0.0:
+        _finish_step(constants, rail, table, state, (time, h), work, log)
+    return h
+
+
+@compiled_part
+def _may_lock(constants: Floats, state: Floats) -> bool:
+    """Return whether the lock holds the gear at its next standstill."""
+    return bool(constants[HOLDS] > 0.0 and state[ENERGISED] == 0.0 and state[LOCKED] == 0.0)
+
+
+@compiled_part
+def _turns_round(constants: Floats, state: Floats, work: Floats) -> bool:
+    """Return whether the gear stood within the step and may be locked there."""
+    return bool(_may_lock(constants, state) and work[SECOND, GEAR_SPEED] * state[GEAR_SPEED] < 0.0)
+
+
+@compiled
+def _finish_step(
+    constants: Floats,
+    rail: Floats,
+    table: Floats,
+    state: Floats,
+    span: tuple[float, float],
+    work: Floats,
+    log: Floats,
+) -> None:
+    """Make the end of a step the state, with what clutch, contacts, relay and lock do there."""
+    time, h = span
+    locks = _may_lock(constants, state)
     x_before, w2_before = state[ROD_POSITION], state[GEAR_SPEED]
     accept_step(constants, rail, table, state, time, h, work)
     update_clutch(constants, state, h)
@@ -364,7 +391,6 @@ def _piece(
         state[ENERGIES + INTO_STORES] -= motion
         state[GEAR_SPEED], state[LOCKED] = 0.0, 1.0
         log_event(state, log, time + h, EVENT_LOCKED)
-    return h
 
 
 @compiled_part
@@ -416,11 +442,7 @@ def advance(
         return CONVERGED
     pieces = 0
     while True:
-        instant = next_instant(constants, state, commands, time)
-        while instant <= time + INSTANT:
-            switch_due(constants, state, commands, time, log)
-            _lock_standing(constants, state, log, time)
-            instant = next_instant(constants, state, commands, time)
+        instant = _switch_all_due(constants, state, commands, time, log)
         left = min(end, instant) - time
         if left <= INSTANT:
             return CONVERGED
@@ -430,6 +452,66 @@ def advance(
         if h <= 0.0 or pieces > 1 << HALVINGS:
             return NOT_CONVERGED
         time = min(end, instant) if h == left else time + h
+
+
+@compiled_part
+def _switch_all_due(
+    constants: Floats, state: Floats, commands: Floats, time: float, log: Floats
+) -> float:
+    """Switch all that is due at an instant, and return the next one [s]."""
+    instant = next_instant(constants, state, commands, time)
+    while instant <= time + INSTANT:
+        switch_due(constants, state, commands, time, log)
+        _lock_standing(constants, state, log, time)
+        instant = next_instant(constants, state, commands, time)
+    return instant
+
+
+@compiled
+def try_plain_step(
+    constants: Floats,
+    rail: Floats,
+    table: Floats,
+    commands: Floats,
+    state: Floats,
+    span: tuple[float, float],
+    work: Floats,
+) -> bool:
+    """Solve a span in which nothing switches, where that is one step; False where it is not.
+
+    Takes what `advance` takes. The state stays as it is but for `set_local_faults`, so that the
+    span may be tried again; `accept_plain_step` makes the state of it that `advance` would.
+    """
+    time, end = span[0], span[0] + span[1]
+    h = end - time
+    if rests(constants, rail, state) or h > constants[LONGEST_STEP]:
+        return False
+    if next_instant(constants, state, commands, time) <= end + INSTANT:
+        return False
+    set_local_faults(constants, state)
+    if take_step(constants, rail, table, state, time, h, work) != CONVERGED:
+        return False
+    over = beyond_limit(constants, state, work[SECOND, GEAR_ANGLE])
+    before = beyond_limit(constants, state, state[GEAR_ANGLE])
+    at_limit = over > ANGLE_ROUNDING and before < -ANGLE_ROUNDING
+    return not (at_limit or _turns_round(constants, state, work))
+
+
+@compiled
+def accept_plain_step(
+    constants: Floats,
+    rail: Floats,
+    table: Floats,
+    commands: Floats,
+    state: Floats,
+    span: tuple[float, float],
+    work: Floats,
+    log: Floats,
+) -> None:
+    """Make the end of a span that `try_plain_step` has solved the state."""
+    time, end = span[0], span[0] + span[1]
+    _finish_step(constants, rail, table, state, (time, end - time), work, log)
+    _switch_all_due(constants, state, commands, end, log)
 
 
 @compiled_part
