@@ -8,8 +8,8 @@ import numpy as np
 from turnout.law.table import Floats
 from turnout.machine.components import Command, Machine, OneMassRail, Stroke
 from turnout.machine.compute import places as at
-from turnout.machine.compute.circuit import switch_off
 from turnout.machine.compute.clutch import kinetic_level
+from turnout.machine.compute.contactor import switch_off
 from turnout.machine.compute.couple import Room
 from turnout.machine.compute.machine_step import WORK_ROWS
 from turnout.machine.compute.rail import bed_force, rod_position

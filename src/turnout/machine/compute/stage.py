@@ -80,6 +80,13 @@ def _fill(
         stage[RAIL_TWIST] = friction_twist(rail, base[RAIL_TWIST] + moved)[0]
 
 
+@compiled_part
+def follow_gear(w1: float, change: float) -> float:
+    """Return where the motor will be to first order, or its speed where that turns it round."""
+    ahead = w1 + change
+    return ahead if ahead * w1 > 0.0 else w1
+
+
 @compiled
 def solve_stage(
     constants: Floats,
@@ -168,10 +175,7 @@ def solve_stage(
                     new = 0.5 * (low + high)
                 settled = new in (w2, low, high)
                 if not settled:
-                    ahead = w1 + follows * (new - w2)  # where the motor will be, to first order
-                    if ahead * w1 > 0.0:
-                        w1 = ahead
-                    w2 = new
+                    w1, w2 = follow_gear(w1, follows * (new - w2)), new
                     continue
             if not checked and w2 * sign < 0.0:
                 stands, w2 = True, 0.0
