@@ -39,14 +39,22 @@ from turnout.sweep.process import worker_processes
 RESULTS = "results"
 Report = Callable[[str, int, int], None]
 ASSUMED = 0.05
-"""Discrepancy that a detector assumes which is not told the true one [-]."""
-METHODS = tuple(
-    f"open_benchmark/{name}.py"
-    for name in (
-        *("classical", "learned", "method", "minirocket", "ours", "recorder_errors", "sides"),
-        "run_methods",
-    )
-) + ("detection/detector", "detection/likelihood.py", "detection/population.py")
+"""Usual discrepancy, which a detector assumes that does not know the true one [-]."""
+METHODS = (
+    *(
+        f"open_benchmark/{name}.py"
+        for name in (
+            "classical",
+            "learned",
+            "method",
+            "minirocket",
+            "ours",
+            "recorder_errors",
+            "sides",
+        )  # fmt: skip
+    ),
+    *("detection/detector", "detection/likelihood.py", "detection/population.py"),
+)
 """Sources that verdicts depend on: results of others are made again."""
 SCORES = tuple(f"open_benchmark/{name}.py" for name in ("metrics", "score")) + ("detection/pod",)
 """Sources that scores depend on."""
@@ -236,7 +244,8 @@ def _data_of(folder: Path) -> dict[str, str]:
 def _key(method: Method, data: str) -> str:
     """Return a digest of all that verdicts follow from."""
     settings = [dict(item) for item in method.settings]
-    return str(content_hash([data, method.name, settings, digest_of_sources(METHODS)]))
+    assumed = str(getattr(method, "errors", ""))
+    return str(content_hash([data, method.name, settings, assumed, digest_of_sources(METHODS)]))
 
 
 def _kept(folder: Path, conditions: Conditions, method: Method, data: str) -> dict[str, Any] | None:
