@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from turnout.detection.detector.training_plan import (
     CLUTCH,
-    DEFECT_FIELDS,
     DEFECTS,
     FROZEN,
     LARGEST,
@@ -23,8 +22,6 @@ from turnout.detection.detector.training_plan import (
     Plan,
     Population,
     Row,
-    defect,
-    over_travel,
 )
 from turnout.detection.reference import TEMPERATURE, reference_study
 from turnout.detection.throws import places_of
@@ -205,17 +202,9 @@ def fixed_state(population: Population, shifts: Mapping[str, float]) -> int:
 
 def holds_at_rest(population: Population, row: Row) -> bool:
     """Return whether no drive slips where it holds a rail at rest, as every throw begins."""
-    panel = population.study.panel
-    values: dict[str, object] = {}
-    for name, drive in panel.drive.items():
-        for field in DEFECT_FIELDS:
-            if field == "stiffness" or drive.machine is None:  # a machine slips by its clutch
-                factor = float(row.get(f"drive.{name}.{field}", 1.0)) * float(
-                    row[defect(name, field)])  # fmt: skip
-                values[f"drive.{name}.{field}"] = float(getattr(drive, field)) * factor
-        values[over_travel(name)] = float(row[over_travel(name)])
+    study = population.plan("at rest", [row]).study
     try:
-        panel.with_overrides(values)
+        study.panel.with_overrides(dict(study.scenario(0).overrides))
     except PanelError:
         return False
     return True
