@@ -67,10 +67,10 @@ def test_a_switch_whose_drive_slips_at_rest_is_drawn_again() -> None:
     switch = switches_of(PRESETS["full"])[number]
     study = study_of(switch)
     population = Population(study, seed=1)
-    row = population.row(0)
-    slack = row | {"drive.2.saturation_force": 1.05, "drive.2.stiffness": 1.0}
-    assert holds_at_rest(population, slack)
-    assert not holds_at_rest(population, slack | {"drive.2.saturation_force": 0.95})
+    level, stiffness = "drive.2.saturation_force.factor", "drive.2.stiffness.factor"
+    usual = population.row(0) | {stiffness: 1.0, "rail.fit_gap.value.factor": 1.0}
+    assert holds_at_rest(population, usual | {level: 1.05})
+    assert not holds_at_rest(population, usual | {level: 0.95})
     state = fixed_state(population, shifts_of(study))
     assert holds_at_rest(population, population.row(state))
 

@@ -30,7 +30,7 @@ STEPS, CLOSE = 60, 1e-6
 """Newton steps at most, and the change of a coefficient at the end [-]."""
 RIDGE = 1e-4
 """Keeps slopes finite where calls and misses do not overlap; in squared standard sizes [-]."""
-LEAST_HITS = 5
+LEAST_HITS, FEWEST_SIZES = 5, 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,6 +127,8 @@ def weighted_a90(size: Floats, hit: NDArray[np.bool_], weight: Floats) -> Floats
     ndarray, shape (n_draws,)
         Infinite with fewer than five hits, or where detection does not grow with size [m].
     """
+    if len(np.unique(size)) < FEWEST_SIZES:
+        return np.full(len(hit), np.inf)
     x = (size - size.mean()) / size.std()
     sign = np.where(hit, 1.0, -1.0)
     beta = np.zeros((len(hit), 2))
