@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.kept import keep
 from benchmarks.log_axis import label_times
-from benchmarks.machine import ONE_THREAD, figure, load, machine, printed
+from benchmarks.machine import ONE_THREAD, figure, load, machine, seconds_text
 from benchmarks.page import write_section
 from benchmarks.racers import RACERS
 from benchmarks.real_time import FILE as REAL_TIME
@@ -104,7 +104,7 @@ def table(case: str, lines: list[tuple[str, Found]]) -> str:
         verdict = "yes" if found["agrees"] else "**no**"
         quoted = racer.quoted if found["step"] == 1.0 else ""
         text.append(
-            f"| {racer.title} | {found['step']:g} | {printed(found['seconds'])} | {errors} "  # type: ignore[arg-type]
+            f"| {racer.title} | {found['step']:g} | {seconds_text(found['seconds'])} | {errors} "  # type: ignore[arg-type]
             f"| {verdict} | {figure(median(found) / base)} | {quoted} |"
         )
     return "\n".join(text) + "\n"
@@ -148,7 +148,7 @@ def draw(raced: dict[str, list[tuple[str, Found]]]) -> Figure:
         ax.scatter(seconds, titles, color=colours, zorder=3)
         for title, value in zip(titles, seconds, strict=True):
             ax.annotate(
-                printed([value]).split(" (")[0], (value, title), fontsize=8,
+                seconds_text([value]).split(" (")[0], (value, title), fontsize=8,
                 textcoords="offset points", xytext=(7, -3),
             )  # fmt: skip
         ax.grid(alpha=0.3)

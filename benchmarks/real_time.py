@@ -8,7 +8,7 @@ from tests.verification.agreement import sb2_checks
 from tests.verification.reference import thinned
 
 from benchmarks.kept import keep
-from benchmarks.machine import figure, load, machine, processor_seconds, reported
+from benchmarks.machine import figure, load, machine, processor_seconds, seconds_text
 from benchmarks.schemes import MODES
 from turnout.integrate.integration import integrate
 from turnout.mechanism.build import build_mechanism
@@ -103,9 +103,9 @@ def _row(row: dict[str, object]) -> str:
     if row.get("failed"):
         checks += f"; not {', '.join(row['failed'])}"  # type: ignore[arg-type]
     cells = (
-        row["panel"], row["object"], row["mode"], reported(seconds),  # type: ignore[arg-type]
+        row["panel"], row["object"], row["mode"], seconds_text(seconds),  # type: ignore[arg-type]
         figure(1e3 * start), figure(1e3 * (whole - start)),  # type: ignore[operator]
         figure(end / whole), figure(end / (whole - start)),  # type: ignore[operator]
-        reported(row["dataset"]), checks,  # type: ignore[arg-type]
+        seconds_text(row["dataset"]), checks,  # type: ignore[arg-type]
     )  # fmt: skip
     return "| " + " | ".join(f"{cell}" for cell in cells) + " |"

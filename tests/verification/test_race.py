@@ -7,7 +7,7 @@ import pytest
 from benchmarks import banded, race, sb1, scaling
 from benchmarks.accuracy_page import draw, section
 from benchmarks.errors import Error, Run, contact_late, error, errors
-from benchmarks.machine import figure, processor_seconds, reported
+from benchmarks.machine import figure, processor_seconds, seconds_text
 from benchmarks.page import with_section
 from benchmarks.racers import RACERS
 from benchmarks.schemes import MODES
@@ -159,7 +159,7 @@ def test_panels_of_the_scaling():
 
 
 def test_figures_are_reported_as_measured():
-    assert reported([0.0123]) == "12.3 ms (once)"
+    assert seconds_text([0.0123]) == "12.3 ms (once)"
     assert (figure(0.0), figure(99.96), figure(123456.0)) == ("0", "100", "123000")
     calls = []
     assert len(processor_seconds(lambda: calls.append(1), count=3)) == 3
