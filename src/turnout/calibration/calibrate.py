@@ -56,6 +56,7 @@ from turnout.calibration.result_entries import (
     warnings_from,
 )
 from turnout.calibration.sensors import (
+    FoundSensor,
     common_lead,
     found_sensors,
     lead_text,
@@ -206,10 +207,7 @@ def calibrate(
         warnings=tuple(dict.fromkeys(warnings)),
         findings=tuple(findings),
         posterior=sampled,
-        causes=(
-            *_cause_lines(final, search),
-            *(f"{item.cause}: {item.text}" for item in sensors if item.cause),
-        ),
+        causes=_cause_lines(final, search, sensors),
         fitted_causes=tuple(item.name for item, _ in search.taken) if search else (),
         sensors=tuple(item.text for item in sensors),
         effects=movement_rows(final),
@@ -276,18 +274,21 @@ def _result(
 
 
 def _distrust(final: Fit, spread: Spread) -> tuple[str, ...]:
-    """Say why values are not to be trusted; what is far off is not said twice."""
+    """Say why values are not trustworthy; what is far off is not said twice."""
     found = [*distrust_reasons(final, spread), *sensor_reasons(final)]
     named = [text.split(":")[0] for text in found]
     found += [text for text in unexplained_reasons(final) if text.split(":")[0] not in named]
     return tuple(found)
 
 
-def _cause_lines(final: Fit, search: CauseSearch | None) -> list[str]:
-    """Return what the panel alone does not follow, a lead of the motors first."""
+def _cause_lines(
+    final: Fit, search: CauseSearch | None, sensors: Sequence[FoundSensor]
+) -> tuple[str, ...]:
+    """Return what the panel alone does not follow, a lead of the motors first, sensors last."""
     lead = final.misfit.comparison.lead
     lines = [lead_text(lead)] if lead else []
-    return lines + [item.line for item in (search.tested if search else ())]
+    lines += [item.line for item in (search.tested if search else ())]
+    return (*lines, *(f"{item.cause}: {item.text}" for item in sensors if item.cause))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

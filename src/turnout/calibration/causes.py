@@ -164,7 +164,7 @@ def with_causes(
         for _, cause in choice:
             first = with_cause(first, cause)
         taken += choice
-        found = _settled(found, first, on_step)
+        found = _continued(found, first, on_step)
         left = tuple(item for item in left if all(_goes_with(item, cause) for _, cause in choice))
     names = {item.name for item, _ in taken}
     others = [item for item in tested if item.name not in names]
@@ -268,7 +268,7 @@ def _is_needed(cause: Cause, final: Fit) -> bool:
     return gain > DECISIVE
 
 
-def _settled(found: Fit, first: Misfit, on_step: Callable[[float], None] | None) -> Fit:
+def _continued(found: Fit, first: Misfit, on_step: Callable[[float], None] | None) -> Fit:
     """Go on with a fit that stopped on its way, before another cause is looked for."""
     for _ in range(MOST_ROUNDS):
         if found.converged or not is_worth_a_search(found, share=CLEARLY):
