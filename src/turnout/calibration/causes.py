@@ -173,7 +173,8 @@ def with_causes(
         first=first,
         plain=plain,
         taken=tuple(taken),
-        others=tuple(_each_name_once(others)),
+        # Where nothing is missed any more, those that were taken up explain what the others did.
+        others=tuple(_each_name_once(others)) if misses else (),
         misses=misses,
     ).ended(found)
 
@@ -262,7 +263,7 @@ def _is_needed(cause: Cause, final: Fit) -> bool:
         a = a - a.mean()
     samples = effective_samples(final.frame.alignments, final.misfit.comparison)
     known = [n for n, item in enumerate(sized) if item.prior > 0.0]
-    widths = np.array([sized[n].prior for n in known])
+    widths = np.array([sized[n].prior_width for n in known])
     gain = float(a @ S @ a) - (len(sized) - len(known)) * float(np.log(samples))
     gain -= float(np.linalg.slogdet(S[np.ix_(known, known)] * np.outer(widths, widths))[1])
     return gain > DECISIVE

@@ -23,6 +23,8 @@ UNIDENTIFIED = 0.7
 CORRELATED = 0.95
 # Correlation with a parameter that has a prior, from which on it is said [-].
 NOTED = 0.6
+# Share of its stated deviation that a value keeps at least where what was stated matters [-].
+HARDLY_KNOWN = 0.3
 # Units of values that a scale of all forces changes.
 FORCES = ("N", "N/m")
 NORMAL_95 = float(norm.ppf(0.975))
@@ -236,7 +238,10 @@ def _correlations(parameters: Sequence[Parameter], whole: Floats, kept: Sequence
             correlation = float(whole[one, other] / (sizes[one] * sizes[other]))
             if abs(correlation) < CORRELATED:
                 if bool(parameters[one].prior) != bool(parameters[other].prior):
-                    found += _with_prior(parameters[one], parameters[other], correlation)
+                    stated = one if parameters[one].prior else other
+                    # What the movements say far better than it was stated needs no measurement.
+                    if sizes[stated] > HARDLY_KNOWN * parameters[stated].prior_width:
+                        found += _with_prior(parameters[one], parameters[other], correlation)
                 continue
             word = "ratio" if correlation > 0 else "product"
             found.append(

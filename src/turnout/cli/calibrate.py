@@ -180,7 +180,15 @@ def _left(seconds: float) -> str:
 
 def _scaled(unit: str) -> tuple[float, str]:
     """Return the factor and unit in which a value of the SI unit is printed."""
-    return {"1": (1.0, ""), "N/m": (1e-3, " kN/m"), "N": (1e-3, " kN")}.get(unit, (1.0, f" {unit}"))
+    scales = {
+        "1": (1.0, ""),
+        "N/m": (1e-3, " kN/m"),
+        "N": (1e-3, " kN"),
+        "m": (1e3, " mm"),
+        "Pa": (1e-9, " GPa"),
+        "s": (1e3, " ms"),
+    }
+    return scales.get(unit, (1.0, f" {unit}"))
 
 
 def result_lines(calibration: "Calibration") -> list[str]:

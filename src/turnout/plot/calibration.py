@@ -57,7 +57,7 @@ def plot_sweep(curves: xr.Dataset) -> "Figure":
     axes[0].legend(loc="center left", bbox_to_anchor=(1.005, 0.5), frameon=False)
     axes[-1].set_xlabel("Time from the onset [s]")
     figure.align_ylabels(axes)
-    title = f"{curves.attrs['parameter']} against {curves.attrs['movement']}"
+    title = f"{curves.attrs['parameter']} tried on {curves.attrs['movement']}"
     put_title(figure, title)
     return figure
 
@@ -172,7 +172,8 @@ def plot_fit(signals: xr.Dataset, movement: str) -> "Figure":
         raise ResponseError(message)
     figure, axes = new_figure(2 * len(names))
     time = one["time"].to_numpy()
-    span = (float(time[0]), float(time[-1]))
+    compared = time[one["measured"].notnull().any("channel").to_numpy()]
+    span = (float(compared[0]), float(compared[-1]))
     for place, name in enumerate(names):
         forces, rest = axes[2 * place], axes[2 * place + 1]
         row = one.sel(channel=name)
