@@ -43,6 +43,39 @@ def test_it_is_the_fit_to_the_other_places() -> None:
         np.testing.assert_allclose(found.variance[:, inside], variance, rtol=1e-8)
 
 
+def test_what_a_movement_has_of_its_own_is_no_reason_to_change_values() -> None:
+    measured, slopes, stacked = made()
+    rng = np.random.default_rng(6)
+    own = 5.0 * rng.standard_normal(measured.shape)
+    measured = measured + own * rng.standard_normal(len(PLACES))[:, None]
+    weights = [
+        np.linalg.inv(0.09 * np.eye(80) + np.outer(one, one))
+        for one in (own[:, n].ravel() for n in range(len(PLACES)))
+    ]
+    J = [stacked[:, :, n].reshape(3, -1) for n in range(len(PLACES))]
+
+    def values(numbers: list[int]) -> np.ndarray:
+        H = sum((J[n] @ weights[n] @ J[n].T for n in numbers), np.zeros((3, 3)))
+        g = sum((J[n] @ weights[n] @ measured[:, n].ravel() for n in numbers), np.zeros(3))
+        return np.linalg.solve(H, g)
+
+    every = list(range(len(PLACES)))
+    found = leave_out_places(
+        measured,
+        np.tensordot(values(every), stacked, axes=1),
+        slopes,
+        places=PLACES,
+        variance=np.full(measured.shape, 0.09),
+        covariance=np.eye(3),
+        alike=[own],
+    )
+    for place in set(PLACES):
+        inside = [n for n in every if PLACES[n] == place]
+        others = values([n for n in every if n not in inside])
+        expected = np.tensordot(others, stacked[:, :, inside], axes=1)
+        np.testing.assert_allclose(found.forces[:, inside], expected, atol=1e-9)
+
+
 def test_a_value_that_one_place_alone_shows_keeps_that_place() -> None:
     measured, slopes, stacked = made()
     slopes["level"][:, :5] = 0.0

@@ -20,6 +20,7 @@ from turnout.calibration.drive_law.candidates import (
 )
 from turnout.calibration.evaluate import Response
 from turnout.calibration.parameter import Parameter, free_parameter
+from turnout.calibration.result import Fitted
 from turnout.calibration.trailing_mean import trailing_mean
 from turnout.errors import PanelError
 from turnout.panel.load import LoadedPanel
@@ -90,7 +91,9 @@ class Cause:
     scatter: Mapping[str, float] = field(default_factory=dict)
 
 
-def candidate_causes(panel: LoadedPanel, parameters: Sequence[Parameter]) -> tuple[Cause, ...]:
+def candidate_causes(
+    panel: LoadedPanel, parameters: Sequence[Parameter | Fitted]
+) -> tuple[Cause, ...]:
     """Return the causes that are tested, the cheap ones first."""
     known = {item.name for item in parameters}
     found = [_recorder(), *_bushings(panel), *_tables(panel), *_clutches(panel, known)]

@@ -42,8 +42,8 @@ AT_ONCE = 2
 # of that: with more noise, or with noise found again too early, it would stay where it is.
 LEFT_MISSED, CAUSE_STEPS = 0.1, 14
 # How often a fit with a cause goes on where it stopped before its end, and the scatter of a slip
-# level from which on it is one [-].
-MOST_ROUNDS, LEAST_SCATTER = 2, 3e-3
+# level from which on it is one [-], of movements that know it to this share of what was expected.
+MOST_ROUNDS, LEAST_SCATTER, SAYS_SOMETHING = 2, 5e-3, 0.3
 # Causes of which several may be, one a drive.
 SEVERAL = ("bushing shape", "clutch", "drive law")
 # What a fit with a cause may miss at most, as a share of what one without it does [-].
@@ -242,7 +242,7 @@ def without_needless(
 def _is_needed(cause: Cause, final: Fit) -> bool:
     """Return whether a fit to the end shows that a cause is one."""
     if not cause.parameters:
-        return all(final.misfit.comparison.scatter[name] > LEAST_SCATTER for name in cause.scatter)
+        return any(_scatters(name, final) for name in cause.scatter)
     if _is_slight(cause, final):
         return False
     places = {item.name: number for number, item in enumerate(final.parameters)}
@@ -267,6 +267,21 @@ def _is_needed(cause: Cause, final: Fit) -> bool:
     gain = float(a @ S @ a) - (len(sized) - len(known)) * float(np.log(samples))
     gain -= float(np.linalg.slogdet(S[np.ix_(known, known)] * np.outer(widths, widths))[1])
     return gain > DECISIVE
+
+
+def _scatters(name: str, final: Fit) -> bool:
+    """Return whether the values of those movements that say something of them differ.
+
+    The scatter that a fit states keeps a part of what was expected, also where there is none.
+    """
+    expected = final.misfit.comparison.scatter[name]
+    known = [
+        mean
+        for alignment in final.frame.alignments
+        for mean, deviation in [alignment.estimates.get(name, (0.0, np.inf))]
+        if deviation < SAYS_SOMETHING * expected
+    ]
+    return bool(known) and float(np.sqrt(np.mean(np.square(known)))) > LEAST_SCATTER
 
 
 def _continued(found: Fit, first: Misfit, on_step: Callable[[float], None] | None) -> Fit:

@@ -160,7 +160,10 @@ class Calibration:
         return {key: item.value for item in self.parameters for key in item.keys}
 
     def apply(self, panel: LoadedPanel) -> LoadedPanel:
-        """Return a panel with the calibrated values.
+        """Return a panel with the calibrated values, and with the causes that are part of it.
+
+        A bushing that was found to be soft at first, or friction that differs from chair to chair,
+        is in the panel; a recorder that averages is not.
 
         Parameters
         ----------
@@ -173,7 +176,13 @@ class Calibration:
             When the panel lacks keys; with all problems.
         """
         try:
-            return panel.with_overrides(self.overrides)
+            calibrated = panel.with_overrides(self.overrides)
+            if all(item.keys for item in self.parameters):
+                return calibrated
+            from turnout.calibration.fitted_causes import fitted_causes, overrides_with
+
+            causes = fitted_causes(panel, self.parameters)
+            return panel.with_overrides(overrides_with(causes, self.parameters, self.values))
         except PanelError as error:
             problems = [
                 f"{text}; the calibration is of panel {self.panel}" for text in error.problems

@@ -192,7 +192,8 @@ def _power(part: xr.Dataset) -> tuple[str, ...]:
     found = []
     for name in part["parameter"].values:
         shares = (needed / answer.sel(parameter=name)).values
-        shares = shares[np.isfinite(shares)]
+        # A channel that is refused already notices nothing more.
+        shares = shares[np.isfinite(shares) & (shares > 0.0)]
         if shares.size and shares.min() < MOST_POWER:
             found.append(f"{name} off by {100 * shares.min():.2g} %")
         else:

@@ -7,7 +7,9 @@ is predicted, `r`, the values without the movements of a place `p` are
 .. math:: \theta_p = \theta - (H - H_p)^{-1} J_p^T W_p r_p, \quad H = \sum_q J_q^T W_q J_q
 
 (Cook and Weisberg 1982, Residuals and Influence in Regression, equation 3.4.4, for groups), which
-is exact for a linear model. Their covariance grows from `C` by the information that is lost.
+is exact for a linear model. What moves all instants of a movement together, `S`, such as its own
+friction, is in its weight, :math:`W = (R + S S^T)^{-1}` with the variance `R` of the rest. Their
+covariance grows from `C` by the information that is lost.
 """
 
 from collections.abc import Mapping, Sequence
@@ -49,6 +51,7 @@ def leave_out_places(
     places: Sequence[str],
     variance: Floats,
     covariance: Floats,
+    alike: Sequence[Floats] = (),
 ) -> LeftOut:
     """Predict the movements at each place with the values that the other places give.
 
@@ -64,6 +67,10 @@ def leave_out_places(
         Of a measured instant about its prediction [N^2]; NaN in channels that were not fitted.
     covariance : ndarray, shape (p, p)
         Of the values of the fit to all movements.
+    alike : sequence of ndarray, shape (n_channels, n_movements, n_times)
+        What moves all instants of a movement together, such as its own friction, for one standard
+        deviation [N]; not in the variance. Taken as noise of each instant it would be a reason to
+        change the values.
 
     Returns
     -------
@@ -87,6 +94,14 @@ def leave_out_places(
     rest = np.where(known, measured - forces, 0.0)
     information = np.einsum("icmt,jcmt,cmt->mij", J, J, weight)
     gradient = np.einsum("icmt,cmt,cmt->mi", J, weight, rest)
+    if alike:
+        S = np.where(known, np.nan_to_num(np.stack(alike)), 0.0)
+        inner = np.eye(len(alike)) + np.einsum("acmt,bcmt,cmt->mab", S, S, weight)
+        across = np.einsum("icmt,acmt,cmt->mia", J, S, weight)
+        solved = np.linalg.solve(inner, np.swapaxes(across, 1, 2))
+        information = information - across @ solved
+        own = np.einsum("acmt,cmt,cmt->ma", S, weight, rest)
+        gradient = gradient - np.einsum("mai,ma->mi", solved, own)
     whole = information.sum(axis=0)
     if not np.diag(whole).all():
         # What none of these movements depends on stays as it is, and changes no prediction.
@@ -101,6 +116,7 @@ def leave_out_places(
             places=places,
             variance=variance,
             covariance=covariance[np.ix_(used, used)],
+            alike=alike,
         )
     # Values in units in which all movements together know each to one.
     scale = 1.0 / np.sqrt(np.diag(whole))

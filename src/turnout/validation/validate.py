@@ -1,5 +1,6 @@
 """Predict every movement of a campaign, with the band in which the measurement should lie."""
 
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.calibration.evaluate import Evaluator, ThrowInputs
+from turnout.calibration.fitted_causes import fitted_causes, overrides_with, shaped
 from turnout.calibration.linearisation import stepped_value
 from turnout.calibration.measured_movements import BIN, MeasuredMovement, observe
 from turnout.calibration.noise import measured_noise
@@ -100,14 +102,15 @@ def validate(
     sheet = dataset.sel(movement=[item.name for item in movements])
     groups = repeat_groups(sheet)
     measured = _array(grid, grid.measured(movements), sheet)
+    directions = _directions(model, calibration)
     scatter = scatter_of(
         measured.values,
-        _directions(model, calibration),
+        directions,
         groups=groups,
         noise=_noise(movements, grid),
     )
     used = np.isin(sheet["movement"].values, _used(calibration))
-    left = _left_out(model, measured.values, calibration, movements, scatter, used)
+    left = _left_out(model, measured.values, calibration, movements, (scatter, directions), used)
     forecast = measured.copy(data=left.forces)
     reach = QUANTILE * np.sqrt(scatter.variance + left.variance)
     low, high = forecast - reach, forecast + reach
@@ -146,12 +149,14 @@ def validate(
 def _answers(model: _Model, measured: xr.DataArray, calibration: Calibration) -> xr.DataArray:
     """Return how much forces change with each parameter, as root mean square [N for all of it]."""
     known = measured.notnull()
+    # The size of a cause is no value of the panel that anyone could have got wrong.
+    fitted = [item for item in calibration.fitted if item.keys]
     rows = [
         ((measured.copy(data=model.slopes[item.name] * item.value) ** 2).where(known).mean("time"))
         ** 0.5
-        for item in calibration.fitted
+        for item in fitted
     ]
-    names = [item.name for item in calibration.fitted]
+    names = [item.name for item in fitted]
     if not rows:
         empty = measured.isel(time=0, drop=True)
         return empty.expand_dims(parameter=names).isel(parameter=slice(0, 0))
@@ -172,19 +177,27 @@ def _model(
     evaluator: Evaluator,
 ) -> _Model:
     """Simulate all movements at the calibrated values and one step away for each parameter."""
-    values = calibration.overrides
+    values, parameters = calibration.values, calibration.parameters
+    causes = fitted_causes(evaluator.panel, parameters)
     steps: dict[str, float] = {}
     settings: list[dict[str, float]] = [values]
     for item in calibration.fitted:
         aside = stepped_value(_parameter(item), item.value)
         steps[item.name] = aside - item.value
-        settings.append({**values, **dict.fromkeys(item.keys, aside)})
+        settings.append({**values, item.name: aside})
     throws = [
-        ThrowInputs(overrides=overrides, place=item.place, size=item.size)
-        for overrides in settings
+        ThrowInputs(
+            overrides=overrides_with(causes, parameters, setting), place=item.place, size=item.size
+        )
+        for setting in settings
         for item in movements
     ]
-    responses = evaluator.responses(throws)
+    made = iter(evaluator.responses(throws))
+    responses = [
+        shaped(causes, response, setting)
+        for setting in settings
+        for response in itertools.islice(made, len(movements))
+    ]
     count = len(movements)
     failed = [
         f"{item.text}: cannot be simulated: {response.failure}"
@@ -244,18 +257,20 @@ def _left_out(
     measured: Floats,
     calibration: Calibration,
     movements: Sequence[MeasuredMovement],
-    scatter: ThrowScatter,
+    scattered: tuple[ThrowScatter, Sequence[Direction]],
     used: NDArray[np.bool_],
 ) -> LeftOut:
     """Predict as the fit does, or each place from the others where it has seen all movements."""
+    scatter, directions = scattered
     if used.all() and model.slopes:
         return leave_out_places(
             measured,
             model.forces,
             model.slopes,
             places=[item.place for item in movements],
-            variance=scatter.variance,
+            variance=np.broadcast_to(scatter.rest[:, None, None] ** 2, measured.shape),
             covariance=calibration.covariance,
+            alike=[scatter.sizes[item.name] * item.slope for item in directions],
         )
     return LeftOut(
         forces=model.forces,
