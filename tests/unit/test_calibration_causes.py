@@ -13,7 +13,12 @@ from turnout.calibration.candidate_causes import (
     soft_bushing,
 )
 from turnout.calibration.cause_trials import own_levels, with_cause
-from turnout.calibration.causes import CauseSearch, with_causes, without_needless
+from turnout.calibration.causes import (
+    CauseSearch,
+    _is_needed,
+    with_causes,
+    without_needless,
+)
 from turnout.calibration.fit import brief_fit, fit
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.predict import predicted
@@ -159,3 +164,30 @@ def test_movements_that_do_not_slip_keep_the_common_level() -> None:
     lower = replace(found, values={**found.values, "drive.1.saturation_force": level})
     (share,) = own_levels(lower, "1")["drive.1.saturation_force"]
     assert share == pytest.approx(0.0, abs=2e-3)
+
+
+@pytest.mark.parametrize(("shares", "scatters"), [((1e-3, -5e-4), False), ((0.05, -0.03), True)])
+def test_a_slip_level_scatters_where_the_movements_that_know_it_say_so(
+    shares: tuple[float, float], scatters: bool
+) -> None:
+    panel, name = load_panel("sb1"), "drive.1.saturation_force"
+    whole = misfit(averaged(stated=0.3))
+    final = fit(whole, PARAMETERS, TRUE)
+    known = [
+        replace(item, estimates={**item.estimates, name: (share, 2e-4)})
+        for item, share in zip(final.frame.alignments, shares, strict=False)
+    ]
+    # The others say nothing of it, and keep what was expected.
+    blind = [replace(item, estimates={name: (0.0, 0.05)}) for item in final.frame.alignments[2:]]
+    comparison = replace(final.misfit.comparison, scatter={name: 0.05})
+    seen = replace(
+        final,
+        misfit=replace(final.misfit, comparison=comparison),
+        frame=replace(final.frame, alignments=(*known, *blind)),
+    )
+    cause = next(
+        item
+        for item in candidate_causes(panel, default_plan(panel).parameters)
+        if name in item.scatter
+    )
+    assert _is_needed(cause, seen) is scatters

@@ -8,7 +8,7 @@ around the leads of two motors.
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import xarray as xr
@@ -175,11 +175,12 @@ def monitoring_of(
             found[key] = parse_quantity(text, dimension)
         except ValueError as error:
             problems.append(f"--{key.replace('_', '-')} '{text}': {error}")
-    if not LEAST_RATE <= found["rate"] <= MOST_RATE:
-        problems.append(f"--rate '{rate}': must be {LEAST_RATE:g} to {MOST_RATE:g} Hz")
-    most = MOST_STEP["current_step"]
-    if not 0.0 <= found["current_step"] <= most:
-        problems.append(f"--current-step '{current_step}': must be 0 to {most:g} A")
+    chosen = Monitoring(rate=found["rate"], current_step=found["current_step"])
+    typed = {
+        "rate": (f"--rate '{rate}'", " Hz"),
+        "current_step": (f"--current-step '{current_step}'", " A"),
+    }
+    problems += _own_problems(chosen, typed=typed)
     for text in together:
         name, sign, drives = (part.strip() for part in text.partition("="))
         members = [item.strip() for item in drives.split(",") if item.strip()]
@@ -191,7 +192,7 @@ def monitoring_of(
             groups[name] = members
     if problems:
         raise MeasurementError(problems, source="monitoring")
-    return Monitoring(rate=found["rate"], current_step=found["current_step"], together=groups)
+    return replace(chosen, together=groups)
 
 
 def check_monitoring(
@@ -266,14 +267,20 @@ def _as_drive(run: xr.Dataset) -> xr.Dataset:
     return xr.Dataset(rows, {"time": run["time"], "drive": [str(run.attrs.get("machine", "1"))]})
 
 
-def _own_problems(chosen: Monitoring) -> Iterator[str]:
-    """Say what no monitoring system has."""
-    if not LEAST_RATE <= chosen.rate <= MOST_RATE:
-        yield f"rate = {chosen.rate:g} 1/s: must be {LEAST_RATE:g} to {MOST_RATE:g}"
-    for name, most in MOST_STEP.items():
+def _own_problems(
+    chosen: Monitoring, *, typed: Mapping[str, tuple[str, str]] | None = None
+) -> Iterator[str]:
+    """Say what no monitoring system has; `typed` are values as a user typed them, and units."""
+    limits = {
+        "rate": (LEAST_RATE, MOST_RATE),
+        **{name: (0.0, MOST_STEP[name]) for name in MOST_STEP},
+    }
+    for name, (least, most) in limits.items():
         value = getattr(chosen, name)
-        if not 0.0 <= value <= most:
-            yield f"{name} = {value:g} {STEP_UNITS[name]}: must be 0 to {most:g}"
+        if not least <= value <= most:
+            stated = (f"{name} = {value:g} {STEP_UNITS.get(name, '1/s')}", "")
+            what, unit = (typed or {}).get(name, stated)
+            yield f"{what}: must be {least:g} to {most:g}{unit}"
 
 
 def _rate_problems(rate: float, own: float) -> Iterator[str]:
