@@ -17,13 +17,36 @@ from turnout.report.page import page_html
 
 
 def test_findings_tell_values_with_units_and_doubts() -> None:
-    first, friction, one, two = calibration_findings(calibration())
+    verdict, first, friction, one, two = calibration_findings(calibration())
+    assert (verdict.level, verdict.answer) == ("good", "the model follows the measurement")
     assert (first.level, first.answer) == ("look", "2 of 3 parameters")
     assert friction.answer == "0.31"
     assert (one.answer, one.detail) == ("760 kN/m", "between 744.8 kN/m and 775.2 kN/m (95 %)")
     assert (two.level, two.detail) == ("look", "at its bound")
     certain = replace(calibration(), warnings=(), parameters=calibration().parameters[:2])
-    assert calibration_findings(certain)[0].level == "good"
+    assert calibration_findings(certain)[1].level == "good"
+
+
+def test_the_verdict_comes_first_with_its_reasons_and_causes() -> None:
+    doubted = replace(calibration(), distrust=("drive_force of drive 1: misses 40 N",))
+    verdict = calibration_findings(doubted)[0]
+    assert (verdict.level, verdict.answer) == ("bad", "not trustworthy")
+    assert verdict.detail == "drive_force of drive 1: misses 40 N"
+    caused = replace(calibration(), fitted_causes=("clutch", "clutch", "sections"))
+    assert calibration_findings(caused)[0].detail.endswith("its cause: clutch, sections")
+
+
+def test_each_channel_has_a_table_of_its_movements() -> None:
+    effects = {
+        "m1": {"onset": 0.0021, "mu": -0.013, "zero object_force": 2.5, "gain object_force": 1e-3},
+        "m2": {"onset": 0.0, "mu": 0.01},
+    }
+    sections = calibration_page(replace(calibration(), effects=effects), suffixes=()).sections
+    tables = next(item.tables for item in sections if item.heading == "Sensors and movements")
+    common, channel = tables
+    assert common.columns == ("Movement", "Onset [ms]", "mu [%]")
+    assert common.rows[0] == ("m1", "2.10", "-1.30")
+    assert channel.rows == [("m1", "2.50", "0.10", "-")]
 
 
 def test_parameters_that_cannot_be_distinguished_are_framed() -> None:

@@ -44,13 +44,14 @@ def calibration_page(
     pictures = [_picture(sweep_sheet(stage, calibration), suffixes) for stage in sweeps]
     found = [Table("", ("Finding",), [(text,) for text in calibration.findings])]
     warned = [Table("", ("Warning",), [(text,) for text in calibration.warnings])]
+    causes = [Table("", ("Cause",), [(text,) for text in calibration.causes])]
     sections = [
         Section(
             heading="Parameters", tables=[_parameters(calibration)], heats=_together(calibration)
         ),
         Section(
             heading="Findings and warnings",
-            tables=[table for table in (*found, *warned) if table.rows],
+            tables=[table for table in (*causes, *found, *warned) if table.rows],
         ),
         Section(heading="Stages", pictures=pictures, tables=[_stages(calibration)]),
         Section(heading="Noise and scatter", tables=_noise(calibration)),
@@ -75,7 +76,10 @@ def calibration_findings(calibration: Calibration) -> list[Finding]:
     count = len(calibration.warnings)
     detail = f"{count} warning{'s' * (count > 1)} below" if count else "no warning"
     answer = f"{len(identified)} of {len(free)} parameters"
-    found = [Finding("good" if good else "look", "Identified", answer, detail)]
+    found = [
+        _verdict(calibration),
+        Finding("good" if good else "look", "Identified", answer, detail),
+    ]
     for item in calibration.parameters:
         key = item.keys[0] if item.keys else item.name
         value = _shown(item, item.value, key)
@@ -85,6 +89,20 @@ def calibration_findings(calibration: Calibration) -> list[Finding]:
         elif item.state != FIXED:
             found.append(Finding("look", item.name, value, item.state))
     return found
+
+
+def _verdict(calibration: Calibration) -> Finding:
+    """Return whether a calibration is trustworthy, and why not."""
+    if calibration.distrust:
+        return Finding("bad", "Verdict", "not trustworthy", "; ".join(calibration.distrust))
+    causes = ", ".join(dict.fromkeys(calibration.fitted_causes))
+    detail = f"with what is fitted as its cause: {causes}" if causes else "without any cause"
+    return Finding("good", "Verdict", "the model follows the measurement", detail)
+
+
+def _axis(unit: str) -> tuple[float, str]:
+    """Return the factor and unit in which values of an SI unit are drawn."""
+    return {"N/m": (1e-3, "kN/m"), "N": (1e-3, "kN"), "m": (1e3, "mm")}.get(unit, (1.0, unit))
 
 
 def sweep_sheet(stage: StageLog, calibration: Calibration) -> Sheet:
@@ -100,14 +118,15 @@ def sweep_sheet(stage: StageLog, calibration: Calibration) -> Sheet:
     known = {item.name: item for item in calibration.parameters}
     # A stage sweeps one parameter, the first that it changes.
     item = next((known[name] for name in stage.values if name in known), None)
-    label = "swept value" if item is None else f"{item.name} [{item.unit}]"
+    factor, unit = (1.0, "") if item is None else _axis(item.unit)
+    label = "swept value" if item is None else f"{item.name} [{unit}]"
     line = Line(
         label="misfit",
-        x=np.array(stage.sweep["value"]),
+        x=factor * np.array(stage.sweep["value"]),
         y=100 * np.array(stage.sweep["misfit"]),
         style="line and marks",
     )
-    found = [Moment(item.value, "found")] if item is not None else []
+    found = [Moment(factor * item.value, "found")] if item is not None else []
     return Sheet(
         name=f"sweep-{stage.name.replace(' ', '-')}",
         title=f"Stage {stage.name}: misfit over the swept value",
@@ -175,12 +194,21 @@ def _stages(calibration: Calibration) -> Table:
 
 
 def _noise(calibration: Calibration) -> list[Table]:
+    parts = {
+        "white": "From bin to bin [N]",
+        "slow": "Slow [N]",
+        "slow_length": "correlated over [s]",
+        "missed": "Missed by the model [N]",
+        "missed_length": "correlated over [s]",
+    }
     noise = [
-        (channel, ", ".join(f"{key.replace('_', ' ')} {value:.4g}" for key, value in sizes.items()))
+        (channel, *(f"{sizes[key]:.3g}" if key in sizes else "-" for key in parts))
         for channel, sizes in calibration.noise.items()
     ]
     scatter = [(name, f"{100 * share:.2g} %") for name, share in calibration.scatter.items()]
-    tables = [Table("Noise, in SI", ("Channel", "Parts"), noise)] if noise else []
+    columns = ("Channel", *parts.values())
+    tables = [Table("Noise of each channel, as standard deviations", columns, noise)]
+    tables = tables if noise else []
     if scatter:
         heading = "Scatter from movement to movement"
         tables.append(Table(heading, ("Parameter", "Share"), scatter))
@@ -190,28 +218,50 @@ def _noise(calibration: Calibration) -> list[Table]:
 def _movements(calibration: Calibration) -> list[Table]:
     """Return sensors as found, and onset, friction, zeros, gains and residual of each movement."""
     tables = []
-    if calibration.causes:
-        tables.append(Table("", ("Cause",), [(text,) for text in calibration.causes]))
     if calibration.sensors:
         tables.append(Table("", ("Sensor",), [(text,) for text in calibration.sensors]))
     keys = list(dict.fromkeys(key for row in calibration.effects.values() for key in row))
+    channels = list(dict.fromkeys(key.split(" ", 1)[1] for key in keys if " " in key))
+    common = [key for key in keys if " " not in key]
     if keys:
-        units = {"onset": (1e3, "ms"), "zero": (1.0, "N"), "residual": (1.0, "N")}
-        parts = [units.get(key.split(" ")[0], (100.0, "%")) for key in keys]
-        columns = ("Movement", *(f"{k} [{u}]" for k, (_, u) in zip(keys, parts, strict=True)))
-        rows = [
-            (
-                name,
-                *(
-                    f"{factor * row[key]:.3g}" if key in row else "-"
-                    for key, (factor, _) in zip(keys, parts, strict=True)
-                ),
-            )
-            for name, row in calibration.effects.items()
-        ]
+        names = ["Onset [ms]" if key == "onset" else f"{key} [%]" for key in common]
+        factors = [1e3 if key == "onset" else 100.0 for key in common]
         heading = "Each movement beside the common values"
-        tables.append(Table(heading, columns, rows))
+        tables.append(_effects(calibration, heading, names, common, factors))
+    for channel in channels:
+        kind, _, drive = channel.partition(".")
+        tables.append(
+            _effects(
+                calibration,
+                f"{kind.replace('_', ' ').capitalize()}{f' of drive {drive}' if drive else ''}",
+                ["Zero [N]", "Gain [%]", "Residual [N]"],
+                [f"{part} {channel}" for part in ("zero", "gain", "residual")],
+                [1.0, 100.0, 1.0],
+            )
+        )
     return tables
+
+
+def _effects(
+    calibration: Calibration,
+    heading: str,
+    names: list[str],
+    keys: list[str],
+    factors: list[float],
+) -> Table:
+    """Return a table of some effects of those movements that have any of them."""
+    rows = [
+        (
+            movement,
+            *(
+                f"{factor * row[key]:.2f}" if key in row else "-"
+                for key, factor in zip(keys, factors, strict=True)
+            ),
+        )
+        for movement, row in calibration.effects.items()
+        if any(key in row for key in keys)
+    ]
+    return Table(heading, ("Movement", *names), rows)
 
 
 def _inputs(calibration: Calibration, panel: LoadedPanel | None) -> Section:
