@@ -56,7 +56,7 @@ class Throws:
 
     Beside each sweep lies `NAME.npz` with its features and labels, or `NAME forces.npz`. It is read
     where it is of the same plan and of the same sources; where it comes from other sources, some of
-    its throws are made anew, and it counts as it is only if these are the same.
+    its throws are thrown again, and it counts as it is only if these are the same.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class Throws:
                 print(f"{path}: other sources gave other throws; they are thrown again", flush=True)
                 arrays = None
             else:
-                print(f"{path}: {SAMPLE} of its throws made anew are the same", flush=True)
+                print(f"{path}: {SAMPLE} of its throws thrown again are the same", flush=True)
                 _keep(path, plan, sources, arrays)
         if arrays is None:
             made = throw_plans({name: plan}, place, workers=self._workers, report=show)[name]
@@ -128,7 +128,7 @@ class Throws:
         place: Path,
         read: Callable[[Plan, xr.Dataset], Arrays],
     ) -> bool:
-        """Whether some throws come out as they are kept, made anew in a folder of its own."""
+        """Whether some throws come out as they are kept, thrown again in a folder of its own."""
         every = np.linspace(0, len(arrays["row"]) - 1, SAMPLE).astype(np.intp)
         made = read(*_thrown_again(plan, arrays["row"][every], place / digest_of_sources(THROWS)))
         names = [name for name in ("features", "gaps", "force") if name in made]
@@ -139,7 +139,7 @@ class Throws:
 
 
 SAMPLE = 6
-"""Throws of a kept sweep that are made anew where the sources changed."""
+"""Throws of a kept sweep that are thrown again where the sources changed."""
 SAME = 1e-9
 """Difference that counts as rounding [-], [N], [m]."""
 

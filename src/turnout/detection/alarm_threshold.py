@@ -13,7 +13,7 @@ one shows that it is not, and a lighter one is not believed.
 Alarms come in clusters: a switch that lies close to the threshold raises several. A threshold that
 rests on a few switches is itself uncertain, so it is set to the upper limit of its own 95 %
 confidence interval, over switches drawn with replacement (Field and Welsh 2007, cluster bootstrap,
-J. R. Stat. Soc. B 69, 369). The tail is fitted to each draw anew.
+J. R. Stat. Soc. B 69, 369). The tail is fitted to each draw again.
 """
 
 import numpy as np
