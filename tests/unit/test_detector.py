@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 from tests.unit.detector_toy import toy_detector, toy_set, toy_setting, toy_throw
 from typer.testing import CliRunner
 
@@ -15,6 +16,7 @@ from turnout.cli.main import app
 from turnout.detection.alarm_threshold import threshold_for
 from turnout.detection.detector.allowances import gain_times
 from turnout.detection.detector.detector import Detector
+from turnout.detection.detector.judging import evidence_of, ratios_of
 from turnout.detection.detector.knowledge import Knowledge
 from turnout.detection.detector.training import teach
 from turnout.detection.signal_discrepancy import SignalErrors
@@ -78,6 +80,23 @@ def test_history_tells_an_adjustment_and_sharpens() -> None:
     assert "adjustment" not in before.odds
     detector.clear_history()
     assert detector.known.throws == 0
+
+
+def test_a_switch_at_the_limit_of_its_over_travel_is_no_object_without_a_history() -> None:
+    """A normal model gives the ends of an even spread too little weight: an adjustment has it."""
+    detector = fresh()
+    view = detector.view()
+    features = np.array(
+        [detector.features(toy_throw(over=(5.0, 3.0), seed=seed))[1] for seed in range(40)]
+    )
+    evidence = evidence_of(view, features)
+    weighed = ratios_of(view, evidence).alarm
+    adjusted = view.kinds.index("adjustment") - view.objects
+    others = np.delete(evidence.kind[view.objects :], adjusted, axis=0) + np.log(0.3)
+    places = logsumexp(evidence.kind[: view.objects], axis=0) - np.log(view.objects)
+    without = places - logsumexp(np.vstack([evidence.sound, others]), axis=0)
+    assert np.median(weighed) < np.median(without) - 0.5
+    assert not view.identifiable[adjusted]
 
 
 def test_bad_recordings_are_not_judged_and_never_sound() -> None:

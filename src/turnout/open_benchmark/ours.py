@@ -144,7 +144,7 @@ class Taught:
 
 
 def _named(view: View, alarm: float, causes: Floats) -> str:
-    known = np.where(np.isfinite(view.cause_weight), causes, -np.inf)
+    known = np.where(view.identifiable, causes, -np.inf)
     best = int(known.argmax())
     if alarm > 0.0 and alarm > NAMED - 1.0:
         return OBJECT

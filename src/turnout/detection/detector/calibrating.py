@@ -113,8 +113,7 @@ def alarms_of(view: View, features: Floats) -> tuple[Floats, Floats, Floats]:
         ratios = ratios_of(view, evidence)
         alarm.append(ratios.alarm)
         left.append(best_square(evidence))
-        known = np.isfinite(view.cause_weight)
-        cause.append(ratios.cause[known].max(axis=0, initial=-np.inf))
+        cause.append(ratios.cause[view.identifiable].max(axis=0, initial=-np.inf))
     return np.concatenate(alarm), np.concatenate(left), np.concatenate(cause)
 
 
