@@ -412,6 +412,21 @@ def test_missing_tables_are_named_once() -> None:
     assert len(set(found)) == len(found)
 
 
+@pytest.mark.parametrize(
+    ("key", "place"),
+    [
+        ("ratio = ", "damping."),  # of a plain table
+        ("normal_stiffness = ", "chair."),  # shared by a family
+    ],
+)
+def test_a_misspelt_key_is_not_missing_as_well(key: str, place: str) -> None:
+    name = key.split()[0]
+    found = problems("uic60-760-1-15", (f"\n{key}", f"\n{name[:-2]}{name[-1]} = "))
+    assert found[0].startswith(place)
+    assert all(f"nearest is '{name}'" in problem for problem in found), found
+    assert not [problem for problem in found if "missing" in problem]
+
+
 def test_all_problems_of_a_file_come_at_once_in_the_order_of_its_keys() -> None:
     found = problems(
         "sb1",
@@ -480,7 +495,7 @@ def test_the_raw_gap_needs_a_stock_rail_to_measure_from() -> None:
 
 @pytest.mark.parametrize("value", ["1 Pa", "210 TPa"])
 def test_a_material_that_is_no_solid(value: str) -> None:
-    """It would be told as a rail that nothing holds."""
+    """It would show up as a rail that nothing holds."""
     (problem,) = problems("sb1", ('"210 GPa"', f'"{value}"'))
     assert problem.startswith("material.youngs_modulus = ")
     assert ": must be at " in problem

@@ -12,8 +12,9 @@ A panel file is TOML. `turnout panel new my-switch.toml` writes one to edit, wit
 each key above it; [your own switch](how-to/own-panel.md) shows the way from there. This page is
 generated from the records that read the file, by `python -m tests.unit.panel_file_page`.
 
-- **Units.** A value with a unit is text, such as `"750 kN/m"`; any unit of the same dimension does.
-  Ranges are in the unit of the table. Lists are `["1 m", "2 m"]`, or
+- **Units.** A value with a unit is text, such as `"750 kN/m"`; any unit of the same dimension does:
+  `"16.5 ft"`, `"4 kip"` or `"5 lbf/in"` as well as `"5.03 m"`; one number and one unit,
+  not `"16 ft 6 in"`. Ranges are in the unit of the table. Lists are `["1 m", "2 m"]`, or
   `{ unit = "mm", values = [1, 2] }`, or `{ start = "0 m", step = "0.6 m", count = 25 }` for lengths
   and times.
 - **Families.** `[chair.5]` is the chair named 5. What stands in `[chair]` holds for all chairs that

@@ -5,9 +5,11 @@ import json
 import pytest
 
 from turnout.analysis.panel_check import blind_concerns, supply_concerns
+from turnout.cli.machine import throw_summary
 from turnout.machine.components import Machine
 from turnout.machine.machine_file import load_machines
 from turnout.machine.motor_record import breakdown_point
+from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.machine.steady import blind_text, load_range, slip_point, stall_text, steady_lines
 from turnout.metric.summary import summary
 from turnout.panel.load import load_panel
@@ -102,3 +104,13 @@ def test_the_gear_of_a_three_phase_machine_states_how_it_is_driven_back(name: st
     """The same loss both ways: X'F (1/eta - 1) = X'F (1 - eta_b)."""
     gear = load_machines(name).machine[name].gear
     assert gear.back_efficiency == pytest.approx(2.0 - 1.0 / gear.efficiency, abs=5e-4)
+
+
+def test_json_of_a_three_phase_throw_names_its_iron_loss() -> None:
+    def names(machine: str) -> set[str]:
+        throw = throw_one_mass(machine, overrides={"throw.duration": 0.3})
+        return set(throw_summary(throw)["energies"])
+
+    direct, three_phase = names("sb3"), names("s700k")
+    assert direct - three_phase == {"energy_field", "energy_snub"}
+    assert three_phase - direct == {"energy_iron", "energy_arc"}

@@ -245,7 +245,7 @@ def test_members_that_are_left_alone_keep_their_records_and_their_checks() -> No
 def test_checks_that_are_spared_would_have_found_nothing(
     changes: dict[str, object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A panel made from a valid one is refused for the same as if all of it were read anew."""
+    """A panel made from a valid one is refused for the same as if all of it were read again."""
 
     def problems(panel: load.LoadedPanel) -> list[str]:
         try:
@@ -304,4 +304,13 @@ def test_checks_ask_for_no_field_that_is_called_unasked() -> None:
 def test_a_key_of_machines_that_the_panel_has_not_yet() -> None:
     changes = {"drive.1.machine": "jea73", "machine.supply.shared_resistance": 2.0}
     with pytest.raises(PanelError, match=r"no machine before these overrides.*machine\.NAME\."):
+        load_panel("sb1", overrides=changes)
+
+
+@pytest.mark.parametrize("key", ["motor.resistence", "motr.resistance"])
+def test_a_misspelt_key_of_a_machine_is_answered_by_the_nearest(key: str) -> None:
+    """Also where the machine comes with these overrides."""
+    changes = {"drive.1.machine": "jea73", f"machine.jea73.{key}": 2.0}
+    near = r"machine\.jea73\.mot.*: matches nothing in this panel; nearest is "
+    with pytest.raises(PanelError, match=near + r"'machine\.jea73\.motor\.resistance'"):
         load_panel("sb1", overrides=changes)

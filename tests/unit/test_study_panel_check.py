@@ -1,12 +1,13 @@
-"""The warning of flutter: at the panel's own friction, near it, and not at all."""
+"""Warnings of a panel check: flutter at its own friction, near it, not at all; test pieces."""
 
 import pytest
 import xarray as xr
 from tests.unit.simulated import sb1_dataset, sb1_panel, sb2_panel
 from tests.verification.flutter import unsymmetric_panel
 
-from turnout.analysis.panel_check import concerns, flutter_concerns, panel_concerns
+from turnout.analysis.panel_check import concerns, flutter_concerns, panel_concerns, piece_concerns
 from turnout.analysis.stability import FrictionStability, SlidingCase, friction_stability
+from turnout.analysis.test_piece import PieceLimit
 
 NONE, USUAL = "0 N s/m", "3.75 kN s/m"
 
@@ -58,3 +59,14 @@ def test_all_concerns_are_joined(monkeypatch: pytest.MonkeyPatch) -> None:
     joined = panel_concerns(sb1_panel(), dataset)
     assert joined == [*concerns(dataset), "flutter"]
     assert len(joined) >= 2
+
+
+def test_a_piece_as_thick_as_the_limit_must_be_refused() -> None:
+    limits = [PieceLimit("1", 5.0e-3, "slip", 15e-3), PieceLimit("2", 5.1e-3, "slip", 15e-3)]
+    (concern,) = piece_concerns(sb2_panel(), limits)
+    assert concern.where == "drive 2"
+    assert concern.number == "refuses to lock from 5.1 mm on, limit 5 mm"
+    (concern,) = piece_concerns(sb2_panel(), [PieceLimit("1", float("inf"), "", 15e-3)])
+    assert concern.number == "locks on every piece up to 15 mm, limit 5 mm"
+    unknown = PieceLimit("1", float("nan"), "", 15e-3, "no room")
+    assert piece_concerns(sb2_panel(), [unknown]) == []

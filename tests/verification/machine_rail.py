@@ -19,9 +19,9 @@ from turnout.integrate.start import start_at_rest
 from turnout.kernels.interrupt import one_thread
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
-from turnout.machine.compute.couple import Machines, Room, accept_machines, try_machines
+from turnout.machine.compute.couple import Machines, accept_machines, try_machines
 from turnout.machine.machine_file import load_machines
-from turnout.machine.rows import command_rows, machine_row, start_state, stroke_table, work_rows
+from turnout.machine.rows import command_rows, machine_room, machine_row, start_state, stroke_table
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import load_panel
@@ -137,13 +137,13 @@ def march_machines(
         y = np.zeros((count + 1, 2))
     state = np.array([start_state(m, machine_row(m), 0.0) for m, _ in pairs])
     trial, kept = state.copy(), np.zeros((count + 1, *state.shape))
-    room = Room(np.zeros((2, at.RAIL_CONSTANTS)), work_rows(), np.zeros((2, 32, 2)))
+    room = machine_room(2, events=32)
     v, none = np.gradient(y, step, axis=0), np.zeros((2, 2))
     kept[0] = state
     for n in range(count):
         ends = (y[n].copy(), v[n].copy(), y[n + 1].copy(), none)
         assert try_machines(group, state, trial, ends, (n * step, step), room) == at.CONVERGED
-        accept_machines(state, trial)
+        accept_machines(group, state, trial, (n * step, step), room)
         kept[n + 1] = state
     return kept
 
@@ -162,7 +162,7 @@ def throw_staggered(*, step: float) -> tuple[Floats, Floats]:
     state = np.array([start_state(m, machine_row(m), 0.0) for m, _ in pairs])
     trial, kept = state.copy(), np.zeros((count + 1, *state.shape))
     kept[0], force = state, np.zeros((count + 1, 2))
-    room = Room(np.zeros((2, at.RAIL_CONSTANTS)), work_rows(), np.zeros((2, 32, 2)))
+    room = machine_room(2, events=32)
     with one_blas_thread(), one_thread() as thread:
         start_at_rest(run, mechanism, thread)
         store_instant(run.system, run.table, run.state, run.work, run.record, 0)
@@ -171,7 +171,7 @@ def throw_staggered(*, step: float) -> tuple[Floats, Floats]:
             v = (3 * y[0] - 4 * y[1] + y[2]) / (2 * step)
             rail = (y[0], v, y[0] + step * v, none)
             assert try_machines(group, state, trial, rail, (n * step, step), room) == at.CONVERGED
-            accept_machines(state, trial)
+            accept_machines(group, state, trial, (n * step, step), room)
             kept[n + 1] = state
             run.positions[n + 1] = state[:, at.ROD_POSITION]
             given = (run.tolerances, run.stepping, run.positions, n, n + 1, run.record)

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from turnout.machine.compute import places as at
-from turnout.machine.compute.couple import Machines, Room, accept_machines, try_machines
+from turnout.machine.compute.couple import Machines, accept_machines, try_machines
 from turnout.machine.line_power import line_power
 from turnout.machine.machine_file import load_machines
 from turnout.machine.one_mass_throw import throw_one_mass
-from turnout.machine.rows import command_rows, machine_row, start_state, stroke_table, work_rows
+from turnout.machine.rows import command_rows, machine_room, machine_row, start_state, stroke_table
 
 RAIL = {"rail.friction_force": 0.0, "rail.stop_stiffness": 0.0, "rail.bed_stiffness": 60e3}
 
@@ -60,7 +60,7 @@ def coupled(
     force = np.array([m.rod.stiffness for m in loaded]) * (state[:, at.ROD_POSITION] - rail.y)
     state[:, at.ROD_FORCE], state[:, at.RAIL_POSITION] = force, rail.y
     rail.start(force)
-    room = Room(np.zeros((count, at.RAIL_CONSTANTS)), work_rows(), np.zeros((count, 32, 2)))
+    room = machine_room(count, events=32)
     trial = state.copy()
     kept, places, residuals = [state.copy()], [rail.y.copy()], [0.0]
     for n in range(steps):
@@ -71,7 +71,7 @@ def coupled(
         rail.finish(F)
         k = np.array([m.rod.stiffness for m in loaded])
         residuals.append(np.abs(F - k * (trial[:, at.ROD_POSITION] - rail.y)).max())
-        accept_machines(state, trial)
+        accept_machines(group, state, trial, (n * h, h), room)
         kept.append(state.copy())
         places.append(rail.y.copy())
     return np.array(kept), np.array(places), np.array(residuals)
@@ -146,7 +146,7 @@ def test_staggered_step_with_a_corrector_is_the_condensed_one() -> None:
         0.0,
     )
     state = np.array([start_state(machine, row, -0.117)])
-    room = Room(np.zeros((1, at.RAIL_CONSTANTS)), work_rows(), np.zeros((1, 32, 2)))
+    room = machine_room(1, events=32)
     y, v, c = np.array([-0.113]), np.array([0.0]), np.array([[4e-10]])
     state[:, at.ROD_FORCE] = 750e3 * (state[:, at.ROD_POSITION] - y)
     before = state.copy()

@@ -4,11 +4,14 @@ Margins, chairs and flangeway come from a throw without an object, flutter from 
 steady sliding.
 """
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import xarray as xr
 
 from turnout.analysis.stability import FrictionStability, friction_stability
+from turnout.analysis.test_piece import PieceLimit
 from turnout.mechanism.drive_machines import blind_currents, weak_motors
 from turnout.metric.slip import LEAST_SHARE, margins
 from turnout.metric.summary import is_inaccurate
@@ -170,6 +173,42 @@ def panel_concerns(panel: Panel, dataset: xr.Dataset) -> list[Concern]:
         *concerns(dataset),
         *flutter_concerns(panel),
     ]
+
+
+def piece_concerns(panel: Panel, limits: Iterable[PieceLimit]) -> list[Concern]:
+    """Return the drives that lock on a test piece as thick as their gap limit.
+
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    limits : iterable of PieceLimit
+        The least piece that is refused, by drive (`turnout.analysis.test_piece.least_piece`).
+
+    Examples
+    --------
+    >>> from turnout.panel.load import load_panel
+    >>> (concern,) = piece_concerns(load_panel("sb2"), [PieceLimit("1", 10.4e-3, "slip", 15e-3)])
+    >>> concern.number
+    'refuses to lock from 10.4 mm on, limit 5 mm'
+    """
+    found = []
+    for item in limits:
+        allowed = panel.gap_limits()[item.drive]
+        if not item.size > allowed * (1 + 1e-9):
+            continue
+        size = f"refuses to lock from {1e3 * item.size:.1f} mm on"
+        if math.isinf(item.size):
+            size = f"locks on every piece up to {1e3 * item.largest:g} mm"
+        found.append(
+            Concern(
+                "locks on the test piece",
+                f"drive {item.drive}",
+                f"{size}, limit {1e3 * allowed:g} mm",
+                f"more drive.{item.drive}.over_travel_closed or a lower saturation_force",
+            )
+        )
+    return found
 
 
 def unusual_concerns(panel: Panel) -> list[Concern]:

@@ -206,12 +206,17 @@ def _shown(value: Any) -> str:
     return show_value(value)
 
 
+OF_THREE_PHASES = {"energy_field": "energy_iron", "energy_snub": "energy_arc"}
+"""Energies that a three-phase motor, which has neither field winding nor snubber, loses instead."""
+
+
 def throw_summary(throw: "MachineThrow") -> dict[str, Any]:
     """Return what `turnout machine run --json` prints."""
     import numpy as np
 
     current, force = np.abs(throw["lead_current"]), throw["rod_force"]
     energies = {name: throw[name] for name in throw.histories if name.startswith("energy_")}
+    own_names = OF_THREE_PHASES if throw.three_phase else {}
     finite = throw.energised_time == throw.energised_time
     span = throw.last_energised
     last = span & (throw.time > throw.time[span].max() - LAST) if span.any() else span
@@ -237,7 +242,9 @@ def throw_summary(throw: "MachineThrow") -> dict[str, Any]:
         "rod_position_end": float(throw["rod_position"][-1]),
         "rail_position_end": float(throw["rail_position"][-1]),
         "clutch_slip": float(throw["clutch_slip"][-1]),
-        "energies": {name: float(values[-1]) for name, values in energies.items()},
+        "energies": {
+            own_names.get(name, name): float(values[-1]) for name, values in energies.items()
+        },
         "energy_residual": throw.energy_residual,
         "halved_steps": throw.halved,
     }
@@ -261,11 +268,7 @@ def throw_lines(throw: "MachineThrow") -> list[str]:
     events = ", ".join(f"{text} {time:.4f} s" for time, text in throw.events)
     switched = found["energised_time"]
     seconds = f", energised {switched:.4f} s" if switched is not None else ""
-    shown_as = {"energy_field": "iron", "energy_snub": "arc"} if throw.three_phase else {}
-    energies = {
-        shown_as.get(key, key.removeprefix("energy_")): value
-        for key, value in found["energies"].items()
-    }
+    energies = {key.removeprefix("energy_"): value for key, value in found["energies"].items()}
     rms = " rms" if throw.three_phase else ""
     means, power = "", []
     if found["current_mean"] is not None:

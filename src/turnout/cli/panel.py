@@ -141,12 +141,18 @@ def check_command(
     panel = opened_panel(file, settings, calibration)
     if not as_json:
         typer.echo(f"{file}: OK ({panel.name}, hash {panel.hash[:12]})")
-    from turnout.analysis.panel_check import concern_lines, panel_concerns, unusual_concerns
+    from turnout.analysis.panel_check import (
+        concern_lines,
+        panel_concerns,
+        piece_concerns,
+        unusual_concerns,
+    )
     from turnout.cli.show import least_pieces, piece_limit_line, thrown_alone
 
     dataset = thrown_alone(panel) if throw else None
     found = unusual_concerns(panel) if dataset is None else panel_concerns(panel, dataset)
     pieces = least_pieces(panel) if dataset is not None and dataset.attrs["complete"] else []
+    found += piece_concerns(panel, pieces)
     if as_json:
         from turnout.cli.json_records import CHECK_UNITS, check_record
 

@@ -10,10 +10,11 @@ _LONGEST = 60
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is wrong: the key path and a sentence about it."""
+    """One thing that is wrong: the key path, a sentence about it, the key that was meant if any."""
 
     path: tuple[str, ...]
     text: str
+    meant: str = ""
 
     def __str__(self) -> str:
         """Give the line that a user reads."""
@@ -74,26 +75,37 @@ def shortened(text: str, longest: int = _LONGEST) -> str:
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
-    """Give "; nearest is 'x'" for the most similar name, or an empty text.
-
-    A name that was shortened means the first that begins with it.
+    """Give "; nearest is 'x'" for the name that `meant` finds, or an empty text.
 
     Examples
     --------
     >>> nearest("stifness", ["stiffness", "stroke"])
     "; nearest is 'stiffness'"
     """
+    found = meant(name, names)
+    return f"; nearest is '{found}'" if found else ""
+
+
+def meant(name: str, names: Iterable[str]) -> str:
+    """Return the most similar name, or an empty text.
+
+    A name that was shortened means the first that begins with it.
+
+    Examples
+    --------
+    >>> meant("stifness", ["stiffness", "stroke"])
+    'stiffness'
+    """
     known = list(dict.fromkeys(names))
     numbered = [item for item in known if item.isdigit()]
     if name.isdigit() and numbered:
-        closest = min(numbered, key=lambda item: abs(int(item) - int(name)))
-        return f"; nearest is '{closest}'"
+        return min(numbered, key=lambda item: abs(int(item) - int(name)))
     longer = [item for item in known if item.lower().startswith(name.lower())]
     if len(name) > 2 and longer:
-        return f"; nearest is '{longer[0]}'"
+        return longer[0]
     lower = {item.lower(): item for item in reversed(known)}
     match = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.5)
-    return f"; nearest is '{lower[match[0]]}'" if match else ""
+    return lower[match[0]] if match else ""
 
 
 def choices(names: Iterable[str], *, most: int = 12) -> str:

@@ -22,7 +22,14 @@ from turnout.integrate.energy import (
 from turnout.integrate.follow import follow_path
 from turnout.integrate.obstruct import update_courses, update_obstructions
 from turnout.integrate.quasistatic import advance_static
-from turnout.integrate.rods import Rods, accept_rods, iterate_rods, move_rods, store_rods
+from turnout.integrate.rods import (
+    Rods,
+    accept_rods,
+    iterate_rods,
+    meet_rods,
+    move_rods,
+    store_rods,
+)
 from turnout.integrate.scratch import Work
 from turnout.integrate.solve import (
     CONVERGED,
@@ -93,6 +100,9 @@ def _try_step(
         restore_contact_set(system, table, state, work)
         rebuild(system, table, state, stepping.halvings, work.row)
         code = follow_path(system, table, state, work, tolerances, inputs, inertia, viscosity)
+        if rods is not None:  # noqa: SIM102, as above
+            if code == CONVERGED:
+                code = meet_rods(rods, state, (time, h))
     if code == CONVERGED and (
         is_inaccurate(system, table, state, work, inertia, viscosity)
         or state.counters[COUNT_RECENT] >= REBUILD_AFTER
@@ -143,17 +153,14 @@ def _advance(
             begin[k] = state.inputs[k]
             state.inputs[k] = first[k] + share * (last[k] - first[k])
             end[k] = state.inputs[k]
-        moved = CONVERGED
         begun = time + position / n_pieces * stepping.step
         if rods is not None:
-            moved = move_rods(rods, state, end, (begun, h))
+            move_rods(rods, state, end, (begun, h))
         last_attempt = stepping.follow_path and level == stepping.halvings
-        code = moved
-        if moved == CONVERGED:
-            code = _try_step(
-                system, table, state, work, tolerances, stepping, h, factors, (begin, end),
-                last_attempt, rods, begun,
-            )  # fmt: skip
+        code = _try_step(
+            system, table, state, work, tolerances, stepping, h, factors, (begin, end),
+            last_attempt, rods, begun,
+        )  # fmt: skip
         if code != CONVERGED:
             copy(begin, state.inputs)
             level += 1
@@ -167,7 +174,7 @@ def _advance(
         if level > 0 or last_attempt:
             work.unconverged[:] = 0
         if rods is not None:
-            accept_rods(rods, state, work, begin, h)
+            accept_rods(rods, state, work, begin, (begun, h))
         account_laws(system, table, state, work, begin, time + share * stepping.step)
         account_friction(system, state, work)
         position += size

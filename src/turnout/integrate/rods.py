@@ -1,18 +1,20 @@
 """The machines of drives in the implicit step: their rod ends are inputs that follow from the step.
 
-The rails are first taken to go on as they move, the machines are solved with that, and the rails
-with the rod ends. Then the machines meet the rails where they have come to, and so on until no rod
-end moves any more: rod ends and rails then hold at once, as in one large implicit step. A machine
-yields so little that one correction is mostly enough; each takes the change down to a hundredth.
+The rod ends are first taken to go on as they move, and the rails are solved with that. The machines
+then meet the rails where they have come to, the rails the rod ends, and so on until no rod end
+moves any more: rod ends and rails then hold at once, as in one large implicit step. A machine has
+so much inertia and yields so little that its rod end mostly is where it was expected; each
+correction takes the change down to a hundredth.
 """
 
+import math
 from typing import NamedTuple
 
 from turnout.integrate.scratch import Work
 from turnout.integrate.solve import CONVERGED, NOT_CONVERGED, Tolerances, iterate_contact_set
 from turnout.integrate.state import State
 from turnout.integrate.system import Floats, Ints, System
-from turnout.kernels.compiled import compiled
+from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import LawTable
 from turnout.machine.compute.couple import Machines, Room, accept_machines, try_machines
 from turnout.machine.compute.places import (
@@ -33,7 +35,7 @@ class Rods(NamedTuple):
     ----------
     constants, tables, commands, shared_resistance
         See `turnout.machine.compute.couple.Machines`; the last as an array of one.
-    rails, work, log
+    rails, work, log, plain
         See `turnout.machine.compute.couple.Room`.
     place, law, input : ndarray of int, shape (n,)
         Place of each rod's row, its law, its input.
@@ -47,8 +49,8 @@ class Rods(NamedTuple):
         Of the rails at the rods: position and speed at the start of the step, position at its end.
     compliance : ndarray, shape (n, n)
         Zero: what a rod's force does to the rails is found by solving them.
-    before : ndarray, shape (2, n)
-        Rail positions one and two steps ago [m].
+    before, rod_before : ndarray, shape (2, n)
+        Positions of rails and rods one and two steps ago [m].
     lengths : ndarray, shape (2,)
         Of these steps [s].
     force, given : ndarray, shape (n,)
@@ -67,6 +69,7 @@ class Rods(NamedTuple):
     rails: Floats
     work: Floats
     log: Floats
+    plain: Floats
     place: Ints
     law: Ints
     input: Ints
@@ -79,12 +82,20 @@ class Rods(NamedTuple):
     free: Floats
     compliance: Floats
     before: Floats
+    rod_before: Floats
     lengths: Floats
     force: Floats
     given: Floats
     left: Floats
     kept: Floats
     kept_given: Floats
+
+
+@compiled_part
+def _machines_of(rods: Rods) -> tuple[Machines, Room]:
+    shared: float = rods.shared_resistance[0]
+    machines = Machines(rods.constants, rods.tables, rods.commands, shared)
+    return machines, Room(rods.rails, rods.work, rods.log, rods.plain)
 
 
 @compiled
@@ -95,10 +106,8 @@ def _try_rods(
 
     Inputs are written if that is more than is overlooked [m].
     """
-    shared: float = rods.shared_resistance[0]
-    machines = Machines(rods.constants, rods.tables, rods.commands, shared)
+    machines, room = _machines_of(rods)
     ends = (rods.start, rods.speed, rods.free, rods.compliance)
-    room = Room(rods.rails, rods.work, rods.log)
     if try_machines(machines, rods.state, rods.trial, ends, span, room) != CONVERGED:
         return NOT_CONVERGED, 0.0
     farthest = 0.0
@@ -112,8 +121,8 @@ def _try_rods(
 
 
 @compiled
-def move_rods(rods: Rods, state: State, inputs: Floats, span: tuple[float, float]) -> int:
-    """Predict the rod ends at the end of a step, with rails that go on as they move.
+def move_rods(rods: Rods, state: State, inputs: Floats, span: tuple[float, float]) -> None:
+    """Predict the rod ends at the end of a step: they go on with speed and acceleration.
 
     Parameters
     ----------
@@ -122,19 +131,33 @@ def move_rods(rods: Rods, state: State, inputs: Floats, span: tuple[float, float
     span : tuple of float
         Start and length of the step [s].
     """
-    before, lengths = rods.before, rods.lengths
+    before, rod_before, lengths, h = rods.before, rods.rod_before, rods.lengths, span[1]
     for k in range(rods.input.size):
-        y = state.g[rods.place[k]] - rods.shift[k]
-        last = (y - before[0, k]) / lengths[0]
-        change = last - (before[0, k] - before[1, k]) / lengths[1]
-        speed = last + change * lengths[0] / (lengths[0] + lengths[1])
-        rods.start[k], rods.speed[k], rods.free[k] = y, speed, y + span[1] * speed
+        y, x = state.g[rods.place[k]] - rods.shift[k], rods.state[k, ROD_POSITION]
+        rods.start[k] = y
+        rods.speed[k], _ = _speed_and_bend(y, before[0, k], before[1, k], lengths)
+        speed, bend = _speed_and_bend(x, rod_before[0, k], rod_before[1, k], lengths)
+        predicted = x + h * (speed + h * bend)
+        state.inputs[rods.input[k]] = predicted + rods.shift[k]
+        inputs[rods.input[k]] = state.inputs[rods.input[k]]
         near = rods.state[k, DIRECTION] < 0.0 or y >= -rods.lock_gap[k]
         rods.state[k, LOCK_ALLOWED] = 1.0 if near else 0.0
-    code, _ = _try_rods(rods, state, span, 0.0)
-    for k in range(rods.input.size):
-        inputs[rods.input[k]] = state.inputs[rods.input[k]]
-    return code
+
+
+@compiled_part
+def _speed_and_bend(now: float, one: float, two: float, lengths: Floats) -> tuple[float, float]:
+    """Return speed and half the acceleration of the parabola through three positions in time.
+
+    Parameters
+    ----------
+    now, one, two : float
+        Positions now, and one and two steps ago [m].
+    lengths : ndarray, shape (2,)
+        Of these steps [s].
+    """
+    last = (now - one) / lengths[0]
+    bend = (last - (one - two) / lengths[1]) / (lengths[0] + lengths[1])
+    return last + bend * lengths[0], bend
 
 
 @compiled
@@ -148,13 +171,13 @@ def iterate_rods(
     span: tuple[float, float],
 ) -> int:
     """Correct rod ends and rails in turn until they hold at once."""
-    for _ in range(CORRECTIONS):
+    for number in range(CORRECTIONS):
         off = 0.0
         for k in range(rods.input.size):
             y = state.g[rods.place[k]] - rods.shift[k]
             off = max(off, abs(y - rods.free[k]))
             rods.free[k] = y
-        if off <= ROD_TOLERANCE:  # a rod end moves by less than its rail
+        if number > 0 and off <= ROD_TOLERANCE:  # a rod end moves by less than its rail
             return CONVERGED
         code, moved = _try_rods(rods, state, span, ROD_TOLERANCE)
         if code != CONVERGED:
@@ -169,18 +192,34 @@ def iterate_rods(
 
 
 @compiled
-def accept_rods(rods: Rods, state: State, work: Work, begin: Floats, step: float) -> None:
+def meet_rods(rods: Rods, state: State, span: tuple[float, float]) -> int:
+    """Take the machines to where the rails have come to, which stay there."""
+    for k in range(rods.input.size):
+        rods.free[k] = state.g[rods.place[k]] - rods.shift[k]
+    code, moved = _try_rods(rods, state, span, math.inf)
+    rods.left[0] = max(rods.left[0], moved)
+    return code
+
+
+@compiled
+def accept_rods(
+    rods: Rods, state: State, work: Work, begin: Floats, span: tuple[float, float]
+) -> None:
     """Accept the end of a step as the machines' state, and add their work on the rods.
 
     Parameters
     ----------
     begin : ndarray, shape (n_inputs,)
         Inputs at the start of the step [m].
-    step : float
-        Its length [s].
+    span : tuple of float
+        Its start and length [s].
     """
-    accept_machines(rods.state, rods.trial)
-    rods.lengths[1], rods.lengths[0] = rods.lengths[0], step
+    rod_before = rods.rod_before
+    for k in range(rods.input.size):
+        rod_before[1, k], rod_before[0, k] = rod_before[0, k], rods.state[k, ROD_POSITION]
+    machines, room = _machines_of(rods)
+    accept_machines(machines, rods.state, rods.trial, span, room)
+    rods.lengths[1], rods.lengths[0] = rods.lengths[0], span[1]
     for k in range(rods.input.size):
         force, number = work.force[rods.law[k]], rods.input[k]
         rods.given[k] -= 0.5 * (force + rods.force[k]) * (state.inputs[number] - begin[number])

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.machine.compute import places as at
+from turnout.machine.compute.gamma import gamma_impedance
 
 Floats = NDArray[np.float64]
 
@@ -59,11 +60,11 @@ def _two_phases(constants: Floats, states: Floats) -> tuple[Floats, Floats, Floa
     supply, iron = constants[at.SUPPLY_SPEED], constants[at.IRON_CONDUCTANCE]
     turned = constants[at.POLE_PAIRS] * states[:, at.DIRECTION] * states[:, at.SPEED]
     whole = np.full(turned.shape, 2.0 * constants[at.LINE_RESISTANCE], dtype=np.complex128)
-    for slip in (1.0 - turned / supply, 1.0 + turned / supply):
-        leak = 1j * supply * constants[at.LEAKAGE_INDUCTANCE]
-        rotor = slip / (constants[at.ROTOR_RESISTANCE] + slip * leak)
-        gap = 1.0 / (1.0 / (1j * supply * constants[at.STATOR_INDUCTANCE]) + rotor)
-        whole += 1.0 / (1.0 / (constants[at.RESISTANCE] + gap) + iron)
+    resistances = constants[at.RESISTANCE], constants[at.ROTOR_RESISTANCE]
+    inductances = constants[at.STATOR_INDUCTANCE], constants[at.LEAKAGE_INDUCTANCE]
+    for slip_speed in (supply - turned, supply + turned):
+        _, own, _ = gamma_impedance(supply, slip_speed, resistances, inductances)
+        whole += own / (1.0 + own * iron)
     line_to_line = math.sqrt(1.5) * constants[at.PHASE_VOLTAGE]
     current = np.where(_is_on(states), line_to_line / np.abs(whole), 0.0)
     return whole.real * current**2, line_to_line * current, current

@@ -8,8 +8,9 @@ import numpy as np
 from turnout.law.table import Floats
 from turnout.machine.components import Command, Machine, OneMassRail, Stroke
 from turnout.machine.compute import places as at
-from turnout.machine.compute.circuit import switch_off
 from turnout.machine.compute.clutch import kinetic_level
+from turnout.machine.compute.contactor import switch_off
+from turnout.machine.compute.couple import Room
 from turnout.machine.compute.machine_step import WORK_ROWS
 from turnout.machine.compute.rail import bed_force, rod_position
 from turnout.machine.motor_record import copper_factor
@@ -262,6 +263,16 @@ def command_rows(commands: Sequence[Command]) -> Floats:
     """Return time and direction of each command."""
     rows = [(c.time, 1.0 if c.direction == "close" else -1.0) for c in commands]
     return np.array(rows, dtype=np.float64).reshape(len(rows), 2)
+
+
+def machine_room(count: int, *, events: int) -> Room:
+    """Return room for a step of so many machines, each with a log of so many events."""
+    return Room(
+        rails=np.zeros((count, at.RAIL_CONSTANTS)),
+        work=np.zeros((count, WORK_ROWS, at.ROD_FORCE + 1)),
+        log=np.zeros((count, events, 2)),
+        plain=np.zeros(count),
+    )
 
 
 def work_rows() -> Floats:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 from turnout.core.lru_cache import LRUCache
 from turnout.machine.components import Machine
+from turnout.machine.compute.gamma import gamma_impedance
 from turnout.machine.motor_record import breakdown_point, copper_factor
 from turnout.machine.rows import (
     motor_constant,
@@ -95,27 +96,24 @@ def circuit_at(machine: Machine, speed: float) -> tuple[float, SteadyPoint]:
 
     Notes
     -----
-    The Gamma circuit in phasors (rms): R_s in series, then jX_s parallel to jX_l + R_r/s; the iron
-    loss across the terminals, the line before them. T = 3 n_p |I_r|^2 R_r / (s w).
+    The Gamma circuit in phasors (rms) with the iron loss across its terminals and the line before
+    them. With psi_s = I_s/lambda, T = 3 n_p Im(I_s conj psi_s) = 3 n_p |psi_s|^2 Im lambda.
     """
     motor, line = machine.motor, line_resistance(machine)
     supply = 2.0 * math.pi * (motor.frequency or 0.0)
     pairs, factor = motor.pole_pairs or 1, copper_factor(motor)
-    main = 1j * supply * (motor.stator_inductance or 0.0)
-    leak = 1j * supply * (motor.leakage_inductance or 0.0)
-    slip = 1.0 - pairs * speed / supply
-    # by the rotor's admittance, which is 0 at synchronous speed
-    rotor = (motor.rotor_resistance or 0.0) * factor
-    rotor_admittance = slip / (rotor + slip * leak)
-    gap = 1.0 / (1.0 / main + rotor_admittance)
-    stator = motor.resistance * factor + gap
+    per_flux, stator, _ = gamma_impedance(
+        supply,
+        supply - pairs * speed,
+        (motor.resistance * factor, (motor.rotor_resistance or 0.0) * factor),
+        (motor.stator_inductance or 0.0, motor.leakage_inductance or 0.0),
+    )
     iron = 1.0 / motor.iron_resistance if motor.iron_resistance else 0.0
-    whole = line + 1.0 / (1.0 / stator + iron)
+    whole = line + stator / (1.0 + stator * iron)
     voltage = supply_voltage(machine) / math.sqrt(3.0)
     current = voltage / whole
     through = (voltage - line * current) / stator
-    across = abs(through * gap) ** 2
-    torque = 3.0 * pairs * across * rotor_admittance.real / supply
+    torque = 3.0 * pairs * abs(through / per_flux) ** 2 * per_flux.imag
     power = 3.0 * voltage * current.real
     return torque, SteadyPoint(abs(current), speed, power, 3.0 * voltage * abs(current))
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from turnout.core.problems import Problem, nearest, show_value
+from turnout.core.problems import Problem, meant, nearest, show_value
 from turnout.core.toml import Origin, TomlFile
 from turnout.core.units import LENGTH, SI, parse_quantities
 from turnout.panel.model import Panel
@@ -164,7 +164,7 @@ class _Spread:
                 f" = {show_value(own)}: unknown key{nearest(name, known)}; "
                 f"a member is a table, defaults are {', '.join(known)}"
             )
-            self.problems.append(Problem((self.family, name), text))
+            self.problems.append(Problem((self.family, name), text, meant(name, known)))
             return
         if "." in name or not name.strip():
             text = ": a name may not be empty or contain a dot"

@@ -113,7 +113,8 @@ def apply_overrides(
         if not targets:
             near = _nearest_key(tree, key) if len(problems) < MOST_NEAREST else ""
             text = f": matches nothing in this panel{near}"
-            if key.startswith("machine.") and not tree.get("machine"):
+            unknown = key.startswith("machine.") and "'machine." not in near
+            if unknown and not tree.get("machine"):
                 text = (
                     ": matches nothing in this panel, whose drives have no machine before these "
                     "overrides; beside one that names a machine write machine.NAME.TABLE.KEY"
@@ -224,4 +225,15 @@ def _given(name: str, given: Mapping[str, object]) -> bool:
 
 
 def _nearest_key(tree: Mapping[str, Any], key: str) -> str:
-    return nearest(key, known_keys(tree))
+    return nearest(key, known_keys(_with_named(tree, tuple(key.split(".")))))
+
+
+def _with_named(tree: Mapping[str, Any], path: Path) -> Mapping[str, Any]:
+    """Return the tree with the member that a key names, where an override may bring it along."""
+    family = FAMILIES.get(path[0])
+    if family is None or path[0] not in GROWING or len(path) < 3:
+        return tree
+    names = list(family.model_fields)
+    if path[1] in names or not (path[2] in names or nearest(path[2], names)):
+        return tree
+    return {**tree, path[0]: {**tree.get(path[0], {}), path[1]: {}}}

@@ -1,6 +1,6 @@
 """From the tree of a document to records, collecting every problem instead of the first."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError, create_model
 
-from turnout.core.problems import Problem, choices, describe_error, nearest, show_value
+from turnout.core.problems import Problem, choices, describe_error, meant, nearest, show_value
 from turnout.panel.document import FAMILIES, Document, Path
 from turnout.panel.keys import fields_at, records_in
 from turnout.panel.model import Panel
@@ -211,8 +211,9 @@ def _plain(name: str, tree: dict[str, Any], draft: Draft) -> None:
         draft.records[name] = _adapter(name).validate_python(tree[name])
     except ValidationError as error:
         errors = _errors(error)
-        draft.problems += [_problem((name,), item) for item in errors[:MOST_PROBLEMS]]
-        draft.problems += _rest((name,), len(errors))
+        shown = _without_misspelt(errors, (name,))
+        draft.problems += [_problem((name,), item) for item in shown[:MOST_PROBLEMS]]
+        draft.problems += _rest((name,), len(shown))
         records = list(records_in(info.annotation))
         draft.records[name] = _partial(records[0], tree[name], errors) if records else Partial()
 
@@ -226,6 +227,7 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
             Problem((name,), f" = {show_value(members)}: must be a table of members")
         )
         members, broken = {}, True
+    meant_elsewhere = {item.meant for item in document.problems if item.path[0] == name}
     records: dict[str, BaseModel | Partial] = {}
     found: dict[Problem, list[str]] = {}
     before, made = known.of(name) if known is not None else ({}, {})
@@ -243,6 +245,7 @@ def _family(name: str, document: Document, draft: Draft, known: Known | None) ->
         except ValidationError as error:
             errors, same = _errors(error), False
             records[member] = _partial(record, values, errors)
+            errors = _without_misspelt(errors, (name,), meant_elsewhere)
             shown = MOST_PROBLEMS if len(found) < 10 * MOST_PROBLEMS else 1
             draft.problems += _rest((name, member), len(errors), shown)
             for item in errors[:shown]:
@@ -335,6 +338,20 @@ def _rest(path: Path, count: int, shown: int = MOST_PROBLEMS) -> list[Problem]:
 
 def _errors(error: ValidationError) -> list[Any]:
     return list(error.errors(include_url=False))
+
+
+def _without_misspelt(errors: list[Any], table: Path, elsewhere: Collection[str] = ()) -> list[Any]:
+    """Leave out each missing key of a table that a misspelt key stands for."""
+    misspelt = {
+        (error["loc"][:-1], meant(str(error["loc"][-1]), _allowed((*table, *_path(error)))))
+        for error in errors
+        if error["type"] == "extra_forbidden"
+    } | {((), name) for name in elsewhere}
+    return [
+        error
+        for error in errors
+        if error["type"] != "missing" or (error["loc"][:-1], error["loc"][-1]) not in misspelt
+    ]
 
 
 def _path(error: Any) -> Path:

@@ -3,6 +3,7 @@
 Rows of drives that are markers are NaN, and none of these channels is made where all are.
 """
 
+import functools
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,7 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.integrate.driven import MachineHistory
+from turnout.integrate.driven import MachineHistory, sum_machines
 from turnout.integrate.duty import Duty
 from turnout.integrate.integration import History
 from turnout.machine.compute import places as at
@@ -260,17 +261,18 @@ def machine_energies(history: History, channels: dict[str, Variable]) -> dict[st
     losses = machines.losses
 
     def total(values: Floats) -> Variable:
-        return ("time",), np.asarray(values.sum(axis=1))
+        return ("time",), sum_machines(values)
 
     found = {
-        name: total(np.sum([losses[part] for part in parts], axis=0))
+        name: total(functools.reduce(np.add, (losses[part] for part in parts)))
         for name, parts in _ENERGIES.items()
     }
-    numerical, residual = channels["energy_numerical"][1], channels["energy_residual"][1]
+    numerical = np.asarray(channels["energy_numerical"][1], dtype=np.float64)
+    residual = np.asarray(channels["energy_residual"][1], dtype=np.float64)
     return found | {
         "energy_supply": total(machines.sums(at.SUPPLY, at.HAND)),
         "energy_machine": total(machines.stored),
         "work_rods": total(machines.given),
-        "energy_numerical": (("time",), numerical + machines.numerical.sum(axis=1)),
-        "energy_residual": (("time",), residual - machines.residual.sum(axis=1)),
+        "energy_numerical": (("time",), numerical + sum_machines(machines.numerical)),
+        "energy_residual": (("time",), residual - sum_machines(machines.residual)),
     }

@@ -1,4 +1,4 @@
-"""The circuit of a machine over a span of time: contactor, cut-off, time-out, relay, lock.
+"""A machine over a span of time: steps between what switches, located where they must be.
 
 `advance` covers a span with steps that end at every switching instant. The length of a step is cut
 at known instants; the limit contact and the standstill of the lock are located inside a step, which
@@ -10,19 +10,13 @@ import math
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute.clutch import update_clutch
-from turnout.machine.compute.induction import drop_fluxes
-from turnout.machine.compute.lost_phase import lose_phase
+from turnout.machine.compute.contactor import INSTANT, log_event, next_instant, switch_all_due
 from turnout.machine.compute.machine_step import SECOND, accept_step, span_of, take_step
 from turnout.machine.compute.places import (
-    ARMATURE_OPEN,
-    BRAKE_TORQUE,
     BRUSH_RESISTANCE,
-    CIRCUIT_RESISTANCE,
     CLUTCH_STIFFNESS,
     CONTACT_LOSS,
     CONTACT_RESISTANCE,
-    CONTACTOR_DELAY,
-    CONTACTOR_TIME,
     CONVERGED,
     CURRENT,
     CUTOFF_DELAY,
@@ -38,58 +32,31 @@ from turnout.machine.compute.places import (
     EVENT_DETECTION_CLOSES,
     EVENT_DETECTION_OPENS,
     EVENT_LOCKED,
-    EVENT_OFF_LIMIT,
-    EVENT_OFF_OVERLOAD,
-    EVENT_OFF_TIME_OUT,
-    EVENT_ON,
-    EVENT_PHASE_LOST,
-    EVENTS,
     GEAR,
     GEAR_ANGLE,
     GEAR_INERTIA,
     GEAR_RATIO,
     GEAR_SPEED,
     HALVED,
-    HAND_GAIN,
-    HAND_ON,
-    HAND_RAMP,
-    HAND_SINCE,
-    HAND_STAYS,
     HOLDS,
-    INDUCTANCE,
     INTO_STORES,
     LIMIT_CLOSING,
     LIMIT_OPENING,
-    LINE_RESISTANCE,
     LOCK_ALLOWED,
     LOCK_GAP,
     LOCKED,
     LONGEST_STEP,
-    LOSS_TORQUE,
-    NEXT_COMMAND,
     NOT_CONVERGED,
     ONE_MASS,
-    OPEN_AFTER,
     OVERLOAD_CURRENT,
     OVERLOAD_SINCE,
-    OVERLOAD_TIME,
-    PHASE_LOST,
-    PHASE_LOST_TIME,
     RAIL_POSITION,
-    RESISTANCE,
     ROD_FORCE,
     ROD_POSITION,
-    SERIES,
     SLIP,
-    SNUB,
-    SNUB_RESISTANCE,
     SPEED,
     STILL_TORQUE,
-    SUPPLIED,
-    THREE_PHASE,
-    TIME_OUT,
     TWIST,
-    VOLTAGE,
 )
 from turnout.machine.compute.rail import rail_side
 
@@ -97,102 +64,8 @@ HALVINGS = 20
 """A step is halved at most so often before the run ends."""
 LOCATE = 40
 """So many trials locate a switching instant within a step."""
-INSTANT = 1e-12
-"""Times nearer to each other are one instant [s]."""
 ANGLE_ROUNDING = 1e-10
 """Shaft angle by which a limit contact may be missed [rad]."""
-
-
-@compiled_part
-def log_event(state: Floats, log: Floats, time: float, event: int) -> None:
-    """Write an event into the log where there is room; count it in any case."""
-    at = int(state[EVENTS])
-    if at < log.shape[0]:
-        log[at, 0], log[at, 1] = time, event
-    state[EVENTS] = at + 1
-
-
-@compiled
-def switch_on(constants: Floats, state: Floats, time: float, direction: float) -> None:
-    """Close the contactor, or begin to crank: the lock and the brake open."""
-    state[ENERGISED], state[DIRECTION] = 1.0, direction
-    state[LOCKED], state[STILL_TORQUE] = 0.0, constants[LOSS_TORQUE]
-    state[CONTACTOR_TIME], state[CUTOFF_TIME] = time, math.inf
-    state[OVERLOAD_SINCE] = math.inf
-    if constants[HAND_GAIN] > 0.0:
-        state[HAND_ON], state[HAND_SINCE], state[ARMATURE_OPEN] = 1.0, time, 1.0
-        state[SUPPLIED] = 0.0
-        return
-    state[ARMATURE_OPEN] = 0.0
-    reversed_voltage = direction < 0.0 and constants[SERIES] + constants[THREE_PHASE] == 0.0
-    state[SUPPLIED] = -constants[VOLTAGE] if reversed_voltage else constants[VOLTAGE]
-    state[CIRCUIT_RESISTANCE] = constants[RESISTANCE] + constants[LINE_RESISTANCE]
-
-
-@compiled
-def switch_off(constants: Floats, state: Floats) -> None:
-    """Open the contactor: snubbing or an open armature, and the brake."""
-    state[ENERGISED], state[SUPPLIED] = 0.0, 0.0
-    state[HAND_ON] *= constants[HAND_STAYS]
-    state[CUTOFF_TIME] = math.inf
-    state[STILL_TORQUE] = constants[LOSS_TORQUE] + constants[BRAKE_TORQUE]
-    state[CIRCUIT_RESISTANCE] = constants[RESISTANCE] + constants[SNUB_RESISTANCE]
-    if constants[OPEN_AFTER] > 0.0 or constants[HAND_GAIN] > 0.0:
-        state[ARMATURE_OPEN] = 1.0
-        # the arc takes what the coil holds
-        coil = 0.5 * constants[INDUCTANCE] * state[CURRENT] ** 2
-        state[ENERGIES + SNUB] += coil
-        state[ENERGIES + INTO_STORES] -= coil
-        state[CURRENT] = 0.0
-        if constants[THREE_PHASE] > 0.0:
-            drop_fluxes(constants, state)
-
-
-@compiled_part
-def next_instant(constants: Floats, state: Floats, commands: Floats, time: float) -> float:
-    """Return the next known switching instant, inf if there is none [s]."""
-    instant = math.inf
-    at = int(state[NEXT_COMMAND])
-    if at < commands.shape[0]:
-        instant = commands[at, 0] + constants[CONTACTOR_DELAY]
-    if state[ENERGISED] > 0.0:
-        instant = min(instant, state[CONTACTOR_TIME] + constants[TIME_OUT], state[CUTOFF_TIME])
-        instant = min(instant, state[OVERLOAD_SINCE] + constants[OVERLOAD_TIME])
-    if state[HAND_ON] > 0.0:
-        corner = state[HAND_SINCE] + constants[HAND_RAMP]
-        if corner > time + INSTANT:
-            instant = min(instant, corner)
-    if state[PHASE_LOST] == 0.0:
-        instant = min(instant, constants[PHASE_LOST_TIME])
-    return float(instant)
-
-
-@compiled_part
-def switch_due(
-    constants: Floats, state: Floats, commands: Floats, time: float, log: Floats
-) -> None:
-    """Switch what is due at an instant; a command while energised reverses the motor at once."""
-    now = time + INSTANT
-    if state[PHASE_LOST] == 0.0 and now >= constants[PHASE_LOST_TIME]:
-        lose_phase(constants, state)
-        log_event(state, log, time, EVENT_PHASE_LOST)
-    if state[ENERGISED] > 0.0:
-        if now >= state[CUTOFF_TIME]:
-            switch_off(constants, state)
-            log_event(state, log, time, EVENT_OFF_LIMIT)
-        elif now >= state[CONTACTOR_TIME] + constants[TIME_OUT]:
-            switch_off(constants, state)
-            log_event(state, log, time, EVENT_OFF_TIME_OUT)
-        elif now >= state[OVERLOAD_SINCE] + constants[OVERLOAD_TIME]:
-            switch_off(constants, state)
-            log_event(state, log, time, EVENT_OFF_OVERLOAD)
-    at = int(state[NEXT_COMMAND])
-    if at < commands.shape[0] and now >= commands[at, 0] + constants[CONTACTOR_DELAY]:
-        if state[ENERGISED] > 0.0:
-            switch_off(constants, state)
-        switch_on(constants, state, time, commands[at, 1])
-        state[NEXT_COMMAND] = at + 1
-        log_event(state, log, time, EVENT_ON)
 
 
 @compiled_part
@@ -348,11 +221,38 @@ def _piece(
     before = beyond_limit(constants, state, state[GEAR_ANGLE])
     if over > ANGLE_ROUNDING and before < -ANGLE_ROUNDING:
         h = _locate_limit(constants, rail, table, state, (time, h), work)
-    locks = constants[HOLDS] > 0.0 and state[ENERGISED] == 0.0 and state[LOCKED] == 0.0
-    if locks and h > 0.0 and work[SECOND, GEAR_SPEED] * state[GEAR_SPEED] < 0.0:
+    if h > 0.0 and _turns_round(constants, state, work):
         h = _locate_turn(constants, rail, table, state, (time, h), work)
-    if h <= 0.0:
-        return h
+    if h > 0.0:
+        _finish_step(constants, rail, table, state, (time, h), work, log)
+    return h
+
+
+@compiled_part
+def _may_lock(constants: Floats, state: Floats) -> bool:
+    """Return whether the lock holds the gear at its next standstill."""
+    return bool(constants[HOLDS] > 0.0 and state[ENERGISED] == 0.0 and state[LOCKED] == 0.0)
+
+
+@compiled_part
+def _turns_round(constants: Floats, state: Floats, work: Floats) -> bool:
+    """Return whether the gear stood within the step and may be locked there."""
+    return bool(_may_lock(constants, state) and work[SECOND, GEAR_SPEED] * state[GEAR_SPEED] < 0.0)
+
+
+@compiled
+def _finish_step(
+    constants: Floats,
+    rail: Floats,
+    table: Floats,
+    state: Floats,
+    span: tuple[float, float],
+    work: Floats,
+    log: Floats,
+) -> None:
+    """Make the end of a step the state, with what clutch, contacts, relay and lock do there."""
+    time, h = span
+    locks = _may_lock(constants, state)
     x_before, w2_before = state[ROD_POSITION], state[GEAR_SPEED]
     accept_step(constants, rail, table, state, time, h, work)
     update_clutch(constants, state, h)
@@ -364,7 +264,6 @@ def _piece(
         state[ENERGIES + INTO_STORES] -= motion
         state[GEAR_SPEED], state[LOCKED] = 0.0, 1.0
         log_event(state, log, time + h, EVENT_LOCKED)
-    return h
 
 
 @compiled_part
@@ -416,11 +315,7 @@ def advance(
         return CONVERGED
     pieces = 0
     while True:
-        instant = next_instant(constants, state, commands, time)
-        while instant <= time + INSTANT:
-            switch_due(constants, state, commands, time, log)
-            _lock_standing(constants, state, log, time)
-            instant = next_instant(constants, state, commands, time)
+        instant = switch_all_due(constants, state, commands, time, log)
         left = min(end, instant) - time
         if left <= INSTANT:
             return CONVERGED
@@ -432,10 +327,48 @@ def advance(
         time = min(end, instant) if h == left else time + h
 
 
-@compiled_part
-def _lock_standing(constants: Floats, state: Floats, log: Floats, time: float) -> None:
-    """Lock at once what stands when the contactor opens."""
-    free = state[ENERGISED] == 0.0 and state[LOCKED] == 0.0 and constants[HOLDS] > 0.0
-    if free and state[GEAR_SPEED] == 0.0:
-        state[LOCKED] = 1.0
-        log_event(state, log, time, EVENT_LOCKED)
+@compiled
+def try_plain_step(
+    constants: Floats,
+    rail: Floats,
+    table: Floats,
+    commands: Floats,
+    state: Floats,
+    span: tuple[float, float],
+    work: Floats,
+) -> bool:
+    """Solve a span in which nothing switches, where that is one step; False where it is not.
+
+    Takes what `advance` takes. The state stays as it is but for `set_local_faults`, so that the
+    span may be tried again; `accept_plain_step` makes the state of it that `advance` would.
+    """
+    time, end = span[0], span[0] + span[1]
+    h = end - time
+    if rests(constants, rail, state) or h > constants[LONGEST_STEP]:
+        return False
+    if next_instant(constants, state, commands, time) <= end + INSTANT:
+        return False
+    set_local_faults(constants, state)
+    if take_step(constants, rail, table, state, time, h, work) != CONVERGED:
+        return False
+    over = beyond_limit(constants, state, work[SECOND, GEAR_ANGLE])
+    before = beyond_limit(constants, state, state[GEAR_ANGLE])
+    at_limit = over > ANGLE_ROUNDING and before < -ANGLE_ROUNDING
+    return not (at_limit or _turns_round(constants, state, work))
+
+
+@compiled
+def accept_plain_step(
+    constants: Floats,
+    rail: Floats,
+    table: Floats,
+    commands: Floats,
+    state: Floats,
+    span: tuple[float, float],
+    work: Floats,
+    log: Floats,
+) -> None:
+    """Make the end of a span that `try_plain_step` has solved the state."""
+    time, end = span[0], span[0] + span[1]
+    _finish_step(constants, rail, table, state, (time, end - time), work, log)
+    switch_all_due(constants, state, commands, end, log)

@@ -15,8 +15,9 @@ from typing import NamedTuple
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
-from turnout.machine.compute.circuit import advance
+from turnout.machine.compute.circuit import accept_plain_step, advance, try_plain_step
 from turnout.machine.compute.induction import line_current
+from turnout.machine.compute.machine_step import SECOND
 from turnout.machine.compute.places import (
     ARMATURE_OPEN,
     CONVERGED,
@@ -32,6 +33,7 @@ from turnout.machine.compute.places import (
     RAIL_STEP,
     RAIL_TIME,
     ROD_FORCE,
+    ROD_POSITION,
     ROD_STIFFNESS,
     SHARED_DROP,
     SHARED_DROP_ACROSS,
@@ -67,11 +69,31 @@ class Machines(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Room for a step: rails as seen from the rods, stages, and the log of events."""
+    """Room for a step, a row each machine.
+
+    Attributes
+    ----------
+    rails : ndarray, shape (n, RAIL_CONSTANTS)
+        As seen from the rods.
+    work : ndarray, shape (n, WORK_ROWS, ROD_FORCE + 1)
+        Stages.
+    log : ndarray, shape (n, n_events, 2)
+        Time and event.
+    plain : ndarray, shape (n,)
+        1 where the step was solved without its end being worked out: of `trial` only rod position
+        and force are those at its end.
+    """
 
     rails: Floats
     work: Floats
     log: Floats
+    plain: Floats
+
+
+@compiled_part
+def _copy_row(row: Floats, to: Floats) -> None:
+    for k in range(row.size):
+        to[k] = row[k]
 
 
 @compiled_part
@@ -119,10 +141,10 @@ def try_machines(
     ----------
     machines : Machines
     state : ndarray, shape (n, STATES)
-        At the start of the step; not changed.
+        At the start of the step; not changed but for what only depends on it (local faults).
     trial : ndarray, shape (n, STATES)
         Receives the end of the step: ROD_POSITION is what the mechanism takes as its input,
-        ROD_FORCE what it should find there.
+        ROD_FORCE what it should find there. The rest follows at `accept_machines`.
     ends : tuple of ndarray
         Position and speed of the rod ends at the start [m], [m/s], shape (n,); position at the end
         of the step without the rod forces there [m], shape (n,); compliance [m/N], shape (n, n).
@@ -130,7 +152,6 @@ def try_machines(
     span : tuple of float
         Start and length of the step [s].
     room : Room
-        `rails` has shape (n, RAIL_CONSTANTS), `work` that of one machine, `log` (n, n_events, 2).
 
     Returns
     -------
@@ -139,9 +160,11 @@ def try_machines(
     """
     start, speed, free, compliance = ends
     count = state.shape[0]
+    shared = machines.shared_resistance > 0.0
     for number in range(count):
-        for k in range(state.shape[1]):
-            trial[number, k] = state[number, k]
+        trial[number, ROD_FORCE] = state[number, ROD_FORCE]
+        if shared:
+            _copy_row(state[number], trial[number])
     for _ in range(SWEEPS):
         for number in range(count):
             rail = room.rails[number]
@@ -150,23 +173,21 @@ def try_machines(
             rail[RAIL_FREE] = free[number] + _others_move(compliance, trial, number)
             rail[RAIL_COMPLIANCE] = compliance[number, number]
             rail[RAIL_TIME], rail[RAIL_STEP] = span
+            room.plain[number] = 0.0
+            of_machine = (machines.constants[number], rail, machines.tables[number])
+            commands, work = machines.commands[number], room.work[number]
+            if not shared and try_plain_step(*of_machine, commands, state[number], span, work):
+                room.plain[number] = 1.0
+                trial[number, ROD_POSITION] = work[SECOND, ROD_POSITION]
+                trial[number, ROD_FORCE] = work[SECOND, ROD_FORCE]
+                continue
             drop, across = 0.0, 0.0
-            if machines.shared_resistance > 0.0:
+            if shared:
                 drop, across = _others_current(machines, trial, number)
-            for k in range(state.shape[1]):
-                trial[number, k] = state[number, k]
+            _copy_row(state[number], trial[number])
             trial[number, SHARED_DROP] = machines.shared_resistance * drop
             trial[number, SHARED_DROP_ACROSS] = machines.shared_resistance * across
-            code = advance(
-                machines.constants[number],
-                rail,
-                machines.tables[number],
-                machines.commands[number],
-                trial[number],
-                span,
-                room.work,
-                room.log[number],
-            )
+            code = advance(*of_machine, commands, trial[number], span, work, room.log[number])
             if code != CONVERGED:
                 return code
         if _agree(machines, trial, free, compliance, room.rails):
@@ -195,8 +216,21 @@ def _agree(
 
 
 @compiled
-def accept_machines(state: Floats, trial: Floats) -> None:
-    """Make the end of a step the state."""
+def accept_machines(
+    machines: Machines, state: Floats, trial: Floats, span: tuple[float, float], room: Room
+) -> None:
+    """Make the end of a step that `try_machines` has tried last the state."""
     for number in range(state.shape[0]):
-        for k in range(state.shape[1]):
-            state[number, k] = trial[number, k]
+        if room.plain[number] == 0.0:
+            _copy_row(trial[number], state[number])
+            continue
+        accept_plain_step(
+            machines.constants[number],
+            room.rails[number],
+            machines.tables[number],
+            machines.commands[number],
+            state[number],
+            span,
+            room.work[number],
+            room.log[number],
+        )

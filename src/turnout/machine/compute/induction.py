@@ -182,6 +182,25 @@ def torque_curve(
 
 
 @compiled_part
+def known_curve(
+    constants: Floats, state: Floats, g: float, base: Floats, known: Floats
+) -> tuple[float, float, float, float, float]:
+    """Return the `torque_curve`, that of a steady circuit from memory.
+
+    `known` holds the curve and what it depends on: direction, and both parts of the shared drop.
+    """
+    if constants[STEADY_CIRCUIT] == 0.0:
+        return torque_curve(constants, state, g, base)
+    alike = known[5] == state[DIRECTION] and known[6] == state[SHARED_DROP]
+    if not (alike and known[7] == state[SHARED_DROP_ACROSS]):
+        curve = torque_curve(constants, state, g, base)
+        known[0], known[1], known[2], known[3], known[4] = curve
+        known[5], known[6] = state[DIRECTION], state[SHARED_DROP]
+        known[7] = state[SHARED_DROP_ACROSS]
+    return known[0], known[1], known[2], known[3], known[4]
+
+
+@compiled_part
 def curve_torque(
     constants: Floats,
     state: Floats,

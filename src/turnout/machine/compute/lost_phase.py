@@ -14,6 +14,7 @@ import math
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
+from turnout.machine.compute.gamma import gamma_circuit
 from turnout.machine.compute.induction import drop_fluxes
 from turnout.machine.compute.places import (
     COPPER,
@@ -50,16 +51,15 @@ def _system(
 ) -> tuple[complex, complex, complex, complex]:
     """Return stator current per flux and impedance of one system, and their slopes over the slip.
 
-    Per slip speed frame - n_p w1, with i_s = lambda psi_s, lambda = 1/L_s + j s/(R_r + j s L_l) and
-    Z_m = R_s + j frame/lambda.
+    Per slip speed s = frame - n_p w1: lambda' = j R_r/(R_r + j s L_l)^2 and
+    Z' = -(Z - R_s) lambda'/lambda.
     """
-    slip = frame - constants[POLE_PAIRS] * w1
-    r_r = constants[ROTOR_RESISTANCE]
-    rotor = complex(r_r, slip * constants[LEAKAGE_INDUCTANCE])
-    per_flux = 1.0 / constants[STATOR_INDUCTANCE] + complex(0.0, slip) / rotor
+    slip, r_r = frame - constants[POLE_PAIRS] * w1, constants[ROTOR_RESISTANCE]
+    resistances = (constants[RESISTANCE], r_r)
+    inductances = (constants[STATOR_INDUCTANCE], constants[LEAKAGE_INDUCTANCE])
+    per_flux, own, rotor = gamma_circuit(frame, slip, resistances, inductances)
     slope = complex(0.0, r_r) / (rotor * rotor)
-    turned = complex(0.0, frame) / per_flux
-    return per_flux, constants[RESISTANCE] + turned, slope, -turned * slope / per_flux
+    return per_flux, own, slope, -(own - constants[RESISTANCE]) * slope / per_flux
 
 
 @compiled

@@ -12,9 +12,10 @@ from turnout.law.table import Floats
 from turnout.machine.compute.induction import (
     add_electrical_energy,
     field_energy,
+    fill_fluxes,
     stored_in_stage,
 )
-from turnout.machine.compute.lost_phase import add_lost_phase_energy
+from turnout.machine.compute.lost_phase import add_lost_phase_energy, lost_phase_circuit
 from turnout.machine.compute.motor import net_voltage
 from turnout.machine.compute.places import (
     ARMATURE_OPEN,
@@ -81,6 +82,7 @@ from turnout.machine.compute.places import (
     SNUB,
     SNUB_RESISTANCE,
     SPEED,
+    STEADY_CIRCUIT,
     STILL_TORQUE,
     STOP_STIFFNESS,
     SUPPLIED,
@@ -93,7 +95,13 @@ from turnout.machine.compute.stage import load_factor, solve_stage
 
 GAMMA = 1.0 - math.sqrt(0.5)
 """Length of a stage per length of the step."""
-BASE, FIRST, SECOND, WORK_ROWS = range(4)
+SAME_STEP = 1e-9
+"""Share by which two steps may differ in length and count as equally long."""
+BASE, FIRST, SECOND, GUESS, CURVE, WORK_ROWS = range(6)
+"""Rows of the work of a machine: what the stages leave, both stages, and what follows."""
+GUESS_STEP, GUESS_MOTOR, GUESS_GEAR, GUESS_STAGE = range(4)
+"""Of the row GUESS: length of the last step; change of both speeds in its first stage, and the
+places by which those of the second are further on."""
 
 
 @compiled_part
@@ -126,6 +134,22 @@ def span_of(
     return hand, start + speed * tau + bend * share, rail[RAIL_COMPLIANCE] * share
 
 
+@compiled_part
+def _guess_speeds(state: Floats, stage: Floats, guess: Floats, number: int) -> None:
+    """Begin the search for a stage with the change of speeds in that stage of the last step."""
+    for place, change in ((SPEED, GUESS_MOTOR), (GEAR_SPEED, GUESS_GEAR)):
+        speed = state[place] + guess[change + number * (GUESS_STAGE - 1)]
+        if speed * state[place] > 0.0:  # what stands or turns round is looked for from there
+            stage[place] = speed
+
+
+@compiled_part
+def _note_speeds(state: Floats, stage: Floats, guess: Floats, number: int) -> None:
+    """Note the change of speeds in a stage."""
+    for place, change in ((SPEED, GUESS_MOTOR), (GEAR_SPEED, GUESS_GEAR)):
+        guess[change + number * (GUESS_STAGE - 1)] = stage[place] - state[place]
+
+
 @compiled
 def take_step(
     constants: Floats,
@@ -143,7 +167,8 @@ def take_step(
     time, step : float
         Start and length of the step [s].
     work : ndarray, shape (WORK_ROWS, INTEGRATED + 3)
-        Receives the stages; row SECOND is the end of the step.
+        Of this machine. Receives the stages; row SECOND is the end of the step. The search begins
+        with the changes of the last step, if that was as long.
 
     Returns
     -------
@@ -151,13 +176,17 @@ def take_step(
         CONVERGED or NOT_CONVERGED.
     """
     g = GAMMA * step
-    base, first, second = work[BASE], work[FIRST], work[SECOND]
+    base, first, second, guess = work[BASE], work[FIRST], work[SECOND], work[GUESS]
+    alike = abs(guess[GUESS_STEP] - step) <= SAME_STEP * step
+    guess[GUESS_STEP] = 0.0
     for k in range(first.size):
         first[k] = state[k]
         base[k] = state[k]
     first[RAIL_POSITION] += g * state[RAIL_SPEED]
+    if alike:
+        _guess_speeds(state, first, guess, 0)
     span = span_of(constants, rail, state, time + g)
-    code = solve_stage(constants, rail, table, state, g, base, span, first)
+    code = solve_stage(constants, rail, table, state, g, base, span, first, work[CURVE])
     if code != CONVERGED:
         return code
     ahead = (1.0 - GAMMA) / GAMMA
@@ -166,8 +195,15 @@ def take_step(
     for k in range(INTEGRATED):
         base[k] = state[k] + ahead * (first[k] - state[k])
     second[RAIL_POSITION] = base[RAIL_POSITION] + g * first[RAIL_SPEED]
+    if alike:
+        _guess_speeds(state, second, guess, 1)
     span = span_of(constants, rail, state, time + step)
-    return solve_stage(constants, rail, table, state, g, base, span, second)
+    code = solve_stage(constants, rail, table, state, g, base, span, second, work[CURVE])
+    if code == CONVERGED:
+        _note_speeds(state, first, guess, 0)
+        _note_speeds(state, second, guess, 1)
+        guess[GUESS_STEP] = step
+    return code
 
 
 @compiled
@@ -189,6 +225,7 @@ def accept_step(
         before = state if number == 0 else base
         weight = (1.0 - GAMMA) * step if number == 0 else g
         hand = hand_speed(constants, state, time + (g if number == 0 else step))
+        _fill_steady_circuit(constants, state, g, stage)
         slid = stage[SPEED] - stage[GEAR_SPEED] - (stage[TWIST] - before[TWIST]) / g
         slip += weight * slid
         state[ENERGIES + CLUTCH] += weight * constants[CLUTCH_STIFFNESS] * stage[TWIST] * slid
@@ -200,6 +237,17 @@ def accept_step(
         state[k] = second[k]
     state[ROD_POSITION] = second[ROD_POSITION]
     state[ROD_FORCE] = second[ROD_FORCE]
+
+
+@compiled_part
+def _fill_steady_circuit(constants: Floats, state: Floats, g: float, stage: Floats) -> None:
+    """Write the current, and fluxes, of a stage that was solved without asking for them."""
+    if constants[THREE_PHASE] == 0.0 or state[ARMATURE_OPEN] > 0.0:
+        return
+    if state[PHASE_LOST] > 0.0:
+        stage[CURRENT] = lost_phase_circuit(constants, state, stage[SPEED])[0]
+    elif constants[STEADY_CIRCUIT] > 0.0:
+        fill_fluxes(constants, state, g, stage, stage, stage[SPEED])
 
 
 @compiled_part

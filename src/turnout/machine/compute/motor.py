@@ -169,8 +169,8 @@ def motor_side(
     hand: float,
     start: float,
     w2: float,
-) -> tuple[float, float, float, float]:
-    """Return motor speed, current, clutch torque and its slope over the gear speed.
+) -> tuple[float, float, float, float, float]:
+    """Return motor speed, current, clutch torque, and how torque and speed follow the gear's speed.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def motor_side(
     if start == 0.0:
         at_rest, _, _, clutch, slope, i = _residual(constants, state, g, base, curve, hand, 0.0, w2)
         if abs(at_rest) <= still:
-            return 0.0, i, clutch, -slope
+            return 0.0, i, clutch, -slope, 0.0
         sign = -math.copysign(1.0, at_rest)
     low, high = -math.inf, math.inf
     checked = start == 0.0
@@ -223,13 +223,14 @@ def motor_side(
             if constants[THREE_PHASE] > 0.0 and not abs(f) <= UNSOLVED * (scale + still):
                 break  # torque rises faster than the inertia's J1/g: the step is too long
         if checked or w1 * sign >= 0.0:
-            return w1, i, clutch, -clutch_slope * (1.0 - clutch_slope / slope)
+            follows = clutch_slope / slope
+            return w1, i, clutch, -clutch_slope * (1.0 - follows), follows
         # the guess had the wrong sign: the motor stands, or turns the other way
         at_rest, _, _, clutch, clutch_slope, i = _residual(
             constants, state, g, base, curve, hand, 0.0, w2
         )
         if abs(at_rest) <= still:
-            return 0.0, i, clutch, -clutch_slope
+            return 0.0, i, clutch, -clutch_slope, 0.0
         checked, sign = True, -math.copysign(1.0, at_rest)
         low, high = -math.inf, math.inf
-    return w1, math.nan, 0.0, 0.0
+    return w1, math.nan, 0.0, 0.0, 0.0

@@ -16,8 +16,7 @@ import math
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
-from turnout.machine.compute.induction import NO_CURVE, fill_fluxes, torque_curve
-from turnout.machine.compute.lost_phase import lost_phase_circuit
+from turnout.machine.compute.induction import NO_CURVE, fill_fluxes, known_curve
 from turnout.machine.compute.motor import ITERATIONS, ROUNDING, motor_side
 from turnout.machine.compute.places import (
     ARMATURE_OPEN,
@@ -41,6 +40,7 @@ from turnout.machine.compute.places import (
     ROD_FORCE,
     ROD_POSITION,
     SPEED,
+    STEADY_CIRCUIT,
     THREE_PHASE,
     TWIST,
 )
@@ -65,21 +65,26 @@ def _fill(
     stage: Floats,
     solution: tuple[float, float, float, float, float, float],
 ) -> None:
-    """Write the solution of a stage."""
+    """Write the solution of a stage; what a steady circuit carries follows when it is accepted."""
     i, w1, w2, x, force, y = solution
     stage[CURRENT], stage[SPEED], stage[GEAR_SPEED] = i, w1, w2
     stage[GEAR_ANGLE] = base[GEAR_ANGLE] + g * w2
     stage[ROD_POSITION], stage[ROD_FORCE] = x, force
     stage[RAIL_POSITION] = y
-    if constants[THREE_PHASE] > 0.0 and state[ARMATURE_OPEN] == 0.0:
-        if state[PHASE_LOST] > 0.0:
-            stage[CURRENT] = lost_phase_circuit(constants, state, w1)[0]
-        else:
-            fill_fluxes(constants, state, g, base, stage, w1)
+    transient = constants[THREE_PHASE] > 0.0 and constants[STEADY_CIRCUIT] == 0.0
+    if transient and state[ARMATURE_OPEN] == 0.0 and state[PHASE_LOST] == 0.0:
+        fill_fluxes(constants, state, g, base, stage, w1)
     if rail[ONE_MASS] > 0.0:
         moved = y - base[RAIL_POSITION]
         stage[RAIL_SPEED] = moved / g
         stage[RAIL_TWIST] = friction_twist(rail, base[RAIL_TWIST] + moved)[0]
+
+
+@compiled_part
+def follow_gear(w1: float, change: float) -> float:
+    """Return where the motor will be to first order, or its speed where that turns it round."""
+    ahead = w1 + change
+    return ahead if ahead * w1 > 0.0 else w1
 
 
 @compiled
@@ -92,6 +97,7 @@ def solve_stage(
     base: Floats,
     span: tuple[float, float, float],
     stage: Floats,
+    known: Floats,
 ) -> int:
     """Solve one stage; `stage` holds the guess and receives the solution.
 
@@ -112,6 +118,8 @@ def solve_stage(
         and its compliance [m/N], at the end of the stage.
     stage : ndarray
         As the first entries of a state row, up to ROD_FORCE.
+    known : ndarray
+        Of `known_curve`; zeros at first.
 
     Returns
     -------
@@ -127,10 +135,12 @@ def solve_stage(
     checked = False
     curve = NO_CURVE
     if constants[THREE_PHASE] > 0.0 and state[ARMATURE_OPEN] == 0.0:
-        curve = torque_curve(constants, state, g, base)
+        curve = known_curve(constants, state, g, base, known)
     low, high = -math.inf, math.inf
     for _ in range(2 * ITERATIONS):
-        w1, i, clutch, clutch_slope = motor_side(constants, state, g, base, curve, hand, w1, w2)
+        w1, i, clutch, clutch_slope, follows = motor_side(
+            constants, state, g, base, curve, hand, w1, w2
+        )
         x, dx, ddx = rod_position(constants, table, base[GEAR_ANGLE] + g * w2)
         force, force_slope, y = rail_side(constants, rail, g, base, free, compliance, y, x)
         load = dx * force
@@ -165,7 +175,7 @@ def solve_stage(
                     new = 0.5 * (low + high)
                 settled = new in (w2, low, high)
                 if not settled:
-                    w2 = new
+                    w1, w2 = follow_gear(w1, follows * (new - w2)), new
                     continue
             if not checked and w2 * sign < 0.0:
                 stands, w2 = True, 0.0

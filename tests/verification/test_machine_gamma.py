@@ -1,0 +1,52 @@
+"""The Gamma circuit against its textbook form, and against the stage of the step it belongs to."""
+
+import math
+
+import numpy as np
+import pytest
+
+from turnout.machine.compute.gamma import gamma_impedance
+from turnout.machine.machine_file import load_machines
+from turnout.machine.steady import circuit_at
+
+
+def textbook(slip: float, values: tuple[float, float, float, float], speed: float) -> complex:
+    """Return R_s + jX_s parallel to jX_l + R_r/S."""
+    r_s, r_r, l_s, l_l = values
+    main, rotor = 1j * speed * l_s, 1j * speed * l_l + r_r / slip
+    return r_s + main * rotor / (main + rotor)
+
+
+@pytest.mark.parametrize("slip", [-0.3, 1e-3, 0.04, 0.5, 1.0, 1.96])
+def test_impedance_of_the_gamma_circuit(slip: float) -> None:
+    values, speed = (11.0, 12.0, 0.4, 0.06), 2.0 * math.pi * 50.0
+    given = (values[:2], values[2:])
+    _, found, _ = gamma_impedance(speed, slip * speed, *given)
+    assert found == pytest.approx(textbook(slip, values, speed), rel=1e-13)
+    _, turned, _ = gamma_impedance(-speed, -slip * speed, *given)  # the other way round
+    assert turned == pytest.approx(found.conjugate(), rel=1e-13)
+
+
+def test_gamma_circuit_at_synchronous_speed_is_the_magnetising_branch() -> None:
+    speed = 2.0 * math.pi * 50.0
+    per_flux, found, _ = gamma_impedance(speed, 0.0, (11.0, 12.0), (0.4, 0.06))
+    assert per_flux == pytest.approx(1.0 / 0.4, rel=1e-15)
+    assert found == pytest.approx(11.0 + 1j * speed * 0.4, rel=1e-15)
+
+
+def test_steady_torque_is_the_power_across_the_air_gap() -> None:
+    """T w/n_p = 3 |I_r|^2 R_r/S, by the textbook circuit with iron loss at the terminals."""
+    machine = load_machines("s700k").machine["s700k"]
+    motor = machine.motor
+    speed = 2.0 * math.pi * (motor.frequency or 0.0)
+    values = (motor.resistance, motor.rotor_resistance, motor.stator_inductance)
+    r_s, r_r, l_s = (float(value or 0.0) for value in values)
+    l_l, pairs = float(motor.leakage_inductance or 0.0), motor.pole_pairs or 1
+    for slip in (0.02, 0.2, 1.0):
+        torque, _ = circuit_at(machine, (1.0 - slip) * speed / pairs)
+        voltage = motor.voltage / math.sqrt(3.0)  # no line: iron loss changes no torque
+        stator = voltage / textbook(slip, (r_s, r_r, l_s, l_l), speed)
+        main, rotor = 1j * speed * l_s, 1j * speed * l_l + r_r / slip
+        through = stator * main / (main + rotor)
+        expected = 3.0 * pairs / speed * np.abs(through) ** 2 * r_r / slip
+        assert torque == pytest.approx(expected, rel=1e-12)
