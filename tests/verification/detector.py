@@ -56,6 +56,13 @@ from turnout.detection.reference import NOMINAL_FRICTION, reference_study
 from turnout.detection.throws import nominal_amplitude
 from turnout.study.load_study import load_study
 
+DETECTOR = (
+    "detection/detector",
+    *(f"detection/{name}.py" for name in ("alarm_threshold", "likelihood", "features")),
+    *(f"detection/{name}.py" for name in ("population", "conditioning", "conditions", "floor")),
+    *(f"detection/{name}.py" for name in ("signal_discrepancy", "throws")),
+)
+"""Sources that a detector and its verdicts depend on, beside those of its throws."""
 SEVERE = 0.1
 """Change of a drive force that a cause must make to be counted as severe, of its amplitude [-]."""
 
@@ -97,7 +104,7 @@ def detector_file(throws: Throws, setting: Setting, folder: Path) -> tuple[Path,
 
     Verdicts and figures are kept under that digest, so that none outlives its detector.
     """
-    made = digest_of_sources(("detection",))[:8]
+    made = digest_of_sources(DETECTOR)[:8]
     path = folder / f"switch-{made}.detector"
     if not path.exists():
         sets = throws.sets("train")
@@ -129,9 +136,8 @@ def figures_of(knowledge: Knowledge, throws: Throws, kept: Path) -> dict[str, Ca
     return {
         "rates alone": lambda: rates_alone(knowledge, sound()),
         "known": lambda: known_figures(knowledge, throws.sets("test"), kept),
-        "year": lambda: year_rates(knowledge, case("year"), kept / "year"),
-        "ice": lambda: [vars_of(item) for item in ice_ramps(knowledge, case("ice"))],
         "narrow": lambda: narrow_figures(knowledge, throws.sets("narrow"), kept),
+        "ice": lambda: [vars_of(item) for item in ice_ramps(knowledge, case("ice"))],
         "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, alone(), draws=1)),
         "known place": lambda: known_place_a90(knowledge, sound(), alone()[OBJECT]),
         "unknown": lambda: unknown_auroc(knowledge, alone()),
@@ -139,6 +145,7 @@ def figures_of(knowledge: Knowledge, throws: Throws, kept: Path) -> dict[str, Ca
         "other": lambda: other_figures(
             knowledge, [throws.forces("cases", name) for name in others]
         ),
+        "year": lambda: year_rates(knowledge, case("year"), kept / "year"),
         "soft": lambda: soft_shares(knowledge, case("soft"), SOFT_KINDS),
         "price": lambda: price_of(knowledge, throws.sets("train"), alone(), discrepancy=0.08),
     }
