@@ -1,4 +1,4 @@
-"""Thresholds of a detector: how sure they are, and of which throws."""
+"""Thresholds of a detector: their confidence, and the throws behind them."""
 
 import numpy as np
 from tests.unit.detector_toy import toy_set, toy_setting
