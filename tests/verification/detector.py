@@ -137,14 +137,14 @@ def figures_of(knowledge: Knowledge, throws: Throws, kept: Path) -> dict[str, Ca
         "rates alone": lambda: rates_alone(knowledge, sound()),
         "known": lambda: known_figures(knowledge, throws.sets("test"), kept),
         "narrow": lambda: narrow_figures(knowledge, throws.sets("narrow"), kept),
+        "other": lambda: other_figures(
+            knowledge, [throws.forces("cases", name) for name in others]
+        ),
         "ice": lambda: [vars_of(item) for item in ice_ramps(knowledge, case("ice"))],
         "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, alone(), draws=1)),
         "known place": lambda: known_place_a90(knowledge, sound(), alone()[OBJECT]),
         "unknown": lambda: unknown_auroc(knowledge, alone()),
         "time": lambda: verdict_times(knowledge, alone()[OBJECT]),
-        "other": lambda: other_figures(
-            knowledge, [throws.forces("cases", name) for name in others]
-        ),
         "year": lambda: year_rates(knowledge, case("year"), kept / "year"),
         "soft": lambda: soft_shares(knowledge, case("soft"), SOFT_KINDS),
         "price": lambda: price_of(knowledge, throws.sets("train"), alone(), discrepancy=0.08),
