@@ -39,6 +39,7 @@ from tests.verification.detector_further import (
     year_rates,
 )
 from tests.verification.detector_other import other_figures
+from tests.verification.detector_robustness import robustness
 from tests.verification.detector_sets import Sizes, Throws, plans_of
 
 from turnout.core.files import write_atomic
@@ -140,6 +141,7 @@ def figures_of(knowledge: Knowledge, throws: Throws, kept: Path) -> dict[str, Ca
         "other": lambda: other_figures(
             knowledge, [throws.forces("cases", name) for name in others]
         ),
+        "robustness": lambda: robustness(knowledge, sound(), alone()[OBJECT]),
         "ice": lambda: [vars_of(item) for item in ice_ramps(knowledge, case("ice"))],
         "alone": lambda: verdict_figures(knowledge, judge_alone(knowledge, alone(), draws=1)),
         "known place": lambda: known_place_a90(knowledge, sound(), alone()[OBJECT]),
