@@ -1,7 +1,7 @@
 """Thresholds of a detector: their confidence, and the throws behind them."""
 
 import numpy as np
-from tests.unit.detector_toy import toy_set, toy_setting
+from tests.unit.detector_toy import toy_detector, toy_set, toy_setting
 
 from turnout.detection.alarm_threshold import confident_threshold, threshold_for
 from turnout.detection.detector.calibrating import known_and_later
@@ -61,3 +61,13 @@ def test_throws_judged_after_a_history_are_not_always_the_last_ones() -> None:
         assert not set(known.row) & set(later.row)
         seen |= set(later.row.tolist())
     assert len(seen) >= 20
+
+
+def test_a_threshold_after_a_history_of_few_switches_is_not_below_that_of_many() -> None:
+    calibrated = toy_detector().knowledge.calibrated
+    alone = {item.part: item.thresholds for item in calibrated if not item.history}
+    after = [item for item in calibrated if item.history]
+    assert len(after) == 2
+    for item in after:
+        for rate, threshold in item.thresholds.items():
+            assert threshold >= alone[item.part][rate]

@@ -325,14 +325,18 @@ def _calibrated(
     switch: NDArray[np.intp],
     tried: Sequence[tuple[View, Floats, ThrowSet]],
 ) -> Calibrated:
-    """Return thresholds and widths; those of `usual` where the throws say too little."""
+    """Return thresholds and widths; those of `usual` where the throws say too little.
+
+    A threshold is never below the usual one. That without a history rests on thousands of switches,
+    those after one on some dozens; of n switches none may be of a kind that makes up 3 / n of all
+    (rule of three), and one switch in 200 can raise most of the false alarms.
+    """
     ratios, left, cause = judged
-    thresholds = {
-        f"{rate:g}": max(
-            LEAST_THRESHOLD, confident_threshold(ratios, rate=SAFETY * rate, switch=switch)
-        )
-        for rate in RATES
-    }
+    thresholds = {}
+    for rate in RATES:
+        least = usual.thresholds.get(f"{rate:g}", LEAST_THRESHOLD)
+        own = confident_threshold(ratios, rate=SAFETY * rate, switch=switch)
+        thresholds[f"{rate:g}"] = max(LEAST_THRESHOLD, least, own)
     found = misses_of(knowledge, tried, threshold=thresholds[f"{RATES[0]:g}"])
     count = len(knowledge.setting.gaps)
 
