@@ -59,7 +59,7 @@ class Uncertainty:
     solver: float = 1.2e-4
     common_zero: float = 10.0
     clock: float = 1e-3
-    scale: float = 1e-3
+    scale: float = 5e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
