@@ -1,5 +1,6 @@
 """The open benchmark: its definition, its recorder, its metrics, and the file of verdicts."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from tests.unit.benchmark_toy import POSITIONS, TIME, toy_benchmark, toy_side
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.training_plan import Population
 from turnout.errors import FileError, StudyError
+from turnout.open_benchmark.classical import SETTLED, Limits, LimitsMethod, closing_of
 from turnout.open_benchmark.definition import (
     MACHINES,
     PRESETS,
@@ -19,9 +21,11 @@ from turnout.open_benchmark.definition import (
 )
 from turnout.open_benchmark.make_throws import claim_folder
 from turnout.open_benchmark.margin import margin_over, mid_span_draws, weighted_a90
+from turnout.open_benchmark.method import judged_of
 from turnout.open_benchmark.metrics import clustered_rate, detectable, roc_curve
 from turnout.open_benchmark.minirocket import fit_minirocket
 from turnout.open_benchmark.order import margins_from, order_changes, order_table
+from turnout.open_benchmark.ours import less_offset, machine_offsets
 from turnout.open_benchmark.recorder_errors import Recorder, correlated, recorded
 from turnout.open_benchmark.run_methods import Conditions
 from turnout.open_benchmark.sides import Side
@@ -244,6 +248,46 @@ def test_who_is_first_is_said_in_a_table_and_in_words() -> None:
     assert order_changes(conditions[:1], margins) == [
         "Under none of these conditions is a baseline first."
     ]
+
+
+# ---- methods
+
+
+def test_a_number_that_is_mostly_the_same_does_not_take_the_limit() -> None:
+    # one throw in fifty lasts longer: a median deviation of 0 made that the only thing that counts
+    bench = toy_benchmark(train=6, test=2)
+    train = judged_of(bench, "train")
+    closing = closing_of(train.layout)
+    late = train.side.histories.copy()
+    late[::50, :, closing.stop - 60 :] += 1.5 * SETTLED * (np.arange(60) < 30)
+    train = replace(train, side=replace(train.side, histories=late))
+    method = LimitsMethod("threshold", "threshold", "peak and duration")
+    model = method.fit(train, {"relative": True, "largest": True})
+    assert isinstance(model, Limits)
+    assert np.all(model.spread[2:] > 0.01)
+    score = model.score(train)
+    assert np.quantile(score[train.sound], 0.999) < 12.0
+    assert np.median(score[train.touched]) > np.quantile(score[train.sound], 0.95)
+
+
+def test_offsets_of_machines_leave_what_they_have_in_common() -> None:
+    bench = toy_benchmark(train=6, test=2)
+    machine = np.array(["first", "second"])[bench.train.groups % 2]
+    kinds = {"first": 500.0, "second": -300.0}
+    added = np.array([kinds[name] for name in machine])[:, np.newaxis, np.newaxis]
+    clean = bench.train.histories + added
+    side = replace(bench.train, clean=clean, labels={**bench.train.labels, "machine": machine})
+    found = machine_offsets(side)
+    assert found["first"].mean() - found["second"].mean() == pytest.approx(800.0, abs=300.0)
+    judged = judged_of(replace(bench, train=replace(side, histories=clean)), "train")
+    centred = less_offset(judged, found)
+    assert abs(sum(item.mean() for item in found.values())) < 1e-6
+    for name in found:
+        rows = (centred.side.labels["machine"] == name) & centred.sound
+        others = (centred.side.labels["machine"] != name) & centred.sound
+        apart = centred.side.histories[rows].mean(0) - centred.side.histories[others].mean(0)
+        assert np.abs(apart).mean() < 40.0  # 500 N and more apart before
+    assert less_offset(judged, {}) is judged
 
 
 # ---- MiniRocket

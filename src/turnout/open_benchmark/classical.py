@@ -16,6 +16,8 @@ Settings = Sequence[Mapping[str, Any]]
 
 SETTLED = 1000.0
 """A movement lasts until its force stays nearer than this to the one at the end [N]."""
+LEAST_SPREAD = 1e-6
+"""Of a number that is the same in all sound throws [N], [s]."""
 REST = 0.4
 """At the end of a closing, over which the end force is averaged [s]."""
 
@@ -52,7 +54,7 @@ def three_features(histories: Floats, closing: slice) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Limits on some numbers, by their distance in robust deviations: the largest, or all."""
+    """Limits on some numbers, by their distance from the median in deviations: largest, or all."""
 
     numbers: str
     relative: bool
@@ -86,7 +88,7 @@ def numbers_of(name: str, judged: Judged, *, relative: bool) -> Floats:
 
 @dataclass(frozen=True)
 class LimitsMethod:
-    """Learned limits: median and median absolute deviation of sound throws."""
+    """Learned limits: median and standard deviation of sound throws."""
 
     name: str
     title: str
@@ -101,10 +103,9 @@ class LimitsMethod:
         """Take the limits from sound throws."""
         values = numbers_of(self.numbers, train, relative=setting["relative"])[train.sound]
         middle = np.median(values, axis=0)
-        spread = 1.4826 * np.median(np.abs(values - middle), axis=0)
-        return Limits(
-            self.numbers, setting["relative"], setting["largest"], middle, np.maximum(spread, 1e-6)
-        )
+        # a duration is the same in most throws: a median deviation of it may be 0
+        spread = np.maximum(values.std(axis=0), LEAST_SPREAD)
+        return Limits(self.numbers, setting["relative"], setting["largest"], middle, spread)
 
 
 def dtw_distance(series: Floats, reference: Floats, *, band: int) -> Floats:
