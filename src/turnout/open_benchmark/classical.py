@@ -16,6 +16,8 @@ Settings = Sequence[Mapping[str, Any]]
 
 SETTLED = 1000.0
 """A movement lasts until its force stays nearer than this to the one at the end [N]."""
+BUILD_UP = 10
+"""Samples of the means whose rise is the build-up."""
 LEAST_SPREAD = 1e-6
 """Of a number that is the same in all sound throws [N], [s]."""
 REST = 0.4
@@ -38,6 +40,24 @@ def peak_and_duration(histories: Floats, closing: slice) -> Floats:
     away = np.abs(own - end) > SETTLED
     last = away.shape[-1] - np.argmax(away[..., ::-1], axis=-1)
     return np.hstack([peak, STEP * np.where(away.any(axis=-1), last, 0)])
+
+
+def peak_and_build_up(histories: Floats, closing: slice) -> Floats:
+    """Return peak force and duration until the force builds up at the end, for each signal.
+
+    The build-up is the steepest rise between means over 0.2 s, after the first quarter. Until when
+    a force stays away from its end depends on a limit in newtons, and jumps in sound throws.
+
+    Returns
+    -------
+    ndarray, shape (n, 2 n_signals)
+    """
+    own = histories[..., closing]
+    peak = np.abs(own).max(axis=-1)
+    total = np.cumsum(own, axis=-1)
+    mean = (total[..., BUILD_UP:] - total[..., :-BUILD_UP]) / BUILD_UP
+    rise = (mean[..., BUILD_UP:] - mean[..., :-BUILD_UP])[..., own.shape[-1] // 4 :]
+    return np.hstack([peak, STEP * rise.argmax(axis=-1)])
 
 
 def three_features(histories: Floats, closing: slice) -> Floats:
@@ -76,7 +96,7 @@ class Limits:
         return {"novelty": self.score(judged)}
 
 
-NUMBERS = {"peak and duration": peak_and_duration, "three features": three_features}
+NUMBERS = {"peak and duration": peak_and_build_up, "three features": three_features}
 
 
 def numbers_of(name: str, judged: Judged, *, relative: bool) -> Floats:
