@@ -24,6 +24,7 @@ from turnout.detection.conditions import FORCE
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.calibrating import (
     RATES,
+    Fold,
     calibrate_alone,
     calibrate_history,
     learn_history,
@@ -240,16 +241,19 @@ class DetectorMethod:
         knowledge = teach(training_sets(train, setting), made_for)
         if not final:
             return knowledge
-        fold = fold_of_panels(train.side.labels["panel"])
-        others, held_back = train.of(fold != 0), train.of(fold == 0)
+        of_fold = fold_of_panels(train.side.labels["panel"])
+        others, held_back = train.of(of_fold != 0), train.of(of_fold == 0)
         if _sound(others) < LEAST_SOUND:
             others = train
         less = teach(training_sets(others, setting), made_for)
         sets = training_sets(held_back, setting)
         objects = sets[OBJECT].of(sets[OBJECT].force > 0.0)
-        alone = calibrate_alone(
-            less, _spread(sets[SOUND], CALIBRATED), _spread(objects, CALIBRATED), draws=AGAIN
+        fold = Fold(
+            knowledge=less,
+            sound=_spread(sets[SOUND], CALIBRATED),
+            objects=_spread(objects, CALIBRATED),
         )
+        alone = calibrate_alone([fold], draws=AGAIN)
         if not train.history:
             return with_calibration(knowledge, [alone])
         whole = held_back.everything
@@ -257,7 +261,7 @@ class DetectorMethod:
             whole, [HISTORY, SOUND], train.layout, np.zeros((len(whole.throw), 1))
         )
         after = calibrate_history(
-            less,
+            [fold],
             repeated,
             history=train.history,
             alone={CYCLE: alone},
