@@ -13,7 +13,7 @@ from turnout.detection.drive_quantities import (
     signals_of,
     stored_channels,
 )
-from turnout.detection.limit.limit_map import limit_map, too_few_sound
+from turnout.detection.limit.limit_map import limit_map, sound_throws, too_few_sound
 from turnout.detection.reference import Conditions, reference_study
 from turnout.detection.signal_errors import SignalErrors, discrepancy_of_signals, signal_errors
 from turnout.detection.throws import Throws
@@ -132,10 +132,12 @@ def test_a_current_that_shows_nothing_adds_little() -> None:
 
 
 def test_few_sound_throws_of_many_signals_are_warned_of() -> None:
-    assert not too_few_sound(toy_throws())  # forces: the discrepancy fills what throws leave open
+    assert not too_few_sound(
+        toy_throws(), closing=CLOSING
+    )  # forces: the discrepancy fills what throws leave open
     many = with_currents(1.0)
     few = replace(many, sound=many.sound[:50], switch=many.switch[:50], level=many.level[:50])
-    assert "50 sound throws for" in too_few_sound(few)
+    assert "50 sound throws for" in too_few_sound(few, closing=CLOSING)
 
 
 @pytest.mark.parametrize("name", ["noise", "current_noise", "power_noise"])
@@ -156,3 +158,29 @@ def test_what_one_half_claims_the_same_half_confirms() -> None:
     found = confirmed(twice, Conditions(), CLOSING)
     claimed = limit_map(throws, Conditions(), closing=CLOSING)["a90"].sel(channel="both drives")
     np.testing.assert_allclose(found, claimed, atol=1e-9)
+
+
+def test_currents_and_powers_have_wider_windows_and_forces_do_not() -> None:
+    both = sound_throws(with_currents(1.0), Conditions(), closing=CLOSING)
+    force = sound_throws(toy_throws(), Conditions(), closing=CLOSING)
+    assert force.pooling is None
+    windows = len(force.channels["drive 1"])
+    own = len(both.channels["current"]) // 2
+    assert len(both.channels["force"]) == 2 * windows
+    assert own == len(range(0, windows // 3 - 7, 8)) + len(range(0, 2 * windows // 3 - 7, 8))
+    values = np.broadcast_to(np.arange(200.0), (4, 200))  # a mean of a line is that of its middle
+    np.testing.assert_allclose(both.features(values)[both.channels["force"][:windows]],
+                               force.features(values[:2])[:windows])  # fmt: skip
+    assert both.features(values)[both.channels["current"][0]] == pytest.approx(39.5)
+    rows = [n for n, item in enumerate(with_currents(1.0).signals) if item.quantity == "current"]
+    given = with_currents(1.0)
+    currents = replace(
+        given, sound=given.sound[:, rows], change=given.change[:, :, :, rows],
+        errors=SignalErrors(
+            amplitude=given.errors.amplitude[rows], force_peak=given.errors.force_peak[rows],
+            gain=given.errors.gain[rows],
+        ),
+        signals=tuple(given.signals[row] for row in rows),
+    )  # fmt: skip
+    alone = sound_throws(currents, Conditions(), closing=CLOSING)
+    assert own < len(alone.covariances[0]) // 2 < windows
