@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from turnout.core.threads import one_blas_thread
+from turnout.detection.conditions import FORCE
 from turnout.detection.drive_quantities import Signal, noise_of, quantities_of
 from turnout.detection.features import features_of, noise_covariance, window_means
 from turnout.detection.floor import touch_floor, touched
@@ -100,7 +101,7 @@ class SoundThrows:
     shifts : tuple of ndarray, each of shape (n_features, r)
         What a history makes of the mean, from `Predictive` [N].
     channels : mapping of str to ndarray
-        Features of all drives, of each alone, and of each quantity where there are several.
+        Features of all drives, of each alone, and of the forces where there are others too.
     """
 
     means: Floats
@@ -182,16 +183,19 @@ def sound_throws(
 def _channels(
     signals: Sequence[Signal], pooling: Floats | None, *, windows: int
 ) -> dict[str, NDArray[np.intp]]:
-    """Return the features of all signals, of each drive, and of each quantity if there are more."""
+    """Return the features of all signals, of each drive, and of forces if there are others too.
+
+    Beside forces the windows of the others are too wide to show what they can do alone.
+    """
     used = np.eye(len(signals) * windows) if pooling is None else pooling
     owner = used.argmax(axis=1) // windows
     of_each = [np.flatnonzero(owner == number) for number in range(len(signals))]
     drives = dict.fromkeys(item.drive for item in signals)
-    quantities = dict.fromkeys(item.quantity for item in signals)
+    quantities = {item.quantity for item in signals}
     kept = {BOTH: list(range(len(signals)))}
     for name in drives:
         kept[f"drive {name}"] = [n for n, item in enumerate(signals) if item.drive == name]
-    for name in quantities if len(quantities) > 1 else ():
+    for name in {FORCE} & quantities if len(quantities) > 1 else ():
         kept[name] = [n for n, item in enumerate(signals) if item.quantity == name]
     return {name: np.concatenate([of_each[row] for row in rows]) for name, rows in kept.items()}
 
