@@ -24,7 +24,7 @@ from turnout.detection.limit.limit_map import (
     sound_throws,
 )
 from turnout.detection.reference import Conditions
-from turnout.detection.signal_errors import SignalErrors
+from turnout.detection.signal_discrepancy import SignalErrors
 from turnout.detection.throws import Throws, closing_time, stored_throws
 from turnout.panel.load import load_panel
 

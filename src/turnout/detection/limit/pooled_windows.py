@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from turnout.detection.conditions import FORCE
-from turnout.detection.drive_quantities import Signal
+from turnout.detection.signal_discrepancy import Signal
 
 Floats = NDArray[np.float64]
 
