@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from turnout.detection.features import features_of
 from turnout.detection.limit.known_place_map import known_place_map
 from turnout.detection.limit.limit_map import limit_map, sound_throws
 from turnout.detection.reference import Conditions
@@ -91,7 +90,7 @@ def optimism(throws: Throws, conditions: Conditions) -> float:
     for own, other in (halves, halves[::-1]):
         for state, level in enumerate(near):
             change = throws.change[state].reshape(-1, *throws.change.shape[-2:])
-            signatures = features_of(change, own.means)
+            signatures = own.features(change)
             signatures = signatures[np.isfinite(signatures).all(axis=1)]
             weights = np.linalg.solve(own.covariances[level], signatures.T)
             gain = np.einsum("ij,ji->i", signatures, weights)

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from turnout.detection.features import features_of
 from turnout.detection.limit.bound import probability_of_detection
 from turnout.detection.limit.limit_map import (
     LARGEST_SIZE,
@@ -25,7 +24,7 @@ from turnout.detection.limit.limit_map import (
     sound_throws,
 )
 from turnout.detection.reference import Conditions
-from turnout.detection.signal_errors import SignalErrors
+from turnout.detection.signal_discrepancy import SignalErrors
 from turnout.detection.throws import Throws, closing_time, stored_throws
 from turnout.panel.load import load_panel
 
@@ -84,7 +83,7 @@ def confirmed(throws: Throws, conditions: Conditions, closing: float) -> np.ndar
         inverse = [np.linalg.inv(item) for item in own.covariances]
         pod = np.zeros((len(throws.places), sizes.size))
         for state, level in enumerate(near):
-            signature = np.nan_to_num(features_of(throws.change[state], own.means))
+            signature = np.nan_to_num(own.features(throws.change[state]))
             test = signature @ inverse[level]
             gain = np.einsum("psf,prf->psr", signature, test)
             spread = np.einsum("psf,prf->psr", test @ other.covariances[level], test)

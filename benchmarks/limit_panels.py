@@ -20,6 +20,7 @@ from turnout.detection.reference import Conditions
 from turnout.detection.throws import QUICK_STEPS, STEPS, Throws, closing_time, stored_throws
 from turnout.plot.limit import plot_bands
 from turnout.plot.style import rendered
+from turnout.sweep.read import open_sweep
 
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "limit_panels.png"
 STUDY = "plausible-panels"
@@ -35,8 +36,8 @@ def main() -> None:
     maps, names, states, sound = [], [], [], []
     for member in panels_of(STUDY):
         folder = given.folder / member.name
-        if not (folder / "objects").exists():
-            print(f"{member.name}: not thrown")
+        if not thrown(folder):
+            print(f"{member.name}: not thrown, or not all of it")
             continue
         throws = stored_throws(member.panel, folder)
         maps.append(limit_map(throws, Conditions(), closing=closing_time(member.panel)))
@@ -49,6 +50,12 @@ def main() -> None:
     found = bands_of(names, maps)
     FIGURE.write_bytes(rendered(plot_bands(found), ".png"))
     report(found, maps, default)
+
+
+def thrown(folder: Path) -> bool:
+    """Return whether all throws of a panel are there."""
+    kept = folder / "objects"
+    return kept.exists() and not open_sweep(kept).attrs["missing"]
 
 
 def as_thrown(throws: Throws, *, states: int, sound: int) -> Throws:

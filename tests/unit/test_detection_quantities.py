@@ -12,7 +12,7 @@ from turnout.detection.drive_quantities import (
     signals_of,
     stored_channels,
 )
-from turnout.detection.limit.limit_map import limit_map, too_few_sound
+from turnout.detection.limit.limit_map import limit_map, sound_throws, too_few_sound
 from turnout.detection.reference import Conditions, reference_study
 from turnout.detection.signal_discrepancy import Signal, SignalErrors, discrepancy_of_signals
 from turnout.detection.signal_errors import signal_errors
@@ -112,9 +112,21 @@ def test_the_clutch_takes_the_place_of_the_slip_level() -> None:
     assert set(stored_channels(study.panel)) <= set(study.output.channels)
 
 
-def test_quantities_are_also_judged_alone() -> None:
+def only_currents(throws: Throws) -> Throws:
+    rows = [n for n, item in enumerate(throws.signals) if item.quantity == "current"]
+    return replace(
+        throws, sound=throws.sound[:, rows], change=throws.change[:, :, :, rows],
+        errors=SignalErrors(
+            amplitude=throws.errors.amplitude[rows], force_peak=throws.errors.force_peak[rows],
+            gain=throws.errors.gain[rows],
+        ),
+        signals=tuple(throws.signals[row] for row in rows),
+    )  # fmt: skip
+
+
+def test_forces_are_also_judged_alone() -> None:
     found = limit_map(with_currents(1.0), Conditions(), closing=CLOSING)
-    names = ["both drives", "drive 1", "drive 2", "force", "current"]
+    names = ["both drives", "drive 1", "drive 2", "force"]
     assert found["channel"].to_numpy().tolist() == names
     assert found.attrs["quantities"] == "force and current"
     only = limit_map(toy_throws(), Conditions(), closing=CLOSING)
@@ -125,17 +137,18 @@ def test_quantities_are_also_judged_alone() -> None:
     assert np.all(both >= force - 1e-12)
 
 
-def test_a_current_that_shows_nothing_adds_little() -> None:
-    found = limit_map(with_currents(0.0), Conditions(), closing=CLOSING)
-    blind = found["pod"].sel(channel="current")
-    np.testing.assert_allclose(blind, 1e-3, rtol=1e-6)
+def test_a_current_without_a_signature_shows_nothing_alone() -> None:
+    alone = limit_map(only_currents(with_currents(0.0)), Conditions(), closing=CLOSING)["pod"]
+    np.testing.assert_allclose(alone, 1e-3, rtol=1e-6)
 
 
 def test_few_sound_throws_of_many_signals_are_warned_of() -> None:
-    assert not too_few_sound(toy_throws())  # forces: the discrepancy fills what throws leave open
+    assert not too_few_sound(
+        toy_throws(), closing=CLOSING
+    )  # forces: the discrepancy fills what throws leave open
     many = with_currents(1.0)
     few = replace(many, sound=many.sound[:50], switch=many.switch[:50], level=many.level[:50])
-    assert "50 sound throws for" in too_few_sound(few)
+    assert "50 sound throws for" in too_few_sound(few, closing=CLOSING)
 
 
 @pytest.mark.parametrize("name", ["noise", "current_noise", "power_noise"])
@@ -156,3 +169,19 @@ def test_what_one_half_claims_the_same_half_confirms() -> None:
     found = confirmed(twice, Conditions(), CLOSING)
     claimed = limit_map(throws, Conditions(), closing=CLOSING)["a90"].sel(channel="both drives")
     np.testing.assert_allclose(found, claimed, atol=1e-9)
+
+
+def test_currents_and_powers_have_wider_windows_and_forces_do_not() -> None:
+    both = sound_throws(with_currents(1.0), Conditions(), closing=CLOSING)
+    force = sound_throws(toy_throws(), Conditions(), closing=CLOSING)
+    assert force.pooling is None
+    windows = len(force.channels["drive 1"])
+    own = (len(both.channels["both drives"]) - 2 * windows) // 2
+    assert len(both.channels["force"]) == 2 * windows
+    assert own == len(range(0, windows // 3 - 7, 8)) + len(range(0, 2 * windows // 3 - 7, 8))
+    values = np.broadcast_to(np.arange(200.0), (4, 200))  # a mean of a line is that of its middle
+    np.testing.assert_allclose(both.features(values)[both.channels["force"][:windows]],
+                               force.features(values[:2])[:windows])  # fmt: skip
+    assert both.features(values)[both.channels["both drives"][2 * windows]] == pytest.approx(39.5)
+    alone = sound_throws(only_currents(with_currents(1.0)), Conditions(), closing=CLOSING)
+    assert own < len(alone.covariances[0]) // 2 < windows

@@ -5,9 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from turnout.cli.limit import TEXTS
 from turnout.detection.floor import touched
 from turnout.detection.reference import reference_study
-from turnout.detection.throws import floor_study, gaps_at, objects_study
+from turnout.detection.throws import (
+    Report,
+    floor_study,
+    gaps_at,
+    objects_study,
+    stored_throws,
+    throw_all,
+)
 from turnout.sweep.read import open_sweep
 from turnout.sweep.run import run_sweep
 
@@ -22,6 +30,24 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run_sweep(floor_study(study), place / "floor")
     run_sweep(objects_study(study, PLACES), place / "objects")
     return place
+
+
+def test_a_kind_has_a_folder_of_its_own_and_is_reported_as_objects(tmp_path: Path) -> None:
+    reported: list[str] = []
+
+    def report(name: str) -> Report:
+        reported.append(name)
+        return lambda state: None
+
+    given = throw_all(
+        None, tmp_path, sound=2, states=1, steps=(2e-3,), kind="ice", report=report
+    )  # fmt: skip
+    assert set(reported) <= set(TEXTS)  # the command knows how to show each
+    assert {item.name for item in tmp_path.iterdir()} >= {"sound", "floor", "objects-ice"}
+    again = stored_throws(None, tmp_path, kind="ice")
+    np.testing.assert_array_equal(again.change, given.change)
+    np.testing.assert_allclose(again.sizes, given.sizes)
+    assert again.kind == given.kind == "ice"
 
 
 def test_an_object_that_is_not_touched_changes_nothing(folder: Path) -> None:

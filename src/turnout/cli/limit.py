@@ -206,7 +206,7 @@ def limit_command(
         workers=count, report=watch,
     )  # fmt: skip
     closing = closing_time(given)
-    _warn([too_few_sound(throws)])
+    _warn([too_few_sound(throws, closing=closing)])
     found = limit_map(throws, conditions, closing=closing)
     if known_place:
         known = _known_place(throws, conditions, closing, quiet=quiet)

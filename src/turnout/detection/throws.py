@@ -260,10 +260,11 @@ def throw_all(
     signals = signals_of(whole.panel, channels)
     folder.mkdir(parents=True, exist_ok=True)
 
-    def run(study: Study, name: str) -> xr.Dataset:
+    def run(study: Study, name: str, *, own: str = "") -> xr.Dataset:
         watch = report(name) if report is not None else None
-        run_sweep(study, folder / name, workers=workers, report=watch)
-        return checked_throws(open_sweep(folder / name), panel=study.panel.name)
+        kept = folder / (own or name)
+        run_sweep(study, kept, workers=workers, report=watch)
+        return checked_throws(open_sweep(kept), panel=study.panel.name)
 
     where = places_of(whole.panel)
     x = np.array(list(where.values()))
@@ -273,7 +274,7 @@ def throw_all(
     rows = {place: tuple(map(float, sizes[i])) for i, place in enumerate(where)}
     with_objects = objects_study(first, rows, kind=kind)
     sound_set = run(whole, SOUND)
-    object_set = run(with_objects, of_kind(OBJECTS, kind))
+    object_set = run(with_objects, OBJECTS, own=of_kind(OBJECTS, kind))
     found = throws_from(
         whole, sound_set, object_set, gap=gaps, where=where, sizes=sizes, signals=signals
     )

@@ -16,7 +16,6 @@ from scipy.linalg import solve_triangular
 
 from turnout.core.threads import one_blas_thread
 from turnout.detection.drive_quantities import read_signals, stored_channels
-from turnout.detection.features import features_of
 from turnout.detection.limit.bound import probability_of_detection
 from turnout.detection.limit.limit_map import SoundThrows, smallest_seen, sound_throws
 from turnout.detection.reference import Conditions, reference_study
@@ -250,7 +249,7 @@ def _over_gap(
 
     Between thrown sizes the index of detection is interpolated over the gap that remained.
     """
-    signatures = features_of(ends.change, known.means)[..., used]
+    signatures = known.features(ends.change)[..., used]
     nearest = known.nearest(ends.level)
     gaps = _gap_grid(ends.positions)
     index = np.zeros((*ends.gap.shape[:2], gaps.size))

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from turnout.core.threads import one_blas_thread
 from turnout.detection.conditions import Conditions
-from turnout.detection.features import features_of
 from turnout.detection.limit.known_place import (
     DRAWS,
     Draws,
@@ -88,7 +87,7 @@ def known_place_map(
         level = throws.level[throws.states]
         population = population_of(known, used, spread=conditions.level_deviation)
         drawn = draw_sound(population, level, draws=draws, seed=seed)
-        signatures = features_of(throws.change, known.means)[..., used]
+        signatures = known.features(throws.change)[..., used]
         rows = []
         for place in range(len(throws.places)):
             rows.append(_at(throws, place, signatures[:, place], drawn, conditions))

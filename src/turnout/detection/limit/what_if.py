@@ -14,7 +14,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.problems import choices
-from turnout.detection.features import features_of
 from turnout.detection.limit.bound import repeated_alarm_rate
 from turnout.detection.limit.limit_map import limit_map, sound_throws
 from turnout.detection.reference import THROWS_A_DAY, Conditions
@@ -253,9 +252,7 @@ def repeated_throw(throws: Throws, conditions: Conditions, *, closing: float) ->
     for state, level in enumerate(nearest):
         total = one.covariances[level]
         own = 2.0 * (total - two.covariances[level])
-        signatures = features_of(
-            throws.change[state].reshape(-1, *throws.change.shape[-2:]), one.means
-        )
+        signatures = one.features(throws.change[state].reshape(-1, *throws.change.shape[-2:]))
         given = np.isfinite(signatures).all(axis=1) & (np.abs(signatures).max(axis=1) > 0.0)
         weights = np.linalg.solve(total, signatures[given].T)
         each = np.einsum("ij,ij->j", weights, own @ weights)
