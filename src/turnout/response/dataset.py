@@ -56,7 +56,7 @@ from turnout.response.signals import (
     stop_signals,
 )
 from turnout.response.signals import NAMES as FASTENINGS
-from turnout.schema.channels import SCHEMA_VERSION, check_schema, label
+from turnout.schema.channels import SCHEMA_VERSION, add_labels, check_schema
 from turnout.scheme import Scheme
 
 if TYPE_CHECKING:
@@ -104,7 +104,9 @@ def response_dataset(
     save = save or Save()
     channels = response_channels(panel, mechanism, history, save=save)
     coords = coordinates_of(channels, panel, mechanism, time=history.time, save=save)
-    return check_schema(label(xr.Dataset(channels, coords)))
+    dataset = xr.Dataset(channels, coords)
+    add_labels(dataset)
+    return check_schema(dataset)
 
 
 def response_channels(

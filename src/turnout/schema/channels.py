@@ -318,8 +318,15 @@ def label(dataset: "xr.Dataset") -> "xr.Dataset":
     'N'
     """
     labelled = dataset.copy()
-    for name, variable in labelled.variables.items():
-        channel = known_channel(str(name), outer=outer_dimension(dataset))
+    add_labels(labelled)
+    return labelled
+
+
+def add_labels(dataset: "xr.Dataset") -> None:
+    """Do what `label` does to a dataset that nobody else holds yet, in place."""
+    outer = outer_dimension(dataset)
+    for name, variable in dataset.variables.items():
+        channel = known_channel(str(name), outer=outer)
         if channel is None:
             raise KeyError(name)
         attributes = {"units": channel.units, "long_name": channel.long_name}
@@ -328,7 +335,7 @@ def label(dataset: "xr.Dataset") -> "xr.Dataset":
         if name in AXES:
             attributes["axis"] = AXES[str(name)]
         variable.attrs.update(attributes)
-    return labelled.assign_attrs(Conventions=CONVENTIONS)
+    dataset.attrs["Conventions"] = CONVENTIONS
 
 
 def outer_dimension(dataset: "xr.Dataset") -> str:
@@ -379,10 +386,11 @@ def schema_problems(dataset: "xr.Dataset") -> list[str]:
         One sentence each; empty when the dataset is in order.
     """
     problems = []
+    outer, coordinates = outer_dimension(dataset), set(dataset.coords)
     for name, variable in dataset.variables.items():
-        channel = known_channel(str(name), outer=outer_dimension(dataset))
+        channel = known_channel(str(name), outer=outer)
         inside = name in CHANNELS or name in SEQUENCE
-        if channel is None or (name in dataset.coords) == inside:
+        if channel is None or (name in coordinates) == inside:
             near = nearest_channel(str(name))
             problems.append(f"{name}: no such channel{near}")
             continue
